@@ -1,0 +1,97 @@
+//! Poses in the plane, quantised once at the border.
+
+use serde::{Deserialize, Serialize};
+
+use crate::fixed::{MicroUnits, QuantiseError};
+
+/// A position (micro-units) and a heading (micro-radians, counter-clockwise from the x axis).
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+pub struct Pose {
+    /// Along the frame's x axis.
+    pub x: MicroUnits,
+    /// Along the frame's y axis.
+    pub y: MicroUnits,
+    /// The heading.
+    pub theta: MicroUnits,
+}
+
+/// A pose whose named coordinate could not be taken.
+#[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
+#[error("{coordinate} {source}")]
+pub struct PoseError {
+    /// Which coordinate: `x`, `y` or `theta`.
+    pub coordinate: &'static str,
+    /// What is wrong with it.
+    #[source]
+    pub source: QuantiseError,
+}
+
+impl Pose {
+    /// Quantises a pose given in units and radians.
+    ///
+    /// # Errors
+    /// Names the coordinate that is not finite or too large.
+    pub fn from_units(x: f64, y: f64, theta: f64) -> Result<Self, PoseError> {
+        let quantise = |coordinate, value| {
+            MicroUnits::from_units(value).map_err(|source| PoseError { coordinate, source })
+        };
+        Ok(Self {
+            x: quantise("x", x)?,
+            y: quantise("y", y)?,
+            theta: quantise("theta", theta)?,
+        })
+    }
+
+    /// The straight distance between two positions: the integer square root of the squared micro-units.
+    #[must_use]
+    pub fn distance_to(&self, other: &Self) -> MicroUnits {
+        let dx = i128::from(self.x.0) - i128::from(other.x.0);
+        let dy = i128::from(self.y.0) - i128::from(other.y.0);
+        let squared = (dx * dx + dy * dy).unsigned_abs();
+        let root = i64::try_from(squared.isqrt()).unwrap_or(i64::MAX);
+        MicroUnits(root)
+    }
+}
+
+/// The mean of some positions, with heading zero; each coordinate rounds towards zero.
+///
+/// The paper ranks modules by their distance from this point (section "Planning Phase").
+/// Returns the origin when there are no positions.
+#[must_use]
+pub fn centre_of<'a>(poses: impl IntoIterator<Item = &'a Pose>) -> Pose {
+    let (mut x, mut y, mut count) = (0_i128, 0_i128, 0_i128);
+    for pose in poses {
+        x += i128::from(pose.x.0);
+        y += i128::from(pose.y.0);
+        count += 1;
+    }
+    let mean = |sum: i128| MicroUnits(i64::try_from(sum / count.max(1)).unwrap_or_default());
+    Pose {
+        x: mean(x),
+        y: mean(y),
+        theta: MicroUnits::ZERO,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn distance_is_an_integer_square_root() {
+        let origin = Pose::default();
+        let far = Pose::from_units(3.0, 4.0, 0.0).unwrap();
+        assert_eq!(origin.distance_to(&far), MicroUnits(5_000_000));
+        let corner = Pose::from_units(1.0e6, 1.0e6, 0.0).unwrap();
+        let opposite = Pose::from_units(-1.0e6, -1.0e6, 0.0).unwrap();
+        assert_eq!(corner.distance_to(&opposite), MicroUnits(2_828_427_124_746));
+    }
+
+    #[test]
+    fn a_pose_names_its_bad_coordinate() {
+        let error = Pose::from_units(0.0, f64::NAN, 0.0).unwrap_err();
+        assert_eq!(error.coordinate, "y");
+    }
+}

@@ -1,0 +1,76 @@
+//! Identifiers, each a type of its own so that a spot can never be passed for a module.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+macro_rules! identifier {
+    ($(#[$documentation:meta])* $name:ident, $word:literal) => {
+        $(#[$documentation])*
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+        #[serde(transparent)]
+        pub struct $name(pub u32);
+
+        impl fmt::Display for $name {
+            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                write!(formatter, concat!($word, " {}"), self.0)
+            }
+        }
+    };
+}
+
+identifier!(
+    /// Identifies one module for its whole life, across restarts.
+    ModuleId,
+    "module"
+);
+identifier!(
+    /// Identifies one spot of the target configuration.
+    SpotId,
+    "spot"
+);
+identifier!(
+    /// Identifies one initial configuration.
+    ConfigurationId,
+    "configuration"
+);
+
+/// The identifier that stands for "none" on the wire; no module, spot or configuration may carry it.
+pub const NO_ID: u32 = u32::MAX;
+
+/// Tells one run of a module's process from the next: the wall-clock time of its start in microseconds.
+///
+/// A larger incarnation is a later start of the same module.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(transparent)]
+pub struct Incarnation(pub u64);
+
+/// One attempt at agreeing on a plan; ordered by number, then by the convener that opened it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Epoch {
+    /// Counts the attempts, from 1.
+    pub number: u64,
+    /// The module that opened the epoch.
+    pub convener: ModuleId,
+}
+
+impl fmt::Display for Epoch {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "epoch {}.{}", self.number, self.convener.0)
+    }
+}
+
+/// The first eight bytes of a SHA-256 over a roster and every decision made on it.
+///
+/// Two agents with equal digests hold the same plan for the same epoch.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct Digest(pub u64);
+
+impl fmt::Display for Digest {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "{:016x}", self.0)
+    }
+}

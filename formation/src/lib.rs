@@ -1,0 +1,26 @@
+//! The pure core of the formation suite.
+//!
+//! The modules of a self-reconfigurable robot decide among themselves who takes which spot of a target
+//! configuration, in which order they move, and when it is safe to move. This crate takes every such
+//! decision; it knows no socket, thread, clock, random number or file, so that each run can be replayed.
+//!
+//! The algorithms follow A. Dutta, P. Dasgupta and C. Nelson, "A Graph Isomorphism-based Decentralized
+//! Algorithm for Modular Robot Configuration Formation" ("the paper"), and say where they leave it.
+
+pub mod fixed;
+pub mod geometry;
+pub mod id;
+pub mod message;
+pub mod parameters;
+pub mod plan;
+pub mod problem;
+pub mod scenario;
+pub mod target;
+pub mod topology;
+
+/// At most this many modules take part in one formation.
+pub const MODULES_MAX: usize = 10_000;
+/// At most this many spots make one target.
+pub const SPOTS_MAX: usize = 10_000;
+/// At most this many edges make one target.
+pub const EDGES_MAX: usize = 40_000;

@@ -1,0 +1,58 @@
+//! A finished plan: who takes which spot, and in which order the units move.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use crate::id::{ModuleId, SpotId};
+
+/// One unit of the acting phase: a block that moves together, or a single module.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ActingUnit {
+    /// The module that names the unit: the lowest of its modules.
+    pub lead: ModuleId,
+    /// Its modules and their spots, in the order in which the spots are listed in the assembly order.
+    pub placements: Vec<(ModuleId, SpotId)>,
+    /// Whether it stands on its spots already.
+    pub pinned: bool,
+}
+
+/// Something about the acting order that people should know before anything moves.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum AssemblyWarning {
+    /// No order leaves every spot a free corridor; this spot is walled in when its turn comes.
+    WalledIn(SpotId),
+    /// The spots do not lie on a unit lattice, so corridors were not checked.
+    OffLattice,
+    /// The search for an order was cut at its budget, so corridors were not checked.
+    BudgetSpent,
+}
+
+/// In which order the units take their spots.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Assembly {
+    /// The units, pinned ones first; each but the first has a spot beside one that is placed before it.
+    pub units: Vec<ActingUnit>,
+    /// What is wrong with the order, if anything.
+    pub warning: Option<AssemblyWarning>,
+}
+
+impl Assembly {
+    /// The spots in the order in which they are filled.
+    pub fn spots(&self) -> impl Iterator<Item = SpotId> + '_ {
+        self.units
+            .iter()
+            .flat_map(|unit| unit.placements.iter().map(|&(_, spot)| spot))
+    }
+}
+
+/// The outcome of all turns.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Plan {
+    /// Which spot each placed module takes.
+    pub assignments: BTreeMap<ModuleId, SpotId>,
+    /// The groups of two or more modules that stay docked on their way, each ascending.
+    pub blocks: Vec<Vec<ModuleId>>,
+    /// The links that are kept: both ends in one block, on adjacent spots; lower module first.
+    pub kept_links: BTreeSet<(ModuleId, ModuleId)>,
+    /// In which order the units move.
+    pub assembly: Assembly,
+}
