@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::geometry::Pose;
 use crate::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, SpotId};
@@ -79,7 +80,7 @@ pub struct ModuleState {
     pub configuration: Option<ConfigurationId>,
     /// The module that leads it.
     pub leader: Option<ModuleId>,
-    /// The spot that the plan gives it.
+    /// The spot that the plan gives it; while it is gathered, the spot on which it has settled already and stays.
     pub spot: Option<SpotId>,
     /// The module whose acting unit it moves with; itself when it moves alone.
     pub unit: Option<ModuleId>,
@@ -87,6 +88,8 @@ pub struct ModuleState {
     pub waited_for: Vec<CausalMark>,
     /// In MOVING, of the first unit to move: the heartbeats that showed agreement, one a member.
     pub agreed_on: Vec<CausalMark>,
+    /// While it is gathered: the rosters of which a new one must hold a majority, as far as it knows.
+    pub quorum_bases: Vec<QuorumBasis>,
 }
 
 /// One member of a roster, frozen.
@@ -222,6 +225,9 @@ pub struct Heartbeat {
     pub incarnation: Incarnation,
     /// Rises with every heartbeat of this incarnation.
     pub sequence: u64,
+    /// How long this incarnation has been running when it sent this, by its own clock. Receivers compare it with
+    /// their own clocks, so that a heartbeat that lay in a buffer is not taken for a fresh one.
+    pub uptime: Duration,
     /// The epoch it is in.
     pub epoch: Option<Epoch>,
     /// The digest of its whole plan; `None` until every turn is applied.
