@@ -8,6 +8,7 @@
 //! Algorithm for Modular Robot Configuration Formation" ("the paper"), and say where they leave it.
 
 pub mod fixed;
+pub mod generate;
 pub mod geometry;
 pub mod id;
 pub mod message;
