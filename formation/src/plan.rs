@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use thiserror::Error;
+
 use crate::id::{ModuleId, SpotId};
 
 /// One unit of the acting phase: a block that moves together, or a single module.
@@ -16,23 +18,33 @@ pub struct ActingUnit {
 }
 
 /// Something about the acting order that people should know before anything moves.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum AssemblyWarning {
-    /// No order leaves every spot a free corridor; this spot is walled in when its turn comes.
+    /// In the breadth-first order that is used, this spot has no free corridor from outside when its turn comes.
+    /// No order would do, unless [`Self::BudgetSpent`] stands beside this.
+    #[error("{0} is walled in when its turn comes; its module needs help to get there")]
     WalledIn(SpotId),
     /// The spots do not lie on a unit lattice, so corridors were not checked.
+    #[error(
+        "the spots do not lie on a unit lattice with edges of one unit, so no corridor was checked"
+    )]
     OffLattice,
-    /// The search for an order was cut at its budget, so corridors were not checked.
+    /// The search for an order with corridors was cut at its budget; one may exist.
+    #[error("the search for an order that leaves every spot a corridor was cut at its budget")]
     BudgetSpent,
+    /// The filled spots are disconnected, so the order begins anew at this one, beside no placed spot.
+    #[error("the filled spots are disconnected: {0} is filled beside no placed spot")]
+    Disconnected(SpotId),
 }
 
 /// In which order the units take their spots.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Assembly {
-    /// The units, pinned ones first; each but the first has a spot beside one that is placed before it.
+    /// The units, pinned ones first; each but the first has a spot beside one that is placed before it, unless a
+    /// warning says otherwise.
     pub units: Vec<ActingUnit>,
     /// What is wrong with the order, if anything.
-    pub warning: Option<AssemblyWarning>,
+    pub warnings: Vec<AssemblyWarning>,
 }
 
 impl Assembly {
