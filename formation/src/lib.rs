@@ -11,6 +11,7 @@ pub mod fixed;
 pub mod generate;
 pub mod geometry;
 pub mod id;
+pub mod matching;
 pub mod message;
 pub mod parameters;
 pub mod plan;
