@@ -1,0 +1,176 @@
+//! The checks that several messages share.
+
+use std::collections::BTreeSet;
+use std::fmt;
+
+use formation::fixed::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT, MicroUnits};
+use formation::geometry::{Pose, PoseError};
+use formation::id::{Digest, Epoch, ModuleId, NO_ID};
+
+use crate::bounds::{LINKS_MAX, NAME_BYTES_MAX};
+use crate::error::{Fault, MessageError};
+
+/// The greatest magnitude of a coordinate, in micro-units.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the limit is a whole number far below 2^63"
+)]
+pub(crate) const COORDINATE_LIMIT_MICRO: i64 = COORDINATE_LIMIT_UNITS as i64 * MICRO_PER_UNIT;
+
+/// A fault and the path of its field, while the topic is not yet known.
+#[derive(Debug)]
+pub(crate) struct FieldError {
+    field: String,
+    fault: Fault,
+}
+
+impl FieldError {
+    pub(crate) fn new(field: impl Into<String>, fault: impl Into<Fault>) -> Self {
+        Self {
+            field: field.into(),
+            fault: fault.into(),
+        }
+    }
+
+    /// The same fault, seen from the message that holds `outer`.
+    pub(crate) fn within(mut self, outer: impl fmt::Display) -> Self {
+        self.field = if self.field.is_empty() {
+            outer.to_string()
+        } else {
+            format!("{outer}.{}", self.field)
+        };
+        self
+    }
+
+    /// The same fault, seen from the list that holds `outer`.
+    pub(crate) fn within_entry(self, outer: &str, index: usize) -> Self {
+        self.within(format_args!("{outer}[{index}]"))
+    }
+
+    pub(crate) fn on(self, topic: &'static str) -> MessageError {
+        MessageError {
+            topic,
+            field: self.field,
+            fault: self.fault,
+        }
+    }
+}
+
+pub(crate) type Checked<T> = Result<T, FieldError>;
+
+pub(crate) fn count(field: &str, count: usize, limit: usize) -> Checked<()> {
+    if count > limit {
+        return Err(FieldError::new(field, Fault::TooMany { count, limit }));
+    }
+    Ok(())
+}
+
+pub(crate) fn name(field: &str, text: &str) -> Checked<()> {
+    let (bytes, limit) = (text.len(), NAME_BYTES_MAX);
+    if bytes > limit {
+        return Err(FieldError::new(field, Fault::TooLong { bytes, limit }));
+    }
+    Ok(())
+}
+
+/// An identifier that must name something.
+pub(crate) fn id<T>(field: &str, raw: u32, make: impl Fn(u32) -> T) -> Checked<T> {
+    optional_id(raw, make).ok_or_else(|| FieldError::new(field, Fault::ReservedId))
+}
+
+/// An identifier that may stand for none.
+pub(crate) fn optional_id<T>(raw: u32, make: impl Fn(u32) -> T) -> Option<T> {
+    (raw != NO_ID).then(|| make(raw))
+}
+
+pub(crate) fn pose(x: f64, y: f64, theta: f64) -> Checked<Pose> {
+    Pose::from_units(x, y, theta)
+        .map_err(|PoseError { coordinate, source }| FieldError::new(coordinate, source))
+}
+
+pub(crate) fn micro(field: &str, raw: i64) -> Checked<MicroUnits> {
+    if raw.unsigned_abs() > COORDINATE_LIMIT_MICRO.unsigned_abs() {
+        return Err(FieldError::new(field, Fault::MicroOutOfRange(raw)));
+    }
+    Ok(MicroUnits(raw))
+}
+
+/// The links of one module: each once, none to itself.
+pub(crate) fn links(of: ModuleId, raw: &[u32]) -> Checked<BTreeSet<ModuleId>> {
+    count("links", raw.len(), LINKS_MAX)?;
+    let mut links = BTreeSet::new();
+    for (index, &raw_id) in raw.iter().enumerate() {
+        let fail = |fault| FieldError::new(format!("links[{index}]"), fault);
+        let other = id("", raw_id, ModuleId).map_err(|error| error.within_entry("links", index))?;
+        if other == of {
+            return Err(fail(Fault::Itself(of.to_string())));
+        }
+        if !links.insert(other) {
+            return Err(fail(Fault::Repeated(other.to_string())));
+        }
+    }
+    Ok(links)
+}
+
+/// A digest and the flag that says whether there is one.
+pub(crate) fn digest(epoch: Option<Epoch>, has_digest: bool, raw: u64) -> Checked<Option<Digest>> {
+    let contradiction = |reason| Err(FieldError::new("digest", Fault::Contradiction(reason)));
+    match (has_digest, epoch) {
+        (false, _) if raw != 0 => contradiction("must be 0 while has_digest is false"),
+        (true, None) => contradiction("there cannot be one without an epoch"),
+        (true, Some(_)) => Ok(Some(Digest(raw))),
+        (false, _) => Ok(None),
+    }
+}
+
+/// Fails at the first entry that does not stand after the one before it.
+pub(crate) fn ascending<T: Ord + fmt::Display>(
+    field: &str,
+    entries: impl IntoIterator<Item = T>,
+) -> Checked<()> {
+    let mut last: Option<T> = None;
+    for (index, entry) in entries.into_iter().enumerate() {
+        if let Some(last) = &last
+            && entry <= *last
+        {
+            let fault = if entry == *last {
+                Fault::Repeated(entry.to_string())
+            } else {
+                Fault::NotAscending(last.to_string(), entry.to_string())
+            };
+            return Err(FieldError::new(format!("{field}[{index}]"), fault));
+        }
+        last = Some(entry);
+    }
+    Ok(())
+}
+
+/// Fails at the first entry that was there before.
+pub(crate) fn distinct<T: Ord + fmt::Display>(
+    field: &str,
+    entries: impl IntoIterator<Item = T>,
+) -> Checked<()> {
+    let mut seen = BTreeSet::new();
+    for (index, entry) in entries.into_iter().enumerate() {
+        if seen.contains(&entry) {
+            let fault = Fault::Repeated(entry.to_string());
+            return Err(FieldError::new(format!("{field}[{index}]"), fault));
+        }
+        seen.insert(entry);
+    }
+    Ok(())
+}
+
+/// Ascending identifiers of modules.
+pub(crate) fn module_ids(field: &str, raw: &[u32], limit: usize) -> Checked<Vec<ModuleId>> {
+    count(field, raw.len(), limit)?;
+    let modules = raw
+        .iter()
+        .enumerate()
+        .map(|(index, &raw_id)| {
+            id("", raw_id, ModuleId).map_err(|error| error.within_entry(field, index))
+        })
+        .collect::<Checked<Vec<ModuleId>>>()?;
+    ascending(field, modules.iter().copied())?;
+    Ok(modules)
+}

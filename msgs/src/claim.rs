@@ -1,0 +1,203 @@
+//! What travels on `claims` and `evictions`.
+
+use formation::id::{Incarnation, ModuleId, SpotId};
+use formation::message::{self, Decision, EvictionNotice};
+use serde::{Deserialize, Serialize};
+
+use crate::bounds::{MODULES_MAX, SPOTS_MAX};
+use crate::check::{self, Checked, FieldError};
+use crate::epoch::Epoch;
+use crate::error::{Fault, MessageError};
+use crate::{NONE, topic};
+
+/// See `SpotSelection.msg`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct SpotSelection {
+    pub spot_id: u32,
+    pub module_id: u32,
+}
+
+/// See `EvictionRecord.msg`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct EvictionRecord {
+    pub evicted_module_id: u32,
+    pub by_module_id: u32,
+    pub from_spot_id: u32,
+    pub to_spot_id: u32,
+}
+
+/// See `SpotClaim.msg`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct SpotClaim {
+    pub epoch: Epoch,
+    pub turn: u32,
+    pub claimant_id: u32,
+    pub incarnation: u64,
+    pub selections: Vec<SpotSelection>,
+    pub evictions: Vec<EvictionRecord>,
+    pub detached: Vec<u32>,
+}
+
+/// See `Eviction.msg`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Eviction {
+    pub epoch: Epoch,
+    pub turn: u32,
+    pub eviction: EvictionRecord,
+}
+
+#[expect(missing_docs, reason = "the .msg file documents the constants")]
+impl EvictionRecord {
+    pub const NONE: u32 = NONE;
+}
+
+impl From<&message::SpotSelection> for SpotSelection {
+    fn from(selection: &message::SpotSelection) -> Self {
+        Self {
+            spot_id: selection.spot.0,
+            module_id: selection.module.0,
+        }
+    }
+}
+
+/// Pairs in ascending order of spot, none with a spot or module of another.
+pub(crate) fn selections(
+    field: &str,
+    raw: &[SpotSelection],
+) -> Checked<Vec<message::SpotSelection>> {
+    check::count(field, raw.len(), SPOTS_MAX)?;
+    let selections = raw
+        .iter()
+        .enumerate()
+        .map(|(index, selection)| {
+            let within = |error: FieldError| error.within_entry(field, index);
+            Ok(message::SpotSelection {
+                spot: check::id("spot_id", selection.spot_id, SpotId).map_err(within)?,
+                module: check::id("module_id", selection.module_id, ModuleId).map_err(within)?,
+            })
+        })
+        .collect::<Checked<Vec<_>>>()?;
+    check::ascending(field, selections.iter().map(|selection| selection.spot))?;
+    check::distinct(field, selections.iter().map(|selection| selection.module))?;
+    Ok(selections)
+}
+
+impl From<&message::EvictionRecord> for EvictionRecord {
+    fn from(record: &message::EvictionRecord) -> Self {
+        Self {
+            evicted_module_id: record.evicted.0,
+            by_module_id: record.by.0,
+            from_spot_id: record.from.0,
+            to_spot_id: record.to.map_or(NONE, |spot| spot.0),
+        }
+    }
+}
+
+impl EvictionRecord {
+    fn validated(self) -> Checked<message::EvictionRecord> {
+        let record = message::EvictionRecord {
+            evicted: check::id("evicted_module_id", self.evicted_module_id, ModuleId)?,
+            by: check::id("by_module_id", self.by_module_id, ModuleId)?,
+            from: check::id("from_spot_id", self.from_spot_id, SpotId)?,
+            to: check::optional_id(self.to_spot_id, SpotId),
+        };
+        if record.by == record.evicted {
+            let fault = Fault::Itself(record.evicted.to_string());
+            return Err(FieldError::new("by_module_id", fault));
+        }
+        if record.to == Some(record.from) {
+            let fault = Fault::BackToLostSpot(record.from);
+            return Err(FieldError::new("to_spot_id", fault));
+        }
+        Ok(record)
+    }
+}
+
+impl From<&message::SpotClaim> for SpotClaim {
+    fn from(claim: &message::SpotClaim) -> Self {
+        let decision = &claim.decision;
+        Self {
+            epoch: Epoch::from(&claim.epoch),
+            turn: claim.turn,
+            claimant_id: claim.claimant.0,
+            incarnation: claim.incarnation.0,
+            selections: decision
+                .selections
+                .iter()
+                .map(SpotSelection::from)
+                .collect(),
+            evictions: decision
+                .evictions
+                .iter()
+                .map(EvictionRecord::from)
+                .collect(),
+            detached: decision.detached.iter().map(|module| module.0).collect(),
+        }
+    }
+}
+
+impl TryFrom<SpotClaim> for message::SpotClaim {
+    type Error = MessageError;
+
+    fn try_from(claim: SpotClaim) -> Result<Self, MessageError> {
+        claim.validated().map_err(|error| error.on(topic::CLAIMS))
+    }
+}
+
+impl SpotClaim {
+    fn validated(&self) -> Checked<message::SpotClaim> {
+        check::count("evictions", self.evictions.len(), MODULES_MAX)?;
+        Ok(message::SpotClaim {
+            epoch: self.epoch.required()?,
+            turn: self.turn,
+            claimant: check::id("claimant_id", self.claimant_id, ModuleId)?,
+            incarnation: Incarnation(self.incarnation),
+            decision: Decision {
+                selections: selections("selections", &self.selections)?,
+                evictions: self
+                    .evictions
+                    .iter()
+                    .enumerate()
+                    .map(|(index, record)| {
+                        record
+                            .validated()
+                            .map_err(|error| error.within_entry("evictions", index))
+                    })
+                    .collect::<Checked<Vec<_>>>()?,
+                detached: check::module_ids("detached", &self.detached, MODULES_MAX)?,
+            },
+        })
+    }
+}
+
+impl From<&EvictionNotice> for Eviction {
+    fn from(notice: &EvictionNotice) -> Self {
+        Self {
+            epoch: Epoch::from(&notice.epoch),
+            turn: notice.turn,
+            eviction: EvictionRecord::from(&notice.eviction),
+        }
+    }
+}
+
+impl TryFrom<Eviction> for EvictionNotice {
+    type Error = MessageError;
+
+    fn try_from(notice: Eviction) -> Result<Self, MessageError> {
+        let validated = || {
+            Ok(Self {
+                epoch: notice.epoch.required()?,
+                turn: notice.turn,
+                eviction: notice
+                    .eviction
+                    .validated()
+                    .map_err(|error| error.within("eviction"))?,
+            })
+        };
+        validated().map_err(|error: FieldError| error.on(topic::EVICTIONS))
+    }
+}

@@ -1,0 +1,96 @@
+//! Epochs, and what is kept of earlier ones; several messages carry them.
+
+use formation::id::ModuleId;
+use formation::message;
+use serde::{Deserialize, Serialize};
+
+use crate::bounds::{MODULES_MAX, QUORUM_BASES_MAX};
+use crate::check::{self, Checked, FieldError};
+use crate::error::Fault;
+
+/// See `Epoch.msg`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Epoch {
+    pub number: u64,
+    pub convener: u32,
+}
+
+/// See `QuorumBasis.msg`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct QuorumBasis {
+    pub epoch: Epoch,
+    pub agreed: bool,
+    pub module_ids: Vec<u32>,
+}
+
+impl From<&formation::id::Epoch> for Epoch {
+    fn from(epoch: &formation::id::Epoch) -> Self {
+        Self {
+            number: epoch.number,
+            convener: epoch.convener.0,
+        }
+    }
+}
+
+impl From<Option<&formation::id::Epoch>> for Epoch {
+    fn from(epoch: Option<&formation::id::Epoch>) -> Self {
+        epoch.map_or_else(Self::default, Self::from)
+    }
+}
+
+impl Epoch {
+    /// The epoch, or none.
+    pub(crate) fn validated(self) -> Checked<Option<formation::id::Epoch>> {
+        if self.number == 0 {
+            return Ok(None);
+        }
+        Ok(Some(formation::id::Epoch {
+            number: self.number,
+            convener: check::id("epoch.convener", self.convener, ModuleId)?,
+        }))
+    }
+
+    /// The epoch, where there must be one.
+    pub(crate) fn required(self) -> Checked<formation::id::Epoch> {
+        self.validated()?
+            .ok_or_else(|| FieldError::new("epoch", Fault::NoEpoch))
+    }
+}
+
+impl From<&message::QuorumBasis> for QuorumBasis {
+    fn from(basis: &message::QuorumBasis) -> Self {
+        Self {
+            epoch: Epoch::from(&basis.epoch),
+            agreed: basis.agreed,
+            module_ids: basis.modules.iter().map(|module| module.0).collect(),
+        }
+    }
+}
+
+impl QuorumBasis {
+    fn validated(&self) -> Checked<message::QuorumBasis> {
+        Ok(message::QuorumBasis {
+            epoch: self.epoch.required()?,
+            agreed: self.agreed,
+            modules: check::module_ids("module_ids", &self.module_ids, MODULES_MAX)?,
+        })
+    }
+}
+
+/// The bases of distinct epochs.
+pub(crate) fn quorum_bases(field: &str, raw: &[QuorumBasis]) -> Checked<Vec<message::QuorumBasis>> {
+    check::count(field, raw.len(), QUORUM_BASES_MAX)?;
+    let bases = raw
+        .iter()
+        .enumerate()
+        .map(|(index, basis)| {
+            basis
+                .validated()
+                .map_err(|error| error.within_entry(field, index))
+        })
+        .collect::<Checked<Vec<_>>>()?;
+    check::distinct(field, bases.iter().map(|basis| basis.epoch))?;
+    Ok(bases)
+}

@@ -1,0 +1,105 @@
+//! What can be wrong with a message.
+
+use formation::fixed::{MICRO_PER_UNIT, QuantiseError};
+use formation::id::{NO_ID, SpotId};
+use formation::parameters::WeightsError;
+use formation::problem::ProblemError;
+use formation::target::TargetError;
+use thiserror::Error;
+
+use crate::check::COORDINATE_LIMIT_MICRO;
+
+/// A message that was refused: where it came, which field is wrong, and why.
+#[derive(Clone, Debug, PartialEq, Error)]
+#[error("{topic}: {}{fault}", prefix(.field))]
+pub struct MessageError {
+    /// The topic's own name, before any remapping.
+    pub topic: &'static str,
+    /// The path of the field, such as `modules[3].links[0]`; empty when the whole message is wrong.
+    pub field: String,
+    /// What is wrong with it.
+    pub fault: Fault,
+}
+
+fn prefix(field: &str) -> String {
+    if field.is_empty() {
+        String::new()
+    } else {
+        format!("{field}: ")
+    }
+}
+
+/// What is wrong with one field.
+#[derive(Clone, Debug, PartialEq, Error)]
+pub enum Fault {
+    /// A coordinate is no number that can be used.
+    #[error(transparent)]
+    Quantise(#[from] QuantiseError),
+    /// A quantised coordinate is out of range.
+    #[error(
+        "must lie within +-{COORDINATE_LIMIT_MICRO}, {MICRO_PER_UNIT} to the unit or radian, got {0}"
+    )]
+    MicroOutOfRange(i64),
+    /// A list is longer than its bound.
+    #[error("{count} entries, at most {limit} are allowed")]
+    TooMany {
+        /// How many there are.
+        count: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A string is longer than its bound.
+    #[error("{bytes} bytes, at most {limit} are allowed")]
+    TooLong {
+        /// How many there are.
+        bytes: usize,
+        /// How many there may be.
+        limit: usize,
+    },
+    /// A number is above its bound.
+    #[error("must be at most {limit}, got {value}")]
+    TooGreat {
+        /// The number.
+        value: u64,
+        /// The greatest that is allowed.
+        limit: u64,
+    },
+    /// An identifier that must name something is the one that stands for none.
+    #[error("{NO_ID} stands for none and cannot be used here")]
+    ReservedId,
+    /// An enumerated field holds a number that stands for nothing.
+    #[error("{value} is unknown; known are {known}")]
+    UnknownValue {
+        /// The number.
+        value: i64,
+        /// The names and numbers that are known.
+        known: &'static str,
+    },
+    /// An epoch is needed, but the one given is number 0.
+    #[error("number 0 stands for no epoch, but one is needed here")]
+    NoEpoch,
+    /// The same thing is listed twice.
+    #[error("{0} is listed twice")]
+    Repeated(String),
+    /// A list that must ascend does not.
+    #[error("{0} must stand after {1}, the list ascends")]
+    NotAscending(String, String),
+    /// A module is related to itself in a way that none can be.
+    #[error("names {0} itself")]
+    Itself(String),
+    /// An eviction sends a module to the spot that it loses.
+    #[error("sends the evicted module back to {0}, which it loses")]
+    BackToLostSpot(SpotId),
+    /// Two fields contradict each other.
+    #[error("{0}")]
+    Contradiction(&'static str),
+    /// The target is wrong; the text begins with its field.
+    #[error(transparent)]
+    Target(#[from] TargetError),
+    /// The weights are wrong.
+    #[error(transparent)]
+    Weights(#[from] WeightsError),
+    /// The members of a roster do not fit its target or each other.
+    #[error(transparent)]
+    Problem(#[from] ProblemError),
+}

@@ -1,0 +1,129 @@
+//! What travels on `heartbeats`.
+
+use formation::id::{Incarnation, ModuleId};
+use formation::message;
+use serde::{Deserialize, Serialize};
+
+use crate::bounds::MODULES_MAX;
+use crate::check::{self, Checked, FieldError};
+use crate::epoch::Epoch;
+use crate::error::{Fault, MessageError};
+use crate::module_state::{phase_from_wire, phase_to_wire};
+use crate::standard::Duration;
+use crate::topic;
+
+/// See `ModuleHeartbeat.msg`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct ModuleHeartbeat {
+    pub module_id: u32,
+    pub incarnation: u64,
+    pub sequence: u64,
+    pub uptime: Duration,
+    pub epoch: Epoch,
+    pub has_digest: bool,
+    pub digest: u64,
+    pub digest_since: u64,
+    pub applied_turns: u32,
+    pub phase: u8,
+}
+
+/// See `Heartbeat.msg`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Heartbeat {
+    pub modules: Vec<ModuleHeartbeat>,
+}
+
+impl From<&message::Heartbeat> for ModuleHeartbeat {
+    fn from(heartbeat: &message::Heartbeat) -> Self {
+        Self {
+            module_id: heartbeat.module.0,
+            incarnation: heartbeat.incarnation.0,
+            sequence: heartbeat.sequence,
+            uptime: heartbeat.uptime.into(),
+            epoch: heartbeat.epoch.as_ref().into(),
+            has_digest: heartbeat.digest.is_some(),
+            digest: heartbeat.digest.map_or(0, |digest| digest.0),
+            digest_since: heartbeat.digest_since,
+            applied_turns: heartbeat.applied_turns,
+            phase: phase_to_wire(heartbeat.phase),
+        }
+    }
+}
+
+impl TryFrom<ModuleHeartbeat> for message::Heartbeat {
+    type Error = MessageError;
+
+    fn try_from(heartbeat: ModuleHeartbeat) -> Result<Self, MessageError> {
+        heartbeat
+            .validated()
+            .map_err(|error| error.on(topic::HEARTBEATS))
+    }
+}
+
+impl ModuleHeartbeat {
+    fn validated(&self) -> Checked<message::Heartbeat> {
+        let module = check::id("module_id", self.module_id, ModuleId)?;
+        let epoch = self.epoch.validated()?;
+        let digest = check::digest(epoch, self.has_digest, self.digest)?;
+        let contradiction =
+            |field, reason| Err(FieldError::new(field, Fault::Contradiction(reason)));
+        if digest.is_some() == (self.digest_since == 0) {
+            return contradiction("digest_since", "must be 0 without a digest, and only then");
+        }
+        if self.digest_since > self.sequence {
+            return contradiction("digest_since", "lies after this heartbeat's sequence");
+        }
+        if epoch.is_none() && self.applied_turns > 0 {
+            return contradiction("applied_turns", "must be 0 without an epoch");
+        }
+        Ok(message::Heartbeat {
+            module,
+            incarnation: Incarnation(self.incarnation),
+            sequence: self.sequence,
+            uptime: self.uptime.validated("uptime")?,
+            epoch,
+            digest,
+            digest_since: self.digest_since,
+            applied_turns: self.applied_turns,
+            phase: phase_from_wire(self.phase)?,
+        })
+    }
+}
+
+impl Heartbeat {
+    /// One sample of the heartbeats of all modules that a process hosts.
+    pub fn new<'a>(heartbeats: impl IntoIterator<Item = &'a message::Heartbeat>) -> Self {
+        Self {
+            modules: heartbeats.into_iter().map(ModuleHeartbeat::from).collect(),
+        }
+    }
+}
+
+impl TryFrom<Heartbeat> for Vec<message::Heartbeat> {
+    type Error = MessageError;
+
+    /// The heartbeats of distinct modules, in the order in which they came.
+    fn try_from(sample: Heartbeat) -> Result<Self, MessageError> {
+        let validated = || {
+            check::count("modules", sample.modules.len(), MODULES_MAX)?;
+            let heartbeats = sample
+                .modules
+                .iter()
+                .enumerate()
+                .map(|(index, heartbeat)| {
+                    heartbeat
+                        .validated()
+                        .map_err(|error| error.within_entry("modules", index))
+                })
+                .collect::<Checked<Vec<_>>>()?;
+            check::distinct(
+                "modules",
+                heartbeats.iter().map(|heartbeat| heartbeat.module),
+            )?;
+            Ok(heartbeats)
+        };
+        validated().map_err(|error: FieldError| error.on(topic::HEARTBEATS))
+    }
+}

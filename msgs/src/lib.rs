@@ -1,0 +1,76 @@
+//! The messages of the formation suite, as they stand on the wire.
+//!
+//! The package is two things at once: a ROS 2 interface package (`msg/`, built by colcon) and the same types in
+//! Rust. Each struct here has the name of a `.msg` file, and its fields in the order of that file; the file says
+//! what each field means and in which unit.
+//!
+//! Whatever arrives is raw. `TryFrom` makes validated data of [`formation::message`] of it, or a [`MessageError`]
+//! that names the topic, the field and the reason; `From<&_>` goes the other way. Going out and in again changes
+//! nothing. Neither way panics, and nothing grows beyond a constant factor of the bytes that arrived.
+
+pub mod bounds;
+mod check;
+mod claim;
+mod epoch;
+mod error;
+mod heartbeat;
+mod module_state;
+mod roster;
+mod standard;
+mod target;
+pub mod topic;
+mod verdict;
+
+pub use claim::{Eviction, EvictionRecord, SpotClaim, SpotSelection};
+pub use epoch::{Epoch, QuorumBasis};
+pub use error::{Fault, MessageError};
+pub use heartbeat::{Heartbeat, ModuleHeartbeat};
+pub use module_state::{CausalMark, ModuleState, ModuleStates};
+pub use roster::{Roster, RosterMember};
+pub use standard::{Duration, Header, Time};
+pub use target::{Edge, PlannerParameters, Spot, TargetConfiguration};
+pub use verdict::Verdict;
+
+/// Stands for "none" where an identifier is optional.
+pub const NONE: u32 = formation::id::NO_ID;
+
+/// Names a type as ROS 2 does: `PACKAGE/msg/NAME`.
+pub trait InterfaceType {
+    /// The package that defines the type.
+    const PACKAGE: &str;
+    /// The type within the package.
+    const NAME: &str;
+}
+
+macro_rules! interface_types {
+    ($package:literal: $($name:ident),+ $(,)?) => {
+        $(impl InterfaceType for $name {
+            const PACKAGE: &str = $package;
+            const NAME: &str = stringify!($name);
+        })+
+    };
+}
+
+interface_types!("builtin_interfaces": Duration, Time);
+interface_types!("std_msgs": Header);
+interface_types!(
+    "formation_msgs":
+    CausalMark,
+    Edge,
+    Epoch,
+    Eviction,
+    EvictionRecord,
+    Heartbeat,
+    ModuleHeartbeat,
+    ModuleState,
+    ModuleStates,
+    PlannerParameters,
+    QuorumBasis,
+    Roster,
+    RosterMember,
+    Spot,
+    SpotClaim,
+    SpotSelection,
+    TargetConfiguration,
+    Verdict,
+);

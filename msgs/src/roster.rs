@@ -1,0 +1,203 @@
+//! What travels on `roster`.
+
+use std::sync::Arc;
+
+use formation::geometry::Pose;
+use formation::id::{ConfigurationId, Incarnation, ModuleId, SpotId};
+use formation::message::{self, RosterMessage};
+use formation::problem::PlanningModule;
+use serde::{Deserialize, Serialize};
+
+use crate::bounds::MODULES_MAX;
+use crate::check::{self, Checked, FieldError};
+use crate::epoch::{Epoch, QuorumBasis, quorum_bases};
+use crate::error::{Fault, MessageError};
+use crate::target::TargetConfiguration;
+use crate::{NONE, topic};
+
+/// See `RosterMember.msg`.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct RosterMember {
+    pub module_id: u32,
+    pub incarnation: u64,
+    pub x_micro: i64,
+    pub y_micro: i64,
+    pub theta_micro: i64,
+    pub links: Vec<u32>,
+    pub configuration_id: u32,
+    pub leader_id: u32,
+    pub pinned_spot_id: u32,
+}
+
+/// See `Roster.msg`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Roster {
+    pub epoch: Epoch,
+    pub stage: u8,
+    pub target_revision: u64,
+    pub target: TargetConfiguration,
+    pub members: Vec<RosterMember>,
+    pub quorum_bases: Vec<QuorumBasis>,
+}
+
+#[expect(missing_docs, reason = "the .msg file documents the constants")]
+impl RosterMember {
+    pub const NONE: u32 = NONE;
+}
+
+#[expect(missing_docs, reason = "the .msg file documents the constants")]
+impl Roster {
+    pub const STAGE_GATHER: u8 = 1;
+    pub const STAGE_PLAN: u8 = 2;
+}
+
+impl From<&message::RosterMember> for RosterMember {
+    fn from(member: &message::RosterMember) -> Self {
+        let module = &member.module;
+        Self {
+            module_id: module.id.0,
+            incarnation: member.incarnation.0,
+            x_micro: module.pose.x.0,
+            y_micro: module.pose.y.0,
+            theta_micro: module.pose.theta.0,
+            links: module.links.iter().map(|link| link.0).collect(),
+            configuration_id: module.configuration.map_or(NONE, |id| id.0),
+            leader_id: module.leader.map_or(NONE, |id| id.0),
+            pinned_spot_id: module.pin.map_or(NONE, |id| id.0),
+        }
+    }
+}
+
+impl RosterMember {
+    fn validated(&self) -> Checked<message::RosterMember> {
+        let id = check::id("module_id", self.module_id, ModuleId)?;
+        Ok(message::RosterMember {
+            incarnation: Incarnation(self.incarnation),
+            module: PlanningModule {
+                id,
+                pose: Pose {
+                    x: check::micro("x_micro", self.x_micro)?,
+                    y: check::micro("y_micro", self.y_micro)?,
+                    theta: check::micro("theta_micro", self.theta_micro)?,
+                },
+                links: check::links(id, &self.links)?,
+                configuration: check::optional_id(self.configuration_id, ConfigurationId),
+                leader: check::optional_id(self.leader_id, ModuleId),
+                pin: check::optional_id(self.pinned_spot_id, SpotId),
+            },
+        })
+    }
+}
+
+impl From<&message::Roster> for Roster {
+    fn from(roster: &message::Roster) -> Self {
+        Self {
+            epoch: Epoch::from(&roster.epoch),
+            stage: Self::STAGE_PLAN,
+            target_revision: roster.target.revision,
+            target: TargetConfiguration::from(&roster.target),
+            members: roster.members.iter().map(RosterMember::from).collect(),
+            quorum_bases: roster.quorum_bases.iter().map(QuorumBasis::from).collect(),
+        }
+    }
+}
+
+impl From<&RosterMessage> for Roster {
+    fn from(announcement: &RosterMessage) -> Self {
+        match announcement {
+            RosterMessage::Plan(roster) => Self::from(&**roster),
+            &RosterMessage::Gather {
+                ref epoch,
+                target_revision,
+            } => Self {
+                epoch: Epoch::from(epoch),
+                stage: Self::STAGE_GATHER,
+                target_revision,
+                ..Self::default()
+            },
+        }
+    }
+}
+
+impl TryFrom<Roster> for RosterMessage {
+    type Error = MessageError;
+
+    fn try_from(message: Roster) -> Result<Self, MessageError> {
+        message.validated().map_err(|error| error.on(topic::ROSTER))
+    }
+}
+
+impl Roster {
+    fn validated(self) -> Checked<RosterMessage> {
+        match self.stage {
+            Self::STAGE_GATHER => self.gather(),
+            Self::STAGE_PLAN => self.plan(),
+            value => {
+                let (value, known) = (value.into(), "GATHER 1, PLAN 2");
+                Err(FieldError::new(
+                    "stage",
+                    Fault::UnknownValue { value, known },
+                ))
+            }
+        }
+    }
+
+    fn gather(&self) -> Checked<RosterMessage> {
+        for (field, is_empty) in [
+            ("target.spots", self.target.spots.is_empty()),
+            ("target.edges", self.target.edges.is_empty()),
+            ("members", self.members.is_empty()),
+            ("quorum_bases", self.quorum_bases.is_empty()),
+        ] {
+            if !is_empty {
+                let fault = Fault::Contradiction("must be empty while the epoch gathers");
+                return Err(FieldError::new(field, fault));
+            }
+        }
+        Ok(RosterMessage::Gather {
+            epoch: self.epoch.required()?,
+            target_revision: self.target_revision,
+        })
+    }
+
+    fn plan(self) -> Checked<RosterMessage> {
+        let epoch = self.epoch.required()?;
+        if self.target.revision != self.target_revision {
+            let fault = Fault::Contradiction("differs from target_revision");
+            return Err(FieldError::new("target.revision", fault));
+        }
+        check::count("members", self.members.len(), MODULES_MAX)?;
+        if self.members.is_empty() {
+            let fault = Fault::Contradiction("a plan needs at least one member");
+            return Err(FieldError::new("members", fault));
+        }
+        let target = self
+            .target
+            .validated()
+            .map_err(|error| error.within("target"))?;
+        let members = self
+            .members
+            .iter()
+            .enumerate()
+            .map(|(index, member)| {
+                member
+                    .validated()
+                    .map_err(|error| error.within_entry("members", index))
+            })
+            .collect::<Checked<Vec<_>>>()?;
+        check::ascending("members", members.iter().map(|member| member.module.id))?;
+        let roster = message::Roster {
+            epoch,
+            target,
+            members,
+            quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
+        };
+        // Pins must fit the target and each other; the planner's own validation knows how.
+        roster
+            .problem()
+            .map_err(|error| FieldError::new("members", error))?;
+        Ok(RosterMessage::Plan(Arc::new(roster)))
+    }
+}

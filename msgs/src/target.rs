@@ -1,0 +1,234 @@
+//! What travels on `target`.
+
+use std::sync::Arc;
+
+use formation::message::TargetAnnouncement;
+use formation::parameters::{self, Policy, TurnOrder, Weights, WeightsError};
+use formation::target::{RawSpot, RawTarget, Target};
+use serde::{Deserialize, Serialize};
+
+use crate::bounds::MODULES_MAX;
+use crate::check::{self, Checked, FieldError};
+use crate::error::{Fault, MessageError};
+use crate::standard::Header;
+use crate::topic;
+
+/// See `Spot.msg`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Spot {
+    pub id: u32,
+    pub x: f64,
+    pub y: f64,
+    pub theta: f64,
+}
+
+/// See `Edge.msg`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Edge {
+    pub first: u32,
+    pub second: u32,
+}
+
+/// See `PlannerParameters.msg`.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct PlannerParameters {
+    pub policy: u8,
+    pub order: u8,
+    pub d_max: i32,
+    pub weight_loc: f64,
+    pub weight_dock: f64,
+    pub weight_undock: f64,
+    pub keep_all_spots: bool,
+}
+
+/// See `TargetConfiguration.msg`.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct TargetConfiguration {
+    pub header: Header,
+    pub revision: u64,
+    pub name: String,
+    pub withdrawn: bool,
+    pub expected_modules: u32,
+    pub spots: Vec<Spot>,
+    pub edges: Vec<Edge>,
+    pub planner: PlannerParameters,
+}
+
+#[expect(missing_docs, reason = "the .msg file documents the constants")]
+impl PlannerParameters {
+    pub const POLICY_EXACT: u8 = 0;
+    pub const POLICY_PAPER: u8 = 1;
+    pub const POLICY_AUCTION: u8 = 2;
+    pub const POLICY_HUNGARIAN: u8 = 3;
+    pub const ORDER_RANK: u8 = 0;
+    pub const ORDER_SIZE_FIRST: u8 = 1;
+    pub const D_MAX_UNBOUNDED: i32 = -1;
+}
+
+impl Default for PlannerParameters {
+    fn default() -> Self {
+        Self::from(&parameters::PlannerParameters::default())
+    }
+}
+
+impl From<&parameters::PlannerParameters> for PlannerParameters {
+    /// A `d_max` beyond the wire's range goes out as the greatest number there is, which no chain can reach.
+    fn from(parameters: &parameters::PlannerParameters) -> Self {
+        Self {
+            policy: match parameters.policy {
+                Policy::Exact => Self::POLICY_EXACT,
+                Policy::Paper => Self::POLICY_PAPER,
+                Policy::Auction => Self::POLICY_AUCTION,
+                Policy::Hungarian => Self::POLICY_HUNGARIAN,
+            },
+            order: match parameters.order {
+                TurnOrder::Rank => Self::ORDER_RANK,
+                TurnOrder::SizeFirst => Self::ORDER_SIZE_FIRST,
+            },
+            d_max: parameters.d_max.map_or(Self::D_MAX_UNBOUNDED, |d_max| {
+                i32::try_from(d_max).unwrap_or(i32::MAX)
+            }),
+            weight_loc: parameters.weights.loc().to_units(),
+            weight_dock: parameters.weights.dock().to_units(),
+            weight_undock: parameters.weights.undock().to_units(),
+            keep_all_spots: parameters.keep_all_spots,
+        }
+    }
+}
+
+impl PlannerParameters {
+    pub(crate) fn validated(self) -> Checked<parameters::PlannerParameters> {
+        let unknown = |field, value: i64, known| {
+            Err(FieldError::new(field, Fault::UnknownValue { value, known }))
+        };
+        Ok(parameters::PlannerParameters {
+            policy: match self.policy {
+                Self::POLICY_EXACT => Policy::Exact,
+                Self::POLICY_PAPER => Policy::Paper,
+                Self::POLICY_AUCTION => Policy::Auction,
+                Self::POLICY_HUNGARIAN => Policy::Hungarian,
+                value => {
+                    let known = "EXACT 0, PAPER 1, AUCTION 2, HUNGARIAN 3";
+                    return unknown("policy", value.into(), known);
+                }
+            },
+            order: match self.order {
+                Self::ORDER_RANK => TurnOrder::Rank,
+                Self::ORDER_SIZE_FIRST => TurnOrder::SizeFirst,
+                value => return unknown("order", value.into(), "RANK 0, SIZE_FIRST 1"),
+            },
+            d_max: match u32::try_from(self.d_max) {
+                Ok(d_max) => Some(d_max),
+                Err(_) if self.d_max == Self::D_MAX_UNBOUNDED => None,
+                Err(_) => {
+                    let known = "0 and above, and UNBOUNDED -1";
+                    return unknown("d_max", self.d_max.into(), known);
+                }
+            },
+            weights: Weights::from_units(self.weight_loc, self.weight_dock, self.weight_undock)
+                .map_err(|error| match error {
+                    WeightsError::Weight { name, source } => {
+                        FieldError::new(format!("weight_{name}"), source)
+                    }
+                    WeightsError::Order { .. } => FieldError::new("", error),
+                })?,
+            keep_all_spots: self.keep_all_spots,
+        })
+    }
+}
+
+impl From<&TargetAnnouncement> for TargetConfiguration {
+    /// The header's stamp stays zero, for the sender to fill.
+    fn from(announcement: &TargetAnnouncement) -> Self {
+        let raw = announcement.target.as_ref().map(|target| target.to_raw());
+        let withdrawn = raw.is_none();
+        let (frame_id, spots, edges) =
+            raw.map_or_else(Default::default, |raw| (raw.frame_id, raw.spots, raw.edges));
+        Self {
+            header: Header {
+                frame_id,
+                ..Header::default()
+            },
+            revision: announcement.revision,
+            name: announcement.name.clone(),
+            withdrawn,
+            expected_modules: announcement.expected_modules.unwrap_or(0),
+            spots: spots
+                .into_iter()
+                .map(|RawSpot { id, x, y, theta }| Spot { id, x, y, theta })
+                .collect(),
+            edges: edges
+                .into_iter()
+                .map(|[first, second]| Edge { first, second })
+                .collect(),
+            planner: PlannerParameters::from(&announcement.parameters),
+        }
+    }
+}
+
+impl TryFrom<TargetConfiguration> for TargetAnnouncement {
+    type Error = MessageError;
+
+    fn try_from(message: TargetConfiguration) -> Result<Self, MessageError> {
+        message.validated().map_err(|error| error.on(topic::TARGET))
+    }
+}
+
+impl TargetConfiguration {
+    pub(crate) fn validated(self) -> Checked<TargetAnnouncement> {
+        check::name("header.frame_id", &self.header.frame_id)?;
+        check::name("name", &self.name)?;
+        if usize::try_from(self.expected_modules).is_ok_and(|count| count > MODULES_MAX) {
+            let (value, limit) = (self.expected_modules.into(), MODULES_MAX as u64);
+            return Err(FieldError::new(
+                "expected_modules",
+                Fault::TooGreat { value, limit },
+            ));
+        }
+        let parameters = self
+            .planner
+            .validated()
+            .map_err(|error| error.within("planner"))?;
+        let target = if self.withdrawn {
+            let reason = "must be empty while the target is withdrawn";
+            for (field, is_empty) in [
+                ("spots", self.spots.is_empty()),
+                ("edges", self.edges.is_empty()),
+            ] {
+                if !is_empty {
+                    return Err(FieldError::new(field, Fault::Contradiction(reason)));
+                }
+            }
+            None
+        } else {
+            Some(Arc::new(validated_target(
+                self.header.frame_id,
+                &self.spots,
+                &self.edges,
+            )?))
+        };
+        Ok(TargetAnnouncement {
+            revision: self.revision,
+            name: self.name,
+            target,
+            parameters,
+            expected_modules: (self.expected_modules != 0).then_some(self.expected_modules),
+        })
+    }
+}
+
+fn validated_target(frame_id: String, spots: &[Spot], edges: &[Edge]) -> Checked<Target> {
+    let raw = RawTarget {
+        frame_id,
+        spots: spots
+            .iter()
+            .map(|&Spot { id, x, y, theta }| RawSpot { id, x, y, theta })
+            .collect(),
+        edges: edges.iter().map(|edge| [edge.first, edge.second]).collect(),
+    };
+    Target::try_from(raw).map_err(|error| FieldError::new("", error))
+}
