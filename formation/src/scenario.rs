@@ -148,6 +148,14 @@ pub enum ScenarioError {
     /// The text is no YAML of the scenario's schema; the message names the line and column.
     #[error("{0}")]
     Yaml(#[from] serde_yaml::Error),
+    /// Brackets are nested deeper than any scenario needs.
+    #[error("line {line} column {column}: brackets are nested more than {NESTING_MAX} deep")]
+    TooDeep {
+        /// The line of the first bracket that is too deep, from 1.
+        line: usize,
+        /// Its column, from 1.
+        column: usize,
+    },
     /// The target is wrong.
     #[error("target.{0}")]
     Target(#[from] TargetError),
@@ -167,6 +175,50 @@ pub enum ScenarioError {
     Problem(#[from] ProblemError),
 }
 
+/// A scenario nests four brackets at most.
+const NESTING_MAX: usize = 64;
+/// Names travel in messages, which are to stay small.
+const NAME_BYTES_MAX: usize = 256;
+
+/// Refuses brackets nested so deep that the parser would take time in the square of their number.
+///
+/// Quotes are not told apart from other text: a name with more than [`NESTING_MAX`] brackets left open is refused too.
+fn check_nesting(text: &str) -> Result<(), ScenarioError> {
+    let mut depth = 0_usize;
+    for (line, content) in text.lines().enumerate() {
+        let mut previous = ' ';
+        for (column, character) in content.chars().enumerate() {
+            match character {
+                '#' if previous.is_whitespace() => break,
+                '[' | '{' => depth += 1,
+                ']' | '}' => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            if depth > NESTING_MAX {
+                return Err(ScenarioError::TooDeep {
+                    line: line + 1,
+                    column: column + 1,
+                });
+            }
+            previous = character;
+        }
+    }
+    Ok(())
+}
+
+fn check_length(field: &str, name: &str) -> Result<(), ScenarioError> {
+    if name.len() > NAME_BYTES_MAX {
+        return Err(field_error(
+            field,
+            format!(
+                "is {} bytes long, at most {NAME_BYTES_MAX} are supported",
+                name.len()
+            ),
+        ));
+    }
+    Ok(())
+}
+
 fn field_error(field: impl Into<String>, reason: impl Into<String>) -> ScenarioError {
     ScenarioError::Field {
         field: field.into(),
@@ -180,6 +232,7 @@ impl Scenario {
     /// # Errors
     /// Names the line of a syntax error, or the field that is wrong and why.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
+        check_nesting(text)?;
         Self::try_from(serde_yaml::from_str::<RawScenario>(text)?)
     }
 
@@ -314,6 +367,8 @@ impl TryFrom<RawScenario> for Scenario {
     type Error = ScenarioError;
 
     fn try_from(raw: RawScenario) -> Result<Self, ScenarioError> {
+        check_length("name", &raw.name)?;
+        check_length("target.frame_id", &raw.target.frame_id)?;
         let target = Target::try_from(raw.target)?;
         let parameters = PlannerParameters::try_from(raw.planner)?;
         let count = raw.singletons.len()

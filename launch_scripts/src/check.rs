@@ -1,0 +1,53 @@
+//! `formation check`.
+
+use std::path::Path;
+
+use formation::scenario::Scenario;
+
+use crate::failure::Failure;
+use crate::{console, scenario_file, warnings};
+
+/// Validates a scenario file and prints a summary of it.
+///
+/// # Errors
+/// Names the file, the place and what is wrong there.
+pub fn check(path: &Path) -> Result<(), Failure> {
+    let scenario = scenario_file::load(path)?;
+    warn(path, &scenario);
+    console::result_line(&format!("{}: {}", path.display(), summary(&scenario)))
+}
+
+/// Prints what is allowed and yet looks like a mistake.
+pub fn warn(path: &Path, scenario: &Scenario) {
+    for warning in warnings::of(scenario.problem()) {
+        console::note(&format!("warning: {}: {warning}", path.display()));
+    }
+}
+
+fn summary(scenario: &Scenario) -> String {
+    let problem = scenario.problem();
+    let configurations = problem.configurations();
+    let docked: usize = configurations
+        .iter()
+        .map(|configuration| configuration.modules.len())
+        .sum();
+    let topology = problem.target().topology();
+    let name = match scenario.name() {
+        "" => String::new(),
+        name => format!("{}; ", crate::failure::one_line(name)),
+    };
+    format!(
+        "{name}{} ({}, {}); {} ({})",
+        counted(problem.modules().len(), "module"),
+        counted(configurations.len(), "configuration"),
+        counted(problem.modules().len() - docked, "singleton"),
+        counted(topology.node_count(), "spot"),
+        if topology.is_tree() { "tree" } else { "cyclic" },
+    )
+}
+
+/// A number with its noun, in the plural where English wants it.
+pub fn counted(count: usize, noun: &str) -> String {
+    let ending = if count == 1 { "" } else { "s" };
+    format!("{count} {noun}{ending}")
+}

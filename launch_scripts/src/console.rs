@@ -1,0 +1,26 @@
+//! Writing to the terminal without panicking when nobody reads.
+
+use std::io::{ErrorKind, Write, stderr, stdout};
+
+use anyhow::anyhow;
+
+use crate::failure::Failure;
+
+/// Writes one line of result to the standard output.
+///
+/// # Errors
+/// Says whether the reader has gone or writing failed otherwise.
+pub fn result_line(line: &str) -> Result<(), Failure> {
+    let mut output = stdout().lock();
+    writeln!(output, "{line}")
+        .and_then(|()| output.flush())
+        .map_err(|error| match error.kind() {
+            ErrorKind::BrokenPipe => Failure::OutputClosed,
+            _ => Failure::Failed(anyhow!(error).context("cannot write the result")),
+        })
+}
+
+/// Writes one line about what happens to the standard error output; if that is closed, there is nobody to tell.
+pub fn note(line: &str) {
+    let _ = writeln!(stderr().lock(), "{line}");
+}

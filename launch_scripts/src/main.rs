@@ -1,0 +1,27 @@
+//! `formation`: checks, plans, generates and runs formations.
+
+mod arguments;
+mod check;
+mod console;
+mod failure;
+mod scenario_file;
+mod warnings;
+
+use std::process::ExitCode;
+
+use clap::Parser;
+
+use crate::arguments::{Arguments, Command};
+
+fn main() -> ExitCode {
+    let outcome = match Arguments::parse().command {
+        Command::Check { scenario } => check::check(&scenario),
+    };
+    match outcome {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => {
+            failure.report();
+            failure.exit_code()
+        }
+    }
+}

@@ -1,0 +1,163 @@
+//! What a scenario may say and its author probably did not mean.
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+
+use formation::fixed::{MICRO_PER_UNIT, MicroUnits};
+use formation::geometry::Pose;
+use formation::problem::PlanningProblem;
+
+use crate::check::counted;
+
+/// A module is one unit wide; poses are written with a few decimals, so a little less still counts as apart.
+const WIDTH_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT - TOLERANCE.0);
+const TOLERANCE: MicroUnits = MicroUnits(10_000);
+/// Front, left, back and right.
+const PORTS: usize = 4;
+
+/// One sentence for each kind of peculiarity, naming the first place and how many there are.
+pub fn of(problem: &PlanningProblem) -> Vec<String> {
+    let mut warnings = Vec::new();
+    let (modules, spots) = (problem.modules(), problem.target().spots());
+    if modules.len() < spots.len() {
+        let open = counted(spots.len() - modules.len(), "spot");
+        warnings.push(if problem.parameters().keep_all_spots {
+            format!(
+                "modules: fewer than spots; {open} will stay open, and as planner.keep_all_spots is set, the rest may \
+                 fall apart"
+            )
+        } else {
+            format!("modules: fewer than spots; the target will be trimmed by {open}")
+        });
+    }
+    if modules.len() > spots.len() {
+        let spare = counted(modules.len() - spots.len(), "module");
+        warnings.push(format!(
+            "modules: more than spots; {spare} will stay without a spot"
+        ));
+    }
+    warnings.extend(crowding(
+        "target.spots",
+        spots.iter().map(|spot| (spot.id, spot.pose)),
+        WIDTH_MIN,
+    ));
+    // Where modules stand at the start is not restricted, but two at the very same place are one copied line.
+    warnings.extend(crowding(
+        "modules",
+        modules.iter().map(|module| (module.id, module.pose)),
+        MicroUnits(1),
+    ));
+    let topology = problem.target().topology();
+    warnings.extend(odd_lengths(
+        "target.edges",
+        topology
+            .edges()
+            .iter()
+            .map(|&(one, other)| (&spots[one], &spots[other]))
+            .map(|(one, other)| ((one.id, one.pose), (other.id, other.pose))),
+    ));
+    warnings.extend(odd_lengths(
+        "configurations",
+        modules.iter().flat_map(|module| {
+            module
+                .links
+                .range(module.id..)
+                .filter_map(|&other| problem.module(other))
+                .map(move |other| ((module.id, module.pose), (other.id, other.pose)))
+        }),
+    ));
+    let overfull = |degree: usize| degree > PORTS;
+    warnings.extend(
+        (0..topology.node_count())
+            .find(|&node| overfull(topology.degree(node)))
+            .map(|node| {
+                format!(
+                    "target.edges: {} has {} neighbours; a module has {PORTS} ports",
+                    spots[node].id,
+                    topology.degree(node)
+                )
+            }),
+    );
+    warnings.extend(
+        modules
+            .iter()
+            .find(|module| overfull(module.links.len()))
+            .map(|module| {
+                format!(
+                    "configurations: {} has {} neighbours; a module has {PORTS} ports",
+                    module.id,
+                    module.links.len()
+                )
+            }),
+    );
+    warnings
+}
+
+/// Finds whatever stands nearer than `least` to something listed before it.
+///
+/// Only what keeps its distance is remembered, so each cell of the grid holds a handful at most and crowds cost no more.
+fn crowding<Id: Copy + Display>(
+    field: &str,
+    placed: impl Iterator<Item = (Id, Pose)>,
+    least: MicroUnits,
+) -> Option<String> {
+    let mut grid: BTreeMap<(i64, i64), Vec<(Id, Pose)>> = BTreeMap::new();
+    let mut first = None;
+    let mut count = 0;
+    for (id, pose) in placed {
+        let cell = (pose.x.0.div_euclid(least.0), pose.y.0.div_euclid(least.0));
+        let near = (-1..=1)
+            .flat_map(|dx| (-1..=1).map(move |dy| (cell.0 + dx, cell.1 + dy)))
+            .filter_map(|cell| grid.get(&cell))
+            .flatten()
+            .find(|(_, other)| pose.distance_to(other) < least);
+        if let Some(&(other, place)) = near {
+            count += 1;
+            first.get_or_insert((other, id, pose.distance_to(&place)));
+        } else {
+            grid.entry(cell).or_default().push((id, pose));
+        }
+    }
+    let (one, other, distance) = first?;
+    let how = if distance == MicroUnits::ZERO {
+        "are at the same place".to_owned()
+    } else {
+        format!(
+            "are only {} units apart, and a module is 1 unit wide",
+            distance.to_units()
+        )
+    };
+    Some(format!(
+        "{field}: {one} and {other} {how}{}",
+        and_more(count)
+    ))
+}
+
+/// Finds docked neighbours that are not one unit apart.
+fn odd_lengths<Id: Copy + Display>(
+    field: &str,
+    links: impl Iterator<Item = ((Id, Pose), (Id, Pose))>,
+) -> Option<String> {
+    let mut first = None;
+    let mut count = 0;
+    for (one, other) in links {
+        let length = one.1.distance_to(&other.1);
+        if (length - MicroUnits::ONE).0.abs() > TOLERANCE.0 {
+            count += 1;
+            first.get_or_insert((one.0, other.0, length));
+        }
+    }
+    let (one, other, length) = first?;
+    Some(format!(
+        "{field}: {one} and {other} are joined and {} units apart, docked modules are 1 unit apart{}",
+        length.to_units(),
+        and_more(count)
+    ))
+}
+
+fn and_more(count: usize) -> String {
+    match count {
+        0 | 1 => String::new(),
+        more => format!(" (and {} more such)", more - 1),
+    }
+}
