@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use clap::{Parser, Subcommand};
+use clap::{Args, Parser, Subcommand};
 
 /// Forms a target configuration out of robot modules over DDS.
 #[derive(Debug, Parser)]
@@ -27,4 +27,32 @@ pub enum Command {
         /// The scenario file (YAML).
         scenario: PathBuf,
     },
+    /// Make a random scenario from a seed and print it as YAML.
+    ///
+    /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of
+    /// 16 x 16 units. The same options give the same scenario.
+    Generate(GenerateArguments),
+}
+
+/// What to generate.
+#[derive(Debug, Args)]
+pub struct GenerateArguments {
+    /// How many modules.
+    #[arg(long, value_name = "N")]
+    pub modules: usize,
+    /// How many spots.
+    #[arg(long, value_name = "N")]
+    pub spots: usize,
+    /// Dock the modules into configurations of K; those left over stand alone.
+    #[arg(long, value_name = "K", conflicts_with = "mixed")]
+    pub configuration_size: Option<usize>,
+    /// Mix singletons with configurations of 2 to 10 modules.
+    #[arg(long)]
+    pub mixed: bool,
+    /// The most links that one spot or module has: 3 or 4.
+    #[arg(long, value_name = "D", default_value_t = 3)]
+    pub degree: usize,
+    /// The seed of all that is random.
+    #[arg(long, value_name = "X")]
+    pub seed: u64,
 }

@@ -4,6 +4,7 @@ mod arguments;
 mod check;
 mod console;
 mod failure;
+mod generate;
 mod scenario_file;
 mod warnings;
 
@@ -16,6 +17,7 @@ use crate::arguments::{Arguments, Command};
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Check { scenario } => check::check(&scenario),
+        Command::Generate(arguments) => generate::run(&arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

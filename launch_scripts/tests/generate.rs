@@ -1,0 +1,107 @@
+//! `formation generate` as a user meets it.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+use std::fs;
+use std::process::{Command, Output};
+
+fn generate(arguments: &str) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_formation"))
+        .arg("generate")
+        .args(arguments.split_whitespace())
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn what_is_generated_passes_the_check() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("generated.yaml");
+    for (arguments, expected) in [
+        (
+            "--modules 20 --spots 20 --seed 1",
+            "20 modules (0 configurations, 20 singletons); 20 spots (tree)",
+        ),
+        (
+            "--modules 23 --spots 30 --configuration-size 5 --seed 2 --degree 4",
+            "23 modules (4 configurations, 3 singletons); 30 spots (tree)",
+        ),
+        (
+            "--modules 10000 --spots 10000 --mixed --seed 18446744073709551615",
+            "10000 spots (tree)",
+        ),
+    ] {
+        let output = generate(arguments);
+        assert!(output.status.success(), "{arguments}");
+        assert_eq!(
+            output.stdout,
+            generate(arguments).stdout,
+            "{arguments} gives two scenarios"
+        );
+        fs::write(&path, &output.stdout).unwrap();
+        let check = Command::new(env!("CARGO_BIN_EXE_formation"))
+            .arg("check")
+            .arg(&path)
+            .output()
+            .unwrap();
+        let summary = String::from_utf8(check.stdout).unwrap();
+        assert!(check.status.success(), "{arguments}");
+        assert!(summary.trim_end().ends_with(expected), "{summary}");
+    }
+    assert_ne!(
+        generate("--modules 9 --spots 9 --seed 1").stdout,
+        generate("--modules 9 --spots 9 --seed 2").stdout
+    );
+}
+
+#[test]
+fn options_out_of_range_are_refused_by_name() {
+    for (arguments, expected) in [
+        (
+            "--modules 0 --spots 5 --seed 1",
+            "--modules must be 1 to 10000, got 0",
+        ),
+        (
+            "--modules 5 --spots 10001 --seed 1",
+            "--spots must be 1 to 10000, got 10001",
+        ),
+        (
+            "--modules 5 --spots 5 --seed 1 --degree 5",
+            "--degree must be 3 to 4, got 5",
+        ),
+        (
+            "--modules 5 --spots 5 --seed 1 --configuration-size 6",
+            "--configuration-size must be 1 to 5, got 6",
+        ),
+        ("--modules 5 --spots 5", "--seed <X>"),
+        (
+            "--modules 5 --spots 5 --seed 1 --mixed --configuration-size 2",
+            "cannot be used with",
+        ),
+        ("--modules -5 --spots 5 --seed 1", "-5"),
+    ] {
+        let output = generate(arguments);
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {stderr}");
+        assert!(stderr.contains(expected), "{arguments}: {stderr}");
+        assert!(output.stdout.is_empty(), "{arguments}");
+    }
+}
+
+#[test]
+fn a_reader_that_leaves_is_no_panic() {
+    let mut child = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args("generate --modules 5000 --spots 5000 --seed 1".split_whitespace())
+        .stdout(std::process::Stdio::piped())
+        .stderr(std::process::Stdio::piped())
+        .spawn()
+        .unwrap();
+    drop(child.stdout.take());
+    let output = child.wait_with_output().unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert!(output.stderr.is_empty());
+}
