@@ -7,6 +7,7 @@
 //! The algorithms follow A. Dutta, P. Dasgupta and C. Nelson, "A Graph Isomorphism-based Decentralized
 //! Algorithm for Modular Robot Configuration Formation" ("the paper"), and say where they leave it.
 
+pub mod assembly;
 pub mod fixed;
 pub mod generate;
 pub mod geometry;
