@@ -91,7 +91,13 @@ impl MicroUnits {
         reason = "weights and lengths are bounded so that the product fits; see WEIGHT_LIMIT"
     )]
     pub fn scaled_by(self, factor: Self) -> Self {
-        Self((i128::from(self.0) * i128::from(factor.0) / i128::from(MICRO_PER_UNIT)) as i64)
+        match self.0.checked_mul(factor.0) {
+            // Division by a constant is much faster in 64 bits.
+            Some(product) => Self(product / MICRO_PER_UNIT),
+            None => Self(
+                (i128::from(self.0) * i128::from(factor.0) / i128::from(MICRO_PER_UNIT)) as i64,
+            ),
+        }
     }
 
     /// This number `count` times, for a handful of equal costs.

@@ -47,11 +47,39 @@ impl Pose {
     /// The straight distance between two positions: the integer square root of the squared micro-units.
     #[must_use]
     pub fn distance_to(&self, other: &Self) -> MicroUnits {
-        let dx = i128::from(self.x.0) - i128::from(other.x.0);
-        let dy = i128::from(self.y.0) - i128::from(other.y.0);
-        let squared = (dx * dx + dy * dy).unsigned_abs();
-        let root = i64::try_from(squared.isqrt()).unwrap_or(i64::MAX);
-        MicroUnits(root)
+        let dx = self.x.0.abs_diff(other.x.0);
+        let dy = self.y.0.abs_diff(other.y.0);
+        let root = if dx < SHORT && dy < SHORT {
+            short_root(dx * dx + dy * dy)
+        } else {
+            let (dx, dy) = (u128::from(dx), u128::from(dy));
+            u64::try_from((dx * dx + dy * dy).isqrt()).unwrap_or(u64::MAX)
+        };
+        MicroUnits(i64::try_from(root).unwrap_or(i64::MAX))
+    }
+}
+
+/// Below this many micro-units along each axis, the squared distance is below 2^62.
+const SHORT: u64 = 1 << 30;
+
+/// The integer square root of a number below 2^62.
+///
+/// The float root is off by less than one at this size and only the first guess: whole numbers decide, so the
+/// result is exact on every machine.
+#[expect(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    clippy::cast_precision_loss,
+    reason = "the guess is positive and below 2^31, and corrected"
+)]
+fn short_root(square: u64) -> u64 {
+    let guess = (square as f64).sqrt() as u64;
+    if guess * guess > square {
+        guess - 1
+    } else if (guess + 1) * (guess + 1) <= square {
+        guess + 1
+    } else {
+        guess
     }
 }
 
@@ -87,6 +115,20 @@ mod tests {
         let corner = Pose::from_units(1.0e6, 1.0e6, 0.0).unwrap();
         let opposite = Pose::from_units(-1.0e6, -1.0e6, 0.0).unwrap();
         assert_eq!(corner.distance_to(&opposite), MicroUnits(2_828_427_124_746));
+    }
+
+    #[test]
+    fn the_short_root_is_exact_around_every_square() {
+        let corner = (SHORT - 1) * (SHORT - 1) * 2;
+        for root in (0..40_000_u64).chain((0..40_000).map(|step| corner.isqrt() - step)) {
+            for square in [
+                (root * root).saturating_sub(1),
+                root * root,
+                root * root + 1,
+            ] {
+                assert_eq!(short_root(square), square.isqrt());
+            }
+        }
     }
 
     #[test]
