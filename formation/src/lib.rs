@@ -7,19 +7,32 @@
 //! The algorithms follow A. Dutta, P. Dasgupta and C. Nelson, "A Graph Isomorphism-based Decentralized
 //! Algorithm for Modular Robot Configuration Formation" ("the paper"), and say where they leave it.
 
+pub mod allocation;
 pub mod assembly;
+mod block_allocation;
+mod bounded_eviction;
+pub mod centrality;
+pub mod common_subtree;
+mod eviction;
 pub mod fixed;
 pub mod generate;
 pub mod geometry;
 pub mod id;
+pub mod instance;
 pub mod matching;
 pub mod message;
 pub mod parameters;
 pub mod plan;
+pub mod planning;
 pub mod problem;
 pub mod scenario;
+mod small_assignment;
+mod spot_allocation;
 pub mod target;
 pub mod topology;
+mod trimming;
+mod turn_order;
+pub mod utility;
 
 /// At most this many modules take part in one formation.
 pub const MODULES_MAX: usize = 10_000;

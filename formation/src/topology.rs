@@ -61,6 +61,15 @@ impl Topology {
         })
     }
 
+    /// The graph of that many nodes and no edge.
+    #[must_use]
+    pub fn without_edges(node_count: usize) -> Self {
+        Self {
+            graph: Csr::with_nodes(node_count),
+            edges: Vec::new(),
+        }
+    }
+
     /// How many nodes there are.
     #[must_use]
     pub fn node_count(&self) -> usize {
@@ -144,10 +153,7 @@ impl Topology {
                 ))
             })
             .collect();
-        Self::new(nodes.len(), &edges).unwrap_or_else(|_| Self {
-            graph: Csr::with_nodes(nodes.len()),
-            edges: Vec::new(),
-        })
+        Self::new(nodes.len(), &edges).unwrap_or_else(|_| Self::without_edges(nodes.len()))
     }
 
     /// The graph itself, for petgraph's algorithms; every edge stands in both directions.

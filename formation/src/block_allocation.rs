@@ -1,0 +1,158 @@
+//! The turn of a configuration: the paper's `blockAllocation` (Algorithm 2) with the optimal common subgraph.
+
+use crate::allocation::Holder;
+use crate::common_subtree;
+use crate::eviction::{Allocation, ChainSearch};
+use crate::fixed::MicroUnits;
+use crate::instance::Instance;
+use crate::matching::{Matching, MatchingInput};
+use crate::spot_allocation::{self, Displacement};
+use crate::topology::Topology;
+
+/// What came of a configuration's turn.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct BlockOutcome {
+    /// The modules that keep together and their spots; empty when the configuration dissolves.
+    pub(crate) placed: Vec<(usize, usize)>,
+    /// The connected components of the modules that leave; each ascending, in ascending order.
+    pub(crate) remainder: Vec<Vec<usize>>,
+    /// Whether no larger or better match exists.
+    pub(crate) proven: bool,
+}
+
+/// Finds the best place for the largest part of a configuration, commits it, and lets the singletons that it
+/// displaces re-enter by chain eviction; appends all evictions in the order in which they happen.
+///
+/// `members` are two or more modules, ascending and connected by links. A configuration of which no two linked
+/// modules can stay together dissolves: all its modules leave as singletons.
+pub(crate) fn allocate(
+    instance: &Instance,
+    search: &mut ChainSearch,
+    allocation: &mut Allocation,
+    members: &[usize],
+    evictions: &mut Vec<Displacement>,
+) -> BlockOutcome {
+    let topology = topology_of(instance, members);
+    let prices = prices(allocation, search);
+    let matching = best_matching(instance, &topology, |node, spot| {
+        let price = prices[spot]?;
+        Some(instance.utilities.of(members[node], spot) - price)
+    });
+    if matching.pairs.len() < 2 {
+        return BlockOutcome {
+            placed: Vec::new(),
+            remainder: members.iter().map(|&member| vec![member]).collect(),
+            proven: matching.proven,
+        };
+    }
+    let mut stays = vec![false; members.len()];
+    let placed: Vec<(usize, usize)> = matching
+        .pairs
+        .iter()
+        .map(|&(node, spot)| {
+            stays[node] = true;
+            (members[node], spot)
+        })
+        .collect();
+    commit(instance, search, allocation, &placed, evictions);
+    let remainder = topology
+        .components_within(|node| !stays[node])
+        .into_iter()
+        .map(|component| component.into_iter().map(|node| members[node]).collect())
+        .collect();
+    BlockOutcome {
+        placed,
+        remainder,
+        proven: matching.proven,
+    }
+}
+
+/// The links among `members`, which are ascending positions of modules.
+pub(crate) fn topology_of(instance: &Instance, members: &[usize]) -> Topology {
+    let edges: Vec<(usize, usize)> = members
+        .iter()
+        .enumerate()
+        .flat_map(|(node, &member)| {
+            instance
+                .links
+                .neighbours(member)
+                .iter()
+                .filter(move |&&other| other > member)
+                .filter_map(move |other| Some((node, members.binary_search(other).ok()?)))
+        })
+        .collect();
+    Topology::new(members.len(), &edges).unwrap_or_else(|_| Topology::without_edges(members.len()))
+}
+
+/// Chooses the solver: the exact programme for two trees, the search for graphs with cycles.
+pub(crate) fn best_matching(
+    instance: &Instance,
+    configuration: &Topology,
+    weight: impl Fn(usize, usize) -> Option<MicroUnits>,
+) -> Matching {
+    let input = MatchingInput {
+        configuration,
+        target: instance.target.topology(),
+        weight,
+    };
+    // Until the search for graphs with cycles is there, such graphs are matched along spanning trees.
+    common_subtree::solve(&input)
+}
+
+/// What taking each spot costs a configuration on top of its own utility; `None` where it may not.
+///
+/// Taking a spot from a singleton costs what the singleton loses by moving to its best free spot, or all that it
+/// earns if no spot is free.
+fn prices(allocation: &Allocation, search: &ChainSearch) -> Vec<Option<MicroUnits>> {
+    let table = &allocation.table;
+    let free: Vec<usize> = table.free_spots().collect();
+    table
+        .holders()
+        .iter()
+        .enumerate()
+        .map(|(spot, holder)| match *holder {
+            Holder::Nobody => Some(MicroUnits::ZERO),
+            Holder::Fixed(_) => None,
+            Holder::Singleton(module) => {
+                let row = search.rows.row(module);
+                let elsewhere = free.iter().map(|&other| row[other]).max().unwrap_or(0);
+                Some(MicroUnits(row[spot] - elsewhere))
+            }
+        })
+        .collect()
+}
+
+/// Gives the block its spots; the singletons that held them re-enter in the order of their rank.
+fn commit(
+    instance: &Instance,
+    search: &mut ChainSearch,
+    allocation: &mut Allocation,
+    placed: &[(usize, usize)],
+    evictions: &mut Vec<Displacement>,
+) {
+    let mut displaced = Vec::new();
+    for &(member, spot) in placed {
+        if let Holder::Singleton(evicted) = allocation.table.holder(spot) {
+            allocation.table.release(evicted);
+            displaced.push(Displacement {
+                evicted,
+                by: member,
+                from: spot,
+                to: None,
+            });
+        }
+        allocation.table.give(spot, Holder::Fixed(member));
+    }
+    displaced.sort_unstable_by_key(|displacement| instance.ranks[displacement.evicted]);
+    for mut displacement in displaced {
+        let position = evictions.len();
+        displacement.to = spot_allocation::allocate(
+            instance,
+            search,
+            allocation,
+            displacement.evicted,
+            evictions,
+        );
+        evictions.insert(position, displacement);
+    }
+}

@@ -1,0 +1,317 @@
+//! Chain eviction: a module takes a spot, its holder moves on to another, and so on, until the last displaced one
+//! moves to a free spot.
+//!
+//! This replaces the paper's `evict` (Algorithm 1), which never commits the evicted module's move. A chain is an
+//! augmenting path in the assignment of singletons to spots; the module whose turn it is takes the path of greatest
+//! gain in total utility. Unbounded, that keeps the singletons' allocation utility-optimal after every turn, which
+//! makes the paper's Theorem 3 true (shortest augmenting paths with dual potentials; R. Jonker and A. Volgenant,
+//! "A shortest augmenting path algorithm for dense and sparse linear assignment problems", Computing 38, 1987).
+
+use crate::allocation::{Holder, SpotTable};
+use crate::bounded_eviction::BoundedSearch;
+use crate::utility::Utilities;
+
+/// One step of a chain: a module leaves a spot for another.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Step {
+    /// The module that moves.
+    pub(crate) module: usize,
+    /// The spot that it takes; `None` when it is dropped.
+    pub(crate) to: Option<usize>,
+}
+
+/// The spot table with the dual potentials that prove the singletons' allocation optimal.
+///
+/// With the cost of a pair being minus its utility, the reduced cost `cost - of_module - of_spot` is never negative,
+/// zero for a module and the spot that it holds, and `of_spot` is zero for free spots and never positive.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Allocation {
+    /// Who holds which spot.
+    pub(crate) table: SpotTable,
+    of_module: Vec<i64>,
+    of_spot: Vec<i64>,
+    /// Once no spot is free: what a module's potential may reach before dropping it pays.
+    of_dropping: Option<i64>,
+    /// A chain was cut short by `d_max`, so that the allocation may not be optimal and the potentials mean nothing.
+    cut_short: bool,
+}
+
+impl Allocation {
+    pub(crate) fn new(module_count: usize, spot_count: usize) -> Self {
+        Self {
+            table: SpotTable::new(module_count, spot_count),
+            of_module: vec![0; module_count],
+            of_spot: vec![0; spot_count],
+            of_dropping: None,
+            cut_short: false,
+        }
+    }
+
+    /// Becomes a copy of another allocation, in the memory at hand.
+    pub(crate) fn copy_from(&mut self, other: &Self) {
+        self.table.copy_from(&other.table);
+        self.of_module.clone_from(&other.of_module);
+        self.of_spot.clone_from(&other.of_spot);
+        self.of_dropping = other.of_dropping;
+        self.cut_short = other.cut_short;
+    }
+
+    fn threshold_of_dropping(&mut self) -> i64 {
+        let table = &self.table;
+        let of_module = &self.of_module;
+        *self.of_dropping.get_or_insert_with(|| {
+            table
+                .holders()
+                .iter()
+                .filter_map(|holder| match holder {
+                    Holder::Singleton(module) => Some(of_module[*module]),
+                    _ => None,
+                })
+                .max()
+                .unwrap_or(0)
+        })
+    }
+}
+
+/// The utilities of the singletons, computed when a module is first inserted and kept for later turns.
+#[derive(Clone, Debug)]
+pub(crate) struct UtilityRows {
+    rows: Vec<Vec<i64>>,
+}
+
+impl UtilityRows {
+    pub(crate) fn new(module_count: usize) -> Self {
+        Self {
+            rows: vec![Vec::new(); module_count],
+        }
+    }
+
+    pub(crate) fn prepare(&mut self, utilities: &Utilities, module: usize) {
+        if self.rows[module].is_empty() {
+            self.rows[module] = utilities.row(module);
+        }
+    }
+
+    pub(crate) fn row(&self, module: usize) -> &[i64] {
+        &self.rows[module]
+    }
+}
+
+/// Inserts modules into an allocation; keeps its buffers between calls.
+#[derive(Clone, Debug)]
+pub(crate) struct ChainSearch {
+    pub(crate) rows: UtilityRows,
+    distance: Vec<i64>,
+    hops: Vec<u32>,
+    /// The module that moves to a spot on the shortest path to it.
+    mover: Vec<usize>,
+    /// The spots whose shortest path is not known yet.
+    open: Vec<usize>,
+    /// The spots whose holders were reached, in the order of their distance.
+    reached: Vec<usize>,
+    bounded: BoundedSearch,
+}
+
+/// Where a shortest augmenting path ends.
+#[derive(Clone, Copy, Debug)]
+enum End {
+    FreeSpot(usize),
+    Dropped(usize),
+}
+
+#[derive(Clone, Copy, Debug)]
+struct ShortestPath {
+    end: End,
+    length: i64,
+    evictions: u32,
+}
+
+impl ChainSearch {
+    pub(crate) fn new(module_count: usize) -> Self {
+        Self {
+            rows: UtilityRows::new(module_count),
+            distance: Vec::new(),
+            hops: Vec::new(),
+            mover: Vec::new(),
+            open: Vec::new(),
+            reached: Vec::new(),
+            bounded: BoundedSearch::default(),
+        }
+    }
+
+    /// Inserts a module that holds no spot by the chain of greatest gain with at most `d_max` evictions.
+    ///
+    /// The chain begins with the module itself. While a spot is free, it ends at a free spot. When none is, it ends
+    /// with the module that is dropped, and it is empty if dropping the inserted module itself is best.
+    /// Among chains of equal gain the one with the fewest evictions is taken, so that a module is evicted only if
+    /// that strictly raises the total utility; then the one whose last spot has the lowest identifier.
+    pub(crate) fn insert(
+        &mut self,
+        utilities: &Utilities,
+        allocation: &mut Allocation,
+        module: usize,
+        d_max: Option<u32>,
+    ) -> Vec<Step> {
+        self.rows.prepare(utilities, module);
+        if !allocation.cut_short {
+            let path = self.shortest_path(allocation, module);
+            if d_max.is_none_or(|d_max| path.evictions <= d_max) {
+                self.raise_potentials(allocation, module, path.length);
+                return self.augment(allocation, module, path.end);
+            }
+            allocation.cut_short = true;
+        }
+        let chain = self.bounded.best_chain(
+            &self.rows,
+            &allocation.table,
+            module,
+            d_max.unwrap_or(u32::MAX),
+        );
+        for step in &chain {
+            allocation.table.release(step.module);
+        }
+        for step in &chain {
+            if let Some(spot) = step.to {
+                allocation.table.give(spot, Holder::Singleton(step.module));
+            }
+        }
+        chain
+    }
+
+    /// Dijkstra's search from the inserted module over the spots, by (reduced cost, evictions, identifier).
+    fn shortest_path(&mut self, allocation: &mut Allocation, source: usize) -> ShortestPath {
+        let dropping =
+            (allocation.table.free_count() == 0).then(|| allocation.threshold_of_dropping());
+        let holders = allocation.table.holders();
+        let spot_count = holders.len();
+        self.distance.clear();
+        self.distance.resize(spot_count, i64::MAX);
+        self.hops.clear();
+        self.hops.resize(spot_count, 0);
+        self.mover.resize(spot_count, source);
+        self.reached.clear();
+        self.open.clear();
+        self.open
+            .extend((0..spot_count).filter(|&spot| !matches!(holders[spot], Holder::Fixed(_))));
+        allocation.of_module[source] = 0;
+        let mut best_drop = dropping.map(|threshold| ShortestPath {
+            end: End::Dropped(source),
+            length: threshold,
+            evictions: 0,
+        });
+        let (mut module, mut base, mut hops) = (source, 0_i64, 0_u32);
+        loop {
+            let nearest = self.relax(allocation, module, base, hops + 1);
+            let Some(position) = nearest else {
+                // Without any open spot the module can only be dropped.
+                return best_drop.unwrap_or(ShortestPath {
+                    end: End::Dropped(source),
+                    length: 0,
+                    evictions: 0,
+                });
+            };
+            let spot = self.open[position];
+            (base, hops) = (self.distance[spot], self.hops[spot]);
+            if let Some(drop) = best_drop
+                && (drop.length, drop.evictions) <= (base, hops)
+            {
+                return drop;
+            }
+            let Holder::Singleton(holder) = allocation.table.holder(spot) else {
+                return ShortestPath {
+                    end: End::FreeSpot(spot),
+                    length: base,
+                    evictions: hops - 1,
+                };
+            };
+            self.open.swap_remove(position);
+            self.reached.push(spot);
+            module = holder;
+            if let (Some(threshold), Some(drop)) = (dropping, &mut best_drop) {
+                let length = base + threshold - allocation.of_module[module];
+                if (length, hops) < (drop.length, drop.evictions) {
+                    *drop = ShortestPath {
+                        end: End::Dropped(module),
+                        length,
+                        evictions: hops,
+                    };
+                }
+            }
+        }
+    }
+
+    /// Lets `module` move on from distance `base`, and returns the position in `open` of the nearest spot.
+    fn relax(
+        &mut self,
+        allocation: &Allocation,
+        module: usize,
+        base: i64,
+        hops: u32,
+    ) -> Option<usize> {
+        let row = self.rows.row(module);
+        let base = base - allocation.of_module[module];
+        let mut nearest: Option<usize> = None;
+        let mut nearest_key = (i64::MAX, u32::MAX, usize::MAX);
+        for (position, &spot) in self.open.iter().enumerate() {
+            let length = base - row[spot] - allocation.of_spot[spot];
+            let known = &mut self.distance[spot];
+            if length < *known || (length == *known && hops < self.hops[spot]) {
+                *known = length;
+                self.hops[spot] = hops;
+                self.mover[spot] = module;
+            }
+            if *known <= nearest_key.0 {
+                let key = (*known, self.hops[spot], spot);
+                if key < nearest_key {
+                    nearest_key = key;
+                    nearest = Some(position);
+                }
+            }
+        }
+        nearest
+    }
+
+    /// Restores the potentials' meaning for the allocation that the path of that length leads to.
+    fn raise_potentials(&self, allocation: &mut Allocation, source: usize, length: i64) {
+        for &spot in &self.reached {
+            let slack = length - self.distance[spot];
+            allocation.of_spot[spot] -= slack;
+            if let Holder::Singleton(holder) = allocation.table.holder(spot) {
+                allocation.of_module[holder] += slack;
+            }
+        }
+        allocation.of_module[source] += length;
+    }
+
+    fn augment(&self, allocation: &mut Allocation, source: usize, end: End) -> Vec<Step> {
+        let table = &mut allocation.table;
+        let mut chain = Vec::new();
+        let mut spot = match end {
+            End::FreeSpot(spot) => spot,
+            End::Dropped(module) => {
+                let Some(spot) = table.spot_of(module) else {
+                    return chain;
+                };
+                table.release(module);
+                chain.push(Step { module, to: None });
+                spot
+            }
+        };
+        loop {
+            let module = self.mover[spot];
+            let left = table.spot_of(module);
+            table.release(module);
+            table.give(spot, Holder::Singleton(module));
+            chain.push(Step {
+                module,
+                to: Some(spot),
+            });
+            match left {
+                Some(left) if module != source => spot = left,
+                _ => break,
+            }
+        }
+        chain.reverse();
+        chain
+    }
+}

@@ -1,0 +1,53 @@
+//! The turn of a single module: the paper's `spotAllocation` (Algorithm 1) with chain eviction.
+
+use crate::eviction::{Allocation, ChainSearch, Step};
+use crate::instance::Instance;
+
+/// One module losing its spot to another, by position.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) struct Displacement {
+    /// The module that loses its spot.
+    pub(crate) evicted: usize,
+    /// The module that takes it.
+    pub(crate) by: usize,
+    /// The spot that changes hands.
+    pub(crate) from: usize,
+    /// Where the evicted module goes; `None` when it is dropped.
+    pub(crate) to: Option<usize>,
+}
+
+/// Places one module by the best chain, and appends the evictions that it makes in the order of the chain.
+///
+/// Returns the spot that the module takes; `None` means NO_SPOT_FOUND.
+pub(crate) fn allocate(
+    instance: &Instance,
+    search: &mut ChainSearch,
+    allocation: &mut Allocation,
+    module: usize,
+    evictions: &mut Vec<Displacement>,
+) -> Option<usize> {
+    let d_max = instance.problem.parameters().d_max;
+    let chain = search.insert(&instance.utilities, allocation, module, d_max);
+    for pair in chain.windows(2) {
+        let [
+            Step {
+                module: by,
+                to: Some(from),
+            },
+            Step {
+                module: evicted,
+                to,
+            },
+        ] = *pair
+        else {
+            continue;
+        };
+        evictions.push(Displacement {
+            evicted,
+            by,
+            from,
+            to,
+        });
+    }
+    chain.first().and_then(|step| step.to)
+}

@@ -1,0 +1,116 @@
+//! The planner's facade over whole scenarios.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use formation::generate::{GeneratorParameters, Grouping, generate};
+use formation::message::Decision;
+use formation::parameters::{PlannerParameters, TurnOrder};
+use formation::planning::{ClaimRefused, Planning, plan};
+use formation::problem::PlanningProblem;
+use formation::scenario::Scenario;
+
+fn problem(
+    modules: usize,
+    spots: usize,
+    grouping: Grouping,
+    seed: u64,
+    parameters: PlannerParameters,
+) -> Arc<PlanningProblem> {
+    let raw = generate(&GeneratorParameters::new(modules, spots, seed).grouped(grouping)).unwrap();
+    let scenario = Scenario::try_from(raw).unwrap();
+    let problem = scenario.problem();
+    Arc::new(
+        PlanningProblem::new(
+            Arc::clone(problem.target()),
+            parameters,
+            problem.modules().to_vec(),
+        )
+        .unwrap(),
+    )
+}
+
+fn size_first() -> PlannerParameters {
+    PlannerParameters {
+        order: TurnOrder::SizeFirst,
+        ..PlannerParameters::default()
+    }
+}
+
+#[test]
+fn as_many_spots_are_filled_as_can_be() {
+    for (seed, (modules, spots)) in [(30, 30), (40, 25), (25, 40)].into_iter().enumerate() {
+        for grouping in [
+            Grouping::Singletons,
+            Grouping::Mixed,
+            Grouping::Configurations(5),
+        ] {
+            for parameters in [PlannerParameters::default(), size_first()] {
+                let problem = problem(modules, spots, grouping, seed as u64, parameters);
+                let outcome = plan(Arc::clone(&problem));
+                let filled: BTreeSet<_> = outcome.plan.assignments.values().collect();
+                assert_eq!(filled.len(), modules.min(spots));
+                assert_eq!(outcome.plan.assignments.len(), filled.len());
+                assert_eq!(outcome.unassigned.len(), modules.saturating_sub(spots));
+                assert_eq!(outcome.open_spots.len(), spots.saturating_sub(modules));
+                assert_eq!(outcome.trimmed_spots, outcome.open_spots);
+            }
+        }
+    }
+}
+
+#[test]
+fn replicas_that_apply_each_others_decisions_agree() {
+    let problem = problem(40, 40, Grouping::Mixed, 7, PlannerParameters::default());
+    let mut speaker = Planning::new(Arc::clone(&problem));
+    let mut listener = Planning::new(problem);
+    while let Some(turn) = speaker.turn() {
+        let decision = speaker.decide().unwrap();
+        assert_eq!(speaker.decide().unwrap(), decision);
+        assert_eq!(listener.turn(), Some(turn.clone()));
+        speaker.apply(turn.claimant, &decision).unwrap();
+        listener.apply(turn.claimant, &decision).unwrap();
+        assert_eq!(listener.applied_turns(), turn.number + 1);
+    }
+    assert_eq!(speaker.finish().unwrap(), listener.finish().unwrap());
+}
+
+#[test]
+fn a_claim_that_does_not_follow_from_the_input_is_refused() {
+    let problem = problem(
+        10,
+        10,
+        Grouping::Singletons,
+        3,
+        PlannerParameters::default(),
+    );
+    let mut planning = Planning::new(problem);
+    let turn = planning.turn().unwrap();
+    let decision = planning.decide().unwrap();
+    let other = planning
+        .problem()
+        .modules()
+        .iter()
+        .map(|module| module.id)
+        .find(|&id| id != turn.claimant)
+        .unwrap();
+    assert_eq!(
+        planning.apply(other, &decision),
+        Err(ClaimRefused::WrongClaimant {
+            expected: turn.claimant
+        })
+    );
+    let refused = planning.apply(turn.claimant, &Decision::default());
+    assert!(matches!(
+        refused,
+        Err(ClaimRefused::DifferentDecision { turn: 0, .. })
+    ));
+    assert_eq!(planning.turn(), Some(turn));
+    planning.take_all_turns();
+    assert_eq!(
+        planning.apply(other, &decision),
+        Err(ClaimRefused::NoTurnLeft)
+    );
+}
