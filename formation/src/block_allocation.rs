@@ -34,7 +34,7 @@ pub(crate) fn allocate(
 ) -> BlockOutcome {
     let topology = topology_of(instance, members);
     let prices = prices(allocation, search);
-    let matching = best_matching(instance, &topology, |node, spot| {
+    let matching = best_matching(instance.target.topology(), &topology, |node, spot| {
         let price = prices[spot]?;
         Some(instance.utilities.of(members[node], spot) - price)
     });
@@ -84,15 +84,15 @@ pub(crate) fn topology_of(instance: &Instance, members: &[usize]) -> Topology {
     Topology::new(members.len(), &edges).unwrap_or_else(|_| Topology::without_edges(members.len()))
 }
 
-/// Chooses the solver: the exact programme for two trees, the search for graphs with cycles.
+/// Chooses the solver: the exact programme for two trees, the search for graphs with cycles. Both graphs are connected.
 pub(crate) fn best_matching(
-    instance: &Instance,
+    target: &Topology,
     configuration: &Topology,
     weight: impl Fn(usize, usize) -> Option<MicroUnits>,
 ) -> Matching {
     let input = MatchingInput {
         configuration,
-        target: instance.target.topology(),
+        target,
         weight,
     };
     // Until the search for graphs with cycles is there, such graphs are matched along spanning trees.

@@ -28,6 +28,7 @@ pub mod problem;
 pub mod scenario;
 mod small_assignment;
 mod spot_allocation;
+pub mod statistics;
 pub mod target;
 pub mod topology;
 mod trimming;

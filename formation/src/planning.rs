@@ -479,6 +479,8 @@ impl Planning {
 /// What planning a problem to the end gives.
 #[derive(Clone, Debug)]
 pub struct PlanOutcome {
+    /// The target that is formed: the problem's own without the spots that were trimmed.
+    pub target: Arc<Target>,
     /// The plan, with its acting order.
     pub plan: Plan,
     /// Every turn with its decision.
@@ -531,6 +533,7 @@ impl Planning {
             .sum();
         let taken: BTreeSet<SpotId> = plan.assignments.values().copied().collect();
         PlanOutcome {
+            target: Arc::clone(&self.instance.target),
             open_spots: self
                 .problem()
                 .target()

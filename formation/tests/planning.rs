@@ -11,6 +11,7 @@ use formation::parameters::{PlannerParameters, TurnOrder};
 use formation::planning::{ClaimRefused, Planning, plan};
 use formation::problem::PlanningProblem;
 use formation::scenario::Scenario;
+use formation::statistics::Statistics;
 
 fn problem(
     modules: usize,
@@ -113,4 +114,27 @@ fn a_claim_that_does_not_follow_from_the_input_is_refused() {
         planning.apply(other, &decision),
         Err(ClaimRefused::NoTurnLeft)
     );
+}
+
+#[test]
+fn the_statistics_account_for_every_module_and_link() {
+    let problem = problem(60, 60, Grouping::Configurations(12), 5, size_first());
+    let outcome = plan(Arc::clone(&problem));
+    let statistics = Statistics::of(&problem, &outcome);
+    assert_eq!(statistics.kept_links + statistics.broken_links, 55);
+    assert_eq!(statistics.messages.samples, outcome.decisions.len());
+    assert_eq!(
+        statistics.messages.deliveries,
+        59 * statistics.messages.samples
+    );
+    assert!(statistics.messages.pairs >= 59 * 60);
+    assert_eq!(statistics.assembly_order.len(), 60);
+    assert_eq!(statistics.assignments.len(), 60);
+    // What does not fit an empty target does not fit one that others share.
+    let disconnected = statistics.disconnected;
+    assert!(disconnected.unmatched_on_empty_target <= disconnected.outside_largest_piece);
+    assert!(disconnected.outside_largest_piece <= statistics.detached_modules);
+    assert!(disconnected.alone <= statistics.detached_modules);
+    // A link breaks at every module that leaves, at most all of its links.
+    assert!(disconnected.broken_links >= disconnected.outside_largest_piece.div_ceil(2));
 }
