@@ -1,0 +1,137 @@
+//! CDR as the DDS library writes and reads it, for every type of the package.
+
+use byteorder::{BigEndian, LittleEndian};
+use formation::message;
+use formation_msgs as wire;
+use formation_msgs::InterfaceType;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use serde_json::Value;
+use serde_reflection::{Registry, Tracer, TracerConfig};
+
+/// The four bytes before the value that tell how it is encoded.
+const ENCAPSULATION_LENGTH: usize = 4;
+const BIG_ENDIAN: [u8; ENCAPSULATION_LENGTH] = [0, 0, 0, 0];
+const LITTLE_ENDIAN: [u8; ENCAPSULATION_LENGTH] = [0, 1, 0, 0];
+
+/// What a value was read as.
+pub struct Decoded {
+    pub value: Value,
+    /// The same value, written again with the same byte order.
+    pub bytes: Vec<u8>,
+    /// How many bytes of the payload were read, the encapsulation included.
+    pub consumed: usize,
+}
+
+/// One type of the package, with its type erased.
+pub struct Codec {
+    pub package: &'static str,
+    pub name: &'static str,
+    pub decode: fn(&[u8]) -> Result<Decoded, String>,
+    /// Decodes and, if that works, makes validated data of it. Says whether both worked.
+    pub accept: fn(&[u8]) -> bool,
+    /// What serde says about the fields.
+    pub trace: fn() -> Registry,
+}
+
+impl Codec {
+    pub fn full_name(&self) -> String {
+        format!("{}/msg/{}", self.package, self.name)
+    }
+}
+
+pub fn full_name<T: InterfaceType>() -> String {
+    format!("{}/msg/{}", T::PACKAGE, T::NAME)
+}
+
+/// The value, and how many bytes of the payload it took, the encapsulation included.
+pub fn read<T: DeserializeOwned>(payload: &[u8]) -> Result<(T, usize), String> {
+    let (head, body) = payload
+        .split_first_chunk::<ENCAPSULATION_LENGTH>()
+        .ok_or("no encapsulation")?;
+    match *head {
+        LITTLE_ENDIAN => cdr_encoding::from_bytes::<T, LittleEndian>(body),
+        BIG_ENDIAN => cdr_encoding::from_bytes::<T, BigEndian>(body),
+        other => return Err(format!("unknown encapsulation {other:?}")),
+    }
+    .map(|(value, consumed)| (value, consumed + ENCAPSULATION_LENGTH))
+    .map_err(|error| error.to_string())
+}
+
+pub fn encode<T: Serialize>(value: &T, little_endian: bool) -> Vec<u8> {
+    let (head, body) = if little_endian {
+        (
+            LITTLE_ENDIAN,
+            cdr_encoding::to_vec::<T, LittleEndian>(value),
+        )
+    } else {
+        (BIG_ENDIAN, cdr_encoding::to_vec::<T, BigEndian>(value))
+    };
+    [&head[..], &body.unwrap()].concat()
+}
+
+fn decode<T: Serialize + DeserializeOwned>(payload: &[u8]) -> Result<Decoded, String> {
+    let (value, consumed) = read::<T>(payload)?;
+    Ok(Decoded {
+        bytes: encode(&value, payload[..ENCAPSULATION_LENGTH] == LITTLE_ENDIAN),
+        value: serde_json::to_value(&value).unwrap(),
+        consumed,
+    })
+}
+
+fn accept<T, V>(payload: &[u8]) -> bool
+where
+    T: DeserializeOwned,
+    V: TryFrom<T>,
+{
+    read::<T>(payload).is_ok_and(|(value, _)| V::try_from(value).is_ok())
+}
+
+fn trace<T: DeserializeOwned>() -> Registry {
+    let mut tracer = Tracer::new(TracerConfig::default());
+    tracer.trace_simple_type::<T>().unwrap();
+    tracer.registry().unwrap()
+}
+
+fn codec<T, V>() -> Codec
+where
+    T: InterfaceType + Serialize + DeserializeOwned,
+    V: TryFrom<T>,
+{
+    Codec {
+        package: T::PACKAGE,
+        name: T::NAME,
+        decode: decode::<T>,
+        accept: accept::<T, V>,
+        trace: trace::<T>,
+    }
+}
+
+/// A type that only ever travels within another one.
+fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
+    codec::<T, T>()
+}
+
+/// Every type of the package, in the order of the files' names.
+pub fn all() -> Vec<Codec> {
+    vec![
+        part::<wire::CausalMark>(),
+        part::<wire::Edge>(),
+        part::<wire::Epoch>(),
+        codec::<wire::Eviction, message::EvictionNotice>(),
+        part::<wire::EvictionRecord>(),
+        codec::<wire::Heartbeat, Vec<message::Heartbeat>>(),
+        codec::<wire::ModuleHeartbeat, message::Heartbeat>(),
+        codec::<wire::ModuleState, message::ModuleState>(),
+        codec::<wire::ModuleStates, Vec<message::ModuleState>>(),
+        part::<wire::PlannerParameters>(),
+        part::<wire::QuorumBasis>(),
+        codec::<wire::Roster, message::RosterMessage>(),
+        part::<wire::RosterMember>(),
+        part::<wire::Spot>(),
+        codec::<wire::SpotClaim, message::SpotClaim>(),
+        part::<wire::SpotSelection>(),
+        codec::<wire::TargetConfiguration, message::TargetAnnouncement>(),
+        part::<wire::Verdict>(),
+    ]
+}

@@ -1,0 +1,416 @@
+//! Strategies for everything that agents may tell each other.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::fixed::MicroUnits;
+use formation::geometry::Pose;
+use formation::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, SpotId};
+use formation::message::{
+    CausalMark, Decision, EvictionNotice, EvictionRecord, Heartbeat, ModulePhase, ModuleState,
+    QuorumBasis, Roster, RosterMember, RosterMessage, SpotClaim, SpotSelection, TargetAnnouncement,
+};
+use formation::parameters::{PlannerParameters, Policy, TurnOrder, Weights};
+use formation::problem::PlanningModule;
+use formation::target::{RawSpot, RawTarget, Target};
+use proptest::collection::{btree_set, vec};
+use proptest::option;
+use proptest::prelude::*;
+use proptest::sample::{Index, select};
+
+const LIMIT: i64 = 1_000_000_000_000;
+
+/// Small identifiers often, so that collisions between lists happen; any other now and then.
+fn raw_id() -> impl Strategy<Value = u32> {
+    prop_oneof![4 => 0..40_u32, 1 => 0..u32::MAX]
+}
+
+fn module_id() -> impl Strategy<Value = ModuleId> {
+    raw_id().prop_map(ModuleId)
+}
+
+fn spot_id() -> impl Strategy<Value = SpotId> {
+    raw_id().prop_map(SpotId)
+}
+
+fn module_ids() -> impl Strategy<Value = Vec<ModuleId>> {
+    btree_set(module_id(), 0..5).prop_map(|modules| modules.into_iter().collect())
+}
+
+pub fn micro() -> impl Strategy<Value = MicroUnits> {
+    prop_oneof![
+        Just(-LIMIT),
+        Just(LIMIT),
+        -LIMIT..=LIMIT,
+        -20_000_000..=20_000_000_i64
+    ]
+    .prop_map(MicroUnits)
+}
+
+fn pose() -> impl Strategy<Value = Pose> {
+    (micro(), micro(), micro()).prop_map(|(x, y, theta)| Pose { x, y, theta })
+}
+
+fn epoch() -> impl Strategy<Value = Epoch> {
+    (1..=u64::MAX, module_id()).prop_map(|(number, convener)| Epoch { number, convener })
+}
+
+fn incarnation() -> impl Strategy<Value = Incarnation> {
+    any::<u64>().prop_map(Incarnation)
+}
+
+fn phase() -> impl Strategy<Value = ModulePhase> {
+    select(vec![
+        ModulePhase::Listening,
+        ModulePhase::Gathered,
+        ModulePhase::Planning,
+        ModulePhase::Agreeing,
+        ModulePhase::Waiting,
+        ModulePhase::Moving,
+        ModulePhase::Settled,
+        ModulePhase::Spare,
+        ModulePhase::WaitingForQuorum,
+    ])
+}
+
+/// An epoch, and a digest only within one.
+fn epoch_and_digest() -> impl Strategy<Value = (Option<Epoch>, Option<Digest>)> {
+    option::of((epoch(), option::of(any::<u64>().prop_map(Digest))))
+        .prop_map(|both| both.map_or((None, None), |(epoch, digest)| (Some(epoch), digest)))
+}
+
+fn weights() -> impl Strategy<Value = Weights> {
+    (
+        0..33_000_000_i64,
+        1..33_000_000_i64,
+        1..33_000_000_i64,
+        any::<bool>(),
+    )
+        .prop_map(|(undock, more, most, plain)| {
+            if plain {
+                return Weights::default();
+            }
+            let units = |micro| MicroUnits(micro).to_units();
+            Weights::from_units(
+                units(undock + more + most),
+                units(undock + more),
+                units(undock),
+            )
+            .unwrap()
+        })
+}
+
+fn parameters() -> impl Strategy<Value = PlannerParameters> {
+    (
+        select(vec![
+            Policy::Exact,
+            Policy::Paper,
+            Policy::Auction,
+            Policy::Hungarian,
+        ]),
+        select(vec![TurnOrder::Rank, TurnOrder::SizeFirst]),
+        option::of(0..=i32::MAX.unsigned_abs()),
+        weights(),
+        any::<bool>(),
+    )
+        .prop_map(
+            |(policy, order, d_max, weights, keep_all_spots)| PlannerParameters {
+                policy,
+                order,
+                d_max,
+                weights,
+                keep_all_spots,
+            },
+        )
+}
+
+/// A tree on up to ten spots, with a few edges more.
+fn target() -> impl Strategy<Value = Target> {
+    (
+        btree_set(raw_id(), 1..10),
+        vec((pose(), any::<Index>()), 10),
+        vec((any::<Index>(), any::<Index>()), 0..4),
+        "[a-z_/]{0,12}",
+    )
+        .prop_map(|(ids, placed, chords, frame_id)| {
+            let ids: Vec<u32> = ids.into_iter().collect();
+            let mut edges = BTreeSet::new();
+            for (node, (_, parent)) in placed.iter().enumerate().take(ids.len()).skip(1) {
+                edges.insert((parent.index(node), node));
+            }
+            for (one, other) in chords {
+                let (one, other) = (one.index(ids.len()), other.index(ids.len()));
+                if one != other {
+                    edges.insert((one.min(other), one.max(other)));
+                }
+            }
+            Target::try_from(RawTarget {
+                frame_id,
+                spots: ids
+                    .iter()
+                    .zip(&placed)
+                    .map(|(&id, (pose, _))| RawSpot {
+                        id,
+                        x: pose.x.to_units(),
+                        y: pose.y.to_units(),
+                        theta: pose.theta.to_units(),
+                    })
+                    .collect(),
+                edges: edges
+                    .into_iter()
+                    .map(|(one, other)| [ids[one], ids[other]])
+                    .collect(),
+            })
+            .unwrap()
+        })
+}
+
+pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
+    (
+        any::<u64>(),
+        "\\PC{0,20}",
+        option::weighted(0.8, target()),
+        parameters(),
+        option::of(1..=10_000_u32),
+    )
+        .prop_map(|(revision, name, target, parameters, expected_modules)| {
+            TargetAnnouncement {
+                revision,
+                name,
+                target: target.map(Arc::new),
+                parameters,
+                expected_modules,
+            }
+        })
+}
+
+fn marks() -> impl Strategy<Value = Vec<CausalMark>> {
+    (module_ids(), any::<u64>()).prop_map(|(modules, sequence)| {
+        modules
+            .into_iter()
+            .rev()
+            .map(|module| CausalMark { module, sequence })
+            .collect()
+    })
+}
+
+fn quorum_bases() -> impl Strategy<Value = Vec<QuorumBasis>> {
+    vec((epoch(), any::<bool>(), module_ids()), 0..3).prop_map(|bases| {
+        let mut seen = BTreeSet::new();
+        bases
+            .into_iter()
+            .filter(|(epoch, ..)| seen.insert(*epoch))
+            .map(|(epoch, agreed, modules)| QuorumBasis {
+                epoch,
+                agreed,
+                modules,
+            })
+            .collect()
+    })
+}
+
+fn planning_module() -> impl Strategy<Value = PlanningModule> {
+    (
+        module_id(),
+        pose(),
+        btree_set(module_id(), 0..5),
+        option::of(raw_id().prop_map(ConfigurationId)),
+        option::of(module_id()),
+        option::of(spot_id()),
+    )
+        .prop_map(
+            |(id, pose, mut links, configuration, leader, pin)| PlanningModule {
+                id,
+                pose,
+                links: {
+                    links.remove(&id);
+                    links
+                },
+                configuration,
+                leader,
+                pin,
+            },
+        )
+}
+
+pub fn module_state() -> impl Strategy<Value = ModuleState> {
+    (
+        planning_module(),
+        (incarnation(), any::<u64>(), epoch_and_digest(), phase()),
+        option::of(module_id()),
+        (marks(), marks(), quorum_bases()),
+    )
+        .prop_map(
+            |(
+                module,
+                (incarnation, sequence, (epoch, digest), phase),
+                unit,
+                (waited_for, agreed_on, quorum_bases),
+            )| ModuleState {
+                module: module.id,
+                incarnation,
+                sequence,
+                epoch,
+                digest,
+                phase,
+                pose: module.pose,
+                links: module.links,
+                configuration: module.configuration,
+                leader: module.leader,
+                spot: module.pin,
+                unit,
+                waited_for,
+                agreed_on,
+                quorum_bases,
+            },
+        )
+}
+
+pub fn module_states() -> impl Strategy<Value = Vec<ModuleState>> {
+    vec(module_state(), 0..4).prop_map(|mut states| {
+        let mut seen = BTreeSet::new();
+        states.retain(|state| seen.insert(state.module));
+        states
+    })
+}
+
+fn roster() -> impl Strategy<Value = Roster> {
+    (
+        epoch(),
+        announcement(),
+        vec((incarnation(), planning_module(), any::<Index>()), 1..6),
+        quorum_bases(),
+    )
+        .prop_map(|(epoch, target, mut members, quorum_bases)| {
+            members.sort_by_key(|(_, module, _)| module.id);
+            members.dedup_by_key(|(_, module, _)| module.id);
+            // Pins must be spots of the target, each for one member.
+            let mut free: Vec<SpotId> = target.target.as_ref().map_or_else(Vec::new, |target| {
+                target.spots().iter().map(|spot| spot.id).collect()
+            });
+            for (_, module, index) in &mut members {
+                module.pin = (module.pin.is_some() && !free.is_empty())
+                    .then(|| free.remove(index.index(free.len())));
+            }
+            Roster {
+                epoch,
+                target,
+                members: members
+                    .into_iter()
+                    .map(|(incarnation, module, _)| RosterMember {
+                        incarnation,
+                        module,
+                    })
+                    .collect(),
+                quorum_bases,
+            }
+        })
+}
+
+pub fn roster_message() -> impl Strategy<Value = RosterMessage> {
+    prop_oneof![
+        1 => (epoch(), any::<u64>()).prop_map(|(epoch, target_revision)| RosterMessage::Gather {
+            epoch,
+            target_revision,
+        }),
+        4 => roster().prop_map(|roster| RosterMessage::Plan(Arc::new(roster))),
+    ]
+}
+
+fn eviction_record() -> impl Strategy<Value = EvictionRecord> {
+    (module_id(), module_id(), spot_id(), option::of(spot_id())).prop_filter_map(
+        "an eviction of oneself or back to the lost spot",
+        |(evicted, by, from, to)| {
+            (evicted != by && to != Some(from)).then_some(EvictionRecord {
+                evicted,
+                by,
+                from,
+                to,
+            })
+        },
+    )
+}
+
+pub fn claim() -> impl Strategy<Value = SpotClaim> {
+    (
+        (epoch(), any::<u32>(), module_id(), incarnation()),
+        btree_set(spot_id(), 0..5),
+        btree_set(module_id(), 5),
+        vec(eviction_record(), 0..4),
+        module_ids(),
+    )
+        .prop_map(
+            |((epoch, turn, claimant, incarnation), spots, modules, evictions, detached)| {
+                SpotClaim {
+                    epoch,
+                    turn,
+                    claimant,
+                    incarnation,
+                    decision: Decision {
+                        selections: spots
+                            .into_iter()
+                            .zip(modules.into_iter().rev())
+                            .map(|(spot, module)| SpotSelection { spot, module })
+                            .collect(),
+                        evictions,
+                        detached,
+                    },
+                }
+            },
+        )
+}
+
+pub fn eviction_notice() -> impl Strategy<Value = EvictionNotice> {
+    (epoch(), any::<u32>(), eviction_record()).prop_map(|(epoch, turn, eviction)| EvictionNotice {
+        epoch,
+        turn,
+        eviction,
+    })
+}
+
+fn heartbeat() -> impl Strategy<Value = Heartbeat> {
+    (
+        module_id(),
+        incarnation(),
+        1..=u64::MAX,
+        (0..=i32::MAX.unsigned_abs(), 0..1_000_000_000_u32),
+        epoch_and_digest(),
+        any::<Index>(),
+        any::<u32>(),
+        phase(),
+    )
+        .prop_map(
+            |(
+                module,
+                incarnation,
+                sequence,
+                (sec, nanosec),
+                (epoch, digest),
+                since,
+                turns,
+                phase,
+            )| {
+                let span = usize::try_from(sequence).unwrap_or(usize::MAX);
+                Heartbeat {
+                    module,
+                    incarnation,
+                    sequence,
+                    uptime: Duration::new(sec.into(), nanosec),
+                    epoch,
+                    digest,
+                    digest_since: digest.map_or(0, |_| since.index(span) as u64 + 1),
+                    applied_turns: epoch.map_or(0, |_| turns),
+                    phase,
+                }
+            },
+        )
+}
+
+pub fn heartbeats() -> impl Strategy<Value = Vec<Heartbeat>> {
+    vec(heartbeat(), 0..5).prop_map(|mut heartbeats| {
+        let mut seen = BTreeSet::new();
+        heartbeats.retain(|heartbeat| seen.insert(heartbeat.module));
+        heartbeats
+    })
+}

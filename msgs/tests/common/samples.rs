@@ -1,0 +1,152 @@
+//! Values of every type of the package, as our own side puts them on the wire.
+
+use formation_msgs as wire;
+use formation_msgs::InterfaceType;
+use proptest::prelude::*;
+use proptest::strategy::ValueTree;
+use proptest::test_runner::{Config, TestRunner};
+use serde::Serialize;
+use serde_json::Value;
+
+use super::codec::{encode, full_name};
+use super::core_values;
+
+/// One value and its encoding.
+pub struct Sample {
+    pub type_name: String,
+    pub value: Value,
+    pub bytes: Vec<u8>,
+}
+
+struct Collection(Vec<Sample>);
+
+impl Collection {
+    fn add<T: InterfaceType + Serialize>(&mut self, value: &T) {
+        for little_endian in [true, false] {
+            self.0.push(Sample {
+                type_name: full_name::<T>(),
+                value: serde_json::to_value(value).unwrap(),
+                bytes: encode(value, little_endian),
+            });
+        }
+    }
+
+    fn add_all<T: InterfaceType + Serialize>(&mut self, values: &[T]) {
+        for value in values {
+            self.add(value);
+        }
+    }
+
+    fn add_target(&mut self, target: &wire::TargetConfiguration) {
+        self.add(target);
+        self.add(&target.planner);
+        self.add_all(&target.spots);
+        self.add_all(&target.edges);
+    }
+
+    fn add_states(&mut self, states: &wire::ModuleStates) {
+        self.add(states);
+        for state in &states.modules {
+            self.add(state);
+            self.add(&state.epoch);
+            self.add_all(&state.waited_for);
+            self.add_all(&state.quorum_bases);
+        }
+    }
+
+    fn add_roster(&mut self, roster: &wire::Roster) {
+        self.add(roster);
+        self.add_all(&roster.members);
+    }
+
+    fn add_claim(&mut self, claim: &wire::SpotClaim) {
+        self.add(claim);
+        self.add_all(&claim.selections);
+        self.add_all(&claim.evictions);
+    }
+}
+
+pub fn header() -> impl Strategy<Value = wire::Header> {
+    (any::<i32>(), 0..1_000_000_000_u32, "[a-z]{0,7}").prop_map(|(sec, nanosec, frame_id)| {
+        wire::Header {
+            stamp: wire::Time { sec, nanosec },
+            frame_id,
+        }
+    })
+}
+
+fn verdict() -> impl Strategy<Value = wire::Verdict> {
+    let ids = || proptest::collection::vec(any::<u32>(), 0..4);
+    (
+        header(),
+        any::<(u64, u32, u8, u32, u32)>(),
+        ids(),
+        ids(),
+        ids(),
+        proptest::collection::vec("\\PC{0,12}", 0..4),
+    )
+        .prop_map(
+            |(header, numbers, open_spots, unassigned_modules, assigned, violations)| {
+                let (number, convener, outcome, filled_spots, spots) = numbers;
+                wire::Verdict {
+                    header,
+                    epoch: wire::Epoch { number, convener },
+                    outcome,
+                    filled_spots,
+                    spots,
+                    open_spots,
+                    unassigned_modules,
+                    assignments: assigned
+                        .into_iter()
+                        .map(|module_id| wire::SpotSelection {
+                            spot_id: module_id / 2,
+                            module_id,
+                        })
+                        .collect(),
+                    violations,
+                }
+            },
+        )
+}
+
+/// The same values on every run: `count` of each topic, and their parts as values of their own.
+pub fn samples(count: usize) -> Vec<Sample> {
+    let mut runner = TestRunner::new_with_rng(
+        Config::default(),
+        proptest::test_runner::TestRng::deterministic_rng(
+            proptest::test_runner::RngAlgorithm::ChaCha,
+        ),
+    );
+    fn draw<S: Strategy>(runner: &mut TestRunner, strategy: &S) -> S::Value {
+        strategy.new_tree(runner).unwrap().current()
+    }
+    let mut samples = Collection(Vec::new());
+    for _ in 0..count {
+        let header = draw(&mut runner, &header());
+        samples.add_target(&wire::TargetConfiguration {
+            header: header.clone(),
+            ..wire::TargetConfiguration::from(&draw(&mut runner, &core_values::announcement()))
+        });
+        let states = draw(&mut runner, &core_values::module_states());
+        samples.add_states(&wire::ModuleStates::new(header, &states));
+        samples.add_roster(&(&draw(&mut runner, &core_values::roster_message())).into());
+        samples.add_claim(&(&draw(&mut runner, &core_values::claim())).into());
+        let notice = draw(&mut runner, &core_values::eviction_notice());
+        samples.add(&wire::Eviction::from(&notice));
+        let heartbeat = wire::Heartbeat::new(&draw(&mut runner, &core_values::heartbeats()));
+        samples.add_all(&heartbeat.modules);
+        samples.add(&heartbeat);
+        samples.add(&draw(&mut runner, &verdict()));
+    }
+    samples.0
+}
+
+/// The longest little-endian sample of a type, which has the most entries in its lists.
+pub fn longest_of(samples: &[Sample], type_name: &str) -> Vec<u8> {
+    samples
+        .iter()
+        .filter(|sample| sample.type_name == type_name && sample.bytes[1] == 1)
+        .map(|sample| sample.bytes.clone())
+        .max_by_key(Vec::len)
+        .unwrap()
+}
