@@ -1,66 +1,404 @@
-//! What the border refuses, and how it says so.
+//! What the border refuses, and how it says so. Each case changes one thing in a message that is accepted.
 
-use formation::message::{ModuleState, TargetAnnouncement};
+#![allow(
+    clippy::unwrap_used,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use formation::message;
 use formation_msgs as wire;
+use formation_msgs::{MessageError, NONE, bounds};
+
+/// The text of the refusal after `change`; the message must be accepted without it.
+fn refusal<T, V>(valid: &T, change: impl FnOnce(&mut T)) -> String
+where
+    T: Clone,
+    V: TryFrom<T, Error = MessageError>,
+{
+    assert!(V::try_from(valid.clone()).is_ok());
+    let mut bad = valid.clone();
+    change(&mut bad);
+    match V::try_from(bad) {
+        Ok(_) => "accepted".to_owned(),
+        Err(error) => error.to_string(),
+    }
+}
+
+/// Names the table's type once: `refusals!(valid, Validated: message => change, "text"; ...)`.
+macro_rules! refusals {
+    ($valid:expr, $validated:ty: $($message:ident => $change:expr, $text:expr;)+) => {
+        $(assert_eq!(
+            refusal::<_, $validated>(&$valid, |$message| $change),
+            $text
+        );)+
+    };
+}
+
+const EPOCH: wire::Epoch = wire::Epoch {
+    number: 3,
+    convener: 1,
+};
+const NO_EPOCH: wire::Epoch = wire::Epoch {
+    number: 0,
+    convener: 0,
+};
+
+fn mark(module_id: u32) -> wire::CausalMark {
+    wire::CausalMark {
+        module_id,
+        sequence: 9,
+    }
+}
+
+fn basis(number: u64) -> wire::QuorumBasis {
+    wire::QuorumBasis {
+        epoch: wire::Epoch {
+            number,
+            convener: 1,
+        },
+        agreed: true,
+        module_ids: vec![1, 4],
+    }
+}
 
 fn state() -> wire::ModuleState {
     wire::ModuleState {
         module_id: 4,
         incarnation: 1,
         sequence: 1,
-        epoch: wire::Epoch::default(),
-        has_digest: false,
-        digest: 0,
-        phase: wire::ModuleState::PHASE_LISTENING,
+        epoch: EPOCH,
+        has_digest: true,
+        digest: 7,
+        phase: wire::ModuleState::PHASE_MOVING,
         x: 1.5,
         y: -2.0,
         theta: 0.0,
         links: vec![5, 6],
         configuration_id: 1,
         leader_id: 4,
-        spot_id: wire::NONE,
-        unit_id: wire::NONE,
-        waited_for: Vec::new(),
-        agreed_on: Vec::new(),
-        quorum_bases: Vec::new(),
+        spot_id: 2,
+        unit_id: 4,
+        waited_for: vec![mark(5), mark(1)],
+        agreed_on: vec![mark(1)],
+        quorum_bases: vec![basis(1), basis(2)],
     }
 }
 
 #[test]
-fn a_module_state_names_its_fault() {
-    let refusal = |change: fn(&mut wire::ModuleState)| {
-        let mut bad = state();
-        change(&mut bad);
-        ModuleState::try_from(bad).unwrap_err().to_string()
+fn module_states() {
+    let valid = wire::ModuleStates {
+        header: wire::Header::default(),
+        modules: vec![
+            wire::ModuleState {
+                module_id: 8,
+                ..state()
+            },
+            state(),
+        ],
     };
-    assert!(ModuleState::try_from(state()).is_ok());
-    assert_eq!(
-        refusal(|state| state.links = vec![5, 4]),
-        "module_states: links[1]: names module 4 itself"
+    refusals!(valid, Vec<message::ModuleState>:
+        sample => sample.header.frame_id = "m".repeat(256),
+            "module_states: header.frame_id: 256 bytes, at most 255 are allowed";
+        sample => sample.modules[1].module_id = 8, "module_states: modules[1]: module 8 is listed twice";
+        sample => sample.modules[1].module_id = NONE,
+            "module_states: modules[1].module_id: 4294967295 stands for none and cannot be used here";
+        sample => sample.modules[1].epoch.convener = NONE,
+            "module_states: modules[1].epoch.convener: 4294967295 stands for none and cannot be used here";
+        sample => sample.modules[1].epoch = NO_EPOCH,
+            "module_states: modules[1].digest: there cannot be one without an epoch";
+        sample => sample.modules[1].has_digest = false,
+            "module_states: modules[1].digest: must be 0 while has_digest is false";
+        sample => sample.modules[1].phase = 0,
+            "module_states: modules[1].phase: 0 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
+             WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9";
+        sample => sample.modules[1].x = f64::NAN,
+            "module_states: modules[1].x: must be a finite number, got NaN";
+        sample => sample.modules[1].y = f64::NEG_INFINITY,
+            "module_states: modules[1].y: must be a finite number, got -inf";
+        sample => sample.modules[1].theta = 1.0e6 + 0.5,
+            "module_states: modules[1].theta: must lie within +-1000000, got 1000000.5";
+        sample => sample.modules[1].links = vec![5, 4],
+            "module_states: modules[1].links[1]: names module 4 itself";
+        sample => sample.modules[1].links = vec![5, 6, 5],
+            "module_states: modules[1].links[2]: module 5 is listed twice";
+        sample => sample.modules[1].links = vec![NONE],
+            "module_states: modules[1].links[0]: 4294967295 stands for none and cannot be used here";
+        sample => sample.modules[1].links = (10..75).collect(),
+            "module_states: modules[1].links: 65 entries, at most 64 are allowed";
+        sample => sample.modules[1].waited_for[1].module_id = 5,
+            "module_states: modules[1].waited_for[1]: module 5 is listed twice";
+        sample => sample.modules[1].agreed_on[0].module_id = NONE,
+            "module_states: modules[1].agreed_on[0].module_id: 4294967295 stands for none and cannot be used here";
+        sample => sample.modules[1].waited_for = vec![mark(1); bounds::MODULES_MAX + 1],
+            "module_states: modules[1].waited_for: 10001 entries, at most 10000 are allowed";
+        sample => sample.modules[1].agreed_on = vec![mark(1); bounds::MODULES_MAX + 1],
+            "module_states: modules[1].agreed_on: 10001 entries, at most 10000 are allowed";
+        sample => sample.modules[1].quorum_bases[1].epoch = NO_EPOCH,
+            "module_states: modules[1].quorum_bases[1].epoch: number 0 stands for no epoch, but one is needed here";
+        sample => sample.modules[1].quorum_bases[1].epoch.number = 1,
+            "module_states: modules[1].quorum_bases[1]: epoch 1.1 is listed twice";
+        sample => sample.modules[1].quorum_bases[0].module_ids = vec![4, 1],
+            "module_states: modules[1].quorum_bases[0].module_ids[1]: module 4 must stand after module 1, the list \
+             ascends";
+        sample => sample.modules[1].quorum_bases[0].module_ids = (0..=10_000).collect(),
+            "module_states: modules[1].quorum_bases[0].module_ids: 10001 entries, at most 10000 are allowed";
+        sample => sample.modules[1].quorum_bases = (1..=257).map(basis).collect(),
+            "module_states: modules[1].quorum_bases: 257 entries, at most 256 are allowed";
+        sample => sample.modules = vec![state(); bounds::MODULES_MAX + 1],
+            "module_states: modules: 10001 entries, at most 10000 are allowed";
     );
-    assert_eq!(
-        refusal(|state| state.y = f64::NAN),
-        "module_states: y: must be a finite number, got NaN"
+    refusals!(state(), message::ModuleState:
+        state => state.y = f64::NAN, "module_states: y: must be a finite number, got NaN";
     );
-    assert_eq!(
-        refusal(|state| {
-            state.has_digest = true;
-            state.digest = 7;
-        }),
-        "module_states: digest: there cannot be one without an epoch"
+}
+
+fn target() -> wire::TargetConfiguration {
+    let spot = |id, x| wire::Spot {
+        id,
+        x,
+        y: 0.0,
+        theta: 0.0,
+    };
+    wire::TargetConfiguration {
+        revision: 5,
+        name: "pair".to_owned(),
+        spots: vec![spot(1, 0.0), spot(2, 1.0)],
+        edges: vec![wire::Edge {
+            first: 1,
+            second: 2,
+        }],
+        ..wire::TargetConfiguration::default()
+    }
+}
+
+#[test]
+fn targets() {
+    refusals!(target(), message::TargetAnnouncement:
+        target => target.header.frame_id = "m".repeat(256),
+            "target: header.frame_id: 256 bytes, at most 255 are allowed";
+        target => target.name = "\u{20ac}".repeat(86), "target: name: 258 bytes, at most 255 are allowed";
+        target => target.withdrawn = true, "target: spots: must be empty while the target is withdrawn";
+        target => { target.withdrawn = true; target.spots.clear(); },
+            "target: edges: must be empty while the target is withdrawn";
+        target => target.expected_modules = 10_001, "target: expected_modules: must be at most 10000, got 10001";
+        target => { target.spots.clear(); target.edges.clear(); }, "target: spots: the target is empty; it needs at least one spot";
+        target => target.spots[1].id = 1, "target: spots[1].id: spot 1 is used twice";
+        target => target.spots[1].x = f64::INFINITY,
+            "target: spots[1].x must be a finite number, got inf (spot 2)";
+        target => target.spots = vec![target.spots[0]; bounds::SPOTS_MAX + 1],
+            "target: spots: 10001 entries, at most 10000 are supported";
+        target => target.edges = vec![target.edges[0]; bounds::EDGES_MAX + 1],
+            "target: edges: 40001 entries, at most 40000 are supported";
+        target => target.edges[0].second = 9, "target: edges[0]: there is no spot 9";
+        target => target.edges.clear(),
+            "target: edges: the target is disconnected; spot 2 cannot be reached from spot 1";
+        target => target.planner.policy = 4,
+            "target: planner.policy: 4 is unknown; known are EXACT 0, PAPER 1, AUCTION 2, HUNGARIAN 3";
+        target => target.planner.order = 2,
+            "target: planner.order: 2 is unknown; known are RANK 0, SIZE_FIRST 1";
+        target => target.planner.d_max = -2,
+            "target: planner.d_max: -2 is unknown; known are 0 and above, and UNBOUNDED -1";
+        target => target.planner.weight_dock = f64::NAN,
+            "target: planner.weight_dock: must be a finite number, got NaN";
+        target => target.planner.weight_loc = 101.0,
+            "target: planner.weight_loc: must lie within +-100, got 101";
+        target => target.planner.weight_undock = 0.5,
+            "target: planner: must satisfy loc > dock > undock >= 0, got loc 1, dock 0.1, undock 0.5";
+    );
+    let withdrawn = wire::TargetConfiguration {
+        withdrawn: true,
+        spots: Vec::new(),
+        edges: Vec::new(),
+        ..target()
+    };
+    let announcement = message::TargetAnnouncement::try_from(withdrawn).unwrap();
+    assert_eq!(announcement.target, None);
+    assert_eq!(announcement.expected_modules, None);
+}
+
+fn member(module_id: u32) -> wire::RosterMember {
+    wire::RosterMember {
+        module_id,
+        incarnation: 1,
+        x_micro: 1_000_000,
+        y_micro: 0,
+        theta_micro: 0,
+        links: vec![9],
+        configuration_id: NONE,
+        leader_id: NONE,
+        pinned_spot_id: NONE,
+    }
+}
+
+#[test]
+fn rosters() {
+    let plan = wire::Roster {
+        epoch: EPOCH,
+        stage: wire::Roster::STAGE_PLAN,
+        target_revision: 5,
+        target: target(),
+        members: vec![member(1), member(4)],
+        quorum_bases: vec![basis(1), basis(2)],
+    };
+    refusals!(plan, message::RosterMessage:
+        roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
+        roster => roster.stage = 0, "roster: stage: 0 is unknown; known are GATHER 1, PLAN 2";
+        roster => roster.stage = wire::Roster::STAGE_GATHER,
+            "roster: target.spots: must be empty while the epoch gathers";
+        roster => roster.target_revision = 4, "roster: target.revision: differs from target_revision";
+        roster => roster.target.planner.d_max = -9,
+            "roster: target.planner.d_max: -9 is unknown; known are 0 and above, and UNBOUNDED -1";
+        roster => { roster.target.spots.clear(); roster.target.edges.clear(); }, "roster: target: spots: the target is empty; it needs at least one spot";
+        roster => roster.members.clear(), "roster: members: a plan needs at least one member";
+        roster => roster.members.reverse(),
+            "roster: members[1]: module 4 must stand after module 1, the list ascends";
+        roster => roster.members[1].module_id = 1, "roster: members[1]: module 1 is listed twice";
+        roster => roster.members[1].x_micro = 1_000_000_000_001,
+            "roster: members[1].x_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
+             1000000000001";
+        roster => roster.members[1].y_micro = i64::MIN,
+            "roster: members[1].y_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
+             -9223372036854775808";
+        roster => roster.members[1].links = vec![4], "roster: members[1].links[0]: names module 4 itself";
+        roster => roster.members[1].pinned_spot_id = 7,
+            "roster: members: module 4 is pinned to spot 7, which the target does not have";
+        roster => for member in &mut roster.members { member.pinned_spot_id = 2 },
+            "roster: members: module 1 and module 4 are both pinned to spot 2";
+        roster => roster.members = vec![member(1); bounds::MODULES_MAX + 1],
+            "roster: members: 10001 entries, at most 10000 are allowed";
+        roster => roster.quorum_bases[1].epoch.number = 1,
+            "roster: quorum_bases[1]: epoch 1.1 is listed twice";
+        roster => roster.quorum_bases = (1..=257).map(basis).collect(),
+            "roster: quorum_bases: 257 entries, at most 256 are allowed";
+    );
+    let gather = wire::Roster {
+        epoch: EPOCH,
+        stage: wire::Roster::STAGE_GATHER,
+        target_revision: 5,
+        ..wire::Roster::default()
+    };
+    refusals!(gather, message::RosterMessage:
+        roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
+        roster => roster.members = vec![member(1)], "roster: members: must be empty while the epoch gathers";
+        roster => roster.quorum_bases = vec![basis(1)],
+            "roster: quorum_bases: must be empty while the epoch gathers";
+        roster => roster.target.edges = target().edges,
+            "roster: target.edges: must be empty while the epoch gathers";
+    );
+}
+
+fn eviction() -> wire::EvictionRecord {
+    wire::EvictionRecord {
+        evicted_module_id: 4,
+        by_module_id: 5,
+        from_spot_id: 1,
+        to_spot_id: 2,
+    }
+}
+
+#[test]
+fn claims() {
+    let selection = |spot_id, module_id| wire::SpotSelection { spot_id, module_id };
+    let claim = wire::SpotClaim {
+        epoch: EPOCH,
+        turn: 0,
+        claimant_id: 5,
+        incarnation: 1,
+        selections: vec![selection(1, 5), selection(2, 4)],
+        evictions: vec![eviction()],
+        detached: vec![6, 7],
+    };
+    refusals!(claim, message::SpotClaim:
+        claim => claim.epoch = NO_EPOCH, "claims: epoch: number 0 stands for no epoch, but one is needed here";
+        claim => claim.claimant_id = NONE,
+            "claims: claimant_id: 4294967295 stands for none and cannot be used here";
+        claim => claim.selections[1].spot_id = 1, "claims: selections[1]: spot 1 is listed twice";
+        claim => claim.selections[1].spot_id = 0,
+            "claims: selections[1]: spot 1 must stand after spot 0, the list ascends";
+        claim => claim.selections[1].module_id = 5, "claims: selections[1]: module 5 is listed twice";
+        claim => claim.selections[1].spot_id = NONE,
+            "claims: selections[1].spot_id: 4294967295 stands for none and cannot be used here";
+        claim => claim.selections[0].module_id = NONE,
+            "claims: selections[0].module_id: 4294967295 stands for none and cannot be used here";
+        claim => claim.selections = vec![selection(1, 1); bounds::SPOTS_MAX + 1],
+            "claims: selections: 10001 entries, at most 10000 are allowed";
+        claim => claim.evictions[0].by_module_id = 4, "claims: evictions[0].by_module_id: names module 4 itself";
+        claim => claim.evictions[0].to_spot_id = 1,
+            "claims: evictions[0].to_spot_id: sends the evicted module back to spot 1, which it loses";
+        claim => claim.evictions[0].from_spot_id = NONE,
+            "claims: evictions[0].from_spot_id: 4294967295 stands for none and cannot be used here";
+        claim => claim.evictions = vec![eviction(); bounds::MODULES_MAX + 1],
+            "claims: evictions: 10001 entries, at most 10000 are allowed";
+        claim => claim.detached = vec![7, 6],
+            "claims: detached[1]: module 7 must stand after module 6, the list ascends";
+        claim => claim.detached = (0..=10_000).collect(),
+            "claims: detached: 10001 entries, at most 10000 are allowed";
     );
 }
 
 #[test]
-fn a_target_names_its_fault() {
-    let target = wire::TargetConfiguration {
-        spots: vec![wire::Spot::default(), wire::Spot::default()],
-        ..wire::TargetConfiguration::default()
+fn evictions() {
+    let notice = wire::Eviction {
+        epoch: EPOCH,
+        turn: 3,
+        eviction: eviction(),
     };
-    assert_eq!(
-        TargetAnnouncement::try_from(target)
-            .unwrap_err()
-            .to_string(),
-        "target: spots[1].id: spot 0 is used twice"
+    refusals!(notice, message::EvictionNotice:
+        notice => notice.epoch = NO_EPOCH, "evictions: epoch: number 0 stands for no epoch, but one is needed here";
+        notice => notice.eviction.evicted_module_id = NONE,
+            "evictions: eviction.evicted_module_id: 4294967295 stands for none and cannot be used here";
+        notice => notice.eviction.by_module_id = 4, "evictions: eviction.by_module_id: names module 4 itself";
+    );
+}
+
+#[test]
+fn heartbeats() {
+    let heartbeat = |module_id| wire::ModuleHeartbeat {
+        module_id,
+        incarnation: 1,
+        sequence: 9,
+        uptime: wire::Duration {
+            sec: 4,
+            nanosec: 500_000_000,
+        },
+        epoch: EPOCH,
+        has_digest: true,
+        digest: 0,
+        digest_since: 9,
+        applied_turns: 4,
+        phase: wire::ModuleState::PHASE_AGREEING,
+    };
+    let valid = wire::Heartbeat {
+        modules: vec![heartbeat(4), heartbeat(1)],
+    };
+    refusals!(valid, Vec<message::Heartbeat>:
+        sample => sample.modules[1].module_id = 4, "heartbeats: modules[1]: module 4 is listed twice";
+        sample => sample.modules[1].uptime.sec = -1,
+            "heartbeats: modules[1].uptime: needs sec >= 0 and nanosec < 10^9";
+        sample => sample.modules[1].uptime.nanosec = 1_000_000_000,
+            "heartbeats: modules[1].uptime: needs sec >= 0 and nanosec < 10^9";
+        sample => sample.modules[1].epoch = NO_EPOCH,
+            "heartbeats: modules[1].digest: there cannot be one without an epoch";
+        sample => { sample.modules[1].has_digest = false; sample.modules[1].digest = 1; },
+            "heartbeats: modules[1].digest: must be 0 while has_digest is false";
+        sample => sample.modules[1].has_digest = false,
+            "heartbeats: modules[1].digest_since: must be 0 without a digest, and only then";
+        sample => sample.modules[1].digest_since = 0,
+            "heartbeats: modules[1].digest_since: must be 0 without a digest, and only then";
+        sample => sample.modules[1].digest_since = 10,
+            "heartbeats: modules[1].digest_since: lies after this heartbeat's sequence";
+        sample => {
+            let module = &mut sample.modules[1];
+            (module.epoch, module.has_digest, module.digest_since) = (NO_EPOCH, false, 0);
+        }, "heartbeats: modules[1].applied_turns: must be 0 without an epoch";
+        sample => sample.modules[1].phase = 10,
+            "heartbeats: modules[1].phase: 10 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
+             WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9";
+        sample => sample.modules = vec![heartbeat(1); bounds::MODULES_MAX + 1],
+            "heartbeats: modules: 10001 entries, at most 10000 are allowed";
+    );
+    refusals!(heartbeat(1), message::Heartbeat:
+        heartbeat => heartbeat.module_id = NONE,
+            "heartbeats: module_id: 4294967295 stands for none and cannot be used here";
     );
 }
