@@ -2,43 +2,18 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
+mod support;
+
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use formation::generate::{GeneratorParameters, Grouping, generate};
+use formation::generate::Grouping;
 use formation::message::Decision;
-use formation::parameters::{PlannerParameters, TurnOrder};
+use formation::parameters::PlannerParameters;
 use formation::planning::{ClaimRefused, Planning, plan};
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
 use formation::statistics::Statistics;
 
-fn problem(
-    modules: usize,
-    spots: usize,
-    grouping: Grouping,
-    seed: u64,
-    parameters: PlannerParameters,
-) -> Arc<PlanningProblem> {
-    let raw = generate(&GeneratorParameters::new(modules, spots, seed).grouped(grouping)).unwrap();
-    let scenario = Scenario::try_from(raw).unwrap();
-    let problem = scenario.problem();
-    Arc::new(
-        PlanningProblem::new(
-            Arc::clone(problem.target()),
-            parameters,
-            problem.modules().to_vec(),
-        )
-        .unwrap(),
-    )
-}
-
-fn size_first() -> PlannerParameters {
-    PlannerParameters {
-        order: TurnOrder::SizeFirst,
-        ..PlannerParameters::default()
-    }
-}
+use support::{problem, size_first};
 
 #[test]
 fn as_many_spots_are_filled_as_can_be() {

@@ -1,0 +1,96 @@
+//! What the tests of the planner share: seeded instances and slow, obvious solvers.
+
+#![allow(
+    dead_code,
+    clippy::unwrap_used,
+    clippy::expect_used,
+    reason = "helpers of tests fail the test, and no test uses all of them"
+)]
+
+use std::sync::Arc;
+
+use formation::generate::{GeneratorParameters, Grouping, generate};
+use formation::parameters::{PlannerParameters, TurnOrder};
+use formation::problem::PlanningProblem;
+use formation::scenario::Scenario;
+use formation::topology::Topology;
+
+pub mod brute_force;
+pub mod hungarian;
+
+/// A generator of numbers for tests (Sebastiano Vigna's SplitMix64 constants).
+#[derive(Clone, Debug)]
+pub struct Numbers(pub u64);
+
+impl Numbers {
+    pub fn next(&mut self) -> u64 {
+        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
+        let mut mixed = self.0;
+        mixed = (mixed ^ (mixed >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
+        mixed = (mixed ^ (mixed >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
+        mixed ^ (mixed >> 31)
+    }
+
+    /// Uniform in `0..bound`.
+    pub fn below(&mut self, bound: usize) -> usize {
+        let bound = u64::try_from(bound).unwrap();
+        usize::try_from(self.next() % bound).unwrap()
+    }
+
+    /// Uniform in `least..=most`.
+    pub fn within(&mut self, least: i64, most: i64) -> i64 {
+        let width = u64::try_from(most - least + 1).unwrap();
+        least + i64::try_from(self.next() % width).unwrap()
+    }
+
+    /// True in `percent` of 100 cases.
+    pub fn chance(&mut self, percent: usize) -> bool {
+        self.below(100) < percent
+    }
+}
+
+/// A random tree in which each node hangs at a random earlier one, its numbers shuffled.
+pub fn random_tree(numbers: &mut Numbers, node_count: usize) -> Topology {
+    let mut labels: Vec<usize> = (0..node_count).collect();
+    for last in (1..node_count).rev() {
+        labels.swap(last, numbers.below(last + 1));
+    }
+    let edges: Vec<(usize, usize)> = (1..node_count)
+        .map(|node| (labels[node], labels[numbers.below(node)]))
+        .collect();
+    Topology::new(node_count, &edges).unwrap()
+}
+
+/// A generated scenario with other planner parameters.
+pub fn problem(
+    modules: usize,
+    spots: usize,
+    grouping: Grouping,
+    seed: u64,
+    parameters: PlannerParameters,
+) -> Arc<PlanningProblem> {
+    let raw = generate(&GeneratorParameters::new(modules, spots, seed).grouped(grouping)).unwrap();
+    with_parameters(Scenario::try_from(raw).unwrap().problem(), parameters)
+}
+
+/// The same problem with other planner parameters.
+pub fn with_parameters(
+    problem: &PlanningProblem,
+    parameters: PlannerParameters,
+) -> Arc<PlanningProblem> {
+    Arc::new(
+        PlanningProblem::new(
+            Arc::clone(problem.target()),
+            parameters,
+            problem.modules().to_vec(),
+        )
+        .unwrap(),
+    )
+}
+
+pub fn size_first() -> PlannerParameters {
+    PlannerParameters {
+        order: TurnOrder::SizeFirst,
+        ..PlannerParameters::default()
+    }
+}
