@@ -27,6 +27,14 @@ pub enum Command {
         /// The scenario file (YAML).
         scenario: PathBuf,
     },
+    /// Decide who takes which spot, offline, by the same core as in every module.
+    Plan {
+        /// The scenario file (YAML).
+        scenario: PathBuf,
+        /// Print one JSON object instead of a table.
+        #[arg(long)]
+        json: bool,
+    },
     /// Make a random scenario from a seed and print it as YAML.
     ///
     /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of

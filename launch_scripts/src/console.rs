@@ -3,6 +3,7 @@
 use std::io::{ErrorKind, Write, stderr, stdout};
 
 use anyhow::anyhow;
+use serde::Serialize;
 
 use crate::failure::Failure;
 
@@ -18,6 +19,16 @@ pub fn result_line(line: &str) -> Result<(), Failure> {
             ErrorKind::BrokenPipe => Failure::OutputClosed,
             _ => Failure::Failed(anyhow!(error).context("cannot write the result")),
         })
+}
+
+/// Writes a result as one JSON object on one line.
+///
+/// # Errors
+/// As [`result_line`].
+pub fn result_json(result: &impl Serialize) -> Result<(), Failure> {
+    let json = serde_json::to_string(result)
+        .map_err(|error| Failure::Failed(anyhow!(error).context("cannot write the result")))?;
+    result_line(&json)
 }
 
 /// Writes one line about what happens to the standard error output; if that is closed, there is nobody to tell.

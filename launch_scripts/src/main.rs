@@ -5,7 +5,9 @@ mod check;
 mod console;
 mod failure;
 mod generate;
+mod plan;
 mod scenario_file;
+mod table;
 mod warnings;
 
 use std::process::ExitCode;
@@ -17,6 +19,7 @@ use crate::arguments::{Arguments, Command};
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Check { scenario } => check::check(&scenario),
+        Command::Plan { scenario, json } => plan::run(&scenario, json),
         Command::Generate(arguments) => generate::run(&arguments),
     };
     match outcome {

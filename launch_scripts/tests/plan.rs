@@ -1,0 +1,158 @@
+//! `formation plan` as a user meets it.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+use std::collections::BTreeSet;
+use std::path::PathBuf;
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn scenario(name: &str) -> PathBuf {
+    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("scenarios")
+        .join(name)
+        .with_extension("yaml")
+}
+
+fn plan(name: &str, options: &[&str]) -> Output {
+    let output = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .arg("plan")
+        .arg(scenario(name))
+        .args(options)
+        .output()
+        .unwrap();
+    assert!(
+        output.status.success(),
+        "{}",
+        String::from_utf8_lossy(&output.stderr)
+    );
+    output
+}
+
+fn json(name: &str) -> Value {
+    let stdout = String::from_utf8(plan(name, &["--json"]).stdout).unwrap();
+    assert_eq!(
+        stdout.matches('\n').count(),
+        1,
+        "one line, and nothing else"
+    );
+    serde_json::from_str(&stdout).unwrap()
+}
+
+fn ids(list: &Value) -> Vec<u64> {
+    list.as_array()
+        .unwrap()
+        .iter()
+        .map(|id| id.as_u64().unwrap())
+        .collect()
+}
+
+/// The members named `key` of a list of objects, which must be distinct.
+fn distinct(list: &Value, key: &str) -> BTreeSet<u64> {
+    let list = list.as_array().unwrap();
+    let members: BTreeSet<u64> = list
+        .iter()
+        .map(|entry| entry[key].as_u64().unwrap())
+        .collect();
+    assert_eq!(members.len(), list.len());
+    members
+}
+
+#[test]
+fn the_json_has_every_promised_key() {
+    let report = json("figure1_ladder17");
+    for list in ["assignments", "unassigned", "open_spots", "assembly_order"] {
+        assert!(report[list].is_array(), "{list}");
+    }
+    for count in [
+        "kept_links",
+        "broken_links",
+        "detached_modules",
+        "port_changes",
+        "evictions",
+        "planning_us",
+    ] {
+        assert!(report[count].is_u64(), "{count}");
+    }
+    for sum in ["total_utility", "total_distance"] {
+        assert!(report[sum].is_f64(), "{sum}");
+    }
+    for count in ["samples", "deliveries", "pairs"] {
+        assert!(report["messages"][count].is_u64(), "messages.{count}");
+    }
+}
+
+#[test]
+fn figure_1_fills_the_ladder_and_breaks_only_the_block_that_cannot_fit() {
+    let report = json("figure1_ladder17");
+    let everyone: BTreeSet<u64> = (1..=17).collect();
+    assert_eq!(distinct(&report["assignments"], "module"), everyone);
+    assert_eq!(distinct(&report["assignments"], "spot"), everyone);
+    let order = ids(&report["assembly_order"]);
+    assert_eq!(order.into_iter().collect::<BTreeSet<_>>(), everyone);
+    // Thirteen links at the start; the hub with four neighbours must lose one, and only one.
+    assert_eq!(report["kept_links"], 12);
+    assert_eq!(report["broken_links"], 1);
+    assert_eq!(report["warnings"], Value::Array(Vec::new()));
+}
+
+#[test]
+fn a_block_that_cannot_fit_loses_one_module() {
+    let report = json("mcs_detach");
+    assert_eq!(report["kept_links"], 5);
+    assert_eq!(report["broken_links"], 1);
+    assert_eq!(report["detached_modules"], 1);
+    assert_eq!(ids(&report["open_spots"]), Vec::<u64>::new());
+}
+
+#[test]
+fn what_is_left_over_is_named() {
+    let over = json("oversupply");
+    assert_eq!(ids(&over["unassigned"]).len(), 4);
+    assert_eq!(distinct(&over["assignments"], "spot").len(), 8);
+    let under = json("undersupply");
+    assert_eq!(ids(&under["open_spots"]).len(), 4);
+    assert_eq!(distinct(&under["assignments"], "module").len(), 8);
+}
+
+#[test]
+fn the_plan_is_the_same_each_time() {
+    for name in ["figure1_ladder17", "singletons_10", "oversupply"] {
+        let (mut one, mut other) = (json(name), json(name));
+        for report in [&mut one, &mut other] {
+            report.as_object_mut().unwrap().remove("planning_us");
+        }
+        assert_eq!(one, other);
+    }
+}
+
+#[test]
+fn people_get_a_table() {
+    let stdout = String::from_utf8(plan("undersupply", &[]).stdout).unwrap();
+    let lines: Vec<&str> = stdout.lines().collect();
+    assert_eq!(lines[0], "undersupply");
+    assert_eq!(
+        lines[1].split_whitespace().collect::<Vec<_>>(),
+        ["module", "spot", "filled", "way", "moves", "with"]
+    );
+    // Eight rows, one a module, and then who and what is left over.
+    assert!(lines[9].trim_start().starts_with("8 "), "{}", lines[9]);
+    assert!(lines[10].starts_with("left open: spots "), "{}", lines[10]);
+}
+
+#[test]
+fn a_bad_scenario_is_refused_before_planning() {
+    let output = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(["plan", "--json", "no/such/file.yaml"])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(stderr, "error: no/such/file.yaml: there is no such file\n");
+}
