@@ -1,6 +1,7 @@
 //! The turn of a configuration: the paper's `blockAllocation` (Algorithm 2) with the optimal common subgraph.
 
 use crate::allocation::Holder;
+use crate::common_subgraph;
 use crate::common_subtree;
 use crate::eviction::{Allocation, ChainSearch};
 use crate::fixed::MicroUnits;
@@ -95,8 +96,12 @@ pub(crate) fn best_matching(
         target,
         weight,
     };
-    // Until the search for graphs with cycles is there, such graphs are matched along spanning trees.
-    common_subtree::solve(&input)
+    let is_tree = |graph: &Topology| graph.edges().len() + 1 == graph.node_count();
+    if is_tree(configuration) && is_tree(target) {
+        common_subtree::solve(&input)
+    } else {
+        common_subgraph::solve(&input)
+    }
 }
 
 /// What taking each spot costs a configuration on top of its own utility; `None` where it may not.
@@ -154,5 +159,103 @@ fn commit(
             evictions,
         );
         evictions.insert(position, displacement);
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use super::*;
+    use crate::geometry::Pose;
+    use crate::id::ModuleId;
+    use crate::parameters::PlannerParameters;
+    use crate::planning;
+    use crate::problem::{PlanningModule, PlanningProblem};
+    use crate::target::{RawSpot, RawTarget, Target};
+
+    fn path(count: usize) -> Topology {
+        let edges: Vec<(usize, usize)> = (1..count).map(|node| (node - 1, node)).collect();
+        Topology::new(count, &edges).unwrap()
+    }
+
+    /// Two combs of different teeth, on which the general search cannot finish.
+    fn comb(count: usize, every: usize) -> Topology {
+        let mut edges = path(count).edges().to_vec();
+        for (tooth, node) in (0..count).step_by(every).enumerate() {
+            edges.push((node, count + tooth));
+        }
+        Topology::new(edges.len() + 1, &edges).unwrap()
+    }
+
+    #[test]
+    fn trees_are_matched_exactly_however_large() {
+        let (target, configuration) = (comb(120, 3), comb(60, 2));
+        let weight = |node: usize, spot: usize| {
+            (!(node + spot).is_multiple_of(7))
+                .then(|| MicroUnits(i64::try_from(node * spot % 101).unwrap()))
+        };
+        let matching = best_matching(&target, &configuration, weight);
+        let input = MatchingInput {
+            configuration: &configuration,
+            target: &target,
+            weight,
+        };
+        assert_eq!(matching, common_subtree::solve(&input));
+        assert!(matching.proven);
+        assert!(!common_subgraph::solve(&input).proven);
+    }
+
+    #[test]
+    fn a_ring_with_a_tail_keeps_all_links_on_a_grid() {
+        let side = 4;
+        let spots = (0..side * side).map(|id| RawSpot {
+            id,
+            x: f64::from(id % side),
+            y: f64::from(id / side),
+            theta: 0.0,
+        });
+        let along = (0..side * side).filter(|id| id % side + 1 < side);
+        let across = (0..side * side - side).map(|id| [id, id + side]);
+        let target = Target::try_from(RawTarget {
+            frame_id: "map".to_owned(),
+            spots: spots.collect(),
+            edges: along.map(|id| [id, id + 1]).chain(across).collect(),
+        })
+        .unwrap();
+        // A ring of six, a tail of two, and eight modules alone.
+        let links = [
+            [0, 1],
+            [1, 2],
+            [2, 3],
+            [3, 4],
+            [4, 5],
+            [0, 5],
+            [2, 6],
+            [6, 7],
+        ];
+        let modules = (0..16)
+            .map(|id| PlanningModule {
+                id: ModuleId(id),
+                pose: Pose::from_units(f64::from(id) * 0.7, f64::from(id % 3), 0.0).unwrap(),
+                links: links
+                    .iter()
+                    .filter(|link| link.contains(&id))
+                    .map(|link| ModuleId(link[0] + link[1] - id))
+                    .collect(),
+                configuration: None,
+                leader: None,
+                pin: None,
+            })
+            .collect();
+        let problem =
+            PlanningProblem::new(Arc::new(target), PlannerParameters::default(), modules).unwrap();
+        let outcome = planning::plan(Arc::new(problem));
+        assert_eq!(outcome.plan.kept_links.len(), links.len());
+        assert_eq!(
+            outcome.plan.blocks,
+            [(0..8).map(ModuleId).collect::<Vec<_>>()]
+        );
+        assert!(outcome.proven);
     }
 }
