@@ -35,6 +35,7 @@ pub mod topology;
 mod trimming;
 mod turn_order;
 pub mod utility;
+pub mod verify;
 
 /// At most this many modules take part in one formation.
 pub const MODULES_MAX: usize = 10_000;

@@ -86,7 +86,8 @@ pub struct ModuleState {
     pub unit: Option<ModuleId>,
     /// In MOVING and SETTLED: the settled states that it waited for. Proof of order for observers.
     pub waited_for: Vec<CausalMark>,
-    /// In MOVING, of the first unit to move: the heartbeats that showed agreement, one a member.
+    /// In MOVING and SETTLED, of the first unit to move: the heartbeats that showed agreement, one a member. SETTLED keeps
+    /// them, as an observer that comes late hears no MOVING.
     pub agreed_on: Vec<CausalMark>,
     /// While it is gathered: the rosters of which a new one must hold a majority, as far as it knows.
     pub quorum_bases: Vec<QuorumBasis>,

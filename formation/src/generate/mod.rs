@@ -7,7 +7,7 @@
 //!
 //! Randomness ends here: a scenario is plain data, and no decision on it draws a number.
 
-mod random;
+pub(crate) mod random;
 mod tree;
 
 use serde::{Deserialize, Serialize};

@@ -1,0 +1,15 @@
+//! Independent checks: of a plan, and of a formation as seen on the topics.
+//!
+//! Nothing here is shared with the planner: what it decides is recomputed or replayed from its decisions, never asked
+//! of it. So a fault in the planner cannot hide itself.
+
+mod observer;
+mod plan;
+mod replay;
+mod violation;
+
+pub use observer::{
+    Counts, Observer, ObserverParameters, Outcome, Progress, Stage, Timings, Verdict,
+};
+pub use plan::check_plan;
+pub use violation::{Missing, Violation};

@@ -1,0 +1,484 @@
+//! Judges a formation from what is on the topics, and from nothing else.
+//!
+//! The observer is a state machine without I/O. Messages may come in any order and more than once. What a module did is
+//! judged by what it says it waited for, since the order in which messages of different writers arrive proves nothing.
+//! That goes both ways: a promise counts as broken only if some message shows it, or if everything was heard and none
+//! shows that it was kept.
+
+mod claims;
+mod end_state;
+mod order;
+mod record;
+mod verdict;
+
+#[cfg(test)]
+mod tests;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::{Missing, Violation};
+use crate::MODULES_MAX;
+use crate::fixed::MicroUnits;
+use crate::id::{Epoch, ModuleId, SpotId};
+use crate::message::{Message, ModulePhase, RosterMessage, TargetAnnouncement};
+use claims::{Claimed, replay_claims};
+use end_state::EndState;
+use order::Acts;
+use record::{EpochRecord, Epochs, HeardRoster, ModuleRecord};
+pub use verdict::{Counts, Outcome, Progress, Stage, Timings, Verdict};
+
+use crate::problem::PlanningProblem;
+
+/// How an observer judges.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ObserverParameters {
+    /// How far a settled module may stand from its spot, in micro-units.
+    pub position_tolerance: MicroUnits,
+    /// By how much its heading may differ, in micro-radians.
+    pub heading_tolerance: MicroUnits,
+    /// After this time since the observer's start a formation that is not done has failed.
+    pub time_limit: Duration,
+    /// How long an end state that is reached, but not yet right, may take to become right: messages that prove it may
+    /// still be on their way. As long, an end state with fewer modules than expected waits for more of them.
+    pub grace: Duration,
+    /// The modules that are to take part, where they are known beforehand, so that absent ones can be named.
+    pub expected: BTreeSet<ModuleId>,
+}
+
+impl Default for ObserverParameters {
+    fn default() -> Self {
+        Self {
+            position_tolerance: MicroUnits(50_000),
+            heading_tolerance: MicroUnits(50_000),
+            time_limit: Duration::from_secs(120),
+            grace: Duration::from_secs(3),
+            expected: BTreeSet::new(),
+        }
+    }
+}
+
+/// Listens to all topics and judges the formation.
+///
+/// Call [`Self::handle`] for each message, then, as often as you like and when [`Self::poll_timeout`] is due,
+/// [`Self::verdict`]. A verdict, once given, stands.
+#[derive(Clone, Debug)]
+pub struct Observer {
+    parameters: ObserverParameters,
+    target: Option<Arc<TargetAnnouncement>>,
+    modules: BTreeMap<ModuleId, ModuleRecord>,
+    epochs: Epochs,
+    /// Violations outside any epoch, and in epochs that had to make room.
+    retired: Vec<Violation>,
+    messages: u64,
+    dropped: u64,
+    /// Since when the end state is reached without a break.
+    reached_since: Option<Duration>,
+    verdict: Option<Verdict>,
+}
+
+/// How many violations are listed; more say nothing new.
+const VIOLATIONS_MAX: usize = 256;
+
+impl Observer {
+    /// Begins to listen, at time zero.
+    #[must_use]
+    pub fn new(parameters: ObserverParameters) -> Self {
+        Self {
+            parameters,
+            target: None,
+            modules: BTreeMap::new(),
+            epochs: Epochs::default(),
+            retired: Vec::new(),
+            messages: 0,
+            dropped: 0,
+            reached_since: None,
+            verdict: None,
+        }
+    }
+
+    /// Takes in one message, heard at `now` since the observer's start.
+    pub fn handle(&mut self, now: Duration, message: &Message) {
+        self.messages += 1;
+        match message {
+            Message::Target(announcement) => {
+                let is_newer = self
+                    .target
+                    .as_ref()
+                    .is_none_or(|known| known.revision < announcement.revision);
+                if is_newer {
+                    self.target = Some(Arc::clone(announcement));
+                }
+            }
+            Message::ModuleState(state) => {
+                let Some(module) = self.module(state.module) else {
+                    return;
+                };
+                module.note_state(now, state);
+                if state.epoch.is_none()
+                    && matches!(state.phase, ModulePhase::Moving | ModulePhase::Settled)
+                {
+                    self.retire([Violation::MovedWithoutPlan {
+                        module: state.module,
+                    }]);
+                }
+                if let Some(epoch) = state.epoch {
+                    let fits = self.epoch(epoch).note_state(now, state);
+                    self.dropped += u64::from(!fits);
+                }
+            }
+            Message::Roster(RosterMessage::Plan(roster)) => {
+                self.epoch(roster.epoch).note_roster(now, roster);
+            }
+            Message::Claim(claim) => {
+                let fits = self.epoch(claim.epoch).note_claim(now, claim);
+                self.dropped += u64::from(!fits);
+            }
+            Message::Heartbeat(heartbeat) => {
+                let Some(module) = self.module(heartbeat.module) else {
+                    return;
+                };
+                module.note_heartbeat(now, heartbeat);
+                if let Some(epoch) = heartbeat.epoch {
+                    let fits = self.epoch(epoch).note_heartbeat(heartbeat);
+                    self.dropped += u64::from(!fits);
+                }
+            }
+            // A gathering decides nothing yet, and eviction notices repeat what claims say.
+            Message::Roster(RosterMessage::Gather { .. }) | Message::Eviction(_) => {}
+        }
+    }
+
+    fn module(&mut self, id: ModuleId) -> Option<&mut ModuleRecord> {
+        if self.modules.len() >= MODULES_MAX && !self.modules.contains_key(&id) {
+            self.dropped += 1;
+            return None;
+        }
+        Some(self.modules.entry(id).or_default())
+    }
+
+    fn epoch(&mut self, epoch: Epoch) -> &mut EpochRecord {
+        if let Some((old, record)) = self.epochs.make_room_for(epoch) {
+            self.retire(self.violations_in(old, &record));
+        }
+        self.epochs.record(epoch)
+    }
+
+    /// Keeps violations that no epoch's record shows.
+    fn retire(&mut self, violations: impl IntoIterator<Item = Violation>) {
+        for violation in violations {
+            if self.retired.len() < VIOLATIONS_MAX && !self.retired.contains(&violation) {
+                self.retired.push(violation);
+            }
+        }
+    }
+
+    /// When [`Self::verdict`] may change although nothing was heard; `None` once it is given.
+    #[must_use]
+    pub fn poll_timeout(&self) -> Option<Duration> {
+        if self.verdict.is_some() {
+            return None;
+        }
+        let limit = self.parameters.time_limit;
+        Some(self.reached_since.map_or(limit, |since| {
+            limit.min(since.saturating_add(self.parameters.grace))
+        }))
+    }
+
+    /// The judgement, once there is one.
+    pub fn verdict(&mut self, now: Duration) -> Option<&Verdict> {
+        if self.verdict.is_none() {
+            self.verdict = self.judge(now);
+        }
+        self.verdict.as_ref()
+    }
+
+    /// How far the formation has come.
+    #[must_use]
+    pub fn progress(&self) -> Progress {
+        let expected = self.expected_count();
+        let mut progress = Progress {
+            stage: if self.target.is_some() {
+                Stage::Gathering
+            } else {
+                Stage::WaitingForTarget
+            },
+            epoch: None,
+            joined: self.modules.len(),
+            expected,
+            planned: 0,
+            agreed: 0,
+            settled: 0,
+            to_fill: 0,
+            waiting_for: self.never_heard().collect(),
+        };
+        let Some((epoch, record, heard, problem)) = self.newest() else {
+            return progress;
+        };
+        let claimed = replay_claims(epoch, record, heard, problem);
+        let end = EndState::new(self, epoch, record, heard, problem, &claimed);
+        let missing = end.missing();
+        progress.epoch = Some(epoch);
+        progress.planned = claimed.replay.spots.len();
+        progress.agreed = end.agreed();
+        progress.settled = end.assignments().len();
+        progress.to_fill = problem.modules().len().min(problem.target().spots().len());
+        progress.stage = if self.is_outdated(heard) {
+            Stage::Gathering
+        } else if missing.is_empty() {
+            Stage::Done
+        } else if end.is_agreed() && end.claims_are_whole() {
+            Stage::Acting
+        } else if end.claims_are_whole() {
+            Stage::Agreeing
+        } else {
+            Stage::Planning
+        };
+        let waits_for_agreement = progress.stage < Stage::Acting;
+        let members: BTreeSet<ModuleId> = missing
+            .iter()
+            .filter_map(|one| match *one {
+                Missing::Agreement { module, .. } => Some(module),
+                Missing::Settled { module, .. } | Missing::Spare { module, .. } => {
+                    (!waits_for_agreement).then_some(module)
+                }
+                _ => None,
+            })
+            .collect();
+        progress.waiting_for = self.never_heard().chain(members).collect();
+        progress.waiting_for.sort_unstable();
+        progress.waiting_for.dedup();
+        progress
+    }
+
+    fn expected_count(&self) -> Option<usize> {
+        let announced = self
+            .target
+            .as_ref()
+            .and_then(|target| target.expected_modules)
+            .and_then(|count| usize::try_from(count).ok());
+        let named = self.parameters.expected.len();
+        announced.or((named > 0).then_some(named))
+    }
+
+    fn never_heard(&self) -> impl Iterator<Item = ModuleId> + '_ {
+        self.parameters
+            .expected
+            .iter()
+            .copied()
+            .filter(|module| !self.modules.contains_key(module))
+    }
+
+    /// The newest epoch that can be planned for.
+    fn newest(&self) -> Option<(Epoch, &EpochRecord, &HeardRoster, &PlanningProblem)> {
+        self.epochs.planned().rev().find_map(|(epoch, record)| {
+            let heard = record.roster.as_ref()?;
+            Some((epoch, record, heard, heard.problem.as_ref()?))
+        })
+    }
+
+    /// Whether a newer target was announced than a roster plans for.
+    fn is_outdated(&self, heard: &HeardRoster) -> bool {
+        self.target
+            .as_ref()
+            .is_some_and(|target| target.revision > heard.roster.target.revision)
+    }
+
+    fn judge(&mut self, now: Duration) -> Option<Verdict> {
+        let is_late = now >= self.parameters.time_limit;
+        let missing = self.missing();
+        if missing.is_empty() {
+            self.reached_since.get_or_insert(now);
+        } else {
+            self.reached_since = None;
+            return is_late.then(|| self.report(missing, None));
+        }
+        let since = self.reached_since.unwrap_or(now);
+        let is_settled = is_late || now >= since.saturating_add(self.parameters.grace);
+        let mut verdict = self.report(missing, Some(since));
+        if verdict.violations.is_empty() {
+            let members = verdict.assignments.len() + verdict.unassigned.len();
+            let is_short = self.expected_count().is_some_and(|count| members < count);
+            if verdict.open_spots.is_empty() {
+                verdict.outcome = Outcome::Complete;
+                return Some(verdict);
+            }
+            verdict.outcome = Outcome::Partial;
+            return (is_settled || !is_short).then_some(verdict);
+        }
+        is_settled.then_some(verdict)
+    }
+
+    /// What the newest target still waits for.
+    fn missing(&self) -> Vec<Missing> {
+        let newest = self
+            .newest()
+            .filter(|(_, _, heard, _)| !self.is_outdated(heard));
+        let Some((epoch, record, heard, problem)) = newest else {
+            return self.missing_roster();
+        };
+        let claimed = replay_claims(epoch, record, heard, problem);
+        let mut missing = EndState::new(self, epoch, record, heard, problem, &claimed).missing();
+        if !missing.is_empty() {
+            missing.extend(self.never_heard().map(|module| Missing::Module { module }));
+        }
+        missing
+    }
+
+    fn missing_roster(&self) -> Vec<Missing> {
+        let mut missing: Vec<Missing> = self
+            .never_heard()
+            .map(|module| Missing::Module { module })
+            .collect();
+        let heard = self.modules.len();
+        if let Some(expected) = self.expected_count().filter(|&expected| heard < expected) {
+            missing.push(Missing::Modules { heard, expected });
+        }
+        missing.push(match &self.target {
+            None => Missing::Target,
+            Some(target) if target.target.is_none() => Missing::WithdrawnTarget,
+            Some(target) => Missing::Roster {
+                revision: target.revision,
+            },
+        });
+        missing
+    }
+
+    /// The report on what is known now; its outcome stands at FAILED until something better is shown.
+    fn report(&self, mut missing: Vec<Missing>, completed: Option<Duration>) -> Verdict {
+        let mut violations = self.retired.clone();
+        for (epoch, record) in self.epochs.planned() {
+            violations.extend(self.violations_in(epoch, record));
+        }
+        let mut verdict = Verdict {
+            outcome: Outcome::Failed,
+            epoch: None,
+            filled_spots: 0,
+            open_spots: Vec::new(),
+            assignments: BTreeMap::new(),
+            unassigned: Vec::new(),
+            violations,
+            missing: Vec::new(),
+            timings: Timings {
+                completed,
+                ..Timings::default()
+            },
+            counts: Counts {
+                epochs: self.epochs.planned().count(),
+                messages: self.messages,
+                dropped: self.dropped,
+                ..Counts::default()
+            },
+        };
+        if let Some((epoch, record, heard, problem)) = self.newest() {
+            let claimed = replay_claims(epoch, record, heard, problem);
+            let end = EndState::new(self, epoch, record, heard, problem, &claimed);
+            if completed.is_some() {
+                verdict.violations.extend(end.violations(&self.parameters));
+                verdict.violations.extend(unit_violations(
+                    &Acts::new(epoch, record, heard, problem),
+                    &claimed,
+                ));
+            }
+            let target_differs = self.target.as_ref().is_some_and(|target| {
+                target.revision == heard.roster.target.revision
+                    && target.target != heard.roster.target.target
+            });
+            if target_differs {
+                verdict.violations.push(Violation::TargetDiffers { epoch });
+            }
+            verdict.report_on(epoch, problem, &claimed, &end);
+            verdict.timings.roster_known = Some(heard.heard);
+            verdict.timings.first_moving = first_moving(record, heard);
+            if completed.is_none() {
+                missing.extend(verdict.open_spots.iter().filter_map(|&spot| {
+                    let is_claimed = claimed.replay.holders.contains_key(&spot);
+                    (!is_claimed).then_some(Missing::Spot { spot })
+                }));
+            }
+        }
+        verdict.violations.sort();
+        verdict.violations.dedup();
+        verdict.violations.truncate(VIOLATIONS_MAX);
+        verdict.missing = missing;
+        verdict
+    }
+
+    /// What the messages of one epoch show to be wrong, whether or not its end state was reached.
+    fn violations_in(&self, epoch: Epoch, record: &EpochRecord) -> Vec<Violation> {
+        let mut violations = record.violations.clone();
+        if let Some(heard) = &record.roster
+            && let Some(problem) = &heard.problem
+        {
+            violations.extend(
+                replay_claims(epoch, record, heard, problem)
+                    .replay
+                    .violations,
+            );
+            let acts = Acts::new(epoch, record, heard, problem);
+            violations.extend(acts.violations(self.parameters.position_tolerance));
+        }
+        violations
+    }
+}
+
+impl Verdict {
+    fn report_on(
+        &mut self,
+        epoch: Epoch,
+        problem: &PlanningProblem,
+        claimed: &Claimed,
+        end: &EndState<'_>,
+    ) {
+        self.epoch = Some(epoch);
+        self.assignments = end.assignments();
+        let filled: BTreeSet<SpotId> = self.assignments.values().copied().collect();
+        self.filled_spots = filled.len();
+        self.open_spots = problem
+            .target()
+            .spots()
+            .iter()
+            .map(|spot| spot.id)
+            .filter(|spot| !filled.contains(spot))
+            .collect();
+        self.unassigned = problem
+            .modules()
+            .iter()
+            .map(|module| module.id)
+            .filter(|module| !self.assignments.contains_key(module))
+            .collect();
+        self.timings.last_claim = claimed.last_heard;
+        self.counts.claims = usize::try_from(claimed.turns).unwrap_or(usize::MAX);
+        self.counts.pairs = claimed.replay.pairs;
+        self.counts.evictions = claimed.replay.evictions;
+        self.counts.detached = claimed.replay.detached.len();
+    }
+}
+
+/// Modules that moved as one unit must have been placed as one block.
+fn unit_violations(acts: &Acts<'_>, claimed: &Claimed) -> Vec<Violation> {
+    let blocks: BTreeSet<&Vec<ModuleId>> = claimed.replay.blocks.iter().collect();
+    let in_blocks: BTreeSet<ModuleId> = claimed.replay.blocks.iter().flatten().copied().collect();
+    acts.units()
+        .iter()
+        .filter(|(lead, unit)| {
+            let is_single = unit.modules.len() == 1 && !in_blocks.contains(lead);
+            !(is_single || blocks.contains(&unit.modules)) || unit.modules.first() != Some(lead)
+        })
+        .map(|(&lead, _)| Violation::WrongUnit { lead })
+        .collect()
+}
+
+fn first_moving(record: &EpochRecord, heard: &HeardRoster) -> Option<Duration> {
+    heard
+        .roster
+        .members
+        .iter()
+        .filter(|member| member.module.pin.is_none())
+        .filter_map(|member| {
+            let run = (member.module.id, member.incarnation);
+            record.acts.get(&run)?.moved_heard
+        })
+        .min()
+}

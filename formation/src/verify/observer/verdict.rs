@@ -1,0 +1,139 @@
+//! What an observer reports.
+
+use std::collections::BTreeMap;
+use std::fmt;
+use std::time::Duration;
+
+use crate::id::{Epoch, ModuleId, SpotId};
+use crate::verify::{Missing, Violation};
+
+/// How a formation ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Outcome {
+    /// Every spot of the target has exactly one module, where and docked as the target says.
+    Complete,
+    /// There are fewer modules than spots: as many spots as modules are filled, connected, and otherwise as they must be.
+    Partial,
+    /// Something is wrong, or was not done in time.
+    Failed,
+}
+
+impl fmt::Display for Outcome {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Complete => "COMPLETE",
+            Self::Partial => "PARTIAL",
+            Self::Failed => "FAILED",
+        })
+    }
+}
+
+/// When things came to be, as heard, since the observer's start.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Timings {
+    /// The judged epoch's roster came.
+    pub roster_known: Option<Duration>,
+    /// The last of its claims came.
+    pub last_claim: Option<Duration>,
+    /// Its first unit was heard to move.
+    pub first_moving: Option<Duration>,
+    /// The end state was reached.
+    pub completed: Option<Duration>,
+}
+
+/// How much was heard.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Counts {
+    /// Claims of the judged epoch, one a turn.
+    pub claims: usize,
+    /// (spot, selector) pairs in them.
+    pub pairs: usize,
+    /// Evictions in them.
+    pub evictions: usize,
+    /// Modules that they detached from their configurations.
+    pub detached: usize,
+    /// Rosters of all epochs, each counted once.
+    pub epochs: usize,
+    /// Messages of any kind, repetitions included.
+    pub messages: u64,
+    /// Messages that were dropped because a bound was reached or their sender takes no part.
+    pub dropped: u64,
+}
+
+/// The judgement of a formation.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Verdict {
+    /// How it ended.
+    pub outcome: Outcome,
+    /// The epoch whose end state was judged; `None` when no roster came.
+    pub epoch: Option<Epoch>,
+    /// How many spots are filled by a settled module.
+    pub filled_spots: usize,
+    /// The spots that are not, ascending.
+    pub open_spots: Vec<SpotId>,
+    /// Who settled where.
+    pub assignments: BTreeMap<ModuleId, SpotId>,
+    /// The modules that are on no spot, ascending.
+    pub unassigned: Vec<ModuleId>,
+    /// The promises that were broken, in any epoch.
+    pub violations: Vec<Violation>,
+    /// What was not done in time.
+    pub missing: Vec<Missing>,
+    /// When things came to be.
+    pub timings: Timings,
+    /// How much was heard.
+    pub counts: Counts,
+}
+
+/// How far a formation has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Stage {
+    /// Nobody announced a target yet.
+    WaitingForTarget,
+    /// Modules announce themselves; no roster yet.
+    Gathering,
+    /// Units take turns.
+    Planning,
+    /// Every turn is claimed; some member has not shown the plan's digest.
+    Agreeing,
+    /// Units move.
+    Acting,
+    /// The end state is reached.
+    Done,
+}
+
+impl fmt::Display for Stage {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::WaitingForTarget => "waiting for a target",
+            Self::Gathering => "gathering",
+            Self::Planning => "planning",
+            Self::Agreeing => "agreeing",
+            Self::Acting => "acting",
+            Self::Done => "done",
+        })
+    }
+}
+
+/// How far a formation has come, in numbers.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Progress {
+    /// Which part of the work is being done.
+    pub stage: Stage,
+    /// The epoch of the newest roster.
+    pub epoch: Option<Epoch>,
+    /// How many modules were heard.
+    pub joined: usize,
+    /// How many are expected, where that is known.
+    pub expected: Option<usize>,
+    /// How many modules hold a spot by the claims heard so far.
+    pub planned: usize,
+    /// How many members have shown the plan's digest.
+    pub agreed: usize,
+    /// How many modules have settled on their spots.
+    pub settled: usize,
+    /// How many spots the plan is to fill: the lower of the numbers of members and spots.
+    pub to_fill: usize,
+    /// The modules for which the present stage waits, ascending.
+    pub waiting_for: Vec<ModuleId>,
+}

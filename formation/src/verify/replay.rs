@@ -1,0 +1,302 @@
+//! Replays decisions turn by turn and watches what each does to the spots held before it.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use super::Violation;
+use crate::id::{ModuleId, SpotId};
+use crate::message::Decision;
+use crate::problem::PlanningProblem;
+
+/// Who holds which spot after the turns replayed so far, and every promise that they broke.
+#[derive(Clone, Debug)]
+pub(super) struct Replay {
+    /// The spot of each placed module.
+    pub(super) spots: BTreeMap<ModuleId, SpotId>,
+    /// The holder of each filled spot.
+    pub(super) holders: BTreeMap<SpotId, ModuleId>,
+    /// The groups of two or more linked modules that one turn placed together.
+    pub(super) blocks: Vec<Vec<ModuleId>>,
+    /// The modules that left their configuration.
+    pub(super) detached: BTreeSet<ModuleId>,
+    /// How many evictions the turns made.
+    pub(super) evictions: usize,
+    /// How many (spot, selector) pairs the turns announced.
+    pub(super) pairs: usize,
+    /// What the turns did wrong.
+    pub(super) violations: Vec<Violation>,
+    /// Pinned modules and members of blocks: nobody may evict them.
+    protected: BTreeSet<ModuleId>,
+}
+
+impl Replay {
+    /// Begins before the first turn: only pinned modules hold spots.
+    pub(super) fn new(problem: &PlanningProblem) -> Self {
+        let spots: BTreeMap<ModuleId, SpotId> = problem
+            .modules()
+            .iter()
+            .filter_map(|module| Some((module.id, module.pin?)))
+            .collect();
+        Self {
+            holders: spots
+                .iter()
+                .map(|(&module, &spot)| (spot, module))
+                .collect(),
+            protected: spots.keys().copied().collect(),
+            spots,
+            blocks: Vec::new(),
+            detached: BTreeSet::new(),
+            evictions: 0,
+            pairs: 0,
+            violations: Vec::new(),
+        }
+    }
+
+    /// Replays one turn. A turn that breaks a promise is applied as far as it makes sense.
+    pub(super) fn apply(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
+        self.pairs += decision.selections.len();
+        self.evictions += decision.evictions.len();
+        if !self.names_exist(problem, decision) {
+            return;
+        }
+        for &module in &decision.detached {
+            if let Some(&spot) = self.spots.get(&module) {
+                self.violations
+                    .push(Violation::DetachedTooLate { turn, module, spot });
+            }
+        }
+        let walked = self.walk_evictions(turn, decision);
+        // Only the modules that this turn names can change, so only theirs are kept: turns stay linear in their size.
+        let before: BTreeMap<ModuleId, SpotId> = decision
+            .selections
+            .iter()
+            .map(|selection| selection.module)
+            .chain(walked.keys().copied())
+            .filter_map(|module| Some((module, *self.spots.get(&module)?)))
+            .collect();
+        self.select(turn, decision);
+        self.compare(turn, decision, &before, &walked);
+        self.note_blocks(problem, decision, &before);
+        self.check_chain_length(problem, turn, decision);
+        self.detached.extend(&decision.detached);
+    }
+
+    fn names_exist(&mut self, problem: &PlanningProblem, decision: &Decision) -> bool {
+        let modules = decision
+            .selections
+            .iter()
+            .map(|selection| selection.module)
+            .chain(
+                decision
+                    .evictions
+                    .iter()
+                    .flat_map(|one| [one.evicted, one.by]),
+            )
+            .chain(decision.detached.iter().copied());
+        let spots = decision
+            .selections
+            .iter()
+            .map(|selection| selection.spot)
+            .chain(decision.evictions.iter().map(|one| one.from))
+            .chain(decision.evictions.iter().filter_map(|one| one.to));
+        let mut wrong: Vec<Violation> = modules
+            .filter(|&module| problem.position_of(module).is_none())
+            .map(|module| Violation::UnknownModule { module })
+            .collect();
+        wrong.extend(
+            spots
+                .filter(|&spot| problem.target().position_of(spot).is_none())
+                .map(|spot| Violation::UnknownSpot { spot }),
+        );
+        let all_known = wrong.is_empty();
+        self.violations.append(&mut wrong);
+        all_known
+    }
+
+    /// Follows the evictions one after another; returns where they leave the modules that they move.
+    fn walk_evictions(
+        &mut self,
+        turn: u32,
+        decision: &Decision,
+    ) -> BTreeMap<ModuleId, Option<SpotId>> {
+        let mut changed: BTreeMap<SpotId, Option<ModuleId>> = BTreeMap::new();
+        let mut moved: BTreeMap<ModuleId, Option<SpotId>> = BTreeMap::new();
+        for eviction in &decision.evictions {
+            let (evicted, by, from) = (eviction.evicted, eviction.by, eviction.from);
+            if self.protected.contains(&evicted) {
+                self.violations.push(Violation::MemberEvicted {
+                    turn,
+                    module: evicted,
+                    spot: from,
+                });
+            }
+            let held = |changed: &BTreeMap<SpotId, Option<ModuleId>>, spot: SpotId| {
+                changed
+                    .get(&spot)
+                    .copied()
+                    .unwrap_or_else(|| self.holders.get(&spot).copied())
+            };
+            if held(&changed, from) != Some(evicted) || evicted == by {
+                self.violations.push(Violation::WrongEviction {
+                    turn,
+                    module: evicted,
+                    spot: from,
+                });
+                continue;
+            }
+            let left = moved
+                .get(&by)
+                .copied()
+                .unwrap_or_else(|| self.spots.get(&by).copied());
+            if let Some(left) = left.filter(|&left| held(&changed, left) == Some(by)) {
+                changed.insert(left, None);
+            }
+            changed.insert(from, Some(by));
+            moved.insert(by, Some(from));
+            moved.insert(evicted, eviction.to);
+            // An occupied spot is taken by the next eviction of the chain.
+            if let Some(to) = eviction.to.filter(|&to| held(&changed, to).is_none()) {
+                changed.insert(to, Some(evicted));
+            }
+        }
+        moved
+    }
+
+    fn select(&mut self, turn: u32, decision: &Decision) {
+        let mut chosen = BTreeSet::new();
+        let moving = decision
+            .selections
+            .iter()
+            .map(|selection| selection.module)
+            .chain(decision.evictions.iter().map(|one| one.evicted));
+        for module in moving {
+            if let Some(spot) = self.spots.remove(&module) {
+                self.holders.remove(&spot);
+            }
+        }
+        for selection in &decision.selections {
+            let (spot, module) = (selection.spot, selection.module);
+            if !chosen.insert(module) {
+                self.violations.push(Violation::TwoSpots { turn, module });
+                continue;
+            }
+            if let Some(&holder) = self.holders.get(&spot) {
+                self.violations.push(Violation::SpotTaken {
+                    turn,
+                    spot,
+                    module,
+                    holder,
+                });
+                continue;
+            }
+            self.holders.insert(spot, module);
+            self.spots.insert(module, spot);
+        }
+    }
+
+    /// Compares where the evictions lead with where the pairs lead.
+    fn compare(
+        &mut self,
+        turn: u32,
+        decision: &Decision,
+        before: &BTreeMap<ModuleId, SpotId>,
+        walked: &BTreeMap<ModuleId, Option<SpotId>>,
+    ) {
+        for (&module, &end) in walked {
+            let after = self.spots.get(&module).copied();
+            if after != end {
+                let spot = end.or(after).or_else(|| before.get(&module).copied());
+                self.violations
+                    .extend(spot.map(|spot| Violation::WrongEviction { turn, module, spot }));
+            }
+        }
+        for selection in &decision.selections {
+            let (module, spot) = (selection.module, before.get(&selection.module));
+            if let Some(&spot) = spot
+                && !walked.contains_key(&module)
+                && spot != selection.spot
+            {
+                self.violations
+                    .push(Violation::MovedWithoutEviction { turn, module, spot });
+            }
+        }
+    }
+
+    /// The modules that a turn places anew and that are linked to each other are a block, and safe from now on.
+    fn note_blocks(
+        &mut self,
+        problem: &PlanningProblem,
+        decision: &Decision,
+        before: &BTreeMap<ModuleId, SpotId>,
+    ) {
+        let placed: BTreeSet<ModuleId> = decision
+            .selections
+            .iter()
+            .map(|selection| selection.module)
+            .filter(|module| !before.contains_key(module) && !decision.detached.contains(module))
+            .collect();
+        for block in linked_groups(problem, &placed) {
+            if block.len() >= 2 {
+                self.protected.extend(&block);
+                self.blocks.push(block);
+            }
+        }
+    }
+
+    fn check_chain_length(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
+        let evictions = decision.evictions.len();
+        // A block's turn re-inserts each singleton that it displaces with a chain of its own.
+        let displaced = decision
+            .evictions
+            .iter()
+            .filter(|eviction| self.protected.contains(&eviction.by))
+            .count();
+        if let Some(limit) = problem.parameters().d_max {
+            let chains = displaced.max(1);
+            let allowed = displaced + chains * usize::try_from(limit).unwrap_or(usize::MAX);
+            if evictions > allowed {
+                self.violations.push(Violation::ChainTooLong {
+                    turn,
+                    evictions,
+                    limit,
+                });
+            }
+        }
+    }
+}
+
+/// Splits modules into the groups that their initial links join; groups and members ascend.
+pub(super) fn linked_groups(
+    problem: &PlanningProblem,
+    modules: &BTreeSet<ModuleId>,
+) -> Vec<Vec<ModuleId>> {
+    groups(modules, |module| {
+        problem
+            .module(module)
+            .map(|module| module.links.iter().copied().collect())
+            .unwrap_or_default()
+    })
+}
+
+/// Splits things into the groups that `neighbours` joins; groups and members ascend.
+pub(super) fn groups<T: Copy + Ord>(
+    things: &BTreeSet<T>,
+    neighbours: impl Fn(T) -> Vec<T>,
+) -> Vec<Vec<T>> {
+    let mut left = things.clone();
+    let mut found = Vec::new();
+    while let Some(start) = left.pop_first() {
+        let mut group = vec![start];
+        let mut next = 0;
+        while let Some(&thing) = group.get(next) {
+            group.extend(
+                neighbours(thing)
+                    .into_iter()
+                    .filter(|other| left.remove(other)),
+            );
+            next += 1;
+        }
+        group.sort_unstable();
+        found.push(group);
+    }
+    found
+}
