@@ -5,11 +5,14 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
+use anyhow::anyhow;
 use formation::id::{ModuleId, SpotId};
+use formation::message::Decision;
 use formation::planning::{PlanOutcome, Planning};
 use formation::problem::PlanningProblem;
 use formation::scenario::Scenario;
 use formation::statistics::Statistics;
+use formation::verify::check_plan;
 use serde::Serialize;
 
 use crate::check::{self, counted};
@@ -63,6 +66,18 @@ impl CheckedPlan {
         let decisions = planning.take_all_turns();
         let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
         let outcome = planning.outcome(decisions);
+        let decisions: Vec<Decision> = outcome
+            .decisions
+            .iter()
+            .map(|(_, decision)| decision.clone())
+            .collect();
+        check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
+            let named: Vec<String> = violations.iter().map(ToString::to_string).collect();
+            Failure::Failed(anyhow!(
+                "the plan breaks its own promises: {}",
+                named.join("; ")
+            ))
+        })?;
         Ok(Self {
             statistics: Statistics::of(&problem, &outcome),
             problem,
