@@ -7,6 +7,7 @@
 //! The algorithms follow A. Dutta, P. Dasgupta and C. Nelson, "A Graph Isomorphism-based Decentralized
 //! Algorithm for Modular Robot Configuration Formation" ("the paper"), and say where they leave it.
 
+pub mod agent;
 pub mod allocation;
 pub mod assembly;
 mod block_allocation;
@@ -14,6 +15,7 @@ mod bounded_eviction;
 pub mod centrality;
 pub mod common_subgraph;
 pub mod common_subtree;
+pub mod digest;
 mod eviction;
 pub mod fixed;
 pub mod generate;
@@ -22,6 +24,7 @@ pub mod id;
 pub mod instance;
 pub mod matching;
 pub mod message;
+pub mod motion;
 pub mod parameters;
 pub mod plan;
 pub mod planning;

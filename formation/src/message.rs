@@ -84,6 +84,9 @@ pub struct ModuleState {
     pub spot: Option<SpotId>,
     /// The module whose acting unit it moves with; itself when it moves alone.
     pub unit: Option<ModuleId>,
+    /// The sequence number of the first state that showed it settled in this epoch; 0 before. A depth-1 reader may
+    /// have missed that state, and still knows whether a mark lies after it.
+    pub settled_since: u64,
     /// In MOVING and SETTLED: the settled states that it waited for. Proof of order for observers.
     pub waited_for: Vec<CausalMark>,
     /// In MOVING and SETTLED, of the first unit to move: the heartbeats that showed agreement, one a member. SETTLED keeps
@@ -156,6 +159,17 @@ pub enum RosterMessage {
     },
     /// The gathering is over; plan on this.
     Plan(Arc<Roster>),
+}
+
+impl RosterMessage {
+    /// The epoch that it opens or fixes.
+    #[must_use]
+    pub fn epoch(&self) -> Epoch {
+        match self {
+            Self::Gather { epoch, .. } => *epoch,
+            Self::Plan(roster) => roster.epoch,
+        }
+    }
 }
 
 /// One (spot, selector) pair.

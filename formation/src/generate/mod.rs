@@ -17,7 +17,7 @@ use crate::fixed::{MICRO_PER_UNIT, MicroUnits};
 use crate::scenario::{RawConfiguration, RawModule, RawPlanner, RawScenario};
 use crate::target::{RawSpot, RawTarget};
 use crate::{MODULES_MAX, SPOTS_MAX};
-use random::Random;
+pub use random::Random;
 use tree::{Cell, DrawnTree};
 
 /// The side of the box in which leaders and singletons start, in units.

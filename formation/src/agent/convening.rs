@@ -1,0 +1,611 @@
+//! Opening epochs: who convenes and when, halting, collecting the frozen members, and publishing their roster.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::digest;
+use crate::id::{Epoch, Incarnation, ModuleId};
+use crate::message::{Message, ModulePhase, ModuleState, Roster, RosterMember, RosterMessage};
+use crate::problem::PlanningModule;
+
+use super::io::{EpochReason, Event, Output, SourceId};
+use super::refusal::Refusal;
+use super::turns::Turns;
+use super::{Agent, Stage};
+
+/// An epoch further ahead of every known one than this is not believed.
+const EPOCH_STEP_MAX: u64 = 1 << 20;
+
+/// An epoch whose members are being gathered.
+pub(super) struct Gathering {
+    convener: ModuleId,
+    convener_incarnation: Incarnation,
+    since: Duration,
+    /// Present when this module is the convener.
+    collection: Option<Collection>,
+}
+
+/// What a convener remembers while it collects.
+struct Collection {
+    frozen: usize,
+    last_new: Duration,
+    told_missing: bool,
+}
+
+/// What a module remembers about opening epochs.
+pub(super) struct Convening {
+    /// Nobody convenes before having listened so long, unless all expected modules were heard.
+    listening_until: Duration,
+    /// Since when there has been a reason for a new epoch.
+    reason_since: Option<Duration>,
+    /// When the latest epoch was opened, by anyone.
+    last_opened: Option<Duration>,
+    /// The least time between epochs at present.
+    interval: Duration,
+    highest: Option<Epoch>,
+    lacks_quorum: bool,
+    told_shortfall: Option<(usize, usize)>,
+    /// Whether an epoch was opened for unequal digests already.
+    pub mismatch_retried: bool,
+    /// A roster whose convener was never heard yet, kept until it is.
+    early_roster: Option<(Option<SourceId>, RosterMessage)>,
+}
+
+impl Convening {
+    pub fn new(listening_until: Duration, interval: Duration) -> Self {
+        Self {
+            listening_until,
+            reason_since: None,
+            last_opened: None,
+            interval,
+            highest: None,
+            lacks_quorum: false,
+            told_shortfall: None,
+            mismatch_retried: false,
+            early_roster: None,
+        }
+    }
+
+    /// Notes an epoch that was heard of, unless it is too far ahead to be true.
+    pub fn note_epoch(&mut self, epoch: Epoch) {
+        if self.is_plausible(epoch) {
+            self.highest = self.highest.max(Some(epoch));
+        }
+    }
+
+    fn is_plausible(&self, epoch: Epoch) -> bool {
+        let known = self.highest.map_or(0, |highest| highest.number);
+        epoch.number <= known.saturating_add(EPOCH_STEP_MAX)
+    }
+
+    pub fn lacks_quorum(&self) -> bool {
+        self.lacks_quorum
+    }
+
+    /// An epoch was agreed on: the next one need not wait longer than the least interval.
+    pub fn relax(&mut self, interval: Duration) {
+        self.interval = interval;
+    }
+
+    fn opened(&mut self, now: Duration, limit: Duration) {
+        if self.last_opened.is_some() {
+            self.interval = (self.interval * 2).min(limit);
+        }
+        self.last_opened = Some(now);
+        self.reason_since = None;
+    }
+}
+
+impl Agent {
+    fn expected(&self) -> Option<u32> {
+        self.announcement.as_ref()?.expected_modules
+    }
+
+    /// This module and all that live, in ascending order.
+    fn living(&self) -> Vec<ModuleId> {
+        let mut living = self.peers.live(self.now, self.parameters.suspicion);
+        living.insert(self.module);
+        living.into_iter().collect()
+    }
+
+    /// The latest roster, whether or not it lists this module.
+    fn roster(&self) -> Option<&Arc<Roster>> {
+        match &self.stage {
+            Stage::Planning(turns) => Some(turns.roster()),
+            Stage::Acting(acting) => Some(acting.roster()),
+            Stage::Outsider(roster) => Some(roster),
+            Stage::Idle | Stage::Gathering(_) => None,
+        }
+    }
+
+    /// Notes that some member showed a digest for the present roster, which may thus have agreed unseen.
+    pub(super) fn note_shown(&mut self) {
+        if let (Some(epoch), Some(roster)) = (self.epoch, self.roster()) {
+            let members: Vec<ModuleId> = roster
+                .members
+                .iter()
+                .map(|member| member.module.id)
+                .collect();
+            self.quorum.note_shown(epoch, &members);
+        }
+    }
+
+    /// Opens an epoch when there has been a reason for long enough and it is this module's turn to do so.
+    pub(super) fn consider_new_epoch(&mut self) {
+        if let Stage::Gathering(Gathering {
+            collection: Some(_),
+            ..
+        }) = &self.stage
+        {
+            return;
+        }
+        let Some(reason) = self.epoch_reason() else {
+            self.convening.reason_since = None;
+            self.set_lacks_quorum(None);
+            return;
+        };
+        let living = self.living();
+        let in_no_epoch = |id: &ModuleId| {
+            let heartbeat = self.peers.get(*id).and_then(|peer| peer.heartbeat);
+            heartbeat.is_none_or(|heartbeat| heartbeat.epoch.is_none())
+        };
+        let all_there = self
+            .expected()
+            .is_some_and(|expected| living.len() >= expected as usize);
+        if all_there && living.iter().all(in_no_epoch) {
+            // Nobody is left to listen for.
+            self.convening.listening_until = self.convening.listening_until.min(self.now);
+        }
+        let since = *self.convening.reason_since.get_or_insert(self.now);
+        let rank = living.binary_search(&self.module).unwrap_or(0);
+        let rank = u32::try_from(rank).unwrap_or(u32::MAX);
+        let due = since
+            .max(self.convening.listening_until)
+            .max(
+                self.convening
+                    .last_opened
+                    .map_or(Duration::ZERO, |last| last + self.convening.interval),
+            )
+            .saturating_add(self.parameters.convene.saturating_mul(rank));
+        if self.now < due {
+            self.wake_at(due);
+            return;
+        }
+        let shortfall = self.quorum.shortfall(&living, self.expected());
+        self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
+        if shortfall.is_none() {
+            self.open_epoch(reason);
+        }
+    }
+
+    fn set_lacks_quorum(&mut self, shortfall: Option<(usize, usize)>) {
+        let lacks = shortfall.is_some();
+        if lacks != self.convening.lacks_quorum {
+            self.convening.lacks_quorum = lacks;
+            self.voice.state_changed = true;
+        }
+        if shortfall != self.convening.told_shortfall {
+            self.convening.told_shortfall = shortfall;
+            if let Some((present, basis)) = shortfall {
+                self.emit(Event::WaitingForQuorum { present, basis });
+            }
+        }
+    }
+
+    /// Why the present epoch will not do, if so.
+    fn epoch_reason(&mut self) -> Option<EpochReason> {
+        let announcement = self.announcement.as_ref()?;
+        if let Stage::Gathering(gathering) = &self.stage {
+            return self.gathering_reason(gathering);
+        }
+        let Some(roster) = self.roster() else {
+            return Some(EpochReason::NewTarget);
+        };
+        if digest::of_target(announcement) != digest::of_target(&roster.target)
+            && announcement.revision > roster.target.revision
+        {
+            return Some(EpochReason::NewTarget);
+        }
+        let others = || {
+            roster
+                .members
+                .iter()
+                .filter(|member| member.module.id != self.module)
+        };
+        let restarted: Vec<ModuleId> = others()
+            .filter(|member| {
+                self.peers
+                    .get(member.module.id)
+                    .is_some_and(|peer| peer.incarnation > member.incarnation)
+            })
+            .map(|member| member.module.id)
+            .collect();
+        if !restarted.is_empty() {
+            return Some(EpochReason::Restarted(restarted));
+        }
+        let silent: Vec<ModuleId> = others()
+            .map(|member| member.module.id)
+            .filter(|&id| !self.peers.is_live(self.now, self.parameters.suspicion, id))
+            .collect();
+        if !silent.is_empty() {
+            return Some(EpochReason::Silent(silent));
+        }
+        let stuck = self.stuck_modules();
+        if !stuck.is_empty() {
+            let until = self.now + self.parameters.stuck * 2;
+            for &module in stuck.iter().filter(|&&module| module != self.module) {
+                self.peers.exclude(module, until);
+            }
+            return Some(EpochReason::Stuck(stuck));
+        }
+        if let Stage::Acting(acting) = &self.stage
+            && acting.holds_mismatch()
+            && !self.convening.mismatch_retried
+        {
+            return Some(EpochReason::DigestMismatch);
+        }
+        let newcomers = self.wanted_newcomers();
+        (!newcomers.is_empty()).then_some(EpochReason::Newcomers(newcomers))
+    }
+
+    fn gathering_reason(&self, gathering: &Gathering) -> Option<EpochReason> {
+        let convener = gathering.convener;
+        let alive = self
+            .peers
+            .is_live(self.now, self.parameters.suspicion, convener)
+            && self
+                .peers
+                .get(convener)
+                .is_some_and(|peer| peer.incarnation == gathering.convener_incarnation);
+        let patience = self.parameters.gather_limit + self.parameters.stuck;
+        let overdue = self.now > gathering.since + patience
+            && !self.peers.get(convener).is_some_and(|peer| {
+                peer.heartbeat
+                    .is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
+            });
+        (!alive || overdue).then_some(EpochReason::ConvenerSilent(convener))
+    }
+
+    /// The living modules that the roster does not list, if it leaves spots open.
+    fn wanted_newcomers(&self) -> Vec<ModuleId> {
+        let Some(roster) = self.roster() else {
+            return Vec::new();
+        };
+        let spots = roster
+            .target
+            .target
+            .as_ref()
+            .map_or(0, |target| target.spots().len());
+        if roster.members.len() >= spots {
+            return Vec::new();
+        }
+        let is_member = |id: ModuleId| {
+            roster
+                .members
+                .binary_search_by_key(&id, |member| member.module.id)
+                .is_ok()
+        };
+        self.living()
+            .into_iter()
+            .filter(|&id| !is_member(id))
+            .filter(|&id| {
+                id == self.module || self.peers.get(id).is_some_and(|peer| peer.state.is_some())
+            })
+            .collect()
+    }
+
+    fn open_epoch(&mut self, reason: EpochReason) {
+        let Some(announcement) = self.announcement.clone() else {
+            return;
+        };
+        if reason == EpochReason::DigestMismatch {
+            self.convening.mismatch_retried = true;
+        }
+        let number = self.convening.highest.map_or(0, |highest| highest.number) + 1;
+        let epoch = Epoch {
+            number,
+            convener: self.module,
+        };
+        self.emit(Event::Convened(epoch, reason));
+        self.outputs
+            .push_back(Output::Publish(Message::Roster(RosterMessage::Gather {
+                epoch,
+                target_revision: announcement.revision,
+            })));
+        self.enter_gathering(epoch, self.incarnation);
+        self.advance_gathering();
+    }
+
+    /// Halts and freezes for an epoch.
+    fn enter_gathering(&mut self, epoch: Epoch, convener_incarnation: Incarnation) {
+        self.stand_still();
+        self.epoch = Some(epoch);
+        self.convening.note_epoch(epoch);
+        self.convening
+            .opened(self.now, self.parameters.epoch_interval_limit);
+        self.set_lacks_quorum(None);
+        self.early_claims.forget_before(epoch);
+        self.stage = Stage::Gathering(Gathering {
+            convener: epoch.convener,
+            convener_incarnation,
+            since: self.now,
+            collection: (epoch.convener == self.module).then_some(Collection {
+                frozen: 0,
+                last_new: self.now,
+                told_missing: false,
+            }),
+        });
+        self.voice.state_changed = true;
+        self.emit(Event::Gathered(epoch));
+    }
+
+    pub(super) fn hear_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
+        let epoch = message.epoch();
+        if epoch.convener == self.module {
+            // An earlier run of this module may have convened; its epoch counts, its roster does not.
+            self.convening.note_epoch(epoch);
+            return;
+        }
+        let Some(convener) = self.peers.get(epoch.convener) else {
+            // A latched roster may arrive before the first heartbeat of its convener, and comes only once.
+            let known = self.convening.early_roster.as_ref();
+            if known.is_none_or(|(_, known)| known.epoch() < epoch) {
+                self.convening.early_roster = Some((source, message));
+            }
+            return;
+        };
+        let incarnation = convener.incarnation;
+        if let Err(refusal) = self.peers.check_source(epoch.convener, incarnation, source) {
+            return self.refuse(Some(epoch.convener), refusal);
+        }
+        if !self.convening.is_plausible(epoch) {
+            return self.refuse(Some(epoch.convener), Refusal::ImplausibleEpoch);
+        }
+        if self.epoch.is_some_and(|current| epoch < current) {
+            return self.refuse(Some(epoch.convener), Refusal::StaleEpoch);
+        }
+        match message {
+            RosterMessage::Gather { .. } if self.epoch == Some(epoch) => {}
+            RosterMessage::Gather { .. } => self.enter_gathering(epoch, incarnation),
+            RosterMessage::Plan(roster) => self.hear_plan(roster),
+        }
+    }
+
+    /// Looks again at a roster that came before its convener was known.
+    pub(super) fn hear_early_roster(&mut self, convener: ModuleId) {
+        let early = self
+            .convening
+            .early_roster
+            .take_if(|(_, message)| message.epoch().convener == convener);
+        if let Some((source, message)) = early {
+            self.hear_roster(source, message);
+        }
+    }
+
+    fn hear_plan(&mut self, roster: Arc<Roster>) {
+        let epoch = roster.epoch;
+        let frozen = self.epoch == Some(epoch) && matches!(self.stage, Stage::Gathering(_));
+        if self.epoch == Some(epoch) && !frozen {
+            return;
+        }
+        let mine = roster
+            .members
+            .iter()
+            .find(|member| member.module.id == self.module);
+        if let Some(mine) = mine {
+            // The convener may drop a pin, where two modules claim one spot, but may not invent one.
+            let mut announced = self.as_member();
+            if mine.module.pin.is_none() {
+                announced.module.pin = None;
+            }
+            if !frozen || *mine != announced {
+                return self.refuse(Some(epoch.convener), Refusal::BadRoster);
+            }
+        }
+        if let Some(known) = &self.announcement {
+            let contradicts = known.revision == roster.target.revision
+                && digest::of_target(known) != digest::of_target(&roster.target);
+            let withdrawn = known.revision > roster.target.revision && known.target.is_none();
+            if contradicts || withdrawn {
+                return self.refuse(Some(epoch.convener), Refusal::BadRoster);
+            }
+        }
+        self.quorum.learn(&roster.quorum_bases);
+        let members: Vec<ModuleId> = roster
+            .members
+            .iter()
+            .map(|member| member.module.id)
+            .collect();
+        if self
+            .quorum
+            .shortfall(&members, roster.target.expected_modules)
+            .is_some()
+        {
+            return self.refuse(Some(epoch.convener), Refusal::NoQuorum);
+        }
+        let listed = mine.is_some();
+        if self
+            .announcement
+            .as_ref()
+            .is_none_or(|known| known.revision < roster.target.revision)
+        {
+            self.announcement = Some(Arc::new(roster.target.clone()));
+        }
+        if listed {
+            self.begin_turns(roster);
+        } else {
+            self.stand_still();
+            self.epoch = Some(epoch);
+            self.convening.note_epoch(epoch);
+            self.convening
+                .opened(self.now, self.parameters.epoch_interval_limit);
+            self.stage = Stage::Outsider(roster);
+            self.voice.state_changed = true;
+        }
+    }
+
+    /// This module as it announced itself when it froze.
+    fn as_member(&self) -> RosterMember {
+        RosterMember {
+            incarnation: self.incarnation,
+            module: PlanningModule {
+                id: self.module,
+                pose: self.body.pose,
+                links: self.body.links.clone(),
+                configuration: self.identity.configuration,
+                leader: self.identity.leader,
+                pin: self.pin(),
+            },
+        }
+    }
+
+    /// As the convener: publishes the roster once all are there, or the time is up.
+    pub(super) fn advance_gathering(&mut self) {
+        let (Some(epoch), Stage::Gathering(gathering)) = (self.epoch, &self.stage) else {
+            return;
+        };
+        if gathering.collection.is_none() {
+            return;
+        }
+        let since = gathering.since;
+        let frozen: Vec<Arc<ModuleState>> = self
+            .peers
+            .iter()
+            .filter(|(id, _)| self.peers.is_live(self.now, self.parameters.suspicion, *id))
+            .filter_map(|(_, peer)| peer.state.clone())
+            .filter(|state| state.epoch == Some(epoch) && state.phase == ModulePhase::Gathered)
+            .collect();
+        let count = frozen.len() + usize::from(!self.body.moving);
+        let living = self.living();
+        let first = !self.quorum.has_agreed();
+        let expected = self.expected();
+        let Stage::Gathering(Gathering {
+            collection: Some(collection),
+            ..
+        }) = &mut self.stage
+        else {
+            return;
+        };
+        if count != collection.frozen {
+            collection.frozen = count;
+            collection.last_new = self.now;
+        }
+        let quiet_at = collection.last_new + self.parameters.gather;
+        let limit_at = since + self.parameters.gather_limit;
+        let everyone = match expected {
+            // Only the first roster waits for a number; later ones replace members that may be gone for good.
+            Some(expected) if first => count >= expected as usize,
+            _ => count >= living.len() || self.now >= quiet_at,
+        };
+        let time_is_up = self.now >= limit_at;
+        if !everyone && !time_is_up {
+            let told = collection.told_missing;
+            collection.told_missing |= self.now >= quiet_at;
+            if !told && self.now >= quiet_at {
+                self.tell_missing(&frozen);
+            }
+            self.wake_at(quiet_at);
+            self.wake_at(limit_at);
+            return;
+        }
+        if self.body.moving {
+            return;
+        }
+        for state in &frozen {
+            self.quorum.learn(&state.quorum_bases);
+        }
+        if time_is_up && !everyone {
+            self.tell_missing(&frozen);
+        }
+        self.close_gathering(epoch, &frozen);
+    }
+
+    fn tell_missing(&mut self, frozen: &[Arc<ModuleState>]) {
+        let present: BTreeSet<ModuleId> = frozen.iter().map(|state| state.module).collect();
+        let named = frozen
+            .iter()
+            .flat_map(|state| state.links.iter().copied())
+            .chain(self.body.links.iter().copied())
+            .chain(self.living());
+        let absent: BTreeSet<ModuleId> = named
+            .filter(|id| *id != self.module && !present.contains(id))
+            .collect();
+        self.emit(Event::Missing {
+            expected: self.expected(),
+            gathered: present.len() + 1,
+            absent: absent.into_iter().collect(),
+        });
+    }
+
+    fn close_gathering(&mut self, epoch: Epoch, frozen: &[Arc<ModuleState>]) {
+        let Some(announcement) = self.announcement.clone() else {
+            return;
+        };
+        let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
+        members.push(self.as_member());
+        members.sort_by_key(|member| member.module.id);
+        let mut held = BTreeSet::new();
+        for member in &mut members {
+            let known = member.module.pin.is_none_or(|spot| {
+                announcement
+                    .target
+                    .as_ref()
+                    .is_some_and(|target| target.position_of(spot).is_some())
+                    && held.insert(spot)
+            });
+            if !known {
+                member.module.pin = None;
+            }
+        }
+        let modules: Vec<ModuleId> = members.iter().map(|member| member.module.id).collect();
+        let shortfall = self
+            .quorum
+            .shortfall(&modules, announcement.expected_modules);
+        self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
+        if shortfall.is_some() {
+            // The frozen wait; when more are within reach, the gathering goes on where it stood.
+            return;
+        }
+        let roster = Arc::new(Roster {
+            epoch,
+            target: (*announcement).clone(),
+            members,
+            quorum_bases: self.quorum.bases(),
+        });
+        self.outputs
+            .push_back(Output::Publish(Message::Roster(RosterMessage::Plan(
+                Arc::clone(&roster),
+            ))));
+        self.begin_turns(roster);
+    }
+
+    pub(super) fn begin_turns(&mut self, roster: Arc<Roster>) {
+        let members = roster.members.len();
+        let epoch = roster.epoch;
+        match Turns::new(roster, self.now) {
+            Some(turns) => {
+                self.stage = Stage::Planning(Box::new(turns));
+                self.voice.state_changed = true;
+                self.emit(Event::PlanningBegun { epoch, members });
+                self.advance_turns();
+                self.advance_acting();
+            }
+            None => self.refuse(Some(epoch.convener), Refusal::BadRoster),
+        }
+    }
+}
+
+fn member_of(state: &ModuleState) -> RosterMember {
+    RosterMember {
+        incarnation: state.incarnation,
+        module: PlanningModule {
+            id: state.module,
+            pose: state.pose,
+            links: state.links.clone(),
+            configuration: state.configuration,
+            leader: state.leader,
+            pin: state.spot,
+        },
+    }
+}

@@ -1,0 +1,274 @@
+//! What is known of the other modules, and which of them live.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::MODULES_MAX;
+use crate::id::{Incarnation, ModuleId};
+use crate::message::{Heartbeat, ModuleState};
+
+use super::io::SourceId;
+use super::refusal::Refusal;
+
+/// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
+const DRIFT_DIVISOR: u32 = 1_000;
+
+/// One other module, as heard.
+#[derive(Clone, Debug)]
+pub(super) struct Peer {
+    pub incarnation: Incarnation,
+    pub heartbeat: Option<Heartbeat>,
+    pub state: Option<Arc<ModuleState>>,
+    source: Option<SourceId>,
+    /// When its latest heartbeat was sent, by this module's clock.
+    alive_at: Option<Duration>,
+    /// When this incarnation was first heard.
+    first_heard: Duration,
+    /// The peer's start by this module's clock, as the least delayed heartbeat shows it; signed microseconds.
+    clock_offset_us: Option<(i128, Duration)>,
+    /// Until when it is taken for dead because it made no progress.
+    excluded_until: Duration,
+}
+
+impl Peer {
+    fn new(incarnation: Incarnation, source: Option<SourceId>, now: Duration) -> Self {
+        Self {
+            incarnation,
+            heartbeat: None,
+            state: None,
+            source,
+            alive_at: None,
+            first_heard: now,
+            clock_offset_us: None,
+            excluded_until: Duration::ZERO,
+        }
+    }
+
+    /// How old the latest heartbeat is; `None` without one.
+    pub fn age(&self, now: Duration) -> Option<Duration> {
+        self.alive_at.map(|at| now.saturating_sub(at))
+    }
+
+    /// Estimates when a heartbeat was sent, by this module's clock.
+    ///
+    /// The least delayed heartbeat so far tells the offset between the clocks; it may creep, since clocks drift. A
+    /// heartbeat that lay in a buffer while this process or the network stood still is thus seen to be old.
+    fn sent_at(&mut self, now: Duration, uptime: Duration) -> Duration {
+        let micros = |duration: Duration| i128::try_from(duration.as_micros()).unwrap_or(i128::MAX);
+        let sample = micros(now) - micros(uptime).min(i128::MAX / 4);
+        let offset = match self.clock_offset_us {
+            None => sample,
+            Some((offset, at)) => {
+                sample.min(offset + micros(now.saturating_sub(at) / DRIFT_DIVISOR))
+            }
+        };
+        self.clock_offset_us = Some((offset, now));
+        let sent = (offset + micros(uptime).min(i128::MAX / 4)).clamp(0, micros(now));
+        Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
+    }
+}
+
+/// All other modules that were heard.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Peers {
+    peers: BTreeMap<ModuleId, Peer>,
+}
+
+impl Peers {
+    pub fn get(&self, module: ModuleId) -> Option<&Peer> {
+        self.peers.get(&module)
+    }
+
+    pub fn iter(&self) -> impl Iterator<Item = (ModuleId, &Peer)> {
+        self.peers.iter().map(|(&module, peer)| (module, peer))
+    }
+
+    /// Whether a message of `module` comes from the process that speaks for it, as far as is known.
+    pub fn check_source(
+        &self,
+        module: ModuleId,
+        incarnation: Incarnation,
+        source: Option<SourceId>,
+    ) -> Result<(), Refusal> {
+        let Some(peer) = self.peers.get(&module) else {
+            return Ok(());
+        };
+        if incarnation < peer.incarnation {
+            return Err(Refusal::StaleIncarnation);
+        }
+        match (peer.source, source) {
+            (Some(known), Some(given)) if known != given && peer.incarnation == incarnation => {
+                Err(Refusal::WrongSource)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// The entry of the module that speaks, made or replaced where the rules of incarnations allow it.
+    fn admit(
+        &mut self,
+        now: Duration,
+        suspicion: Duration,
+        module: ModuleId,
+        incarnation: Incarnation,
+        source: Option<SourceId>,
+    ) -> Result<&mut Peer, Refusal> {
+        self.check_source(module, incarnation, source)?;
+        if self.peers.len() >= MODULES_MAX && !self.peers.contains_key(&module) {
+            return Err(Refusal::TooManyModules);
+        }
+        let peer = self
+            .peers
+            .entry(module)
+            .or_insert_with(|| Peer::new(incarnation, source, now));
+        if incarnation > peer.incarnation {
+            let last = peer.alive_at.unwrap_or(peer.first_heard);
+            if now.saturating_sub(last) <= suspicion {
+                return Err(Refusal::DuplicateModule);
+            }
+            *peer = Peer::new(incarnation, source, now);
+        }
+        peer.source = peer.source.or(source);
+        Ok(peer)
+    }
+
+    /// Takes a heartbeat; `Ok(false)` when a later one is known already.
+    pub fn hear_heartbeat(
+        &mut self,
+        now: Duration,
+        suspicion: Duration,
+        heartbeat: Heartbeat,
+        source: Option<SourceId>,
+    ) -> Result<bool, Refusal> {
+        let peer = self.admit(
+            now,
+            suspicion,
+            heartbeat.module,
+            heartbeat.incarnation,
+            source,
+        )?;
+        if peer
+            .heartbeat
+            .is_some_and(|known| known.sequence >= heartbeat.sequence)
+        {
+            return Ok(false);
+        }
+        let sent_at = peer.sent_at(now, heartbeat.uptime);
+        peer.alive_at = Some(peer.alive_at.map_or(sent_at, |at| at.max(sent_at)));
+        peer.heartbeat = Some(heartbeat);
+        Ok(true)
+    }
+
+    /// Takes a module's state; `Ok(false)` when the same or a later one is known already.
+    pub fn hear_state(
+        &mut self,
+        now: Duration,
+        suspicion: Duration,
+        state: Arc<ModuleState>,
+        source: Option<SourceId>,
+    ) -> Result<bool, Refusal> {
+        let peer = self.admit(now, suspicion, state.module, state.incarnation, source)?;
+        if peer
+            .state
+            .as_ref()
+            .is_some_and(|known| known.sequence >= state.sequence)
+        {
+            return Ok(false);
+        }
+        peer.state = Some(state);
+        Ok(true)
+    }
+
+    /// Whether a module's latest heartbeat is younger than `suspicion` and it is not excluded for want of progress.
+    pub fn is_live(&self, now: Duration, suspicion: Duration, module: ModuleId) -> bool {
+        self.peers.get(&module).is_some_and(|peer| {
+            peer.excluded_until <= now && peer.age(now).is_some_and(|age| age <= suspicion)
+        })
+    }
+
+    /// The modules that live.
+    pub fn live(&self, now: Duration, suspicion: Duration) -> BTreeSet<ModuleId> {
+        self.peers
+            .keys()
+            .copied()
+            .filter(|&module| self.is_live(now, suspicion, module))
+            .collect()
+    }
+
+    /// Takes a module for dead until a time, because it makes no progress.
+    pub fn exclude(&mut self, module: ModuleId, until: Duration) {
+        if let Some(peer) = self.peers.get_mut(&module) {
+            peer.excluded_until = peer.excluded_until.max(until);
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::message::ModulePhase;
+
+    const SUSPICION: Duration = Duration::from_secs(5);
+
+    fn heartbeat(incarnation: u64, sequence: u64, uptime_s: u64) -> Heartbeat {
+        Heartbeat {
+            module: ModuleId(1),
+            incarnation: Incarnation(incarnation),
+            sequence,
+            uptime: Duration::from_secs(uptime_s),
+            epoch: None,
+            digest: None,
+            digest_since: 0,
+            applied_turns: 0,
+            phase: ModulePhase::Listening,
+        }
+    }
+
+    fn at(seconds: u64) -> Duration {
+        Duration::from_secs(seconds)
+    }
+
+    #[test]
+    fn a_buffered_heartbeat_is_not_fresh() {
+        let mut peers = Peers::default();
+        peers
+            .hear_heartbeat(at(10), SUSPICION, heartbeat(1, 1, 1), None)
+            .unwrap();
+        assert!(peers.is_live(at(14), SUSPICION, ModuleId(1)));
+        // This process slept for 20 s; the heartbeat that was sent one second after the first reaches it only now.
+        peers
+            .hear_heartbeat(at(30), SUSPICION, heartbeat(1, 2, 2), None)
+            .unwrap();
+        assert!(!peers.is_live(at(30), SUSPICION, ModuleId(1)));
+        peers
+            .hear_heartbeat(at(30), SUSPICION, heartbeat(1, 3, 21), None)
+            .unwrap();
+        assert!(peers.is_live(at(30), SUSPICION, ModuleId(1)));
+    }
+
+    #[test]
+    fn a_second_process_is_refused_until_the_first_is_silent() {
+        let mut peers = Peers::default();
+        let (first, second) = (Some(SourceId(1)), Some(SourceId(2)));
+        peers
+            .hear_heartbeat(at(1), SUSPICION, heartbeat(1, 1, 1), first)
+            .unwrap();
+        assert_eq!(
+            peers.hear_heartbeat(at(2), SUSPICION, heartbeat(2, 1, 0), second),
+            Err(Refusal::DuplicateModule)
+        );
+        assert_eq!(
+            peers.hear_heartbeat(at(2), SUSPICION, heartbeat(1, 2, 2), second),
+            Err(Refusal::WrongSource)
+        );
+        assert_eq!(
+            peers.hear_heartbeat(at(9), SUSPICION, heartbeat(2, 2, 7), second),
+            Ok(true)
+        );
+        assert_eq!(
+            peers.hear_heartbeat(at(9), SUSPICION, heartbeat(1, 3, 8), first),
+            Err(Refusal::StaleIncarnation)
+        );
+    }
+}
