@@ -1,0 +1,683 @@
+//! The cluster: agents with simulated drives, the events between them, and the faults that strike them.
+
+use std::cmp::Reverse;
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
+use std::fmt::Write as _;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::agent::{
+    Agent, AgentParameters, Event, Identity, Input, MotionReport, Output, SourceId,
+};
+use formation::generate::Random;
+use formation::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
+use formation::message::{Message, ModulePhase, TargetAnnouncement};
+use formation::motion::SimulatedDrive;
+use formation::problem::PlanningProblem;
+
+use crate::network::{Channel, Network, NetworkParameters, Participant, Topic};
+
+/// How a cluster is run.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct ClusterParameters {
+    /// The agents' time limits.
+    pub agent: AgentParameters,
+    /// How the network treats messages.
+    pub network: NetworkParameters,
+    /// The speed of the simulated drives.
+    pub speed_units_per_s: f64,
+    /// How often a drive reports its pose.
+    pub drive_tick: Duration,
+    /// The processes start within this time of each other.
+    pub start_spread: Duration,
+}
+
+impl Default for ClusterParameters {
+    fn default() -> Self {
+        Self {
+            agent: AgentParameters::default(),
+            network: NetworkParameters::default(),
+            speed_units_per_s: 5.0,
+            drive_tick: Duration::from_millis(100),
+            start_spread: Duration::from_millis(500),
+        }
+    }
+}
+
+/// What an observer that sees into every module knows of one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Standing {
+    /// What it is doing.
+    pub phase: ModulePhase,
+    /// The epoch in which it is.
+    pub epoch: Option<Epoch>,
+    /// The digest of its plan.
+    pub digest: Option<Digest>,
+    /// The spot that its plan gives it.
+    pub spot: Option<SpotId>,
+    /// Whether its drive is on its way.
+    pub moving: bool,
+}
+
+/// Something that happened, for transcripts and checks.
+#[derive(Clone, Debug)]
+pub enum Observation {
+    /// A module published a message.
+    Published(ModuleId, Message),
+    /// An agent noted an event.
+    Noted(ModuleId, Event),
+    /// A drive set off or was told to go on.
+    SetOff(ModuleId),
+    /// A fault struck, or ended.
+    Fault(String),
+}
+
+enum Happening {
+    Start(ModuleId),
+    Deliver {
+        channel: Channel,
+        /// The incarnation of the reader for which it is meant; a restarted reader asks anew.
+        reader: Incarnation,
+        sample: u64,
+        message: Message,
+    },
+    Timeout(ModuleId, Incarnation),
+    DriveTick(ModuleId, Incarnation),
+}
+
+struct Scheduled {
+    at: Duration,
+    order: u64,
+    happening: Happening,
+}
+
+impl PartialEq for Scheduled {
+    fn eq(&self, other: &Self) -> bool {
+        (self.at, self.order) == (other.at, other.order)
+    }
+}
+impl Eq for Scheduled {}
+impl PartialOrd for Scheduled {
+    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
+        Some(self.cmp(other))
+    }
+}
+impl Ord for Scheduled {
+    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
+        (self.at, self.order).cmp(&(other.at, other.order))
+    }
+}
+
+struct Process {
+    agent: Agent,
+    incarnation: Incarnation,
+    drive: SimulatedDrive,
+    /// Its clock's offset to the cluster's.
+    clock_offset: Duration,
+    /// By how many millionths its clock runs fast or slow.
+    clock_drift_ppm: i64,
+    timeout_at: Option<Duration>,
+    ticking: bool,
+    /// Until when its process stands still; inputs wait.
+    paused_until: Option<Duration>,
+    waiting: Vec<Input>,
+    history: BTreeMap<Topic, Vec<(u64, Message)>>,
+}
+
+/// What outlives a process: the module's body.
+#[derive(Clone)]
+struct Remains {
+    identity: Identity,
+}
+
+/// Many agents under virtual time.
+pub struct Cluster {
+    parameters: ClusterParameters,
+    now: Duration,
+    order: u64,
+    queue: BinaryHeap<Reverse<Scheduled>>,
+    network: Network,
+    random: Random,
+    processes: BTreeMap<ModuleId, Process>,
+    remains: BTreeMap<ModuleId, Remains>,
+    announcement: Option<Arc<TargetAnnouncement>>,
+    samples: u64,
+    /// Samples that could not pass a cut, in the order of writing.
+    held: BTreeMap<Channel, Vec<(u64, Message)>>,
+    /// The newest sample written on a depth-1 channel, so that readers may skip older ones.
+    newest: BTreeMap<(Participant, Topic), u64>,
+    observations: Vec<(Duration, Observation)>,
+    transcript: Option<String>,
+}
+
+impl Cluster {
+    /// A cluster of the modules of a problem; nothing runs before [`Self::step`].
+    #[must_use]
+    pub fn new(problem: &PlanningProblem, parameters: ClusterParameters, seed: u64) -> Self {
+        let mut random = Random::from_seed(seed);
+        let network_seed = random.below(u64::MAX);
+        let mut cluster = Self {
+            parameters,
+            now: Duration::ZERO,
+            order: 0,
+            queue: BinaryHeap::new(),
+            network: Network::new(parameters.network, Random::from_seed(network_seed)),
+            random,
+            processes: BTreeMap::new(),
+            remains: BTreeMap::new(),
+            announcement: None,
+            samples: 0,
+            held: BTreeMap::new(),
+            newest: BTreeMap::new(),
+            observations: Vec::new(),
+            transcript: None,
+        };
+        for module in problem.modules() {
+            cluster.remains.insert(
+                module.id,
+                Remains {
+                    identity: Identity {
+                        module: module.id,
+                        incarnation: Incarnation(0),
+                        pose: module.pose,
+                        links: module.links.clone(),
+                        configuration: module.configuration,
+                        leader: module.leader,
+                    },
+                },
+            );
+            let spread = u64::try_from(parameters.start_spread.as_micros()).unwrap_or(0);
+            let at = Duration::from_micros(cluster.random.below(spread.max(1)));
+            cluster.schedule(at, Happening::Start(module.id));
+        }
+        cluster
+    }
+
+    /// Keeps a readable account of the run from now on.
+    pub fn keep_transcript(&mut self) {
+        self.transcript = Some(String::new());
+    }
+
+    /// The readable account so far.
+    #[must_use]
+    pub fn transcript(&self) -> &str {
+        self.transcript.as_deref().unwrap_or_default()
+    }
+
+    /// The time in the cluster.
+    #[must_use]
+    pub fn now(&self) -> Duration {
+        self.now
+    }
+
+    /// Announces a target, as its publisher would.
+    pub fn announce(&mut self, announcement: TargetAnnouncement) {
+        let announcement = Arc::new(announcement);
+        self.announcement = Some(Arc::clone(&announcement));
+        self.broadcast(
+            Participant::TargetPublisher,
+            Topic::Target,
+            &Message::Target(announcement),
+        );
+    }
+
+    /// Announces the problem's own target to all of its modules.
+    pub fn announce_problem(&mut self, problem: &PlanningProblem, revision: u64) {
+        self.announce(TargetAnnouncement {
+            revision,
+            name: String::new(),
+            target: Some(Arc::clone(problem.target())),
+            parameters: *problem.parameters(),
+            expected_modules: u32::try_from(problem.modules().len()).ok(),
+        });
+    }
+
+    /// The modules whose processes run.
+    #[must_use]
+    pub fn running(&self) -> BTreeSet<ModuleId> {
+        self.processes.keys().copied().collect()
+    }
+
+    /// The agent of a running module.
+    #[must_use]
+    pub fn agent(&self, module: ModuleId) -> Option<&Agent> {
+        self.processes.get(&module).map(|process| &process.agent)
+    }
+
+    /// What a module is doing, if it runs.
+    #[must_use]
+    pub fn standing(&self, module: ModuleId) -> Option<Standing> {
+        let process = self.processes.get(&module)?;
+        let agent = &process.agent;
+        Some(Standing {
+            phase: agent.phase(),
+            epoch: agent.epoch(),
+            digest: agent.digest(),
+            spot: agent
+                .plan()
+                .and_then(|plan| plan.assignments.get(&module).copied()),
+            moving: process.drive.is_moving(),
+        })
+    }
+
+    /// What happened since this was last asked, with its time.
+    pub fn take_observations(&mut self) -> Vec<(Duration, Observation)> {
+        std::mem::take(&mut self.observations)
+    }
+
+    /// Ends a module's process without warning; its body stays, halted and docked as it is.
+    pub fn crash(&mut self, module: ModuleId) {
+        let Some(mut process) = self.processes.remove(&module) else {
+            return;
+        };
+        let now = process.local(self.now);
+        process.drive.halt(now);
+        if let Some(remains) = self.remains.get_mut(&module) {
+            remains.identity.pose = process.drive.pose();
+            remains.identity.links = process.agent.links().clone();
+        }
+        self.network.forget(module);
+        self.held.retain(|channel, _| {
+            channel.from != Participant::Module(module) && channel.to != module
+        });
+        self.fault(format!("{module} crashes"));
+    }
+
+    /// Starts a module's process again, as a new incarnation.
+    pub fn restart(&mut self, module: ModuleId) {
+        if !self.processes.contains_key(&module) {
+            self.fault(format!("{module} starts again"));
+            self.schedule(self.now, Happening::Start(module));
+        }
+    }
+
+    /// Stops a process for a while; what reaches it waits and comes all at once.
+    pub fn pause(&mut self, module: ModuleId, duration: Duration) {
+        let until = self.now + duration;
+        let incarnation = if let Some(process) = self.processes.get_mut(&module) {
+            process.paused_until = Some(until);
+            process.incarnation
+        } else {
+            return;
+        };
+        self.fault(format!(
+            "{module} stands still for {} ms",
+            duration.as_millis()
+        ));
+        self.schedule(until, Happening::Timeout(module, incarnation));
+    }
+
+    /// Cuts these modules off from all others.
+    pub fn cut(&mut self, aside: &BTreeSet<ModuleId>) {
+        self.network.cut(aside);
+        let names: Vec<String> = aside.iter().map(|module| module.0.to_string()).collect();
+        self.fault(format!("cut off: {}", names.join(", ")));
+    }
+
+    /// Ends the cut; reliable messages that were held are sent again.
+    pub fn heal(&mut self) {
+        self.network.heal();
+        self.fault("the network is whole again".to_owned());
+        for (channel, samples) in std::mem::take(&mut self.held) {
+            for (sample, message) in samples {
+                self.send(channel, sample, message);
+            }
+        }
+    }
+
+    fn fault(&mut self, what: String) {
+        self.observe(Observation::Fault(what));
+    }
+
+    /// Lets the next thing happen; `false` when nothing is left to happen before `limit`.
+    pub fn step(&mut self, limit: Duration) -> bool {
+        match self.queue.peek() {
+            Some(Reverse(next)) if next.at <= limit => {}
+            _ => {
+                self.now = self.now.max(limit);
+                return false;
+            }
+        }
+        if let Some(Reverse(next)) = self.queue.pop() {
+            self.now = next.at;
+            self.happen(next.happening);
+        }
+        true
+    }
+
+    /// Runs until `done` holds, or `limit` has come; tells whether it holds.
+    pub fn run_until(&mut self, limit: Duration, mut done: impl FnMut(&Self) -> bool) -> bool {
+        while !done(self) {
+            if !self.step(limit) {
+                return done(self);
+            }
+        }
+        true
+    }
+
+    /// Whether all running modules hold one plan and have carried it out.
+    #[must_use]
+    pub fn has_formed(&self) -> bool {
+        let digests: BTreeSet<Option<Digest>> = self
+            .processes
+            .values()
+            .map(|process| process.agent.digest())
+            .collect();
+        digests.len() == 1
+            && !digests.contains(&None)
+            && self.processes.values().all(|process| {
+                matches!(
+                    process.agent.phase(),
+                    ModulePhase::Settled | ModulePhase::Spare
+                )
+            })
+    }
+
+    fn schedule(&mut self, at: Duration, happening: Happening) {
+        self.order += 1;
+        self.queue.push(Reverse(Scheduled {
+            at,
+            order: self.order,
+            happening,
+        }));
+    }
+
+    fn happen(&mut self, happening: Happening) {
+        match happening {
+            Happening::Start(module) => self.start(module),
+            Happening::Deliver {
+                channel,
+                reader,
+                sample,
+                message,
+            } => {
+                let skipped = channel.topic.depth() == 1
+                    && self
+                        .newest
+                        .get(&(channel.from, channel.topic))
+                        .is_some_and(|&newest| newest > sample)
+                    && self.random.below(2) == 0;
+                let current = self
+                    .processes
+                    .get(&channel.to)
+                    .map(|process| process.incarnation);
+                if !skipped && current == Some(reader) {
+                    let source = match channel.from {
+                        Participant::TargetPublisher => None,
+                        Participant::Module(module) => Some(SourceId(u128::from(module.0))),
+                    };
+                    self.input(channel.to, Input::Message { source, message });
+                }
+            }
+            Happening::Timeout(module, incarnation) => {
+                let due = self.processes.get_mut(&module).is_some_and(|process| {
+                    let mine = process.incarnation == incarnation;
+                    if mine {
+                        process.timeout_at = None;
+                    }
+                    mine
+                });
+                if due {
+                    self.input(module, Input::Timeout);
+                }
+            }
+            Happening::DriveTick(module, incarnation) => self.tick_drive(module, incarnation),
+        }
+    }
+
+    fn start(&mut self, module: ModuleId) {
+        let Some(remains) = self.remains.get_mut(&module) else {
+            return;
+        };
+        remains.identity.incarnation.0 += 1;
+        let identity = remains.identity.clone();
+        let incarnation = identity.incarnation;
+        let clock_offset = Duration::from_micros(self.random.below(1_000_000_000));
+        let drift = i64::try_from(self.random.below(401)).unwrap_or(0) - 200;
+        let mut process = Process {
+            drive: SimulatedDrive::new(
+                identity.pose,
+                self.parameters.speed_units_per_s,
+                self.parameters.agent.lease,
+            ),
+            agent: Agent::new(identity, self.parameters.agent, Duration::ZERO),
+            incarnation,
+            clock_offset,
+            clock_drift_ppm: drift,
+            timeout_at: None,
+            ticking: false,
+            paused_until: None,
+            waiting: Vec::new(),
+            history: BTreeMap::new(),
+        };
+        let local = process.local(self.now);
+        process.agent = Agent::new(remains.identity.clone(), self.parameters.agent, local);
+        self.processes.insert(module, process);
+        self.catch_up(module);
+        self.input(module, Input::Timeout);
+    }
+
+    /// Sends a new reader what the writers keep for those who come late.
+    fn catch_up(&mut self, reader: ModuleId) {
+        let mut kept = Vec::new();
+        if let Some(announcement) = &self.announcement {
+            let message = Message::Target(Arc::clone(announcement));
+            let writer = (Participant::TargetPublisher, Topic::Target);
+            let sample = self.newest.get(&writer).copied().unwrap_or_default();
+            kept.push((writer.0, writer.1, sample, message));
+        }
+        for (&writer, process) in &self.processes {
+            if writer == reader {
+                continue;
+            }
+            for (&topic, samples) in &process.history {
+                for (sample, message) in samples {
+                    kept.push((Participant::Module(writer), topic, *sample, message.clone()));
+                }
+            }
+        }
+        for (from, topic, sample, message) in kept {
+            self.send(
+                Channel {
+                    from,
+                    to: reader,
+                    topic,
+                },
+                sample,
+                message,
+            );
+        }
+    }
+
+    fn input(&mut self, module: ModuleId, input: Input) {
+        let now = self.now;
+        let Some(process) = self.processes.get_mut(&module) else {
+            return;
+        };
+        if process.paused_until.is_some_and(|until| now < until) {
+            if !matches!(input, Input::Timeout) {
+                process.waiting.push(input);
+            }
+            return;
+        }
+        let mut inputs = Vec::new();
+        if process.paused_until.take().is_some() {
+            inputs.append(&mut process.waiting);
+        }
+        inputs.push(input);
+        for input in inputs {
+            let Some(process) = self.processes.get_mut(&module) else {
+                return;
+            };
+            let local = process.local(now);
+            process.agent.handle(local, input);
+            self.drain(module);
+        }
+        self.reschedule_timeout(module);
+    }
+
+    fn reschedule_timeout(&mut self, module: ModuleId) {
+        let Some(process) = self.processes.get_mut(&module) else {
+            return;
+        };
+        let at = process.global(process.agent.poll_timeout()).max(self.now);
+        if process.timeout_at.is_none_or(|scheduled| at < scheduled) {
+            process.timeout_at = Some(at);
+            let incarnation = process.incarnation;
+            self.schedule(at, Happening::Timeout(module, incarnation));
+        }
+    }
+
+    fn drain(&mut self, module: ModuleId) {
+        while let Some(process) = self.processes.get_mut(&module) {
+            let Some(output) = process.agent.poll_output() else {
+                return;
+            };
+            let local = process.local(self.now);
+            match output {
+                Output::Publish(message) => self.publish(module, &message),
+                Output::Event(event) => self.observe(Observation::Noted(module, event)),
+                Output::Move(goal) => {
+                    process.drive.go(local, goal);
+                    let incarnation = process.incarnation;
+                    let starts = !std::mem::replace(&mut process.ticking, true);
+                    self.observe(Observation::SetOff(module));
+                    if starts {
+                        let at = self.now + self.parameters.drive_tick;
+                        self.schedule(at, Happening::DriveTick(module, incarnation));
+                    }
+                }
+                Output::Halt => {
+                    let report = process.drive.halt(local);
+                    process.agent.handle(local, Input::Motion(report));
+                }
+                Output::Dock(other) => {
+                    let report = Input::Motion(MotionReport::Docked(other));
+                    process.agent.handle(local, report);
+                }
+                Output::Undock(other) => {
+                    let report = Input::Motion(MotionReport::Undocked(other));
+                    process.agent.handle(local, report);
+                }
+            }
+        }
+    }
+
+    fn tick_drive(&mut self, module: ModuleId, incarnation: Incarnation) {
+        let Some(process) = self.processes.get_mut(&module) else {
+            return;
+        };
+        if process.incarnation != incarnation {
+            return;
+        }
+        let local = process.local(self.now);
+        let report = process.drive.advance(local);
+        process.ticking = process.drive.is_moving();
+        if process.ticking {
+            let at = self.now + self.parameters.drive_tick;
+            self.schedule(at, Happening::DriveTick(module, incarnation));
+        }
+        if let Some(report) = report {
+            self.input(module, Input::Motion(report));
+        }
+    }
+
+    fn publish(&mut self, module: ModuleId, message: &Message) {
+        let topic = match message {
+            Message::Target(_) => Topic::Target,
+            Message::ModuleState(_) => Topic::ModuleStates,
+            Message::Roster(_) => Topic::Roster,
+            Message::Claim(_) => Topic::Claims,
+            Message::Eviction(_) => Topic::Evictions,
+            Message::Heartbeat(_) => Topic::Heartbeats,
+        };
+        self.observe(Observation::Published(module, message.clone()));
+        self.broadcast(Participant::Module(module), topic, message);
+    }
+
+    fn broadcast(&mut self, from: Participant, topic: Topic, message: &Message) {
+        self.samples += 1;
+        let sample = self.samples;
+        self.newest.insert((from, topic), sample);
+        if let Participant::Module(writer) = from
+            && topic.depth() > 0
+            && let Some(process) = self.processes.get_mut(&writer)
+        {
+            let history = process.history.entry(topic).or_default();
+            history.push((sample, message.clone()));
+            let excess = history.len().saturating_sub(topic.depth());
+            history.drain(..excess);
+        }
+        let readers: Vec<ModuleId> = self
+            .processes
+            .keys()
+            .copied()
+            .filter(|&reader| from != Participant::Module(reader))
+            .collect();
+        for to in readers {
+            self.send(Channel { from, to, topic }, sample, message.clone());
+        }
+    }
+
+    fn send(&mut self, channel: Channel, sample: u64, message: Message) {
+        let Some(reader) = self
+            .processes
+            .get(&channel.to)
+            .map(|process| process.incarnation)
+        else {
+            return;
+        };
+        if !self.network.connects(channel.from, channel.to) {
+            if channel.topic.is_reliable() {
+                let held = self.held.entry(channel).or_default();
+                held.push((sample, message));
+                let excess = held.len().saturating_sub(channel.topic.depth());
+                held.drain(..excess);
+            }
+            return;
+        }
+        for at in self.network.arrivals(self.now, channel) {
+            self.schedule(
+                at,
+                Happening::Deliver {
+                    channel,
+                    reader,
+                    sample,
+                    message: message.clone(),
+                },
+            );
+        }
+    }
+
+    fn observe(&mut self, observation: Observation) {
+        if let Some(transcript) = &mut self.transcript {
+            let line = crate::transcript::line(self.now, &observation);
+            if let Some(line) = line {
+                let _ = writeln!(transcript, "{line}");
+            }
+        }
+        self.observations.push((self.now, observation));
+    }
+}
+
+impl Process {
+    /// The cluster's time on this process's clock.
+    fn local(&self, now: Duration) -> Duration {
+        let micros = i64::try_from(now.as_micros()).unwrap_or(i64::MAX);
+        let drift = micros / 1_000_000 * self.clock_drift_ppm;
+        self.clock_offset
+            + Duration::from_micros(micros.saturating_add(drift).max(0).unsigned_abs())
+    }
+
+    /// The first time of the cluster, within a microsecond, at which this process's clock shows `local` or later.
+    fn global(&self, local: Duration) -> Duration {
+        let mut at = local.saturating_sub(self.clock_offset);
+        loop {
+            let shown = self.local(at);
+            if shown >= local {
+                return at;
+            }
+            at += (local - shown).max(Duration::from_micros(1));
+        }
+    }
+}

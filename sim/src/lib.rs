@@ -1,0 +1,11 @@
+//! Many agents in one process, under virtual time and a seeded network.
+//!
+//! The agents are those that run under DDS; only what carries their messages differs. One seed replays one run exactly,
+//! so a failure is a number that anyone can look at again.
+
+mod cluster;
+mod network;
+mod transcript;
+
+pub use cluster::{Cluster, ClusterParameters, Observation, Standing};
+pub use network::NetworkParameters;

@@ -1,0 +1,85 @@
+//! Formations without faults, on quiet and on rough networks.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::generate::{GeneratorParameters, Grouping};
+use formation::planning;
+use formation::problem::PlanningProblem;
+use formation::scenario::Scenario;
+use formation_sim::{Cluster, ClusterParameters, NetworkParameters};
+
+fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
+    let parameters = GeneratorParameters::new(modules, spots, seed).grouped(Grouping::Mixed);
+    let raw = formation::generate::generate(&parameters).unwrap();
+    Scenario::try_from(raw).unwrap().problem().clone()
+}
+
+/// Runs a cluster until it has formed, and checks its plan against the offline one.
+fn forms_as_planned(problem: &PlanningProblem, network: NetworkParameters, seed: u64) {
+    let parameters = ClusterParameters {
+        network,
+        ..ClusterParameters::default()
+    };
+    let mut cluster = Cluster::new(problem, parameters, seed);
+    cluster.keep_transcript();
+    cluster.announce_problem(problem, 1);
+    let formed = cluster.run_until(Duration::from_secs(600), Cluster::has_formed);
+    assert!(
+        formed,
+        "seed {seed} did not form:\n{}",
+        cluster.transcript()
+    );
+    let offline = planning::plan(Arc::new(problem.clone())).plan;
+    for module in cluster.running() {
+        let plan = cluster
+            .agent(module)
+            .and_then(|agent| agent.plan())
+            .unwrap();
+        assert_eq!(*plan, offline, "seed {seed}, {module}");
+    }
+}
+
+#[test]
+fn agents_form_what_the_offline_planner_plans() {
+    for seed in 0..40 {
+        let modules = 2 + usize::try_from(seed).unwrap() % 12;
+        forms_as_planned(
+            &problem(modules, modules, seed),
+            NetworkParameters::default(),
+            seed,
+        );
+    }
+}
+
+#[test]
+fn loss_delay_and_duplication_change_nothing() {
+    for seed in 0..40 {
+        forms_as_planned(&problem(8, 8, seed), NetworkParameters::rough(), seed);
+    }
+}
+
+#[test]
+fn too_many_and_too_few_modules_form_too() {
+    for seed in 0..10 {
+        forms_as_planned(&problem(12, 7, seed), NetworkParameters::default(), seed);
+        forms_as_planned(&problem(7, 12, seed), NetworkParameters::default(), seed);
+    }
+}
+
+#[test]
+fn one_seed_replays_one_run() {
+    let problem = problem(9, 9, 5);
+    let run = || {
+        let mut cluster = Cluster::new(&problem, ClusterParameters::default(), 77);
+        cluster.keep_transcript();
+        cluster.announce_problem(&problem, 1);
+        cluster.run_until(Duration::from_secs(600), Cluster::has_formed);
+        cluster.transcript().to_owned()
+    };
+    let transcript = run();
+    assert!(transcript.contains("settled on"));
+    assert_eq!(transcript, run());
+}
