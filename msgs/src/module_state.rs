@@ -38,6 +38,8 @@ pub struct ModuleState {
     pub leader_id: u32,
     pub spot_id: u32,
     pub unit_id: u32,
+    /// The sequence number of the first state that showed it settled in this epoch, at most `sequence`; 0 before.
+    pub settled_since: u64,
     pub waited_for: Vec<CausalMark>,
     pub agreed_on: Vec<CausalMark>,
     pub quorum_bases: Vec<QuorumBasis>,
@@ -147,6 +149,7 @@ impl From<&message::ModuleState> for ModuleState {
             leader_id: state.leader.map_or(NONE, |id| id.0),
             spot_id: state.spot.map_or(NONE, |id| id.0),
             unit_id: state.unit.map_or(NONE, |id| id.0),
+            settled_since: state.settled_since,
             waited_for: state.waited_for.iter().map(CausalMark::from).collect(),
             agreed_on: state.agreed_on.iter().map(CausalMark::from).collect(),
             quorum_bases: state.quorum_bases.iter().map(QuorumBasis::from).collect(),
@@ -181,11 +184,26 @@ impl ModuleState {
             leader: check::optional_id(self.leader_id, ModuleId),
             spot: check::optional_id(self.spot_id, SpotId),
             unit: check::optional_id(self.unit_id, ModuleId),
+            settled_since: settled_since(self.settled_since, self.sequence)?,
             waited_for: marks("waited_for", &self.waited_for)?,
             agreed_on: marks("agreed_on", &self.agreed_on)?,
             quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
         })
     }
+}
+
+/// A module cannot have settled in a state that it has yet to publish.
+fn settled_since(since: u64, sequence: u64) -> Checked<u64> {
+    if since > sequence {
+        return Err(FieldError::new(
+            "settled_since",
+            Fault::TooGreat {
+                value: since,
+                limit: sequence,
+            },
+        ));
+    }
+    Ok(since)
 }
 
 impl ModuleStates {

@@ -78,6 +78,7 @@ fn state() -> wire::ModuleState {
         leader_id: 4,
         spot_id: 2,
         unit_id: 4,
+        settled_since: 0,
         waited_for: vec![mark(5), mark(1)],
         agreed_on: vec![mark(1)],
         quorum_bases: vec![basis(1), basis(2)],
@@ -125,6 +126,8 @@ fn module_states() {
             "module_states: modules[1].links[0]: 4294967295 stands for none and cannot be used here";
         sample => sample.modules[1].links = (10..75).collect(),
             "module_states: modules[1].links: 65 entries, at most 64 are allowed";
+        sample => sample.modules[1].settled_since = 2,
+            "module_states: modules[1].settled_since: must be at most 1, got 2";
         sample => sample.modules[1].waited_for[1].module_id = 5,
             "module_states: modules[1].waited_for[1]: module 5 is listed twice";
         sample => sample.modules[1].agreed_on[0].module_id = NONE,

@@ -238,14 +238,14 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
     (
         planning_module(),
         (incarnation(), any::<u64>(), epoch_and_digest(), phase()),
-        option::of(module_id()),
+        (option::of(module_id()), any::<u64>()),
         (marks(), marks(), quorum_bases()),
     )
         .prop_map(
             |(
                 module,
                 (incarnation, sequence, (epoch, digest), phase),
-                unit,
+                (unit, since),
                 (waited_for, agreed_on, quorum_bases),
             )| ModuleState {
                 module: module.id,
@@ -260,6 +260,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 leader: module.leader,
                 spot: module.pin,
                 unit,
+                settled_since: since.min(sequence),
                 waited_for,
                 agreed_on,
                 quorum_bases,

@@ -98,7 +98,7 @@ pub(super) struct Act {
     pub(super) digests: Vec<Option<Digest>>,
     /// The highest sequence number at which it was MOVING or SETTLED, and the unit and the spot that it named there.
     pub(super) named: Option<(u64, Option<ModuleId>, Option<SpotId>)>,
-    /// The highest sequence number at which it was heard not to be settled yet.
+    /// The highest sequence number at which it is known not to have been settled yet.
     pub(super) unsettled_until: Option<u64>,
     /// The settled states that it waited for; the lowest sequence number for each module.
     pub(super) waited_for: BTreeMap<ModuleId, u64>,
@@ -150,6 +150,9 @@ impl Act {
         if is_before_settling {
             self.unsettled_until = self.unsettled_until.max(Some(state.sequence));
         }
+        // A reader may have missed the states just before; the module tells when it settled.
+        let before = state.settled_since.checked_sub(1);
+        self.unsettled_until = self.unsettled_until.max(before);
     }
 
     /// How far it was heard from where the roster froze it.

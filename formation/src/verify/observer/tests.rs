@@ -82,6 +82,7 @@ fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
         leader: None,
         spot: None,
         unit: None,
+        settled_since: 0,
         waited_for: Vec::new(),
         agreed_on: Vec::new(),
         quorum_bases: Vec::new(),
