@@ -10,6 +10,7 @@
 pub mod agent;
 pub mod allocation;
 pub mod assembly;
+pub mod baseline;
 mod block_allocation;
 mod bounded_eviction;
 pub mod centrality;

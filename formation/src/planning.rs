@@ -10,6 +10,8 @@ use thiserror::Error;
 
 use crate::allocation::Holder;
 use crate::assembly;
+use crate::baseline::paper::{Favourites, PaperTurn};
+use crate::baseline::{self, AuctionCounts, CentralAssignment};
 use crate::block_allocation;
 use crate::eviction::{Allocation, ChainSearch};
 use crate::fixed::MicroUnits;
@@ -71,6 +73,10 @@ pub struct Planning {
     queue: TurnQueue,
     allocation: Allocation,
     search: ChainSearch,
+    /// What the policy `paper` remembers between turns.
+    favourites: Favourites,
+    /// What a central policy has assigned before the first turn.
+    central: Option<CentralAssignment>,
     applied_turns: u32,
     /// The blocks that keep together, in the order of their turns.
     blocks: Vec<Vec<usize>>,
@@ -86,7 +92,9 @@ pub struct Planning {
 struct Pending {
     decision: Decision,
     allocation: Allocation,
-    block: Vec<usize>,
+    /// The blocks that keep together from this turn on.
+    blocks: Vec<Vec<usize>>,
+    /// What leaves its configuration and has turns to come.
     remainder: Vec<Vec<usize>>,
     proven: bool,
 }
@@ -161,8 +169,10 @@ impl Planning {
             .collect();
         Self {
             queue,
-            allocation,
             search: ChainSearch::new(module_count),
+            favourites: Favourites::new(module_count),
+            central: baseline::assign_centrally(&instance, &allocation.table),
+            allocation,
             trimmed_spots,
             instance,
             applied_turns: 0,
@@ -264,6 +274,12 @@ impl Planning {
             .map(|spot| self.spot_id(spot))
     }
 
+    /// What the auction said before the first turn; `None` under every other policy.
+    #[must_use]
+    pub fn auction_counts(&self) -> Option<AuctionCounts> {
+        self.central.as_ref()?.auction
+    }
+
     /// The plan, once no turn is left. Computes the acting order anew at each call.
     #[must_use]
     pub fn finish(&self) -> Option<Plan> {
@@ -316,38 +332,64 @@ impl Planning {
             let mut allocation = std::mem::take(&mut self.spare);
             allocation.copy_from(&self.allocation);
             let mut evictions = Vec::new();
-            let mut block = Vec::new();
+            let mut blocks = Vec::new();
             let mut remainder = Vec::new();
+            let mut detached = Vec::new();
             let mut proven = true;
             match self.instance.problem.parameters().policy {
-                Policy::Exact | Policy::Paper | Policy::Auction | Policy::Hungarian => {
+                Policy::Exact if unit.is_block() => {
+                    let outcome = block_allocation::allocate(
+                        &self.instance,
+                        &mut self.search,
+                        &mut allocation,
+                        &unit.members,
+                        &mut evictions,
+                    );
+                    blocks.push(outcome.placed.iter().map(|&(member, _)| member).collect());
+                    detached.extend(outcome.remainder.iter().flatten());
+                    remainder = outcome.remainder;
+                    proven = outcome.proven;
+                }
+                Policy::Exact => {
+                    spot_allocation::allocate(
+                        &self.instance,
+                        &mut self.search,
+                        &mut allocation,
+                        unit.leader,
+                        &mut evictions,
+                    );
+                }
+                Policy::Paper => {
+                    let mut turn = PaperTurn {
+                        instance: &self.instance,
+                        favourites: &mut self.favourites,
+                        table: &mut allocation.table,
+                        evictions: &mut evictions,
+                    };
                     if unit.is_block() {
-                        let outcome = block_allocation::allocate(
-                            &self.instance,
-                            &mut self.search,
-                            &mut allocation,
-                            &unit.members,
-                            &mut evictions,
-                        );
-                        block = outcome.placed.iter().map(|&(member, _)| member).collect();
-                        remainder = outcome.remainder;
-                        proven = outcome.proven;
+                        let outcome = turn.allocate_block(&unit.members);
+                        blocks = outcome.blocks;
+                        detached = outcome.detached;
                     } else {
-                        spot_allocation::allocate(
-                            &self.instance,
-                            &mut self.search,
-                            &mut allocation,
-                            unit.leader,
-                            &mut evictions,
-                        );
+                        turn.allocate_spot(unit.leader);
+                    }
+                }
+                Policy::Auction | Policy::Hungarian => {
+                    let module = unit.leader;
+                    let spots = self.central.as_ref().map(|central| &central.spot_of);
+                    if let Some(spot) = spots.and_then(|spots| spots[module]) {
+                        allocation.table.give(spot, Holder::Singleton(module));
+                    }
+                    if self.instance.links.degree(module) > 0 {
+                        detached.push(module);
                     }
                 }
             }
-            let decision = self.decision_between(&allocation, &evictions, &remainder);
+            let decision = self.decision_between(&allocation, &evictions, &detached);
             self.pending = Some(Pending {
                 decision,
                 allocation,
-                block,
+                blocks,
                 remainder,
                 proven,
             });
@@ -360,7 +402,7 @@ impl Planning {
         &self,
         after: &Allocation,
         evictions: &[Displacement],
-        remainder: &[Vec<usize>],
+        detached: &[usize],
     ) -> Decision {
         let selections = self
             .allocation
@@ -388,9 +430,8 @@ impl Planning {
                 to: displacement.to.map(|spot| self.spot_id(spot)),
             })
             .collect();
-        let mut detached: Vec<ModuleId> = remainder
+        let mut detached: Vec<ModuleId> = detached
             .iter()
-            .flatten()
             .map(|&module| self.module_id(module))
             .collect();
         detached.sort_unstable();
@@ -408,9 +449,8 @@ impl Planning {
         self.queue
             .insert_remainder(&self.instance, &pending.remainder);
         self.spare = std::mem::replace(&mut self.allocation, pending.allocation);
-        if pending.block.len() > 1 {
-            self.blocks.push(pending.block);
-        }
+        let blocks = pending.blocks.into_iter();
+        self.blocks.extend(blocks.filter(|block| block.len() > 1));
         self.proven &= pending.proven;
         self.applied_turns += 1;
         Some(pending.decision)
@@ -497,6 +537,8 @@ pub struct PlanOutcome {
     pub total_distance: MicroUnits,
     /// Whether every block took the best place there is; `false` when a search was cut at its budget.
     pub proven: bool,
+    /// What the auction said before the first turn; `None` under every other policy.
+    pub auction: Option<AuctionCounts>,
 }
 
 /// Runs all turns at once: the offline planner.
@@ -549,6 +591,7 @@ impl Planning {
             total_utility,
             total_distance,
             proven: self.proven,
+            auction: self.auction_counts(),
         }
     }
 }

@@ -21,14 +21,15 @@ pub struct Assignment {
     pub spot: SpotId,
 }
 
-/// How much was said while units took their turns: one claim a turn, heard by every other module.
+/// How much was said while units took their turns: one claim a turn, heard by every other module. An auction adds a
+/// sample for each bid and for each new price, each of one pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct MessageCounts {
-    /// Claims published.
+    /// Samples published.
     pub samples: usize,
-    /// Claims times receivers.
+    /// Samples times receivers.
     pub deliveries: usize,
-    /// (Spot, selector) pairs in claims times receivers.
+    /// (Spot, selector) pairs in them times receivers.
     pub pairs: usize,
 }
 
@@ -89,8 +90,11 @@ impl Statistics {
     pub fn of(problem: &PlanningProblem, outcome: &PlanOutcome) -> Self {
         let plan = &outcome.plan;
         let receivers = problem.modules().len() - 1;
-        let samples = outcome.decisions.len();
-        let pairs: usize = outcome
+        let auction = outcome
+            .auction
+            .map_or(0, |counts| counts.bids + counts.price_updates);
+        let samples = outcome.decisions.len() + auction;
+        let claimed_pairs: usize = outcome
             .decisions
             .iter()
             .map(|(_, decision)| decision.selections.len())
@@ -142,7 +146,7 @@ impl Statistics {
             messages: MessageCounts {
                 samples,
                 deliveries: samples * receivers,
-                pairs: pairs * receivers,
+                pairs: (claimed_pairs + auction) * receivers,
             },
         }
     }

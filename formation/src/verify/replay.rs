@@ -14,7 +14,7 @@ pub(super) struct Replay {
     pub(super) spots: BTreeMap<ModuleId, SpotId>,
     /// The holder of each filled spot.
     pub(super) holders: BTreeMap<SpotId, ModuleId>,
-    /// The groups of two or more linked modules that one turn placed together.
+    /// The groups of two or more modules that one turn placed together so that they keep links to each other.
     pub(super) blocks: Vec<Vec<ModuleId>>,
     /// The modules that left their configuration.
     pub(super) detached: BTreeSet<ModuleId>,
@@ -135,7 +135,12 @@ impl Replay {
                     .copied()
                     .unwrap_or_else(|| self.holders.get(&spot).copied())
             };
-            if held(&changed, from) != Some(evicted) || evicted == by {
+            let holder = held(&changed, from);
+            // A module that leaves its configuration in this turn may take a spot and lose it again within the turn.
+            let came_and_went = holder.is_none()
+                && decision.detached.contains(&evicted)
+                && !self.spots.contains_key(&evicted);
+            if !came_and_went && holder != Some(evicted) || evicted == by {
                 self.violations.push(Violation::WrongEviction {
                     turn,
                     module: evicted,
@@ -221,7 +226,7 @@ impl Replay {
         }
     }
 
-    /// The modules that a turn places anew and that are linked to each other are a block, and safe from now on.
+    /// The modules that a turn places anew and that keep links to each other are a block, and safe from now on.
     fn note_blocks(
         &mut self,
         problem: &PlanningProblem,
@@ -234,7 +239,24 @@ impl Replay {
             .map(|selection| selection.module)
             .filter(|module| !before.contains_key(module) && !decision.detached.contains(module))
             .collect();
-        for block in linked_groups(problem, &placed) {
+        let adjacent_links = |module: ModuleId| -> Vec<ModuleId> {
+            let (Some(found), Some(&spot)) = (problem.module(module), self.spots.get(&module))
+            else {
+                return Vec::new();
+            };
+            let beside: BTreeSet<SpotId> = problem.target().neighbours_of(spot).collect();
+            found
+                .links
+                .iter()
+                .copied()
+                .filter(|other| {
+                    self.spots
+                        .get(other)
+                        .is_some_and(|spot| beside.contains(spot))
+                })
+                .collect()
+        };
+        for block in groups(&placed, adjacent_links) {
             if block.len() >= 2 {
                 self.protected.extend(&block);
                 self.blocks.push(block);
@@ -244,14 +266,15 @@ impl Replay {
 
     fn check_chain_length(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
         let evictions = decision.evictions.len();
-        // A block's turn re-inserts each singleton that it displaces with a chain of its own.
+        // A block's turn re-inserts each singleton that it displaces with a chain of its own; so does the policy `paper`
+        // with the modules that leave the block.
         let displaced = decision
             .evictions
             .iter()
             .filter(|eviction| self.protected.contains(&eviction.by))
             .count();
         if let Some(limit) = problem.parameters().d_max {
-            let chains = displaced.max(1);
+            let chains = (displaced + decision.detached.len()).max(1);
             let allowed = displaced + chains * usize::try_from(limit).unwrap_or(usize::MAX);
             if evictions > allowed {
                 self.violations.push(Violation::ChainTooLong {
@@ -262,19 +285,6 @@ impl Replay {
             }
         }
     }
-}
-
-/// Splits modules into the groups that their initial links join; groups and members ascend.
-pub(super) fn linked_groups(
-    problem: &PlanningProblem,
-    modules: &BTreeSet<ModuleId>,
-) -> Vec<Vec<ModuleId>> {
-    groups(modules, |module| {
-        problem
-            .module(module)
-            .map(|module| module.links.iter().copied().collect())
-            .unwrap_or_default()
-    })
 }
 
 /// Splits things into the groups that `neighbours` joins; groups and members ascend.

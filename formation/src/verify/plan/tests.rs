@@ -392,13 +392,21 @@ fn wrong_blocks_and_links_are_found() {
         case.plan.kept_links.remove(&(ModuleId(1), ModuleId(2)));
         case.plan.assembly.units[0] = unit(&[(3, 3), (1, 2), (2, 4)]);
     });
-    assert_eq!(
-        found,
-        [Violation::BlockApart {
+    assert_finds(
+        &found,
+        &Violation::BlockApart {
             first: ModuleId(1),
-            unreached: ModuleId(2)
-        }]
+            unreached: ModuleId(2),
+        },
     );
+    // Two modules of it do keep their link, and are what the turn really placed as a block.
+    assert_finds(
+        &found,
+        &Violation::WrongBlock {
+            module: ModuleId(2),
+        },
+    );
+    assert_eq!(found.len(), 3);
 }
 
 #[test]
