@@ -7,6 +7,7 @@
 )]
 
 use std::collections::BTreeSet;
+use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
@@ -128,6 +129,38 @@ fn the_plan_is_the_same_each_time() {
             report.as_object_mut().unwrap().remove("planning_us");
         }
         assert_eq!(one, other);
+    }
+}
+
+#[test]
+fn generated_scenarios_pass_the_independent_check() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("generated.yaml");
+    // Seed 2 with 60 mixed modules has a turn whose chains send a module away and back.
+    for (modules, grouping) in [
+        ("60", "--mixed"),
+        ("100", "--mixed"),
+        ("100", "--configuration-size=10"),
+        ("120", "--configuration-size=50"),
+    ] {
+        for seed in ["1", "2", "3"] {
+            let generated = Command::new(env!("CARGO_BIN_EXE_formation"))
+                .args(["generate", "--spots", "100", "--modules", modules, grouping])
+                .args(["--seed", seed])
+                .output()
+                .unwrap();
+            fs::write(&path, generated.stdout).unwrap();
+            let planned = Command::new(env!("CARGO_BIN_EXE_formation"))
+                .args(["plan", "--json"])
+                .arg(&path)
+                .output()
+                .unwrap();
+            assert!(
+                planned.status.success(),
+                "{modules} {grouping} {seed}: {}",
+                String::from_utf8_lossy(&planned.stderr)
+            );
+        }
     }
 }
 

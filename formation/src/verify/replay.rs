@@ -73,7 +73,7 @@ impl Replay {
             .chain(walked.keys().copied())
             .filter_map(|module| Some((module, *self.spots.get(&module)?)))
             .collect();
-        self.select(turn, decision);
+        self.select(turn, decision, &before, &walked);
         self.compare(turn, decision, &before, &walked);
         self.note_blocks(problem, decision, &before);
         self.check_chain_length(problem, turn, decision);
@@ -166,13 +166,30 @@ impl Replay {
         moved
     }
 
-    fn select(&mut self, turn: u32, decision: &Decision) {
+    fn select(
+        &mut self,
+        turn: u32,
+        decision: &Decision,
+        before: &BTreeMap<ModuleId, SpotId>,
+        walked: &BTreeMap<ModuleId, Option<SpotId>>,
+    ) {
         let mut chosen = BTreeSet::new();
+        // The pairs say what changes, so a module that several chains send away and back is in none.
+        let returns = |module: ModuleId| {
+            before.contains_key(&module)
+                && walked.get(&module).copied().flatten() == before.get(&module).copied()
+        };
         let moving = decision
             .selections
             .iter()
             .map(|selection| selection.module)
-            .chain(decision.evictions.iter().map(|one| one.evicted));
+            .chain(
+                decision
+                    .evictions
+                    .iter()
+                    .map(|one| one.evicted)
+                    .filter(|&evicted| !returns(evicted)),
+            );
         for module in moving {
             if let Some(spot) = self.spots.remove(&module) {
                 self.holders.remove(&spot);
