@@ -47,3 +47,7 @@ pub const MODULES_MAX: usize = 10_000;
 pub const SPOTS_MAX: usize = 10_000;
 /// At most this many edges make one target.
 pub const EDGES_MAX: usize = 40_000;
+/// At most this many modules are docked to one module.
+pub const LINKS_MAX: usize = 64;
+/// At most this many bytes make the name of a formation or of a frame.
+pub const NAME_BYTES_MAX: usize = 255;

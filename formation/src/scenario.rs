@@ -1,18 +1,19 @@
 //! Scenario files: a target, and modules that stand about singly or docked into configurations.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::MODULES_MAX;
 use crate::geometry::{Pose, PoseError};
 use crate::id::{ConfigurationId, ModuleId, NO_ID};
 use crate::parameters::{PlannerParameters, Policy, TurnOrder, Weights, WeightsError};
 use crate::problem::{PlanningModule, PlanningProblem, ProblemError};
 use crate::target::{RawTarget, Target, TargetError};
 use crate::topology::{Topology, TopologyError};
+use crate::{LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX};
 
 /// A module as it stands in a scenario file. Units and radians.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -177,8 +178,6 @@ pub enum ScenarioError {
 
 /// A scenario nests four brackets at most.
 const NESTING_MAX: usize = 64;
-/// Names travel in messages, which are to stay small.
-const NAME_BYTES_MAX: usize = 256;
 
 /// Refuses brackets nested so deep that the parser would take time in the square of their number.
 ///
@@ -217,6 +216,26 @@ fn check_length(field: &str, name: &str) -> Result<(), ScenarioError> {
         ));
     }
     Ok(())
+}
+
+/// Refuses more neighbours than a module can announce.
+fn check_degrees<T: fmt::Display>(
+    field: &str,
+    topology: &Topology,
+    name: impl Fn(usize) -> T,
+) -> Result<(), ScenarioError> {
+    let crowded = (0..topology.node_count()).find(|&node| topology.degree(node) > LINKS_MAX);
+    match crowded {
+        None => Ok(()),
+        Some(node) => Err(field_error(
+            field,
+            format!(
+                "{} has {} neighbours, at most {LINKS_MAX} are supported",
+                name(node),
+                topology.degree(node)
+            ),
+        )),
+    }
 }
 
 fn field_error(field: impl Into<String>, reason: impl Into<String>) -> ScenarioError {
@@ -349,6 +368,7 @@ fn add_configuration(
         };
         field_error(format!("{field}.edges"), reason)
     })?;
+    check_degrees(&format!("{field}.edges"), &topology, name)?;
     let components = topology.components_within(|_| true);
     if let Some(apart) = components.get(1) {
         return Err(field_error(
@@ -370,6 +390,9 @@ impl TryFrom<RawScenario> for Scenario {
         check_length("name", &raw.name)?;
         check_length("target.frame_id", &raw.target.frame_id)?;
         let target = Target::try_from(raw.target)?;
+        check_degrees("target.edges", target.topology(), |node| {
+            target.spots()[node].id
+        })?;
         let parameters = PlannerParameters::try_from(raw.planner)?;
         let count = raw.singletons.len()
             + raw

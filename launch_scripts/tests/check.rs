@@ -276,6 +276,23 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
 fn whole_files_that_are_no_scenario_are_refused() {
     let directory = tempfile::tempdir().unwrap();
     let two_documents = format!("{VALID}---\n{VALID}");
+    // A star of 65 arms.
+    let nodes = |kind: &str| {
+        let nodes: Vec<String> = (0..=65)
+            .map(|id| format!("{{id: {id}, x: {id}, y: 0}}"))
+            .collect();
+        let edges: Vec<String> = (1..=65).map(|id| format!("[0, {id}]")).collect();
+        format!(
+            "{kind}: [{}], edges: [{}]",
+            nodes.join(", "),
+            edges.join(", ")
+        )
+    };
+    let crowded_spot = format!("target: {{{}}}", nodes("spots"));
+    let crowded_module = format!(
+        "target: {{spots: [{{id: 1, x: 0, y: 0}}]}}\nconfigurations: [{{id: 1, {}}}]",
+        nodes("modules")
+    );
     for (text, expected) in [
         ("", "line 1 column 1: missing field `target`"),
         ("just some prose", "line 1 column 1: invalid type: string"),
@@ -283,6 +300,14 @@ fn whole_files_that_are_no_scenario_are_refused() {
         (
             "target: {spots: [{id: 1, x: 0, y: 0}]}",
             "modules: there is no module to plan for",
+        ),
+        (
+            &crowded_spot,
+            "target.edges: spot 0 has 65 neighbours, at most 64 are supported",
+        ),
+        (
+            &crowded_module,
+            "configurations[0].edges: module 0 has 65 neighbours, at most 64 are supported",
         ),
         ("singletons: []", "line 1 column 1: missing field `target`"),
         (
@@ -309,7 +334,7 @@ fn hostile_yaml_is_refused_without_harm() {
     let name = format!("name: {}", "a".repeat(300));
     assert_eq!(
         refusal_of(directory.path(), &VALID.replace("name: small", &name)),
-        "name: is 300 bytes long, at most 256 are supported"
+        "name: is 300 bytes long, at most 255 are supported"
     );
     assert!(refusal_of(directory.path(), &"a".repeat(1_000_000)).len() < 1_000);
     let mut aliases = String::from("a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n");

@@ -7,11 +7,11 @@ pub const SPOTS_MAX: usize = formation::SPOTS_MAX;
 /// Edges of one target.
 pub const EDGES_MAX: usize = formation::EDGES_MAX;
 /// Links of one module.
-pub const LINKS_MAX: usize = 64;
+pub const LINKS_MAX: usize = formation::LINKS_MAX;
 /// Earlier rosters that a roster refers to.
 pub const QUORUM_BASES_MAX: usize = 256;
 /// Bytes of a name or of a frame's name.
-pub const NAME_BYTES_MAX: usize = 255;
+pub const NAME_BYTES_MAX: usize = formation::NAME_BYTES_MAX;
 /// Violations in one verdict.
 pub const VIOLATIONS_MAX: usize = 256;
 /// Bytes of one violation.
