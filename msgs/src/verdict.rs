@@ -1,7 +1,10 @@
 //! What travels on `verdict`.
 
+use formation::id::{ModuleId, SpotId};
+use formation::verify::{self, Outcome};
 use serde::{Deserialize, Serialize};
 
+use crate::bounds::{VIOLATION_BYTES_MAX, VIOLATIONS_MAX};
 use crate::claim::SpotSelection;
 use crate::epoch::Epoch;
 use crate::standard::Header;
@@ -26,4 +29,67 @@ impl Verdict {
     pub const OUTCOME_COMPLETE: u8 = 1;
     pub const OUTCOME_PARTIAL: u8 = 2;
     pub const OUTCOME_FAILED: u8 = 3;
+}
+
+impl From<&verify::Verdict> for Verdict {
+    /// The header stays empty, for the sender to fill.
+    fn from(verdict: &verify::Verdict) -> Self {
+        let mut placed: Vec<(SpotId, ModuleId)> = verdict
+            .assignments
+            .iter()
+            .map(|(&module, &spot)| (spot, module))
+            .collect();
+        placed.sort_unstable();
+        let spots = verdict
+            .filled_spots
+            .saturating_add(verdict.open_spots.len());
+        Self {
+            header: Header::default(),
+            epoch: verdict.epoch.as_ref().into(),
+            outcome: match verdict.outcome {
+                Outcome::Complete => Self::OUTCOME_COMPLETE,
+                Outcome::Partial => Self::OUTCOME_PARTIAL,
+                Outcome::Failed => Self::OUTCOME_FAILED,
+            },
+            filled_spots: u32::try_from(verdict.filled_spots).unwrap_or(u32::MAX),
+            spots: u32::try_from(spots).unwrap_or(u32::MAX),
+            open_spots: verdict.open_spots.iter().map(|spot| spot.0).collect(),
+            unassigned_modules: verdict.unassigned.iter().map(|module| module.0).collect(),
+            assignments: placed
+                .into_iter()
+                .map(|(spot, module)| SpotSelection {
+                    spot_id: spot.0,
+                    module_id: module.0,
+                })
+                .collect(),
+            violations: bounded(
+                verdict
+                    .violations
+                    .iter()
+                    .map(ToString::to_string)
+                    .chain(verdict.missing.iter().map(ToString::to_string)),
+            ),
+        }
+    }
+}
+
+/// As many sentences as the message takes, each as far as it fits; the last one tells how many were left out.
+fn bounded(sentences: impl Iterator<Item = String>) -> Vec<String> {
+    let mut sentences = sentences.map(|mut sentence| {
+        let end = (0..=VIOLATION_BYTES_MAX)
+            .rev()
+            .find(|&end| sentence.is_char_boundary(end));
+        if sentence.len() > VIOLATION_BYTES_MAX {
+            sentence.truncate(end.unwrap_or(0));
+        }
+        sentence
+    });
+    let mut kept: Vec<String> = sentences.by_ref().take(VIOLATIONS_MAX).collect();
+    let more = sentences.count();
+    if more > 0
+        && let Some(last) = kept.last_mut()
+    {
+        *last = format!("and {} more", more + 1);
+    }
+    kept
 }
