@@ -38,7 +38,6 @@ pub struct ModuleState {
     pub leader_id: u32,
     pub spot_id: u32,
     pub unit_id: u32,
-    /// The sequence number of the first state that showed it settled in this epoch, at most `sequence`; 0 before.
     pub settled_since: u64,
     pub waited_for: Vec<CausalMark>,
     pub agreed_on: Vec<CausalMark>,
