@@ -41,7 +41,7 @@ use crate::message::{Heartbeat, Message, ModulePhase, ModuleState, TargetAnnounc
 
 use acting::Acting;
 use convening::{Convening, Gathering};
-use peers::Peers;
+use peers::{Hearing, Peers};
 use quorum::Quorum;
 use turns::{EarlyClaims, Turns};
 
@@ -97,6 +97,8 @@ pub struct Agent {
     now: Duration,
     started: Duration,
     outputs: VecDeque<Output>,
+    /// Whether the present input may change what is due; a heartbeat that only says "still here" does not.
+    news: bool,
     wake: Option<Duration>,
     body: Body,
     peers: Peers,
@@ -131,6 +133,7 @@ impl Agent {
             now,
             started: now,
             outputs: VecDeque::new(),
+            news: true,
             wake: None,
             peers: Peers::default(),
             announcement: None,
@@ -153,13 +156,15 @@ impl Agent {
     /// Takes one input at the time `now`, which must not run backwards.
     pub fn handle(&mut self, now: Duration, input: Input) {
         self.now = self.now.max(now);
-        self.wake = None;
+        self.news = true;
         match input {
             Input::Message { source, message } => self.hear(source, message),
             Input::Motion(report) => self.hear_motion(report),
             Input::Timeout => {}
         }
-        self.step();
+        if self.news {
+            self.step();
+        }
     }
 
     /// The next thing to do; `None` when the agent waits.
@@ -290,7 +295,9 @@ impl Agent {
         }
         let (now, suspicion) = (self.now, self.parameters.suspicion);
         match self.peers.hear_heartbeat(now, suspicion, heartbeat, source) {
-            Ok(_) => {
+            Ok(Hearing::Old) => self.news = false,
+            Ok(Hearing::StillHere { age }) => self.news = age > self.parameters.lease,
+            Ok(Hearing::News) => {
                 if let Some(epoch) = heartbeat.epoch {
                     self.convening.note_epoch(epoch);
                     if heartbeat.digest.is_some() && self.epoch == Some(epoch) {
@@ -363,6 +370,7 @@ impl Agent {
 
     /// Does whatever is due, whichever input made it so.
     fn step(&mut self) {
+        self.wake = None;
         if let Some(until) = self.standing_back_until {
             if self.now < until {
                 self.speak();

@@ -69,6 +69,17 @@ impl Peer {
     }
 }
 
+/// What a heartbeat tells.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Hearing {
+    /// A later one is known already.
+    Old,
+    /// Nothing but that the module is still there; the one before was this old.
+    StillHere { age: Duration },
+    /// The module, or what it shows, is new.
+    News,
+}
+
 /// All other modules that were heard.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Peers {
@@ -133,31 +144,31 @@ impl Peers {
         Ok(peer)
     }
 
-    /// Takes a heartbeat; `Ok(false)` when a later one is known already.
+    /// Takes a heartbeat.
     pub fn hear_heartbeat(
         &mut self,
         now: Duration,
         suspicion: Duration,
         heartbeat: Heartbeat,
         source: Option<SourceId>,
-    ) -> Result<bool, Refusal> {
-        let peer = self.admit(
-            now,
-            suspicion,
-            heartbeat.module,
-            heartbeat.incarnation,
-            source,
-        )?;
-        if peer
-            .heartbeat
-            .is_some_and(|known| known.sequence >= heartbeat.sequence)
-        {
-            return Ok(false);
+    ) -> Result<Hearing, Refusal> {
+        let (module, incarnation) = (heartbeat.module, heartbeat.incarnation);
+        let peer = self.admit(now, suspicion, module, incarnation, source)?;
+        let known = peer.heartbeat;
+        if known.is_some_and(|known| known.sequence >= heartbeat.sequence) {
+            return Ok(Hearing::Old);
         }
+        let age = peer.age(now);
         let sent_at = peer.sent_at(now, heartbeat.uptime);
         peer.alive_at = Some(peer.alive_at.map_or(sent_at, |at| at.max(sent_at)));
         peer.heartbeat = Some(heartbeat);
-        Ok(true)
+        let shows = |heartbeat: Heartbeat| (heartbeat.epoch, heartbeat.digest, heartbeat.phase);
+        Ok(match (known, age) {
+            (Some(known), Some(age)) if shows(known) == shows(heartbeat) => {
+                Hearing::StillHere { age }
+            }
+            _ => Hearing::News,
+        })
     }
 
     /// Takes a module's state; `Ok(false)` when the same or a later one is known already.
@@ -264,7 +275,7 @@ mod tests {
         );
         assert_eq!(
             peers.hear_heartbeat(at(9), SUSPICION, heartbeat(2, 2, 7), second),
-            Ok(true)
+            Ok(Hearing::News)
         );
         assert_eq!(
             peers.hear_heartbeat(at(9), SUSPICION, heartbeat(1, 3, 8), first),
