@@ -5,7 +5,6 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
-use formation::parameters::Policy;
 use formation::scenario::{Scenario, ScenarioError};
 
 use crate::failure::Failure;
@@ -23,7 +22,6 @@ const MESSAGE_CHARACTERS_MAX: usize = 400;
 pub fn load(path: &Path) -> Result<Scenario, Failure> {
     read_text(path)
         .and_then(|text| Scenario::from_yaml(&text).map_err(|error| located(&error)))
-        .and_then(available)
         .with_context(|| path.display().to_string())
         .map_err(Failure::BadInput)
 }
@@ -53,17 +51,6 @@ fn read_text(path: &Path) -> anyhow::Result<String> {
             error.utf8_error().valid_up_to() + 1
         )
     })
-}
-
-/// Refuses to plan otherwise than was asked for.
-fn available(scenario: Scenario) -> anyhow::Result<Scenario> {
-    let policy = match scenario.problem().parameters().policy {
-        Policy::Exact => return Ok(scenario),
-        Policy::Paper => "paper",
-        Policy::Auction => "auction",
-        Policy::Hungarian => "hungarian",
-    };
-    bail!("planner.policy: `{policy}` is not available yet; only `exact` is")
 }
 
 /// Puts the place of a syntax error first, where editors and people look for it.

@@ -219,11 +219,6 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
             "planner:\n  policy: magic",
             "line 20 column 11: planner.policy: unknown variant `magic`",
         ),
-        (
-            "planner:",
-            "planner:\n  policy: hungarian",
-            "planner.policy: `hungarian` is not available yet",
-        ),
         // Wrong types.
         (
             "name: small",

@@ -165,6 +165,29 @@ fn generated_scenarios_pass_the_independent_check() {
 }
 
 #[test]
+fn every_policy_plans() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("figure1.yaml");
+    let figure1 = fs::read_to_string(scenario("figure1_ladder17")).unwrap();
+    for policy in ["exact", "paper", "auction", "hungarian"] {
+        fs::write(&path, format!("{figure1}planner: {{policy: {policy}}}\n")).unwrap();
+        let planned = Command::new(env!("CARGO_BIN_EXE_formation"))
+            .args(["plan", "--json"])
+            .arg(&path)
+            .output()
+            .unwrap();
+        let stderr = String::from_utf8_lossy(&planned.stderr);
+        assert!(planned.status.success(), "{policy}: {stderr}");
+        let report: Value = serde_json::from_slice(&planned.stdout).unwrap();
+        assert_eq!(
+            distinct(&report["assignments"], "spot").len(),
+            17,
+            "{policy}"
+        );
+    }
+}
+
+#[test]
 fn people_get_a_table() {
     let stdout = String::from_utf8(plan("undersupply", &[]).stdout).unwrap();
     let lines: Vec<&str> = stdout.lines().collect();
