@@ -2,30 +2,13 @@
 
 mod common;
 
-use std::fmt::Debug;
-
-use common::codec::{encode, read};
+use common::codec::over_the_wire;
 use common::core_values;
 use common::samples::header;
 use formation::fixed::MicroUnits;
 use formation::message;
 use formation_msgs as wire;
 use proptest::prelude::*;
-use serde::Serialize;
-use serde::de::DeserializeOwned;
-
-/// Out as CDR in either byte order, and in again.
-fn over_the_wire<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: T) -> T {
-    for little_endian in [true, false] {
-        let payload = encode(&value, little_endian);
-        let arrived = read::<T>(&payload).map(|(arrived, consumed)| {
-            assert_eq!(arrived, value);
-            consumed
-        });
-        assert_eq!(arrived, Ok(payload.len()));
-    }
-    value
-}
 
 proptest! {
     #[test]

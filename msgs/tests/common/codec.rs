@@ -1,5 +1,7 @@
 //! CDR as the DDS library writes and reads it, for every type of the package.
 
+use std::fmt::Debug;
+
 use byteorder::{BigEndian, LittleEndian};
 use formation::message;
 use formation_msgs as wire;
@@ -68,6 +70,19 @@ pub fn encode<T: Serialize>(value: &T, little_endian: bool) -> Vec<u8> {
         (BIG_ENDIAN, cdr_encoding::to_vec::<T, BigEndian>(value))
     };
     [&head[..], &body.unwrap()].concat()
+}
+
+/// Out as CDR in either byte order, and in again.
+pub fn over_the_wire<T: Serialize + DeserializeOwned + PartialEq + Debug>(value: T) -> T {
+    for little_endian in [true, false] {
+        let payload = encode(&value, little_endian);
+        let arrived = read::<T>(&payload).map(|(arrived, consumed)| {
+            assert_eq!(arrived, value);
+            consumed
+        });
+        assert_eq!(arrived, Ok(payload.len()));
+    }
+    value
 }
 
 fn decode<T: Serialize + DeserializeOwned>(payload: &[u8]) -> Result<Decoded, String> {
