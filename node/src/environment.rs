@@ -1,0 +1,312 @@
+//! Where on the network a process speaks: the domain and the range of discovery, as ROS 2 has them.
+
+use std::fmt;
+use std::str::FromStr;
+
+use thiserror::Error;
+
+/// The greatest domain whose ports fit into 16 bits.
+pub const DOMAIN_MAX: u16 = 232;
+
+/// A DDS domain; processes in different domains do not hear each other.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Domain(u16);
+
+impl Domain {
+    /// The number of the domain.
+    #[must_use]
+    pub fn number(self) -> u16 {
+        self.0
+    }
+}
+
+impl FromStr for Domain {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text.trim().parse::<u16>() {
+            Ok(number) if number <= DOMAIN_MAX => Ok(Self(number)),
+            _ => Err(format!(
+                "must be a whole number from 0 to {DOMAIN_MAX}, got `{text}`"
+            )),
+        }
+    }
+}
+
+impl fmt::Display for Domain {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(formatter)
+    }
+}
+
+/// How far a process looks for others.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DiscoveryRange {
+    /// Nobody, not even on the same machine.
+    Off,
+    /// The same machine, over the loopback interface alone.
+    Localhost,
+    /// Everyone whom multicast reaches.
+    #[default]
+    Subnet,
+    /// Whatever the DDS library does by itself.
+    SystemDefault,
+}
+
+impl FromStr for DiscoveryRange {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        Ok(match text.trim().to_ascii_uppercase().as_str() {
+            "OFF" => Self::Off,
+            "LOCALHOST" => Self::Localhost,
+            "SUBNET" => Self::Subnet,
+            "SYSTEM_DEFAULT" => Self::SystemDefault,
+            _ => {
+                return Err(format!(
+                    "must be OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT, got `{text}`"
+                ));
+            }
+        })
+    }
+}
+
+impl fmt::Display for DiscoveryRange {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Off => "OFF",
+            Self::Localhost => "LOCALHOST",
+            Self::Subnet => "SUBNET",
+            Self::SystemDefault => "SYSTEM_DEFAULT",
+        })
+    }
+}
+
+/// The namespace of a node and its topics, such as `/formation`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Namespace(String);
+
+impl Namespace {
+    /// As ROS 2 writes it.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Default for Namespace {
+    fn default() -> Self {
+        Self("/formation".to_owned())
+    }
+}
+
+impl FromStr for Namespace {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let is_token = |token: &str| {
+            token.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
+                && token
+                    .chars()
+                    .all(|other| other.is_ascii_alphanumeric() || other == '_')
+                && !token.contains("__")
+        };
+        match text.strip_prefix('/') {
+            Some("") => Ok(Self("/".to_owned())),
+            Some(tokens) if tokens.split('/').all(is_token) => Ok(Self(text.to_owned())),
+            _ => Err(format!(
+                "must be `/`, or begin with `/` and consist of names of letters, digits and single underscores that \
+                 do not begin with a digit, separated by `/`; got `{text}`"
+            )),
+        }
+    }
+}
+
+impl fmt::Display for Namespace {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(formatter)
+    }
+}
+
+/// An environment variable that cannot be used.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+#[error("environment variable {variable}: {reason}")]
+pub struct EnvironmentError {
+    /// Which variable.
+    pub variable: &'static str,
+    /// What is wrong with it.
+    pub reason: String,
+}
+
+/// Where a process speaks.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Environment {
+    /// In which domain.
+    pub domain: Domain,
+    /// How far it looks for others.
+    pub range: DiscoveryRange,
+}
+
+impl Environment {
+    /// Reads `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_LOCALHOST_ONLY`, where `given` does not decide.
+    ///
+    /// As in ROS 2, an enabled `ROS_LOCALHOST_ONLY` outweighs the discovery range, an empty variable counts as
+    /// unset, and a variable that a command-line argument overrides is not looked at.
+    ///
+    /// # Errors
+    /// Names the variable that cannot be used, and why.
+    pub fn resolve(
+        given: Overrides,
+        variable: impl Fn(&str) -> Option<String>,
+    ) -> Result<Self, EnvironmentError> {
+        let set = |name| variable(name).filter(|value| !value.trim().is_empty());
+        let domain = match given.domain {
+            Some(domain) => domain,
+            None => parsed("ROS_DOMAIN_ID", set("ROS_DOMAIN_ID"))?.unwrap_or_default(),
+        };
+        let range = match given.range {
+            Some(range) => range,
+            None if localhost_only(set(LOCALHOST_ONLY).as_deref())? => DiscoveryRange::Localhost,
+            None => parsed(RANGE, set(RANGE))?.unwrap_or_default(),
+        };
+        Ok(Self { domain, range })
+    }
+}
+
+const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
+const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
+
+/// What the command line says about the environment.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Overrides {
+    /// Instead of `ROS_DOMAIN_ID`.
+    pub domain: Option<Domain>,
+    /// Instead of `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_LOCALHOST_ONLY`.
+    pub range: Option<DiscoveryRange>,
+}
+
+fn parsed<T: FromStr<Err = String>>(
+    variable: &'static str,
+    value: Option<String>,
+) -> Result<Option<T>, EnvironmentError> {
+    value
+        .map(|value| value.parse())
+        .transpose()
+        .map_err(|reason| EnvironmentError { variable, reason })
+}
+
+fn localhost_only(value: Option<&str>) -> Result<bool, EnvironmentError> {
+    match value.map(str::trim) {
+        None | Some("0") => Ok(false),
+        Some("1") => Ok(true),
+        Some(other) => Err(EnvironmentError {
+            variable: LOCALHOST_ONLY,
+            reason: format!("must be 0 or 1, got `{other}`"),
+        }),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn resolved(
+        given: Overrides,
+        variables: &[(&str, &str)],
+    ) -> Result<(u16, DiscoveryRange), String> {
+        let variable = |name: &str| {
+            variables
+                .iter()
+                .find(|(variable, _)| *variable == name)
+                .map(|(_, value)| (*value).to_owned())
+        };
+        Environment::resolve(given, variable)
+            .map(|environment| (environment.domain.number(), environment.range))
+            .map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn unset_or_empty_variables_leave_the_defaults_of_ros_2() {
+        let default = Ok((0, DiscoveryRange::Subnet));
+        assert_eq!(resolved(Overrides::default(), &[]), default);
+        let empty = [("ROS_DOMAIN_ID", ""), (RANGE, " "), (LOCALHOST_ONLY, "")];
+        assert_eq!(resolved(Overrides::default(), &empty), default);
+    }
+
+    #[test]
+    fn localhost_only_outweighs_the_range() {
+        let variables = [(RANGE, "SUBNET"), (LOCALHOST_ONLY, "1")];
+        assert_eq!(
+            resolved(Overrides::default(), &variables),
+            Ok((0, DiscoveryRange::Localhost))
+        );
+        let variables = [
+            (RANGE, "off"),
+            (LOCALHOST_ONLY, "0"),
+            ("ROS_DOMAIN_ID", "7"),
+        ];
+        assert_eq!(
+            resolved(Overrides::default(), &variables),
+            Ok((7, DiscoveryRange::Off))
+        );
+    }
+
+    #[test]
+    fn the_command_line_outweighs_the_environment_even_a_broken_one() {
+        let given = Overrides {
+            domain: Some(Domain(42)),
+            range: Some(DiscoveryRange::Localhost),
+        };
+        let broken = [("ROS_DOMAIN_ID", "many"), (RANGE, "NEAR")];
+        assert_eq!(
+            resolved(given, &broken),
+            Ok((42, DiscoveryRange::Localhost))
+        );
+    }
+
+    #[test]
+    fn namespaces_are_those_of_ros_2() {
+        for good in ["/", "/formation", "/robots/fleet_2/_a"] {
+            assert_eq!(good.parse::<Namespace>().unwrap().as_str(), good);
+        }
+        for bad in [
+            "",
+            "formation",
+            "/formation/",
+            "//a",
+            "/2a",
+            "/a b",
+            "/a__b",
+            "~",
+        ] {
+            assert!(bad.parse::<Namespace>().is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn each_variable_that_cannot_be_used_is_named() {
+        for (variable, value, reason) in [
+            (
+                "ROS_DOMAIN_ID",
+                "233",
+                "must be a whole number from 0 to 232, got `233`",
+            ),
+            (
+                "ROS_DOMAIN_ID",
+                "-1",
+                "must be a whole number from 0 to 232, got `-1`",
+            ),
+            (
+                RANGE,
+                "NEAR",
+                "must be OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT, got `NEAR`",
+            ),
+            (LOCALHOST_ONLY, "yes", "must be 0 or 1, got `yes`"),
+        ] {
+            assert_eq!(
+                resolved(Overrides::default(), &[(variable, value)]),
+                Err(format!("environment variable {variable}: {reason}"))
+            );
+        }
+    }
+}

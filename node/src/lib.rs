@@ -1,0 +1,8 @@
+//! The ROS 2 shell of the formation suite.
+//!
+//! The core decides; this crate carries. It is the only one that knows DDS: it joins the ROS 2 graph, turns samples
+//! into the core's messages and back, keeps time, and ends in order. Every process is one [`session::Session`]: one
+//! DDS participant, one node, and as few endpoints as it needs, however many modules it hosts.
+
+pub mod environment;
+pub mod interfaces;
