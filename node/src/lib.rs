@@ -6,3 +6,6 @@
 
 pub mod environment;
 pub mod interfaces;
+pub mod session;
+pub mod stamp;
+pub mod topics;

@@ -1,0 +1,184 @@
+//! One process in the ROS 2 graph: a DDS participant and the node on it.
+
+use std::net::Ipv4Addr;
+
+use formation::agent::SourceId;
+use formation_msgs::InterfaceType;
+use ros2_client::{
+    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
+    Subscription,
+};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
+use serde::Serialize;
+use thiserror::Error;
+
+use crate::environment::{DiscoveryRange, Environment, Namespace};
+use crate::interfaces::{discovery_obstacle, interfaces};
+use crate::topics::Topic;
+
+/// A process's place in the ROS 2 graph.
+///
+/// Drop every publisher and subscription before the session: endpoints, node, context and participant then leave
+/// the graph in this order, and at once. A process that ends otherwise stays listed until its lease runs out.
+///
+/// The library's spinner is not run. It would subscribe `/clock` with a type that no other node uses, and all of
+/// `ros_discovery_info`, which costs discovery traffic in the square of the processes; others see this node all the same.
+pub struct Session {
+    // Fields are dropped in the order in which they stand here.
+    node: Node,
+    #[expect(dead_code, reason = "held for what its end does")]
+    context: Context,
+    participant: DomainParticipant,
+    namespace: Namespace,
+}
+
+/// Why a process could not join the ROS 2 graph.
+#[derive(Debug, Error)]
+pub enum SessionError {
+    /// The namespace or the node's name is no ROS 2 name.
+    #[error("`{name}` cannot be used in a ROS 2 name: {reason}")]
+    Name {
+        /// What was given.
+        name: String,
+        /// What is wrong with it.
+        reason: String,
+    },
+    /// Processes on this machine would not find each other.
+    #[error("{0}")]
+    Discovery(String),
+    /// The DDS library refused.
+    #[error("cannot {what} in domain {domain}: {reason}")]
+    Library {
+        /// What was to be done.
+        what: String,
+        /// In which domain.
+        domain: u16,
+        /// What the library says.
+        reason: String,
+    },
+}
+
+impl Session {
+    /// Joins the graph as `namespace/name`.
+    ///
+    /// # Errors
+    /// Refuses names that ROS 2 does not take, and a machine on which the processes cannot find each other; passes
+    /// on what the DDS library refuses, such as a domain that is full.
+    pub fn open(
+        environment: &Environment,
+        namespace: &Namespace,
+        name: &str,
+    ) -> Result<Self, SessionError> {
+        let node_name =
+            NodeName::new(namespace.as_str(), name).map_err(|error| SessionError::Name {
+                name: format!("{namespace} {name}"),
+                reason: error.to_string(),
+            })?;
+        let domain = environment.domain.number();
+        let library = |what: &str, reason: &dyn ToString| SessionError::Library {
+            what: what.to_owned(),
+            domain,
+            reason: reason.to_string(),
+        };
+        let builder = DomainParticipantBuilder::new(domain);
+        let builder = match environment.range {
+            DiscoveryRange::Off => builder
+                .with_only_networks(Vec::<Ipv4Addr>::new())
+                .same_host_loopback(false),
+            DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
+            DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
+        };
+        let participant = builder
+            .build()
+            .map_err(|error| library("create a DDS participant", &error))?;
+        let participants = participant.participant_id().saturating_add(1);
+        if let Some(obstacle) = discovery_obstacle(environment.range, &interfaces(), participants) {
+            return Err(SessionError::Discovery(obstacle));
+        }
+        let context = Context::from_domain_participant(participant.clone())
+            .map_err(|error| library("create a ROS 2 context", &error))?;
+        let options = NodeOptions::new()
+            .enable_rosout(false)
+            .start_parameter_services(false);
+        let node = context
+            .new_node(node_name, options)
+            .map_err(|error| library("create a ROS 2 node", &error))?;
+        tracing::info!(
+            node = node.fully_qualified_name(),
+            domain,
+            range = %environment.range,
+            participant = participant.participant_id(),
+            "joined the ROS 2 graph"
+        );
+        Ok(Self {
+            node,
+            context,
+            participant,
+            namespace: namespace.clone(),
+        })
+    }
+
+    /// The participant of this process, as receivers see it in the samples that it sends.
+    #[must_use]
+    pub fn source(&self) -> SourceId {
+        source_of_prefix(self.participant.guid().prefix.as_ref())
+    }
+
+    pub(crate) fn publisher<M: Serialize + InterfaceType>(
+        &mut self,
+        topic: &Topic<M>,
+    ) -> Result<Publisher<M>, SessionError> {
+        let dds_topic = self.dds_topic(topic, &topic.publisher_qos())?;
+        self.node
+            .create_publisher(&dds_topic, Some(topic.publisher_qos()))
+            .map_err(|error| self.library(format!("publish `{}`", topic.name()), &error))
+    }
+
+    pub(crate) fn subscription<M: InterfaceType + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+    ) -> Result<Subscription<M>, SessionError> {
+        let dds_topic = self.dds_topic(topic, &topic.subscription_qos())?;
+        self.node
+            .create_subscription(&dds_topic, Some(topic.subscription_qos()))
+            .map_err(|error| self.library(format!("subscribe `{}`", topic.name()), &error))
+    }
+
+    fn dds_topic<M: InterfaceType>(
+        &self,
+        topic: &Topic<M>,
+        qos: &ros2_client::qos::QosProfile,
+    ) -> Result<rustdds::Topic, SessionError> {
+        let name = Name::new(self.namespace.as_str(), topic.name()).map_err(|error| {
+            SessionError::Name {
+                name: format!("{} {}", self.namespace, topic.name()),
+                reason: error.to_string(),
+            }
+        })?;
+        self.node
+            .create_topic(&name, MessageTypeName::new(M::PACKAGE, M::NAME), qos)
+            .map_err(|error| self.library(format!("create topic `{}`", topic.name()), &error))
+    }
+
+    fn library(&self, what: String, reason: &dyn ToString) -> SessionError {
+        SessionError::Library {
+            what,
+            domain: self.node.domain_id(),
+            reason: reason.to_string(),
+        }
+    }
+}
+
+/// The participant that sent a sample.
+pub(crate) fn source_of(info: &MessageInfo) -> SourceId {
+    // The first twelve bytes of an endpoint's identifier are its participant's.
+    source_of_prefix(&info.publisher_gid().to_bytes16()[..12])
+}
+
+fn source_of_prefix(prefix: &[u8]) -> SourceId {
+    SourceId(
+        prefix
+            .iter()
+            .fold(0, |number, &byte| (number << 8) | u128::from(byte)),
+    )
+}
