@@ -5,7 +5,11 @@
 //! DDS participant, one node, and as few endpoints as it needs, however many modules it hosts.
 
 pub mod environment;
+mod inbox;
+mod inlet;
 pub mod interfaces;
+mod outlet;
 pub mod session;
 pub mod stamp;
 pub mod topics;
+pub mod traffic;
