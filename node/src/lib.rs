@@ -4,7 +4,9 @@
 //! into the core's messages and back, keeps time, and ends in order. Every process is one [`session::Session`]: one
 //! DDS participant, one node, and as few endpoints as it needs, however many modules it hosts.
 
+pub mod agents;
 pub mod environment;
+mod host;
 mod inbox;
 mod inlet;
 pub mod interfaces;
@@ -13,3 +15,5 @@ pub mod session;
 pub mod stamp;
 pub mod topics;
 pub mod traffic;
+
+pub use host::MotionParameters;

@@ -1,0 +1,260 @@
+//! The loop of a process that hosts modules.
+
+use std::time::{Duration, Instant};
+
+use async_channel::Receiver;
+use formation::agent::{AgentParameters, Identity};
+use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
+use ros2_client::Publisher;
+
+use crate::environment::{Environment, Namespace};
+use crate::host::{Host, MotionParameters, Outgoing};
+use crate::inbox::{Inbox, Wake};
+use crate::inlet::{Delivery, Inlet};
+use crate::outlet::Outlet;
+use crate::session::{Session, SessionError};
+use crate::stamp;
+use crate::topics;
+use crate::traffic::Traffic;
+
+/// After so many samples the loop answers before it takes in more.
+const SAMPLES_PER_TURN: usize = 256;
+
+/// Samples that found no room are offered again after this.
+const RETRY_AFTER: Duration = Duration::from_millis(20);
+
+/// A process that hosts modules.
+#[derive(Clone, Debug)]
+pub struct ModuleProcess {
+    /// Where it speaks.
+    pub environment: Environment,
+    /// The namespace of its node and topics.
+    pub namespace: Namespace,
+    /// What each hosted module knows of itself; at least one.
+    pub modules: Vec<Identity>,
+    /// How long the agents wait.
+    pub parameters: AgentParameters,
+    /// How the modules move.
+    pub motion: MotionParameters,
+    /// The frame of all poses (REP-105).
+    pub frame_id: String,
+}
+
+impl ModuleProcess {
+    /// Hosts the modules until `stop` yields, then leaves the graph.
+    ///
+    /// # Errors
+    /// The ROS 2 graph could not be joined.
+    pub fn run(self, stop: Receiver<()>) -> Result<(), SessionError> {
+        let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
+        let mut session = Session::open(&self.environment, &self.namespace, &node_name(&ids))?;
+        let inlets = Inlets {
+            target: Inlet::open(&mut session, &topics::TARGET)?,
+            states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
+            roster: Inlet::open(&mut session, &topics::ROSTER)?,
+            claims: Inlet::open(&mut session, &topics::claims(ids.len()))?,
+            heartbeats: Inlet::open(&mut session, &topics::HEARTBEATS)?,
+        };
+        let outlets = Outlets {
+            states: Outlet::open(&mut session, &topics::MODULE_STATES)?,
+            claims: Outlet::open(&mut session, &topics::claims(ids.len()))?,
+            heartbeats: Outlet::open(&mut session, &topics::HEARTBEATS)?,
+            roster: None,
+            evictions: None,
+        };
+        let host = Host::new(session.source(), self.modules, self.parameters, self.motion);
+        let mut process = Running {
+            start: Instant::now(),
+            session,
+            outlets,
+            host,
+            traffic: Traffic::default(),
+            frame_id: self.frame_id,
+        };
+        let result = async_io::block_on(process.turn_until_stopped(&inlets, stop));
+        tracing::info!("traffic: {}", process.traffic);
+        for (module, refused) in process.host.refused() {
+            if refused > 0 {
+                tracing::info!(module = module.0, refused, "messages refused in all");
+            }
+        }
+        drop(inlets);
+        drop(process);
+        result
+    }
+}
+
+struct Inlets {
+    target: Inlet<TargetConfiguration>,
+    states: Inlet<ModuleStates>,
+    roster: Inlet<Roster>,
+    claims: Inlet<SpotClaim>,
+    heartbeats: Inlet<Heartbeat>,
+}
+
+type Wire<M> = Outlet<M, Publisher<M>>;
+
+struct Outlets {
+    states: Wire<ModuleStates>,
+    claims: Wire<SpotClaim>,
+    heartbeats: Wire<Heartbeat>,
+    /// Made when first needed, as few processes ever convene or evict, and reliable writers are dear.
+    roster: Option<Wire<Roster>>,
+    evictions: Option<Wire<Eviction>>,
+}
+
+impl Outlets {
+    fn flush(&mut self, traffic: &mut Traffic) {
+        self.states.flush(traffic);
+        self.claims.flush(traffic);
+        self.heartbeats.flush(traffic);
+        if let Some(roster) = &mut self.roster {
+            roster.flush(traffic);
+        }
+        if let Some(evictions) = &mut self.evictions {
+            evictions.flush(traffic);
+        }
+    }
+
+    fn is_waiting(&self) -> bool {
+        self.states.is_waiting()
+            || self.claims.is_waiting()
+            || self.heartbeats.is_waiting()
+            || self.roster.as_ref().is_some_and(Outlet::is_waiting)
+            || self.evictions.as_ref().is_some_and(Outlet::is_waiting)
+    }
+}
+
+struct Running {
+    start: Instant,
+    // The outlets must go before the session in which they were made.
+    outlets: Outlets,
+    session: Session,
+    host: Host,
+    traffic: Traffic,
+    frame_id: String,
+}
+
+impl Running {
+    async fn turn_until_stopped(
+        &mut self,
+        inlets: &Inlets,
+        stop: Receiver<()>,
+    ) -> Result<(), SessionError> {
+        let mut inbox = Inbox::new(
+            [
+                inlets.target.deliveries(),
+                inlets.states.deliveries(),
+                inlets.roster.deliveries(),
+                inlets.claims.deliveries(),
+                inlets.heartbeats.deliveries(),
+            ],
+            stop,
+        );
+        loop {
+            self.host.advance(self.start.elapsed());
+            self.publish()?;
+            match inbox.wait(self.due()).await {
+                Wake::Stop => return Ok(()),
+                Wake::Due => {}
+                Wake::Delivery(delivery) => {
+                    self.take_in(delivery);
+                    for delivery in std::iter::from_fn(|| inbox.ready()).take(SAMPLES_PER_TURN) {
+                        self.take_in(delivery);
+                    }
+                }
+            }
+        }
+    }
+
+    fn due(&self) -> Option<Instant> {
+        let retry = self
+            .outlets
+            .is_waiting()
+            .then(|| Instant::now() + RETRY_AFTER);
+        let host = self.host.due().map(|due| self.start + due);
+        [retry, host].into_iter().flatten().min()
+    }
+
+    fn take_in(&mut self, delivery: Delivery) {
+        let own = self.session.source();
+        let Some((source, messages)) = delivery.accept(own, &mut self.traffic) else {
+            return;
+        };
+        let now = self.start.elapsed();
+        for message in &messages {
+            self.host.receive(now, source, message);
+        }
+    }
+
+    fn publish(&mut self) -> Result<(), SessionError> {
+        let Self {
+            outlets,
+            session,
+            traffic,
+            ..
+        } = self;
+        outlets.flush(traffic);
+        for outgoing in self.host.take_outgoing() {
+            match outgoing {
+                Outgoing::ModuleStates(states) => {
+                    let header = stamp::header(&self.frame_id);
+                    let sample = ModuleStates::new(header, states.iter().map(AsRef::as_ref));
+                    outlets.states.publish(sample, traffic);
+                }
+                Outgoing::Heartbeats(heartbeats) => {
+                    outlets
+                        .heartbeats
+                        .publish(Heartbeat::new(&heartbeats), traffic);
+                }
+                Outgoing::Claim(claim) => {
+                    outlets.claims.publish(claim.as_ref().into(), traffic);
+                }
+                Outgoing::Roster(roster) => {
+                    let outlet = match &mut outlets.roster {
+                        Some(outlet) => outlet,
+                        none => none.insert(Outlet::open(session, &topics::ROSTER)?),
+                    };
+                    outlet.publish((&roster).into(), traffic);
+                }
+                Outgoing::Eviction(notice) => {
+                    let outlet = match &mut outlets.evictions {
+                        Some(outlet) => outlet,
+                        none => none.insert(Outlet::open(session, &topics::EVICTIONS)?),
+                    };
+                    outlet.publish((&notice).into(), traffic);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// What the node of a process is called that hosts these modules, in ascending order.
+fn node_name(modules: &[u32]) -> String {
+    match modules {
+        [] => "modules".to_owned(),
+        [module] => format!("module_{module}"),
+        [first, .., last] => {
+            let count = u32::try_from(modules.len()).unwrap_or(u32::MAX);
+            if last.checked_sub(*first) == Some(count - 1) {
+                format!("modules_{first}_to_{last}")
+            } else {
+                format!("modules_{first}_and_{}_more", count - 1)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_node_is_called_after_what_it_hosts() {
+        assert_eq!(node_name(&[4]), "module_4");
+        assert_eq!(node_name(&[1, 2, 3]), "modules_1_to_3");
+        assert_eq!(node_name(&[1, 2, 9]), "modules_1_and_2_more");
+        assert_eq!(node_name(&[7, 3]), "modules_7_and_1_more");
+    }
+}
