@@ -5,6 +5,7 @@
 //! DDS participant, one node, and as few endpoints as it needs, however many modules it hosts.
 
 pub mod agents;
+pub mod announcer;
 pub mod environment;
 mod host;
 mod inbox;
@@ -15,5 +16,7 @@ pub mod session;
 pub mod stamp;
 pub mod topics;
 pub mod traffic;
+pub mod verdict_report;
+pub mod verification;
 
 pub use host::MotionParameters;

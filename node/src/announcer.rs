@@ -1,0 +1,64 @@
+//! The loop of the process that announces the target.
+
+use std::time::{Duration, Instant};
+
+use async_channel::Receiver;
+use formation::message::TargetAnnouncement;
+use formation_msgs::TargetConfiguration;
+
+use crate::environment::{Environment, Namespace};
+use crate::inbox::{Inbox, Wake};
+use crate::outlet::Outlet;
+use crate::session::{Session, SessionError};
+use crate::stamp;
+use crate::topics;
+use crate::traffic::Traffic;
+
+const RETRY_AFTER: Duration = Duration::from_millis(20);
+
+/// A process that announces a target, and keeps it for whoever comes late.
+#[derive(Clone, Debug)]
+pub struct TargetProcess {
+    /// Where it speaks.
+    pub environment: Environment,
+    /// The namespace of its node and topics.
+    pub namespace: Namespace,
+    /// What it announces.
+    pub announcement: TargetAnnouncement,
+}
+
+impl TargetProcess {
+    /// Announces the target until `stop` yields, then leaves the graph.
+    ///
+    /// # Errors
+    /// The ROS 2 graph could not be joined.
+    pub fn run(self, stop: Receiver<()>) -> Result<(), SessionError> {
+        let mut session = Session::open(&self.environment, &self.namespace, "target_publisher")?;
+        let mut outlet = Outlet::open(&mut session, &topics::TARGET)?;
+        let mut traffic = Traffic::default();
+        let mut sample = TargetConfiguration::from(&self.announcement);
+        sample.header.stamp = stamp::header("").stamp;
+        outlet.publish(sample, &mut traffic);
+        tracing::info!(
+            revision = self.announcement.revision,
+            name = self.announcement.name,
+            spots = self
+                .announcement
+                .target
+                .as_ref()
+                .map_or(0, |target| target.spots().len()),
+            "announced the target"
+        );
+        let mut inbox = Inbox::new([], stop);
+        async_io::block_on(async {
+            loop {
+                let retry = outlet.is_waiting().then(|| Instant::now() + RETRY_AFTER);
+                match inbox.wait(retry).await {
+                    Wake::Stop => break,
+                    Wake::Due | Wake::Delivery(_) => outlet.flush(&mut traffic),
+                }
+            }
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,185 @@
+//! A verdict and the progress towards it, for the wire, for programs and for people.
+
+use std::fmt::{self, Display};
+use std::time::Duration;
+
+use formation::id::{Epoch, ModuleId};
+use formation::verify::{Outcome, Progress, Verdict};
+use formation_msgs::bounds::{VIOLATION_BYTES_MAX, VIOLATIONS_MAX};
+use formation_msgs::{Header, SpotSelection};
+use serde_json::{Value, json};
+
+/// What a verifier tells programs, one line each.
+#[derive(Clone, Copy, Debug)]
+pub enum JsonLine<'a> {
+    /// `{"progress": ...}`
+    Progress(&'a Progress),
+    /// `{"verdict": ...}`
+    Verdict(&'a Verdict),
+}
+
+impl Display for JsonLine<'_> {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let object = match self {
+            Self::Progress(progress) => json!({"progress": progress_json(progress)}),
+            Self::Verdict(verdict) => json!({"verdict": verdict_json(verdict)}),
+        };
+        object.fmt(formatter)
+    }
+}
+
+/// The progress as one JSON object.
+#[must_use]
+pub fn progress_json(progress: &Progress) -> Value {
+    let mut object = json!({
+        "phase": progress.stage.to_string(),
+        "epoch": progress.epoch.as_ref().map(epoch_json),
+        "joined": progress.joined,
+        "planned": progress.planned,
+        "agreed": progress.agreed,
+        "settled": progress.settled,
+        "to_fill": progress.to_fill,
+        "waiting_for": ids(&progress.waiting_for),
+    });
+    if let Some(expected) = progress.expected {
+        object["expected"] = expected.into();
+    }
+    object
+}
+
+/// The verdict as one JSON object; times are milliseconds since the verifier's start.
+#[must_use]
+pub fn verdict_json(verdict: &Verdict) -> Value {
+    let timings = &verdict.timings;
+    let counts = &verdict.counts;
+    json!({
+        "outcome": verdict.outcome.to_string(),
+        "epoch": verdict.epoch.as_ref().map(epoch_json),
+        "filled_spots": verdict.filled_spots,
+        "assignments": verdict
+            .assignments
+            .iter()
+            .map(|(module, spot)| json!({"module": module.0, "spot": spot.0}))
+            .collect::<Vec<_>>(),
+        "unassigned": ids(&verdict.unassigned),
+        "open_spots": verdict.open_spots.iter().map(|spot| spot.0).collect::<Vec<_>>(),
+        "violations": sentences(&verdict.violations),
+        "missing": sentences(&verdict.missing),
+        "timings_ms": {
+            "roster_known": timings.roster_known.map(milliseconds),
+            "last_claim": timings.last_claim.map(milliseconds),
+            "first_moving": timings.first_moving.map(milliseconds),
+            "completed": timings.completed.map(milliseconds),
+        },
+        "planning_ms": between(timings.roster_known, timings.last_claim),
+        "acting_ms": between(timings.first_moving, timings.completed),
+        "counts": {
+            "claims": counts.claims,
+            "pairs": counts.pairs,
+            "evictions": counts.evictions,
+            "detached": counts.detached,
+            "epochs": counts.epochs,
+            "messages": counts.messages,
+            "dropped": counts.dropped,
+        },
+    })
+}
+
+/// The verdict in a few lines for people.
+#[must_use]
+pub fn verdict_text(verdict: &Verdict) -> String {
+    let filled = verdict.filled_spots;
+    let spots = filled + verdict.open_spots.len();
+    let mut text = match verdict.outcome {
+        Outcome::Complete => format!("COMPLETE: hole-free, all {spots} spots are filled"),
+        Outcome::Partial => format!(
+            "PARTIAL: {filled} of {spots} spots are filled and connected, as many as there are modules; open: {}",
+            listed(verdict.open_spots.iter().map(|spot| spot.0))
+        ),
+        Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
+    };
+    if !verdict.unassigned.is_empty() {
+        text.push_str("\nwithout a spot: modules ");
+        text.push_str(&listed(verdict.unassigned.iter().map(|module| module.0)));
+    }
+    for sentence in sentences(&verdict.violations) {
+        text.push_str("\nviolation: ");
+        text.push_str(&sentence);
+    }
+    for sentence in sentences(&verdict.missing) {
+        text.push_str("\nmissing: ");
+        text.push_str(&sentence);
+    }
+    let timings = &verdict.timings;
+    for (what, milliseconds) in [
+        ("planned", between(timings.roster_known, timings.last_claim)),
+        ("acted", between(timings.first_moving, timings.completed)),
+    ] {
+        if let Some(milliseconds) = milliseconds {
+            text.push_str(&format!("\n{what} in {milliseconds} ms"));
+        }
+    }
+    text
+}
+
+/// The verdict as it goes out on its topic.
+pub(crate) fn wire_verdict(verdict: &Verdict, header: Header) -> formation_msgs::Verdict {
+    let mut violations = sentences(&verdict.violations);
+    violations.extend(sentences(&verdict.missing));
+    violations.truncate(VIOLATIONS_MAX);
+    for sentence in &mut violations {
+        while sentence.len() > VIOLATION_BYTES_MAX {
+            sentence.pop();
+        }
+    }
+    let mut assignments: Vec<SpotSelection> = verdict
+        .assignments
+        .iter()
+        .map(|(module, spot)| SpotSelection {
+            spot_id: spot.0,
+            module_id: module.0,
+        })
+        .collect();
+    assignments.sort_by_key(|selection| selection.spot_id);
+    let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
+    formation_msgs::Verdict {
+        header,
+        epoch: verdict.epoch.as_ref().into(),
+        outcome: match verdict.outcome {
+            Outcome::Complete => formation_msgs::Verdict::OUTCOME_COMPLETE,
+            Outcome::Partial => formation_msgs::Verdict::OUTCOME_PARTIAL,
+            Outcome::Failed => formation_msgs::Verdict::OUTCOME_FAILED,
+        },
+        filled_spots: count(verdict.filled_spots),
+        spots: count(verdict.filled_spots + verdict.open_spots.len()),
+        open_spots: verdict.open_spots.iter().map(|spot| spot.0).collect(),
+        unassigned_modules: ids(&verdict.unassigned),
+        assignments,
+        violations,
+    }
+}
+
+fn epoch_json(epoch: &Epoch) -> Value {
+    json!({"number": epoch.number, "convener": epoch.convener.0})
+}
+
+fn ids(modules: &[ModuleId]) -> Vec<u32> {
+    modules.iter().map(|module| module.0).collect()
+}
+
+fn sentences(entries: &[impl Display]) -> Vec<String> {
+    entries.iter().map(ToString::to_string).collect()
+}
+
+fn listed(numbers: impl Iterator<Item = u32>) -> String {
+    let numbers: Vec<String> = numbers.map(|number| number.to_string()).collect();
+    numbers.join(", ")
+}
+
+fn milliseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
+}
+
+fn between(from: Option<Duration>, to: Option<Duration>) -> Option<u64> {
+    Some(milliseconds(to?.saturating_sub(from?)))
+}

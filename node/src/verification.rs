@@ -1,0 +1,188 @@
+//! The loop of the process that judges the formation.
+
+use std::time::{Duration, Instant};
+
+use async_channel::Receiver;
+use formation::verify::{Observer, ObserverParameters, Progress, Verdict};
+use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
+use ros2_client::Publisher;
+
+use crate::environment::{Environment, Namespace};
+use crate::inbox::{Inbox, Wake};
+use crate::inlet::Inlet;
+use crate::outlet::Outlet;
+use crate::session::{Session, SessionError};
+use crate::stamp;
+use crate::topics;
+use crate::traffic::Traffic;
+use crate::verdict_report::wire_verdict;
+
+/// However much comes in, the state of things is judged at most this often.
+const JUDGE_INTERVAL: Duration = Duration::from_millis(50);
+
+/// After so many samples the loop turns to judging.
+const SAMPLES_PER_TURN: usize = 256;
+
+/// A process that watches a formation and judges it, from what is on the topics alone.
+#[derive(Clone, Debug)]
+pub struct VerifierProcess {
+    /// Where it speaks.
+    pub environment: Environment,
+    /// The namespace of its node and topics.
+    pub namespace: Namespace,
+    /// How it judges.
+    pub parameters: ObserverParameters,
+    /// After the verdict, the process stays so long, so that subscribers can take it.
+    pub linger: Duration,
+}
+
+impl VerifierProcess {
+    /// Watches until there is a verdict, publishes it and leaves the graph.
+    ///
+    /// `told` hears of progress whenever it changes, and of the verdict as soon as there is one.
+    ///
+    /// # Errors
+    /// The ROS 2 graph could not be joined.
+    pub fn run(
+        self,
+        stop: Receiver<()>,
+        mut told: impl FnMut(News<'_>),
+    ) -> Result<Judgement, SessionError> {
+        let mut session = Session::open(&self.environment, &self.namespace, "verifier")?;
+        let inlets = Inlets {
+            target: Inlet::open(&mut session, &topics::TARGET)?,
+            states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
+            roster: Inlet::open(&mut session, &topics::ROSTER)?,
+            claims: Inlet::open(&mut session, &topics::claims(1))?,
+            heartbeats: Inlet::open(&mut session, &topics::HEARTBEATS)?,
+        };
+        // Made at the start, so that subscribers are matched by the time there is something to say.
+        let outlet = Outlet::open(&mut session, &topics::VERDICT)?;
+        let inbox = Inbox::new(
+            [
+                inlets.target.deliveries(),
+                inlets.states.deliveries(),
+                inlets.roster.deliveries(),
+                inlets.claims.deliveries(),
+                inlets.heartbeats.deliveries(),
+            ],
+            stop,
+        );
+        let mut watch = Watch {
+            start: Instant::now(),
+            observer: Observer::new(self.parameters),
+            inbox,
+            outlet,
+            session: &session,
+            traffic: Traffic::default(),
+        };
+        let verdict = async_io::block_on(async {
+            let verdict = watch.until_judged(&mut told).await;
+            if let Some(verdict) = &verdict {
+                told(News::Verdict(verdict));
+                watch.publish(verdict, self.linger).await;
+            }
+            verdict
+        });
+        let traffic = watch.traffic;
+        tracing::info!("traffic: {traffic}");
+        Ok(Judgement { verdict, traffic })
+    }
+}
+
+/// What came of watching.
+#[derive(Clone, Debug)]
+pub struct Judgement {
+    /// The verdict; `None` when the process was told to end before there was one.
+    pub verdict: Option<Verdict>,
+    /// What was heard, and what was refused.
+    pub traffic: Traffic,
+}
+
+/// What a verifier has to tell.
+#[derive(Clone, Copy, Debug)]
+pub enum News<'a> {
+    /// How far the formation has come, when it changed.
+    Progress(&'a Progress),
+    /// The judgement.
+    Verdict(&'a Verdict),
+}
+
+struct Inlets {
+    target: Inlet<TargetConfiguration>,
+    states: Inlet<ModuleStates>,
+    roster: Inlet<Roster>,
+    claims: Inlet<SpotClaim>,
+    heartbeats: Inlet<Heartbeat>,
+}
+
+struct Watch<'a> {
+    start: Instant,
+    observer: Observer,
+    inbox: Inbox<'a>,
+    outlet: Outlet<formation_msgs::Verdict, Publisher<formation_msgs::Verdict>>,
+    session: &'a Session,
+    traffic: Traffic,
+}
+
+impl Watch<'_> {
+    async fn until_judged(&mut self, told: &mut impl FnMut(News<'_>)) -> Option<Verdict> {
+        let mut shown = None;
+        // When to judge next, if anything came in since.
+        let mut judge_at = Some(Instant::now());
+        loop {
+            if judge_at.is_some_and(|at| at <= Instant::now()) || self.is_overdue() {
+                judge_at = None;
+                if let Some(verdict) = self.observer.verdict(self.start.elapsed()).cloned() {
+                    return Some(verdict);
+                }
+                let progress = self.observer.progress();
+                if shown.as_ref() != Some(&progress) {
+                    told(News::Progress(&progress));
+                    shown = Some(progress);
+                }
+            }
+            let timeout = self.observer.poll_timeout().map(|due| self.start + due);
+            let due = [judge_at, timeout].into_iter().flatten().min();
+            match self.inbox.wait(due).await {
+                Wake::Stop => return None,
+                Wake::Due => {}
+                Wake::Delivery(delivery) => {
+                    let mut next = Some(delivery);
+                    for _ in 0..SAMPLES_PER_TURN {
+                        let Some(delivery) = next else { break };
+                        if let Some((_, messages)) =
+                            delivery.accept(self.session.source(), &mut self.traffic)
+                        {
+                            let now = self.start.elapsed();
+                            for message in &messages {
+                                self.observer.handle(now, message);
+                            }
+                            judge_at.get_or_insert_with(|| Instant::now() + JUDGE_INTERVAL);
+                        }
+                        next = self.inbox.ready();
+                    }
+                }
+            }
+        }
+    }
+
+    fn is_overdue(&self) -> bool {
+        self.observer
+            .poll_timeout()
+            .is_some_and(|due| due <= self.start.elapsed())
+    }
+
+    /// Publishes the verdict and stays for a while, unless the process is to end.
+    async fn publish(&mut self, verdict: &Verdict, linger: Duration) {
+        let sample = wire_verdict(verdict, stamp::header(""));
+        self.outlet.publish(sample, &mut self.traffic);
+        let end = Instant::now() + linger;
+        while Instant::now() < end {
+            if let Wake::Stop = self.inbox.wait(Some(end)).await {
+                return;
+            }
+            self.outlet.flush(&mut self.traffic);
+        }
+    }
+}
