@@ -6,11 +6,15 @@
 
 pub mod agents;
 pub mod announcer;
+pub mod arguments;
 pub mod environment;
 mod host;
 mod inbox;
 mod inlet;
 pub mod interfaces;
+pub mod lifetime;
+pub mod logging;
+pub mod outcome;
 mod outlet;
 pub mod session;
 pub mod stamp;
