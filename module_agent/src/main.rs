@@ -1,0 +1,49 @@
+//! The process of one module, or of several on one DDS participant.
+
+use std::process::ExitCode;
+
+use clap::Parser;
+use formation_node::agents::ModuleProcess;
+use formation_node::arguments::{
+    ModuleArguments, MotionArguments, NetworkArguments, TimingArguments,
+};
+use formation_node::lifetime::stop_requested;
+use formation_node::outcome::{Failure, STATUS_DONE, conclude};
+
+/// Runs one module, or several, until it is told to stop.
+///
+/// The modules take part in forming whatever target is announced. SIGINT and SIGTERM end the process, which then leaves
+/// the ROS 2 graph at once.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    #[command(flatten)]
+    modules: ModuleArguments,
+    #[command(flatten)]
+    motion: MotionArguments,
+    #[command(flatten)]
+    timing: TimingArguments,
+    #[command(flatten)]
+    network: NetworkArguments,
+}
+
+fn main() -> ExitCode {
+    conclude(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<u8, Failure> {
+    let environment = arguments.network.start()?;
+    let parameters = arguments.timing.parameters()?;
+    let hosted = arguments.modules.resolve()?;
+    let stop = stop_requested()?;
+    ModuleProcess {
+        environment,
+        namespace: arguments.network.namespace.clone(),
+        modules: hosted.modules,
+        parameters,
+        motion: arguments.motion.parameters(),
+        frame_id: hosted.frame_id,
+    }
+    .run(stop)?;
+    Ok(STATUS_DONE)
+}

@@ -1,0 +1,77 @@
+//! Judges a formation, independently of the planner.
+
+use std::io::{self, Write};
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use formation::verify::Outcome;
+use formation_node::arguments::{JudgingArguments, NetworkArguments};
+use formation_node::lifetime::{EXIT_GRACE, limit_exit, stop_requested};
+use formation_node::outcome::{Failure, STATUS_DONE, STATUS_FAILED, conclude};
+use formation_node::verdict_report::{JsonLine, verdict_text};
+use formation_node::verification::{News, VerifierProcess};
+
+/// After the verdict, subscribers have so long to take it.
+const LINGER: Duration = Duration::from_millis(500);
+
+/// Watches a formation from the topics alone and judges it: exit status 0 for COMPLETE and PARTIAL, 1 for FAILED.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// Print the verdict as one line of JSON, {"verdict": ...}
+    #[arg(long)]
+    json: bool,
+    /// Print a line of JSON, {"progress": ...}, whenever the progress changes, and the verdict likewise
+    #[arg(long)]
+    progress: bool,
+    #[command(flatten)]
+    judging: JudgingArguments,
+    #[command(flatten)]
+    network: NetworkArguments,
+}
+
+fn main() -> ExitCode {
+    conclude(run(&Arguments::parse()))
+}
+
+fn run(arguments: &Arguments) -> Result<u8, Failure> {
+    let environment = arguments.network.start()?;
+    let parameters = arguments.judging.parameters()?;
+    let stop = stop_requested()?;
+    let process = VerifierProcess {
+        environment,
+        namespace: arguments.network.namespace.clone(),
+        parameters,
+        linger: LINGER,
+    };
+    let judgement = process.run(stop, |news| match news {
+        News::Progress(progress) if arguments.progress => print(&JsonLine::Progress(progress)),
+        News::Progress(_) => {}
+        News::Verdict(verdict) => {
+            if arguments.json || arguments.progress {
+                print(&JsonLine::Verdict(verdict));
+            } else {
+                print(&verdict_text(verdict));
+            }
+            limit_exit(LINGER + EXIT_GRACE, status(verdict.outcome));
+        }
+    })?;
+    match judgement.verdict {
+        Some(verdict) => Ok(status(verdict.outcome)),
+        None => Err(Failure::failed("stopped before there was a verdict")),
+    }
+}
+
+fn status(outcome: Outcome) -> u8 {
+    match outcome {
+        Outcome::Complete | Outcome::Partial => STATUS_DONE,
+        Outcome::Failed => STATUS_FAILED,
+    }
+}
+
+/// A reader that has gone away is no reason to stop judging.
+fn print(line: &dyn std::fmt::Display) {
+    let mut out = io::stdout().lock();
+    let _ = writeln!(out, "{line}").and_then(|()| out.flush());
+}
