@@ -1,0 +1,212 @@
+//! Our processes and CycloneDDS, a DDS implementation that we did not write, on one loopback interface.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::collections::BTreeSet;
+use std::io::{BufRead, BufReader, Write};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::Duration;
+
+use async_channel::{Sender, bounded};
+use formation::message::TargetAnnouncement;
+use formation::scenario::Scenario;
+use formation::verify::{ObserverParameters, Outcome, Stage};
+use formation_node::announcer::TargetProcess;
+use formation_node::environment::{DiscoveryRange, Environment, Namespace, Overrides};
+use formation_node::traffic::RefusalKind;
+use formation_node::verification::{News, VerifierProcess};
+use serde_json::{Value, json};
+
+const SCENARIO: &str = "
+name: three
+target: {frame_id: hall, spots: [{id: 3, x: 5.5, y: 5.0, theta: 0.5}, {id: 2, x: 6.5, y: 5.0}], edges: [[3, 2]]}
+singletons: [{id: 17, x: 3.0, y: 9.5}]
+planner: {d_max: 3}
+";
+
+/// Tests with several participants do not run beside each other.
+fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+fn environment(domain: &str) -> Environment {
+    let overrides = Overrides {
+        domain: Some(domain.parse().unwrap()),
+        range: Some(DiscoveryRange::Localhost),
+    };
+    Environment::resolve(overrides, |_| None).unwrap()
+}
+
+/// CycloneDDS for Python at work; it ends with its input, and at the latest with this value.
+struct Peer {
+    child: Child,
+}
+
+impl Peer {
+    /// `None`, said aloud, where the user chose to go without Python.
+    fn start(command: &str, topic: &str, domain: &str) -> Option<Self> {
+        if std::env::var_os("FORMATION_SKIP_PYTHON").is_some_and(|value| value == "1") {
+            // Not by a macro: the test harness would keep it to itself.
+            let told = "SKIPPED: FORMATION_SKIP_PYTHON=1, so CycloneDDS was not talked to";
+            let mut stderr = std::io::stderr();
+            writeln!(stderr, "{told}").unwrap();
+            return None;
+        }
+        let python = std::env::var("FORMATION_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+        let script = format!("{root}/tests/python/formation_dds.py");
+        let child = Command::new(&python)
+            .args([&script, command, topic, "--domain", domain])
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped())
+            .spawn()
+            .unwrap_or_else(|error| {
+                panic!(
+                    "cannot start `{python}`: {error}; run `{python} -m pip install -r {root}/tests/requirements.txt`, \
+                     name another interpreter in FORMATION_PYTHON, or set FORMATION_SKIP_PYTHON=1"
+                )
+            });
+        Some(Self { child })
+    }
+
+    fn put(&mut self, sample: &Value) {
+        let input = self.child.stdin.as_mut().unwrap();
+        writeln!(input, "{sample}").unwrap();
+    }
+
+    /// The next sample that it took.
+    fn taken(&mut self) -> Value {
+        let mut line = String::new();
+        let output = self.child.stdout.as_mut().unwrap();
+        BufReader::new(output).read_line(&mut line).unwrap();
+        assert!(!line.is_empty(), "CycloneDDS took nothing; see above");
+        serde_json::from_str(&line).unwrap()
+    }
+}
+
+impl Drop for Peer {
+    fn drop(&mut self) {
+        self.child.kill().unwrap();
+        self.child.wait().unwrap();
+    }
+}
+
+fn announcer(domain: &str) -> (Sender<()>, thread::JoinHandle<()>) {
+    let scenario = Scenario::from_yaml(SCENARIO).unwrap();
+    let problem = scenario.problem();
+    let process = TargetProcess {
+        environment: environment(domain),
+        namespace: Namespace::default(),
+        announcement: TargetAnnouncement {
+            revision: 7,
+            name: scenario.name().to_owned(),
+            target: Some(Arc::clone(problem.target())),
+            parameters: *problem.parameters(),
+            expected_modules: Some(1),
+        },
+    };
+    let (stop, stopped) = bounded(1);
+    let running = thread::spawn(move || process.run(stopped).unwrap());
+    (stop, running)
+}
+
+#[test]
+fn a_late_subscriber_of_another_vendor_gets_the_target() {
+    let _alone = alone();
+    let domain = "71";
+    let (stop, running) = announcer(domain);
+    // Whether it is late or not, it must come.
+    let Some(mut peer) = Peer::start("take", "target", domain) else {
+        return;
+    };
+    let target = peer.taken();
+    stop.send_blocking(()).unwrap();
+    running.join().unwrap();
+    assert_eq!(target["revision"], 7);
+    assert_eq!(target["name"], "three");
+    assert_eq!(target["header"]["frame_id"], "hall");
+    assert_ne!(target["header"]["stamp"]["sec"], 0);
+    assert_eq!(
+        target["spots"],
+        json!([
+            {"id": 2, "x": 6.5, "y": 5.0, "theta": 0.0},
+            {"id": 3, "x": 5.5, "y": 5.0, "theta": 0.5},
+        ])
+    );
+    assert_eq!(target["expected_modules"], 1);
+    assert_eq!(target["planner"]["d_max"], 3);
+}
+
+#[test]
+fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
+    let _alone = alone();
+    let domain = "72";
+    let Some(mut target) = Peer::start("put", "target", domain) else {
+        return;
+    };
+    let mut garbler = Peer::start("garble", "module_states", domain).unwrap();
+    let mut liar = Peer::start("put", "heartbeats", domain).unwrap();
+    let mut reader = Peer::start("take", "verdict", domain).unwrap();
+    let process = VerifierProcess {
+        environment: environment(domain),
+        namespace: Namespace::default(),
+        parameters: ObserverParameters {
+            time_limit: Duration::from_secs(10),
+            ..ObserverParameters::default()
+        },
+        linger: Duration::from_secs(1),
+    };
+    let (_stop, stopped) = bounded(1);
+    let watching = thread::spawn(move || {
+        let mut stages = BTreeSet::new();
+        let judgement = process.run(stopped, |news| {
+            if let News::Progress(progress) = news {
+                stages.insert(progress.stage);
+            }
+        });
+        (stages, judgement.unwrap())
+    });
+    let spots = json!([{"id": 1, "x": 1.0, "y": 2.0}, {"id": 2, "x": 2.0, "y": 2.0}]);
+    target.put(&json!({
+        "header": {"frame_id": "map"},
+        "revision": 1,
+        "name": "pair",
+        "expected_modules": 2,
+        "spots": spots,
+        "edges": [{"first": 1, "second": 2}],
+        "planner": {"d_max": -1, "weight_loc": 1.0, "weight_dock": 0.1, "weight_undock": 0.05},
+    }));
+    garbler.put(&Value::Null);
+    // A best-effort sample is lost on whoever is not there yet, so it repeats.
+    let beat = json!({"module_id": 4, "incarnation": 1, "sequence": 1, "phase": 1});
+    while !watching.is_finished() {
+        liar.put(&json!({"modules": [beat, beat]}));
+        thread::sleep(Duration::from_millis(200));
+    }
+    let (stages, judgement) = watching.join().unwrap();
+    let verdict = judgement.verdict.unwrap();
+    assert!(
+        stages.contains(&Stage::Gathering),
+        "the target was not understood: {stages:?}, {}",
+        judgement.traffic
+    );
+    assert_eq!(verdict.outcome, Outcome::Failed, "no module ever came");
+    let refused = |topic: &str| &judgement.traffic.topics()[topic].refused;
+    assert_eq!(refused("module_states")[&RefusalKind::Malformed], 1);
+    assert!(refused("heartbeats")[&RefusalKind::Invalid] > 0);
+    assert_eq!(judgement.traffic.topics()["heartbeats"].received, 0);
+    let read = reader.taken();
+    assert_eq!(read["outcome"], 3);
+    assert!(
+        read["violations"]
+            .as_array()
+            .is_some_and(|sentences| !sentences.is_empty())
+    );
+}
