@@ -15,8 +15,15 @@ pub fn ask(arguments: &[&str], input: &str) -> Option<String> {
         .unwrap();
         return None;
     }
-    let python = std::env::var("FORMATION_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-    let root = env!("CARGO_MANIFEST_DIR").trim_end_matches("/msgs");
+    let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+        .parent()
+        .unwrap()
+        .display();
+    let mut python = std::env::var("FORMATION_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+    // Cargo runs tests within their package, but people name a path as seen from the repository.
+    if python.contains('/') && !python.starts_with('/') {
+        python = format!("{root}/{python}");
+    }
     let advice = format!(
         "run `{python} -m pip install -r {root}/tests/requirements.txt`, name another interpreter (3.10 or later) in \
          FORMATION_PYTHON, or set FORMATION_SKIP_PYTHON=1 to go without this test"
