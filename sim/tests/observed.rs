@@ -1,0 +1,191 @@
+//! What an observer of the topics makes of whole runs, be it late, far away or hard of hearing.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::generate::{GeneratorParameters, Grouping, Random, generate};
+use formation::id::ModuleId;
+use formation::message::{Message, ModulePhase, TargetAnnouncement};
+use formation::planning;
+use formation::problem::PlanningProblem;
+use formation::scenario::Scenario;
+use formation::verify::{Observer, ObserverParameters, Outcome, Verdict};
+use formation_sim::{Cluster, ClusterParameters, NetworkParameters, Observation};
+
+fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
+    problem_of(modules, spots, Grouping::Mixed, seed)
+}
+
+fn problem_of(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {
+    let parameters = GeneratorParameters::new(modules, spots, seed).grouped(grouping);
+    let raw = generate(&parameters).unwrap();
+    Scenario::try_from(raw).unwrap().problem().clone()
+}
+
+fn announcement(problem: &PlanningProblem) -> TargetAnnouncement {
+    TargetAnnouncement {
+        revision: 1,
+        name: "observed".to_owned(),
+        target: Some(Arc::clone(problem.target())),
+        parameters: *problem.parameters(),
+        expected_modules: u32::try_from(problem.modules().len()).ok(),
+    }
+}
+
+/// Everything that was published in a run, from the target on.
+fn published(problem: &PlanningProblem, network: NetworkParameters, seed: u64) -> Vec<Message> {
+    let parameters = ClusterParameters {
+        network,
+        ..ClusterParameters::default()
+    };
+    let mut cluster = Cluster::new(problem, parameters, seed);
+    cluster.announce(announcement(problem));
+    assert!(cluster.run_until(Duration::from_secs(600), Cluster::has_formed));
+    // Heartbeats and the last links follow.
+    let end = cluster.now() + Duration::from_secs(3);
+    cluster.run_until(end, |_| false);
+    let mut messages = vec![Message::Target(Arc::new(announcement(problem)))];
+    messages.extend(heard(&mut cluster));
+    messages
+}
+
+fn heard(cluster: &mut Cluster) -> impl Iterator<Item = Message> {
+    let observations = cluster.take_observations().into_iter();
+    observations.filter_map(|(_, observation)| match observation {
+        Observation::Published(_, message) => Some(message),
+        _ => None,
+    })
+}
+
+fn judge(messages: &[Message]) -> Verdict {
+    let mut observer = Observer::new(ObserverParameters::default());
+    for message in messages {
+        observer.handle(Duration::ZERO, message);
+    }
+    observer.verdict(Duration::ZERO);
+    let due = observer.poll_timeout().unwrap_or_default();
+    observer.verdict(due).unwrap().clone()
+}
+
+#[track_caller]
+fn assert_formed(verdict: &Verdict, problem: &PlanningProblem, seed: u64) {
+    let is_short = problem.modules().len() < problem.target().spots().len();
+    let expected = if is_short {
+        Outcome::Partial
+    } else {
+        Outcome::Complete
+    };
+    assert_eq!(
+        (verdict.outcome, &verdict.violations, &verdict.missing),
+        (expected, &Vec::new(), &Vec::new()),
+        "seed {seed}"
+    );
+    let offline = planning::plan(Arc::new(problem.clone())).plan;
+    assert_eq!(verdict.assignments, offline.assignments, "seed {seed}");
+}
+
+#[test]
+fn whole_runs_are_complete_or_partial() {
+    for seed in 0..12 {
+        for (modules, spots) in [(9, 9), (12, 7), (7, 12)] {
+            let problem = problem(modules, spots, seed);
+            let network = if seed % 2 == 0 {
+                NetworkParameters::default()
+            } else {
+                NetworkParameters::rough()
+            };
+            let messages = published(&problem, network, seed);
+            assert_formed(&judge(&messages), &problem, seed);
+        }
+    }
+}
+
+#[test]
+fn an_observer_that_comes_late_hears_enough() {
+    for seed in 0..12 {
+        let problem = problem(10, 10, seed);
+        let messages = published(&problem, NetworkParameters::default(), seed);
+        // What is latched: the last state of each module, the last roster, all claims; and the heartbeats to come.
+        let mut states: BTreeMap<ModuleId, Message> = BTreeMap::new();
+        let mut heartbeats: BTreeMap<ModuleId, Message> = BTreeMap::new();
+        let mut latched = Vec::new();
+        for message in messages {
+            match &message {
+                Message::ModuleState(state) => {
+                    states.insert(state.module, message);
+                }
+                Message::Heartbeat(heartbeat) => {
+                    heartbeats.insert(heartbeat.module, message);
+                }
+                _ => latched.push(message),
+            }
+        }
+        latched.extend(states.into_values());
+        latched.extend(heartbeats.into_values());
+        assert_formed(&judge(&latched), &problem, seed);
+    }
+}
+
+#[test]
+fn an_observer_may_miss_half_of_it_and_hear_the_rest_in_any_order() {
+    for seed in 0..12 {
+        let problem = problem(10, 10, seed);
+        let mut messages = published(&problem, NetworkParameters::default(), seed);
+        let mut random = Random::from_seed(seed);
+        let mut last_state: BTreeMap<ModuleId, u64> = BTreeMap::new();
+        for message in &messages {
+            if let Message::ModuleState(state) = message {
+                last_state.insert(state.module, state.sequence);
+            }
+        }
+        messages.retain(|message| match message {
+            // The last state is latched; any heartbeat after the agreement tells of it.
+            Message::ModuleState(state) => {
+                last_state.get(&state.module) == Some(&state.sequence) || random.below(2) == 0
+            }
+            Message::Heartbeat(_) => random.below(2) == 0,
+            _ => true,
+        });
+        random.shuffle(&mut messages);
+        assert_formed(&judge(&messages), &problem, seed);
+    }
+}
+
+#[test]
+fn a_run_that_lost_a_module_on_the_way_is_judged_by_its_last_epoch() {
+    for seed in 0..8 {
+        let problem = problem_of(8, 8, Grouping::Singletons, seed);
+        let mut cluster = Cluster::new(&problem, ClusterParameters::default(), seed);
+        cluster.announce(announcement(&problem));
+        let in_phase = |cluster: &Cluster, phase| {
+            cluster.running().into_iter().rev().find(|&module| {
+                cluster
+                    .standing(module)
+                    .is_some_and(|standing| standing.phase == phase)
+            })
+        };
+        let someone_settled = cluster.run_until(Duration::from_secs(600), |cluster| {
+            in_phase(cluster, ModulePhase::Settled).is_some()
+        });
+        assert!(someone_settled);
+        let lost = in_phase(&cluster, ModulePhase::Waiting).unwrap();
+        cluster.crash(lost);
+        let end = cluster.now() + Duration::from_secs(60);
+        cluster.run_until(end, |_| false);
+        assert!(cluster.has_formed(), "seed {seed}");
+        let mut messages = vec![Message::Target(Arc::new(announcement(&problem)))];
+        messages.extend(heard(&mut cluster));
+        let verdict = judge(&messages);
+        assert_eq!(
+            (verdict.outcome, &verdict.violations, &verdict.missing),
+            (Outcome::Partial, &Vec::new(), &Vec::new()),
+            "seed {seed}"
+        );
+        assert!(verdict.counts.epochs >= 2);
+        assert_eq!((verdict.filled_spots, verdict.open_spots.len()), (7, 1));
+        assert!(!verdict.assignments.contains_key(&lost));
+    }
+}
