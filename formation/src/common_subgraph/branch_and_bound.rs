@@ -13,12 +13,15 @@ use crate::matching::MatchingInput;
 /// a spot beside that one's. Each branch is one such spot for one module; the last is none of them, which forbids
 /// these pairs from there on, though the module may still be reached by another neighbour. The bound counts the modules and
 /// the spots that growth can still reach, and the links and edges among them; the lesser ones count. McSplit's label
-/// classes are of no use, as non-linked modules may stand on adjacent spots.
+/// classes are of no use, as modules that are not linked may stand on adjacent spots. `incumbent` is a matching to be
+/// beaten.
 pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
     input: &MatchingInput<'_, W>,
+    incumbent: Vec<(usize, usize)>,
     budget: &mut Budget,
 ) -> Vec<(usize, usize)> {
     let mut search = Search::new(input);
+    search.start_from(incumbent);
     let mut stack: Vec<Frame> = Vec::new();
     if budget.take() {
         stack.extend(search.branch());
@@ -55,6 +58,14 @@ struct Frame {
     untried: Vec<usize>,
     /// Whether the branch without any of them was entered.
     is_forbidden: bool,
+}
+
+/// An unmatched module that can be matched next.
+struct Opening {
+    module: usize,
+    matched_neighbours: usize,
+    /// The free spots beside its matched neighbours' that it may take.
+    spots: Vec<usize>,
 }
 
 /// What a matching is judged by, in this order.
@@ -102,6 +113,18 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
             best_score: Score::default(),
             best: Vec::new(),
         }
+    }
+
+    fn start_from(&mut self, incumbent: Vec<(usize, usize)>) {
+        self.best_score = Score {
+            modules: incumbent.len(),
+            links: self.input.kept_links(&incumbent),
+            utility: incumbent
+                .iter()
+                .map(|&(module, spot)| self.weight(module, spot))
+                .sum(),
+        };
+        self.best = incumbent;
     }
 
     fn weight(&self, module: usize, spot: usize) -> i64 {
@@ -157,14 +180,28 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
 
     /// The next module to branch on; none if nothing better can come of this node.
     fn branch(&self) -> Option<Frame> {
-        if self.bound() <= self.best_score && !self.best.is_empty() {
+        if self.matched.is_empty() {
+            let (module, spots) = self.first_module()?;
+            return Some(self.frame(module, spots));
+        }
+        let openings = self.openings();
+        if !self.may_improve(&openings) {
             return None;
         }
-        let (module, spots) = if self.matched.is_empty() {
-            self.first_module()?
-        } else {
-            self.next_module()?
-        };
+        // The one with the fewest spots; of equals the one with the most matched neighbours, then with the most
+        // neighbours, then the lowest.
+        let opening = openings.into_iter().min_by_key(|opening| {
+            (
+                opening.spots.len(),
+                Reverse(opening.matched_neighbours),
+                Reverse(self.input.configuration.degree(opening.module)),
+                opening.module,
+            )
+        })?;
+        Some(self.frame(opening.module, opening.spots))
+    }
+
+    fn frame(&self, module: usize, spots: Vec<usize>) -> Frame {
         let mut untried = spots.clone();
         untried.sort_by_cached_key(|&spot| {
             (
@@ -173,21 +210,37 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
                 Reverse(spot),
             )
         });
-        Some(Frame {
+        Frame {
             module,
             spots,
             untried,
             is_forbidden: false,
-        })
+        }
     }
 
-    /// The module of greatest degree among those that have not been given up, and every spot that it may take.
+    /// The module of greatest degree (the lowest of equals) that has not been given up, and every spot that it may take;
+    /// none if those not given up are too few or too poor.
     fn first_module(&self) -> Option<(usize, Vec<usize>)> {
         let configuration = self.input.configuration;
-        let module = (0..configuration.node_count())
-            .filter(|&module| self.may_begin(module))
+        let (module_count, spot_count) =
+            (configuration.node_count(), self.input.target.node_count());
+        let components = configuration.components_within(|module| self.may_begin(module));
+        let hopeful: Vec<Vec<usize>> = components
+            .into_iter()
+            .filter(|component| {
+                let mut reached = vec![false; module_count];
+                for &module in component {
+                    reached[module] = true;
+                }
+                let count = component.len().min(spot_count);
+                self.may_improve_by(&reached, count, self.input.target.edges().len())
+            })
+            .collect();
+        let module = hopeful
+            .into_iter()
+            .flatten()
             .max_by_key(|&module| (configuration.degree(module), Reverse(module)))?;
-        let spots = (0..self.input.target.node_count())
+        let spots = (0..spot_count)
             .filter(|&spot| (self.input.weight)(module, spot).is_some())
             .collect();
         Some((module, spots))
@@ -198,46 +251,25 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         self.best_weight[module].is_some() && self.forbidden[module].is_empty()
     }
 
-    /// The module with the fewest spots to take beside a matched one; of equals the one that has more matched
-    /// neighbours, then more neighbours, then the lower one.
-    fn next_module(&self) -> Option<(usize, Vec<usize>)> {
-        let configuration = self.input.configuration;
-        let mut best = None;
-        for &module in &self.frontier() {
-            let spots = self.spots_beside(module);
-            if spots.is_empty() {
-                continue;
-            }
-            let neighbours = configuration.neighbours(module);
-            let matched = neighbours
-                .iter()
-                .filter(|&&neighbour| self.image[neighbour].is_some())
-                .count();
-            let key = (
-                spots.len(),
-                Reverse(matched),
-                Reverse(neighbours.len()),
-                module,
-            );
-            if best.as_ref().is_none_or(|(best_key, _)| key < *best_key) {
-                best = Some((key, spots));
-            }
-        }
-        best.map(|((.., module), spots)| (module, spots))
-    }
-
-    /// The unmatched modules beside matched ones, ascending.
-    fn frontier(&self) -> Vec<usize> {
-        let mut frontier: Vec<usize> = self
+    /// The unmatched modules that have a spot to take beside a matched neighbour's.
+    fn openings(&self) -> Vec<Opening> {
+        let mut beside: Vec<usize> = self
             .matched
             .iter()
             .flat_map(|&module| self.input.configuration.neighbours(module))
             .copied()
             .filter(|&module| self.image[module].is_none() && self.best_weight[module].is_some())
             .collect();
-        frontier.sort_unstable();
-        frontier.dedup();
-        frontier
+        beside.sort_unstable();
+        beside
+            .chunk_by(|one, other| one == other)
+            .map(|same| Opening {
+                module: same[0],
+                matched_neighbours: same.len(),
+                spots: self.spots_beside(same[0]),
+            })
+            .filter(|opening| !opening.spots.is_empty())
+            .collect()
     }
 
     /// The free spots beside the images of a module's neighbours that it may take, ascending.
@@ -261,104 +293,87 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         spots
     }
 
-    /// No matching that comes of this node has a greater score.
-    fn bound(&self) -> Score {
-        let configuration = self.input.configuration;
-        let mut reached = vec![false; configuration.node_count()];
-        let (modules, spot_count, edge_count) = if self.matched.is_empty() {
-            let components = configuration.components_within(|module| self.may_begin(module));
-            let Some(largest) = components.into_iter().max_by_key(Vec::len) else {
-                return Score::default();
-            };
-            (largest, usize::MAX, usize::MAX)
-        } else {
-            let modules = self.modules_within_reach();
-            let (spot_count, edge_count) = self.spots_within_reach(modules.len());
-            (modules, spot_count, edge_count)
-        };
-        // Without a matched module, other components may hold more links or utility than the largest.
-        if self.matched.is_empty() {
-            for (module, is_reached) in reached.iter_mut().enumerate() {
-                *is_reached = self.may_begin(module);
-            }
-        } else {
-            for &module in &modules {
-                reached[module] = true;
-            }
+    /// Whether some growth from here may give a better matching.
+    fn may_improve(&self, openings: &[Opening]) -> bool {
+        let reached = self.modules_within_reach(openings);
+        let module_count = reached.iter().filter(|&&is_reached| is_reached).count();
+        let (spot_count, edge_count) = self.spots_within_reach(module_count);
+        self.may_improve_by(&reached, module_count.min(spot_count), edge_count)
+    }
+
+    /// Whether matching at most `count` of the modules within reach, with at most `edge_count` edges for
+    /// their links, may give a better score. Looks at each part of the score only if the parts before it tie.
+    fn may_improve_by(&self, reached: &[bool], count: usize, edge_count: usize) -> bool {
+        let best = &self.best_score;
+        let modules = self.score.modules + count;
+        if modules != best.modules || self.best.is_empty() {
+            return modules > best.modules || self.best.is_empty();
         }
-        let count = modules.len().min(spot_count);
-        let links = configuration
-            .edges()
-            .iter()
+        let within = self.input.configuration.edges().iter();
+        let link_count = within
             .filter(|&&(first, second)| {
                 (reached[first] && (reached[second] || self.image[second].is_some()))
                     || (reached[second] && self.image[first].is_some())
             })
             .count();
+        let links = self.score.links + link_count.min(edge_count);
+        if links != best.links {
+            return links > best.links;
+        }
         let mut weights: Vec<i64> = (0..reached.len())
             .filter(|&module| reached[module])
             .filter_map(|module| self.best_weight[module])
             .collect();
         weights.sort_unstable_by_key(|&weight| Reverse(weight));
-        Score {
-            modules: self.score.modules + count,
-            links: self.score.links + links.min(edge_count),
-            utility: self.score.utility + weights.iter().take(count).sum::<i64>(),
-        }
+        let utility = self.score.utility + weights.iter().take(count).sum::<i64>();
+        utility > best.utility
     }
 
-    /// The unmatched modules that growth can still reach.
-    fn modules_within_reach(&self) -> Vec<usize> {
-        let mut seen = vec![false; self.image.len()];
-        let mut modules: Vec<usize> = self
-            .frontier()
-            .into_iter()
-            .filter(|&module| !self.spots_beside(module).is_empty())
-            .collect();
+    /// Which unmatched modules growth can still reach, through any of their links.
+    fn modules_within_reach(&self, openings: &[Opening]) -> Vec<bool> {
+        let mut reached = vec![false; self.image.len()];
+        let mut modules: Vec<usize> = openings.iter().map(|opening| opening.module).collect();
         for &module in &modules {
-            seen[module] = true;
+            reached[module] = true;
         }
-        let mut next = 0;
-        while let Some(&module) = modules.get(next) {
+        while let Some(module) = modules.pop() {
             for &neighbour in self.input.configuration.neighbours(module) {
-                if !seen[neighbour]
+                if !reached[neighbour]
                     && self.image[neighbour].is_none()
                     && self.best_weight[neighbour].is_some()
                 {
-                    seen[neighbour] = true;
+                    reached[neighbour] = true;
                     modules.push(neighbour);
                 }
             }
-            next += 1;
         }
-        modules
+        reached
     }
 
-    /// How many free spots growth can still reach, and how many edges of the target they add; does not
-    /// look further once there are more than `enough` spots.
+    /// How many free spots growth can still reach, and at most how many edges of the target end there; without bound
+    /// once there are at least `enough` spots.
     fn spots_within_reach(&self, enough: usize) -> (usize, usize) {
         let target = self.input.target;
         let mut seen = self.is_taken.clone();
-        let mut spots: Vec<usize> = self
+        let mut waiting: Vec<usize> = self
             .matched
             .iter()
             .filter_map(|&module| self.image[module])
             .collect();
-        let taken = spots.len();
-        let mut next = 0;
-        while let Some(&spot) = spots.get(next) {
+        let (mut count, mut edge_ends) = (0, 0);
+        while let Some(spot) = waiting.pop() {
             for &neighbour in target.neighbours(spot) {
                 if !seen[neighbour] {
                     seen[neighbour] = true;
-                    spots.push(neighbour);
+                    waiting.push(neighbour);
+                    count += 1;
+                    edge_ends += target.degree(neighbour);
+                    if count >= enough {
+                        return (usize::MAX, usize::MAX);
+                    }
                 }
             }
-            next += 1;
-            if spots.len() - taken > enough {
-                return (usize::MAX, usize::MAX);
-            }
         }
-        let ends: usize = spots[taken..].iter().map(|&spot| target.degree(spot)).sum();
-        (spots.len() - taken, ends)
+        (count, edge_ends)
     }
 }

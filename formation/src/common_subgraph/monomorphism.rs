@@ -3,19 +3,15 @@
 use std::cmp::Reverse;
 
 use super::Budget;
+use super::domains::Domains;
 use crate::fixed::MicroUnits;
 use crate::matching::MatchingInput;
-
-/// The greatest number of pairs for which domains are filtered to the end; above it, only once.
-const FILTERED_PAIRS_MAX: usize = 1_000_000;
 
 /// The non-induced monomorphism of greatest utility, as pairs in the order of the search; none if there is none, or none
 /// was found within the budget.
 ///
 /// Backtracking over the modules in a fixed connected order, each on a spot beside that of a module before it. Before,
-/// the domains are filtered: a spot stays possible for a module only as long as the module's neighbours can take
-/// different neighbours of the spot that are possible for them (the local all-different filter of Solnon's LAD,
-/// Artificial Intelligence 174, 2010). A branch ends when even the best spot for each module to come cannot
+/// the domains are filtered ([`Domains`]). A branch ends when even the best spot for each module to come cannot
 /// beat the best found.
 pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
     input: &MatchingInput<'_, W>,
@@ -35,7 +31,7 @@ pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
     let mut search = Search {
         input,
         domains: &domains,
-        best_to_come: best_to_come(&domains, &order),
+        best_to_come: best_to_come(input, &domains, &order),
         order: &order,
         image: vec![None; configuration.node_count()],
         is_taken: vec![false; target.node_count()],
@@ -106,103 +102,20 @@ fn connected_order<W>(input: &MatchingInput<'_, W>) -> Vec<usize> {
 }
 
 /// At each place of the order, the most that the modules from there on can be worth.
-fn best_to_come(domains: &Domains, order: &[usize]) -> Vec<i64> {
+fn best_to_come<W: Fn(usize, usize) -> Option<MicroUnits>>(
+    input: &MatchingInput<'_, W>,
+    domains: &Domains,
+    order: &[usize],
+) -> Vec<i64> {
     let mut sums = vec![0; order.len() + 1];
     for (place, &node) in order.iter().enumerate().rev() {
-        let best = domains.of[node].iter().map(|&(_, weight)| weight).max();
-        sums[place] = sums[place + 1] + best.unwrap_or_default();
+        let weights = domains
+            .spots(node)
+            .filter_map(|spot| (input.weight)(node, spot));
+        let best = weights.max().unwrap_or_default();
+        sums[place] = sums[place + 1] + best.0;
     }
     sums
-}
-
-/// For each module the spots that it may take with what they are worth, ascending by spot.
-struct Domains {
-    of: Vec<Vec<(usize, i64)>>,
-}
-
-impl Domains {
-    /// None if some module has no spot left.
-    fn filtered<W: Fn(usize, usize) -> Option<MicroUnits>>(
-        input: &MatchingInput<'_, W>,
-    ) -> Option<Self> {
-        let (configuration, target) = (input.configuration, input.target);
-        let of = (0..configuration.node_count())
-            .map(|node| {
-                (0..target.node_count())
-                    .filter(|&spot| target.degree(spot) >= configuration.degree(node))
-                    .filter_map(|spot| Some((spot, (input.weight)(node, spot)?.0)))
-                    .collect()
-            })
-            .collect();
-        let mut domains = Self { of };
-        let pairs: usize = domains.of.iter().map(Vec::len).sum();
-        let mut waiting: Vec<usize> = (0..configuration.node_count()).rev().collect();
-        let mut is_waiting = vec![true; configuration.node_count()];
-        while let Some(node) = waiting.pop() {
-            is_waiting[node] = false;
-            let before = domains.of[node].len();
-            let mut domain = std::mem::take(&mut domains.of[node]);
-            domain.retain(|&(spot, _)| domains.neighbours_fit(input, node, spot));
-            let is_smaller = domain.len() < before;
-            domains.of[node] = domain;
-            if domains.of[node].is_empty() {
-                return None;
-            }
-            if !is_smaller || pairs > FILTERED_PAIRS_MAX {
-                continue;
-            }
-            for &neighbour in configuration.neighbours(node) {
-                if !is_waiting[neighbour] {
-                    is_waiting[neighbour] = true;
-                    waiting.push(neighbour);
-                }
-            }
-        }
-        Some(domains)
-    }
-
-    fn weight(&self, node: usize, spot: usize) -> Option<i64> {
-        let domain = &self.of[node];
-        let position = domain.binary_search_by_key(&spot, |&(spot, _)| spot).ok()?;
-        Some(domain[position].1)
-    }
-
-    /// Whether the neighbours of a module can take different neighbours of a spot: augmenting paths.
-    fn neighbours_fit<W>(&self, input: &MatchingInput<'_, W>, node: usize, spot: usize) -> bool {
-        let modules = input.configuration.neighbours(node);
-        let spots = input.target.neighbours(spot);
-        // Which of the modules takes each spot.
-        let mut taken_by: Vec<Option<usize>> = vec![None; spots.len()];
-        (0..modules.len()).all(|start| {
-            // Breadth-first: the module from which each spot was reached.
-            let mut reached_from: Vec<Option<usize>> = vec![None; spots.len()];
-            let mut queue = vec![start];
-            let mut next = 0;
-            while let Some(&module) = queue.get(next) {
-                next += 1;
-                for (index, &neighbour) in spots.iter().enumerate() {
-                    if reached_from[index].is_some()
-                        || self.weight(modules[module], neighbour).is_none()
-                    {
-                        continue;
-                    }
-                    reached_from[index] = Some(module);
-                    let Some(holder) = taken_by[index] else {
-                        let mut free = Some(index);
-                        while let (Some(index), Some(module)) =
-                            (free, free.and_then(|index| reached_from[index]))
-                        {
-                            free = taken_by.iter().position(|&holder| holder == Some(module));
-                            taken_by[index] = Some(module);
-                        }
-                        return true;
-                    };
-                    queue.push(holder);
-                }
-            }
-            false
-        })
-    }
 }
 
 struct Search<'a, W> {
@@ -215,7 +128,7 @@ struct Search<'a, W> {
     utility: i64,
 }
 
-impl<W> Search<'_, W> {
+impl<W: Fn(usize, usize) -> Option<MicroUnits>> Search<'_, W> {
     /// The spots that the module at a place of the order can take now, the best last, the lower of equals later.
     fn candidates(&self, place: usize) -> Vec<(i64, Reverse<usize>)> {
         let node = self.order[place];
@@ -226,29 +139,28 @@ impl<W> Search<'_, W> {
             .iter()
             .filter_map(|&neighbour| self.image[neighbour])
             .collect();
-        let fits = |spot: usize| {
-            !self.is_taken[spot]
-                && around
-                    .iter()
-                    .all(|&image| self.input.target.has_edge(image, spot))
+        let target = self.input.target;
+        let rate = |spot: usize| {
+            let fits = self.domains.has(node, spot)
+                && !self.is_taken[spot]
+                && around.iter().all(|&image| target.has_edge(image, spot));
+            fits.then(|| (self.weight(node, spot), Reverse(spot)))
         };
         let mut candidates: Vec<(i64, Reverse<usize>)> = match around.first() {
-            Some(&image) => self
-                .input
-                .target
+            Some(&image) => target
                 .neighbours(image)
                 .iter()
-                .filter_map(|&spot| Some((self.domains.weight(node, spot)?, Reverse(spot))))
-                .filter(|&(_, Reverse(spot))| fits(spot))
+                .copied()
+                .filter_map(rate)
                 .collect(),
-            None => self.domains.of[node]
-                .iter()
-                .map(|&(spot, weight)| (weight, Reverse(spot)))
-                .filter(|&(_, Reverse(spot))| fits(spot))
-                .collect(),
+            None => self.domains.spots(node).filter_map(rate).collect(),
         };
         candidates.sort_unstable();
         candidates
+    }
+
+    fn weight(&self, node: usize, spot: usize) -> i64 {
+        (self.input.weight)(node, spot).map_or(0, |weight| weight.0)
     }
 
     fn take(&mut self, place: usize, spot: usize, weight: i64) {
@@ -262,7 +174,7 @@ impl<W> Search<'_, W> {
         let node = self.order[place];
         if let Some(spot) = self.image[node].take() {
             self.is_taken[spot] = false;
-            self.utility -= self.domains.weight(node, spot).unwrap_or_default();
+            self.utility -= self.weight(node, spot);
         }
     }
 

@@ -1,34 +1,21 @@
 use super::*;
+use crate::generate::random::Random;
 use crate::topology::Topology;
 
-/// Steele, Lea and Flood's SplitMix64, so that every case can be named by its seed.
-struct Random(u64);
-
-impl Random {
-    fn below(&mut self, limit: usize) -> usize {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let mut bits = self.0;
-        bits = (bits ^ (bits >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        bits = (bits ^ (bits >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        bits ^= bits >> 31;
-        usize::try_from(bits % limit as u64).unwrap()
+/// A connected graph: a random tree and up to `more` edges.
+fn graph(random: &mut Random, count: usize, more: usize) -> Topology {
+    let mut edges = Vec::new();
+    for node in 1..count {
+        edges.push((random.index(node), node));
     }
-
-    /// A connected graph: a random tree and up to `more` edges.
-    fn graph(&mut self, count: usize, more: usize) -> Topology {
-        let mut edges = Vec::new();
-        for node in 1..count {
-            edges.push((self.below(node), node));
+    for _ in 0..more {
+        let (first, second) = (random.index(count), random.index(count));
+        let edge = (first.min(second), first.max(second));
+        if first != second && !edges.contains(&edge) {
+            edges.push(edge);
         }
-        for _ in 0..more {
-            let (first, second) = (self.below(count), self.below(count));
-            let edge = (first.min(second), first.max(second));
-            if first != second && !edges.contains(&edge) {
-                edges.push(edge);
-            }
-        }
-        Topology::new(count, &edges).unwrap()
     }
+    Topology::new(count, &edges).unwrap()
 }
 
 #[derive(Debug)]
@@ -46,13 +33,13 @@ impl Case {
         target: Topology,
         forbidden: usize,
     ) -> Self {
-        let range = if random.below(3) == 0 { 3 } else { 1_000 };
+        let range = if random.index(3) == 0 { 3 } else { 1_000 };
         let weights = (0..configuration.node_count())
             .map(|_| {
                 (0..target.node_count())
                     .map(|_| {
-                        (random.below(100) >= forbidden)
-                            .then(|| i64::try_from(random.below(range)).unwrap() - 100)
+                        (random.index(100) >= forbidden)
+                            .then(|| i64::try_from(random.index(range)).unwrap() - 100)
                     })
                     .collect()
             })
@@ -175,12 +162,12 @@ impl Case {
 fn small_graphs_equal_brute_force() {
     let (mut whole, mut partial) = (0, 0);
     for seed in 0..2_000 {
-        let mut random = Random(seed);
-        let (modules, spots) = (1 + random.below(6), 1 + random.below(7));
-        let (more_links, more_edges) = (random.below(5), random.below(7));
-        let configuration = random.graph(modules, more_links);
-        let target = random.graph(spots, more_edges);
-        let forbidden = [0, 15, 40][random.below(3)];
+        let mut random = Random::from_seed(seed);
+        let (modules, spots) = (1 + random.index(6), 1 + random.index(7));
+        let (more_links, more_edges) = (random.index(5), random.index(7));
+        let configuration = graph(&mut random, modules, more_links);
+        let target = graph(&mut random, spots, more_edges);
+        let forbidden = [0, 15, 40][random.index(3)];
         let case = Case::new(&mut random, configuration, target, forbidden);
         let (size, kept, _) = case.check_against_all();
         if size == modules && kept == case.configuration.edges().len() {
@@ -195,11 +182,11 @@ fn small_graphs_equal_brute_force() {
 #[test]
 fn graphs_of_seven_nodes_equal_brute_force() {
     for seed in 0..60 {
-        let mut random = Random(1_000_000 + seed);
-        let (more_links, more_edges) = (random.below(5), random.below(7));
-        let configuration = random.graph(7, more_links);
-        let target = random.graph(7, more_edges);
-        let forbidden = [0, 15, 40][random.below(3)];
+        let mut random = Random::from_seed(1_000_000 + seed);
+        let (more_links, more_edges) = (random.index(5), random.index(7));
+        let configuration = graph(&mut random, 7, more_links);
+        let target = graph(&mut random, 7, more_edges);
+        let forbidden = [0, 15, 40][random.index(3)];
         Case::new(&mut random, configuration, target, forbidden).check_against_all();
     }
 }
@@ -230,7 +217,7 @@ fn path(count: usize) -> Topology {
 
 /// Size and kept links of what is found with random weights, which must be proven.
 fn found(configuration: &Topology, target: &Topology, seed: u64) -> (usize, usize) {
-    let mut random = Random(seed);
+    let mut random = Random::from_seed(seed);
     let case = Case::new(&mut random, configuration.clone(), target.clone(), 0);
     let matching = solve(&case.input());
     assert!(matching.proven);
@@ -279,7 +266,7 @@ fn a_ring_with_a_tail_keeps_all_its_links_on_a_cyclic_target() {
 
 #[test]
 fn forbidden_spots_are_never_used() {
-    let mut random = Random(3);
+    let mut random = Random::from_seed(3);
     let mut case = Case::new(&mut random, ring(4), grid(4, 4), 0);
     for weights in &mut case.weights {
         // Only the cells of the rightmost two columns of the lowest two rows are left.
@@ -300,7 +287,7 @@ fn forbidden_spots_are_never_used() {
 
 #[test]
 fn a_search_that_is_cut_gives_what_it_has_and_says_so() {
-    let mut random = Random(8);
+    let mut random = Random::from_seed(8);
     for (configuration, target) in [(path(20), grid(10, 10)), (grid(4, 3), grid(20, 2))] {
         let case = Case::new(&mut random, configuration, target, 0);
         let mut last = (0, 0, i64::MIN);
@@ -314,4 +301,38 @@ fn a_search_that_is_cut_gives_what_it_has_and_says_so() {
             last = score;
         }
     }
+}
+
+#[test]
+fn climbing_betters_a_matching_and_keeps_it_valid() {
+    let mut bettered = 0;
+    for seed in 0..40 {
+        let mut random = Random::from_seed(seed);
+        let (configuration, target) = (graph(&mut random, 30, 6), graph(&mut random, 60, 15));
+        let case = Case::new(&mut random, configuration, target, 20);
+        let input = case.input();
+        let mut last = (0, 0, i64::MIN);
+        let mut pairs = Vec::new();
+        for rounds in [1, 10, 40] {
+            pairs = spanning_trees::climb(&input, pairs, rounds, rounds);
+            let unproven = Budget {
+                left: 0,
+                is_spent: false,
+            };
+            let score = case.score(&finish(&input, pairs.clone(), &unproven));
+            assert!(score >= last, "{score:?} after {last:?} with seed {seed}");
+            bettered += usize::from(score > last);
+            last = score;
+        }
+    }
+    assert!(bettered > 60, "{bettered}");
+    // Along trees one round is exact.
+    let mut random = Random::from_seed(99);
+    let (configuration, target) = (graph(&mut random, 20, 0), graph(&mut random, 40, 0));
+    let case = Case::new(&mut random, configuration, target, 20);
+    let exact = crate::common_subtree::solve(&case.input());
+    assert_eq!(
+        spanning_trees::climb(&case.input(), Vec::new(), 1, 1),
+        exact.pairs
+    );
 }
