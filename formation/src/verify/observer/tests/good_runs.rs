@@ -1,0 +1,238 @@
+//! Runs in which everything is as it must be, whatever is heard of them.
+
+use super::*;
+
+#[test]
+fn a_good_run_is_complete() {
+    let verdict = good_run().verdict();
+    assert_eq!(verdict.violations, []);
+    assert_eq!(verdict.missing, []);
+    assert_eq!(verdict.outcome, Outcome::Complete);
+    assert_eq!(verdict.epoch, Some(EPOCH));
+    assert_eq!((verdict.filled_spots, verdict.open_spots), (4, Vec::new()));
+    assert_eq!(
+        verdict.assignments,
+        BTreeMap::from([(1, 2), (2, 3), (3, 1), (4, 4)].map(|(m, s)| (ModuleId(m), SpotId(s))))
+    );
+    assert_eq!(verdict.unassigned, [ModuleId(5)]);
+    let counts = verdict.counts;
+    assert_eq!((counts.claims, counts.pairs, counts.evictions), (4, 5, 1));
+    assert_eq!((counts.epochs, counts.dropped), (1, 0));
+    let timings = verdict.timings;
+    assert_eq!(timings.roster_known, Some(Duration::from_millis(3)));
+    assert_eq!(timings.last_claim, Some(Duration::from_millis(7)));
+    assert_eq!(timings.first_moving, Some(Duration::from_millis(19)));
+    assert_eq!(timings.completed, Some(Duration::from_secs(1)));
+}
+
+#[test]
+fn neither_the_order_of_arrival_nor_repetition_matters() {
+    let run = good_run();
+    for seed in 0..200 {
+        let mut random = Random::from_seed(seed);
+        let mut messages = run.messages();
+        messages.extend(run.messages());
+        random.shuffle(&mut messages);
+        let mut observer = observe(&messages, ObserverParameters::default());
+        let verdict = observer.verdict(Duration::from_secs(1)).unwrap();
+        assert_eq!(verdict.outcome, Outcome::Complete, "seed {seed}");
+        assert_eq!(verdict.assignments.len(), 4);
+    }
+}
+
+#[test]
+fn no_verdict_comes_before_the_last_message() {
+    let mut messages = good_run().messages();
+    for seed in 0..50 {
+        Random::from_seed(seed).shuffle(&mut messages);
+        let mut observer = Observer::new(ObserverParameters::default());
+        for message in &messages {
+            if let Some(verdict) = observer.verdict(Duration::from_secs(1)) {
+                assert_eq!(verdict.outcome, Outcome::Complete);
+            }
+            observer.handle(Duration::from_secs(1), message);
+        }
+        assert!(observer.verdict(Duration::from_secs(1)).is_some());
+        assert_eq!(observer.poll_timeout(), None);
+    }
+}
+
+#[test]
+fn states_that_were_missed_are_not_held_against_the_modules() {
+    let mut run = good_run();
+    run.states
+        .retain(|state| matches!(state.phase, ModulePhase::Settled | ModulePhase::Spare));
+    assert_eq!(run.verdict().outcome, Outcome::Complete);
+}
+
+#[test]
+fn progress_follows_the_run() {
+    let run = good_run();
+    let mut observer = Observer::new(ObserverParameters::default());
+    assert_eq!(observer.progress().stage, Stage::WaitingForTarget);
+    let mut stages = Vec::new();
+    for message in run.messages() {
+        observer.handle(Duration::ZERO, &message);
+        let progress = observer.progress();
+        if stages.last() != Some(&progress.stage) {
+            stages.push(progress.stage);
+        }
+    }
+    assert_eq!(
+        stages,
+        [
+            Stage::Gathering,
+            Stage::Planning,
+            Stage::Agreeing,
+            Stage::Acting,
+            Stage::Done
+        ]
+    );
+    let mut partly = good_run();
+    partly
+        .states
+        .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
+    partly.heartbeats.retain(|one| one.module != ModuleId(2));
+    let progress = partly.observe().progress();
+    assert_eq!(progress.stage, Stage::Agreeing);
+    assert_eq!((progress.joined, progress.expected), (5, Some(5)));
+    assert_eq!((progress.planned, progress.agreed), (4, 4));
+    assert_eq!((progress.settled, progress.to_fill), (3, 4));
+    assert_eq!(progress.waiting_for, [ModuleId(2)]);
+}
+
+#[test]
+fn fewer_modules_than_spots_are_partial() {
+    let mut run = good_run();
+    run.members
+        .retain(|member| member.module.id != ModuleId(4) && member.module.id != ModuleId(5));
+    run.states.retain(|state| state.module < ModuleId(4));
+    run.heartbeats.retain(|one| one.module < ModuleId(4));
+    run.target.expected_modules = Some(3);
+    run.claims.remove(1);
+    run.claims[0].decision.selections = select(&[(1, 3)]);
+    run.claims[1].turn = 1;
+    run.claims.truncate(2);
+    for heartbeat in &mut run.heartbeats {
+        heartbeat.applied_turns = 2;
+    }
+    for state in run.acts_of(1) {
+        state.agreed_on = marks(&[(2, 11), (3, 10)]);
+        state.links.remove(&ModuleId(4));
+    }
+    let verdict = run.verdict();
+    assert_eq!(verdict.violations, []);
+    assert_eq!(verdict.outcome, Outcome::Partial);
+    assert_eq!(verdict.open_spots, [SpotId(4)]);
+    assert!(run.observe().verdict(Duration::from_secs(1)).is_some());
+    // More are expected, so it waits for them a little.
+    run.target.expected_modules = Some(4);
+    assert!(run.observe().verdict(Duration::from_secs(1)).is_none());
+    assert_eq!(run.verdict().outcome, Outcome::Partial);
+}
+
+#[test]
+fn a_later_epoch_supersedes_an_earlier_one() {
+    let mut run = good_run();
+    let later = Epoch {
+        number: 2,
+        convener: ModuleId(1),
+    };
+    let mut roster = run.roster();
+    roster.epoch = later;
+    run.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(
+        roster.clone(),
+    )))];
+    let verdict = run.verdict();
+    assert_eq!(verdict.outcome, Outcome::Failed);
+    assert_eq!(verdict.epoch, Some(later));
+
+    // All stay on their spots in the later epoch.
+    let spots = [2, 3, 1, 4];
+    for (member, spot) in roster.members.iter_mut().zip(spots) {
+        member.module.pin = Some(SpotId(spot));
+    }
+    run.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(roster)))];
+    run.further.push(Message::Claim(Arc::new(SpotClaim {
+        epoch: later,
+        turn: 0,
+        ..run.claims[3].clone()
+    })));
+    for id in 1..=5 {
+        run.further.push(Message::Heartbeat(Heartbeat {
+            epoch: Some(later),
+            digest: Some(Digest(3)),
+            applied_turns: 1,
+            ..heartbeat(id, 40, 30)
+        }));
+        let last = run
+            .states
+            .iter()
+            .rfind(|state| state.module == ModuleId(id));
+        run.further.push(Message::ModuleState(Arc::new(ModuleState {
+            sequence: 9,
+            epoch: Some(later),
+            digest: Some(Digest(3)),
+            waited_for: Vec::new(),
+            agreed_on: Vec::new(),
+            ..last.unwrap().clone()
+        })));
+    }
+    let verdict = run.verdict();
+    assert_eq!(verdict.violations, []);
+    assert_eq!(
+        (verdict.outcome, verdict.epoch),
+        (Outcome::Complete, Some(later))
+    );
+    // What was wrong in the earlier epoch stays wrong.
+    run.state(3, 2).digest = Some(Digest(4));
+    let verdict = run.verdict();
+    assert!(matches!(
+        verdict.violations[..],
+        [Violation::PlansDiffer { epoch: EPOCH, .. }]
+    ));
+    assert_eq!(verdict.outcome, Outcome::Failed);
+}
+
+#[test]
+fn a_restarted_module_no_longer_counts_as_settled() {
+    let mut run = good_run();
+    let mut restarted = state(2, 1, ModulePhase::Listening);
+    restarted.incarnation = Incarnation(90);
+    run.further = vec![Message::ModuleState(Arc::new(restarted))];
+    run.assert_missing(&[Missing::Settled {
+        module: ModuleId(2),
+        spot: SpotId(3),
+        phase: None,
+    }]);
+    // A second process with a living module's identifier changes nothing.
+    run.further.push(Message::Heartbeat(heartbeat(2, 13, 10)));
+    assert_eq!(run.verdict().outcome, Outcome::Complete);
+}
+
+/// The first unit's own agreement needs no proof, and a formation of one needs no other's.
+#[test]
+fn a_lone_module_may_form_a_lone_spot() {
+    let mut run = good_run();
+    let raw = RawTarget {
+        spots: vec![star().to_raw().spots[1]],
+        edges: Vec::new(),
+        frame_id: "map".to_owned(),
+    };
+    run.target.target = Some(Arc::new(Target::try_from(raw).unwrap()));
+    run.target.expected_modules = Some(1);
+    run.members.truncate(1);
+    run.claims.truncate(1);
+    run.claims[0].claimant = ModuleId(1);
+    run.claims[0].decision.selections = select(&[(2, 1)]);
+    run.heartbeats.truncate(1);
+    run.heartbeats[0].applied_turns = 1;
+    run.states.retain(|state| state.module == ModuleId(1));
+    for state in run.acts_of(1) {
+        state.agreed_on.clear();
+        state.links.clear();
+    }
+    let verdict = run.verdict();
+    assert_eq!(verdict.violations, []);
+    assert_eq!(verdict.outcome, Outcome::Complete);
+}

@@ -1,0 +1,93 @@
+//! What is named when the time is over.
+
+use super::*;
+
+#[test]
+fn silence_is_named() {
+    let mut observer = observe(
+        &[],
+        ObserverParameters {
+            expected: modules(&[4, 7]),
+            ..ObserverParameters::default()
+        },
+    );
+    assert_eq!(observer.verdict(Duration::from_secs(119)), None);
+    let due = observer.poll_timeout().unwrap();
+    assert_eq!(due, Duration::from_secs(120));
+    let verdict = observer.verdict(due).unwrap();
+    assert_eq!(verdict.outcome, Outcome::Failed);
+    let sentences: Vec<String> = verdict.missing.iter().map(ToString::to_string).collect();
+    assert_eq!(
+        sentences,
+        [
+            "module 4 was never heard",
+            "module 7 was never heard",
+            "0 of 2 modules were heard",
+            "no target was announced"
+        ]
+    );
+}
+
+#[test]
+fn a_missing_roster_is_named() {
+    let mut run = good_run();
+    run.target.revision = 2;
+    let announced = Message::Target(Arc::new(run.target.clone()));
+    run.target.revision = 1;
+    run.further = vec![announced];
+    run.assert_missing(&[Missing::Roster { revision: 2 }]);
+    let mut withdrawn = run.target.clone();
+    withdrawn.revision = 3;
+    withdrawn.target = None;
+    run.further.push(Message::Target(Arc::new(withdrawn)));
+    run.assert_missing(&[Missing::WithdrawnTarget]);
+}
+
+#[test]
+fn a_missing_claim_is_named() {
+    let mut run = good_run();
+    run.claims.remove(3);
+    run.assert_missing(&[Missing::Claim {
+        epoch: EPOCH,
+        turn: 3,
+    }]);
+}
+
+#[test]
+fn a_module_that_is_still_on_its_way_is_named() {
+    let mut run = good_run();
+    run.states
+        .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
+    run.assert_missing(&[Missing::Settled {
+        module: ModuleId(4),
+        spot: SpotId(4),
+        phase: Some(ModulePhase::Moving),
+    }]);
+    let verdict = run.verdict();
+    assert_eq!(verdict.open_spots, [SpotId(4)]);
+    assert_eq!(
+        verdict.missing[0].to_string(),
+        "module 4 has not settled on spot 4; it is MOVING"
+    );
+}
+
+#[test]
+fn a_module_that_never_agreed_is_named() {
+    let mut run = good_run();
+    run.heartbeats.retain(|one| one.module != ModuleId(3));
+    run.assert_missing(&[Missing::Agreement {
+        epoch: EPOCH,
+        module: ModuleId(3),
+        phase: Some(ModulePhase::Settled),
+    }]);
+}
+
+#[test]
+fn a_spare_that_says_nothing_is_named() {
+    let mut run = good_run();
+    run.states.retain(|state| state.phase != ModulePhase::Spare);
+    run.assert_missing(&[Missing::Spare {
+        module: ModuleId(5),
+        phase: Some(ModulePhase::Planning),
+    }]);
+}
