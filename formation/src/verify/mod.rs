@@ -9,7 +9,7 @@ mod replay;
 mod violation;
 
 pub use observer::{
-    Counts, Observer, ObserverParameters, Outcome, Progress, Stage, Timings, Verdict,
+    Agreement, Counts, Observer, ObserverParameters, Outcome, Progress, Stage, Timings, Verdict,
 };
 pub use plan::check_plan;
 pub use violation::{Missing, Violation};

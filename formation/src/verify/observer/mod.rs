@@ -27,7 +27,7 @@ use claims::{Claimed, replay_claims};
 use end_state::EndState;
 use order::Acts;
 use record::{EpochRecord, Epochs, HeardRoster, ModuleRecord};
-pub use verdict::{Counts, Outcome, Progress, Stage, Timings, Verdict};
+pub use verdict::{Agreement, Counts, Outcome, Progress, Stage, Timings, Verdict};
 
 use crate::problem::PlanningProblem;
 
@@ -250,6 +250,26 @@ impl Observer {
         progress.waiting_for.sort_unstable();
         progress.waiting_for.dedup();
         progress
+    }
+
+    /// The newest plan, once all its members agree on it; `None` before, and as soon as a newer target is announced.
+    #[must_use]
+    pub fn agreement(&self) -> Option<Agreement> {
+        let (epoch, record, heard, problem) = self.newest()?;
+        let claimed = replay_claims(epoch, record, heard, problem);
+        let end = EndState::new(self, epoch, record, heard, problem, &claimed);
+        if self.is_outdated(heard) || !end.is_agreed() || !end.claims_are_whole() {
+            return None;
+        }
+        Some(Agreement {
+            epoch,
+            planning: claimed
+                .last_heard
+                .unwrap_or(heard.heard)
+                .saturating_sub(heard.heard),
+            violations: self.violations_in(epoch, record),
+            assignments: claimed.replay.spots,
+        })
     }
 
     fn expected_count(&self) -> Option<usize> {

@@ -85,6 +85,19 @@ pub struct Verdict {
     pub counts: Counts,
 }
 
+/// A plan that every member of its epoch has shown to hold, whether or not anybody has moved.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Agreement {
+    /// The epoch.
+    pub epoch: Epoch,
+    /// Who is to take which spot, by the claims.
+    pub assignments: BTreeMap<ModuleId, SpotId>,
+    /// From the roster to the last claim, as heard.
+    pub planning: Duration,
+    /// The promises that the epoch's messages show to be broken.
+    pub violations: Vec<Violation>,
+}
+
 /// How far a formation has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {

@@ -102,6 +102,29 @@ fn progress_follows_the_run() {
 }
 
 #[test]
+fn an_agreement_needs_every_claim_and_every_member() {
+    let run = good_run();
+    let mut observer = Observer::new(ObserverParameters::default());
+    let mut agreed_since = None;
+    for message in run.messages() {
+        observer.handle(Duration::ZERO, &message);
+        let is_agreed = observer.agreement().is_some();
+        let acts = observer.progress().stage >= Stage::Acting;
+        assert_eq!(is_agreed, acts);
+        if is_agreed && agreed_since.is_none() {
+            agreed_since = Some(observer.progress());
+        }
+    }
+    assert_eq!(agreed_since.unwrap().settled, 0, "nobody has moved yet");
+    let agreement = observer.agreement().unwrap();
+    assert_eq!(agreement.assignments, run.verdict().assignments);
+    assert_eq!(agreement.violations, []);
+    let mut silent = good_run();
+    silent.heartbeats.retain(|one| one.module != ModuleId(2));
+    assert_eq!(silent.observe().agreement(), None);
+}
+
+#[test]
 fn fewer_modules_than_spots_are_partial() {
     let mut run = good_run();
     run.members
