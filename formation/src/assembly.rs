@@ -8,9 +8,9 @@
 //! - Breadth-first layers from the spot of greatest value are the base.
 //! - On a unit lattice the order is found in reverse, by taking the finished formation apart: of all spots that can
 //!   go, because the rest stays connected and a unit module has a way out through free cells, the one latest in
-//!   breadth-first order goes first ([`peeling`]). The root stays to the last; if that fails, any spot may.
+//!   breadth-first order goes first (`peeling`). The root stays to the last; if that fails, any spot may.
 //!   On trees this finds an order whenever there is one, for what can go once can still go later. On cyclic targets
-//!   it may not, and a search under a budget follows ([`search`]).
+//!   it may not, and a search under a budget follows (`search`).
 //! - Where no order exists, or off the lattice, breadth-first it is, with a warning.
 //!
 //! **Units.** A block is contracted to one node: its spots follow one another, the first beside a placed spot. Each

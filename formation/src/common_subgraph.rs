@@ -3,11 +3,11 @@
 //! The paper (section "Block Allocation by Modules Connected in a Configuration") looks for an isomorphic subgraph
 //! first and for a maximum common subgraph otherwise, and takes all graphs for trees. This does the same for any graphs:
 //!
-//! 1. [`monomorphism`]: the whole configuration with all its links, non-induced (spots may be adjacent though their modules
+//! 1. `monomorphism`: the whole configuration with all its links, non-induced (spots may be adjacent though their modules
 //!    are not linked), of greatest utility.
-//! 2. If there is none, [`branch_and_bound`]: the most modules, then the most kept links, then the greatest utility,
+//! 2. If there is none, `branch_and_bound`: the most modules, then the most kept links, then the greatest utility,
 //!    where the kept links (those whose ends stand on adjacent spots) connect the matched modules.
-//!    It begins with what [`spanning_trees`] find.
+//!    It begins with what `spanning_trees` find.
 //!
 //! Both problems are NP-hard, so both searches are cut at a number of search nodes (a limit in time would let replicas
 //! differ). What is found by then is bettered along spanning trees once more, and said to be unproven. Trees have
