@@ -1,12 +1,10 @@
-//! A verdict and the progress towards it, for the wire, for programs and for people.
+//! A verdict and the progress towards it, for programs and for people.
 
 use std::fmt::{self, Display};
 use std::time::Duration;
 
 use formation::id::{Epoch, ModuleId};
 use formation::verify::{Outcome, Progress, Verdict};
-use formation_msgs::bounds::{VIOLATION_BYTES_MAX, VIOLATIONS_MAX};
-use formation_msgs::{Header, SpotSelection};
 use serde_json::{Value, json};
 
 /// What a verifier tells programs, one line each.
@@ -96,6 +94,7 @@ pub fn verdict_text(verdict: &Verdict) -> String {
             "PARTIAL: {filled} of {spots} spots are filled and connected, as many as there are modules; open: {}",
             listed(verdict.open_spots.iter().map(|spot| spot.0))
         ),
+        Outcome::Failed if spots == 0 => "FAILED".to_owned(),
         Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
     };
     if !verdict.unassigned.is_empty() {
@@ -122,43 +121,6 @@ pub fn verdict_text(verdict: &Verdict) -> String {
     text
 }
 
-/// The verdict as it goes out on its topic.
-pub(crate) fn wire_verdict(verdict: &Verdict, header: Header) -> formation_msgs::Verdict {
-    let mut violations = sentences(&verdict.violations);
-    violations.extend(sentences(&verdict.missing));
-    violations.truncate(VIOLATIONS_MAX);
-    for sentence in &mut violations {
-        while sentence.len() > VIOLATION_BYTES_MAX {
-            sentence.pop();
-        }
-    }
-    let mut assignments: Vec<SpotSelection> = verdict
-        .assignments
-        .iter()
-        .map(|(module, spot)| SpotSelection {
-            spot_id: spot.0,
-            module_id: module.0,
-        })
-        .collect();
-    assignments.sort_by_key(|selection| selection.spot_id);
-    let count = |number: usize| u32::try_from(number).unwrap_or(u32::MAX);
-    formation_msgs::Verdict {
-        header,
-        epoch: verdict.epoch.as_ref().into(),
-        outcome: match verdict.outcome {
-            Outcome::Complete => formation_msgs::Verdict::OUTCOME_COMPLETE,
-            Outcome::Partial => formation_msgs::Verdict::OUTCOME_PARTIAL,
-            Outcome::Failed => formation_msgs::Verdict::OUTCOME_FAILED,
-        },
-        filled_spots: count(verdict.filled_spots),
-        spots: count(verdict.filled_spots + verdict.open_spots.len()),
-        open_spots: verdict.open_spots.iter().map(|spot| spot.0).collect(),
-        unassigned_modules: ids(&verdict.unassigned),
-        assignments,
-        violations,
-    }
-}
-
 fn epoch_json(epoch: &Epoch) -> Value {
     json!({"number": epoch.number, "convener": epoch.convener.0})
 }
@@ -182,4 +144,74 @@ fn milliseconds(duration: Duration) -> u64 {
 
 fn between(from: Option<Duration>, to: Option<Duration>) -> Option<u64> {
     Some(milliseconds(to?.saturating_sub(from?)))
+}
+
+#[cfg(test)]
+mod tests {
+    use formation::id::SpotId;
+    use formation::verify::{Counts, Missing, Timings};
+
+    use super::*;
+
+    fn failed() -> Verdict {
+        Verdict {
+            outcome: Outcome::Failed,
+            epoch: Some(Epoch {
+                number: 2,
+                convener: ModuleId(1),
+            }),
+            filled_spots: 1,
+            open_spots: vec![SpotId(2)],
+            assignments: [(ModuleId(4), SpotId(1))].into(),
+            unassigned: vec![ModuleId(5)],
+            violations: Vec::new(),
+            missing: vec![Missing::Spot { spot: SpotId(2) }],
+            timings: Timings {
+                roster_known: Some(Duration::from_millis(700)),
+                last_claim: Some(Duration::from_millis(725)),
+                ..Timings::default()
+            },
+            counts: Counts::default(),
+        }
+    }
+
+    #[test]
+    fn programs_read_one_line_of_json() {
+        let line = JsonLine::Verdict(&failed()).to_string();
+        assert!(!line.contains('\n'));
+        let verdict = &serde_json::from_str::<Value>(&line).unwrap()["verdict"];
+        assert_eq!(verdict["outcome"], "FAILED");
+        assert_eq!(verdict["assignments"], json!([{"module": 4, "spot": 1}]));
+        assert_eq!(verdict["unassigned"], json!([5]));
+        assert_eq!(verdict["missing"], json!(["spot 2 is empty"]));
+        assert_eq!(verdict["planning_ms"], 25);
+        assert_eq!(verdict["acting_ms"], Value::Null);
+    }
+
+    #[test]
+    fn people_read_what_is_wrong() {
+        let text = verdict_text(&failed());
+        assert_eq!(
+            text,
+            "FAILED: 1 of 2 spots are filled\nwithout a spot: modules 5\nmissing: spot 2 is empty\nplanned in 25 ms"
+        );
+    }
+
+    #[test]
+    fn an_unknown_number_of_modules_is_left_out() {
+        let progress = |expected| Progress {
+            stage: formation::verify::Stage::Gathering,
+            epoch: None,
+            joined: 1,
+            expected,
+            planned: 0,
+            agreed: 0,
+            settled: 0,
+            to_fill: 0,
+            waiting_for: vec![ModuleId(7)],
+        };
+        assert_eq!(progress_json(&progress(Some(3)))["expected"], 3);
+        assert!(progress_json(&progress(None)).get("expected").is_none());
+        assert_eq!(progress_json(&progress(None))["waiting_for"], json!([7]));
+    }
 }

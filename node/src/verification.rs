@@ -15,7 +15,6 @@ use crate::session::{Session, SessionError};
 use crate::stamp;
 use crate::topics;
 use crate::traffic::Traffic;
-use crate::verdict_report::wire_verdict;
 
 /// However much comes in, the state of things is judged at most this often.
 const JUDGE_INTERVAL: Duration = Duration::from_millis(50);
@@ -175,7 +174,8 @@ impl Watch<'_> {
 
     /// Publishes the verdict and stays for a while, unless the process is to end.
     async fn publish(&mut self, verdict: &Verdict, linger: Duration) {
-        let sample = wire_verdict(verdict, stamp::header(""));
+        let mut sample = formation_msgs::Verdict::from(verdict);
+        sample.header = stamp::header("");
         self.outlet.publish(sample, &mut self.traffic);
         let end = Instant::now() + linger;
         while Instant::now() < end {
