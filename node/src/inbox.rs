@@ -70,3 +70,43 @@ impl<'a> Inbox<'a> {
         self.deliveries.next().now_or_never().flatten()
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use async_channel::bounded;
+    use formation::agent::SourceId;
+    use futures::stream;
+
+    use super::*;
+
+    fn samples(count: usize) -> LocalBoxStream<'static, Delivery> {
+        stream::iter((0..count).map(|_| Delivery::empty(SourceId(1)))).boxed_local()
+    }
+
+    #[test]
+    fn a_flood_of_samples_holds_up_neither_the_request_to_end_nor_the_owner_going_away() {
+        let (sender, stop) = bounded(1);
+        let mut inbox = Inbox::new([samples(1_000)], stop);
+        async_io::block_on(async {
+            assert!(matches!(inbox.wait(None).await, Wake::Delivery(_)));
+            sender.try_send(()).unwrap();
+            assert!(matches!(inbox.wait(None).await, Wake::Stop));
+            assert!(matches!(inbox.wait(None).await, Wake::Delivery(_)));
+            drop(sender);
+            assert!(matches!(inbox.wait(None).await, Wake::Stop));
+        });
+    }
+
+    #[test]
+    fn time_passes_when_nothing_comes() {
+        let (_sender, stop) = bounded(1);
+        let mut inbox = Inbox::new([samples(2)], stop);
+        async_io::block_on(async {
+            assert!(matches!(inbox.wait(None).await, Wake::Delivery(_)));
+            assert!(inbox.ready().is_some());
+            assert!(inbox.ready().is_none());
+            let past = Instant::now();
+            assert!(matches!(inbox.wait(Some(past)).await, Wake::Due));
+        });
+    }
+}

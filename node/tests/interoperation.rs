@@ -47,6 +47,7 @@ fn environment(domain: &str) -> Environment {
 /// CycloneDDS for Python at work; it ends with its input, and at the latest with this value.
 struct Peer {
     child: Child,
+    advice: String,
 }
 
 impl Peer {
@@ -59,26 +60,40 @@ impl Peer {
             writeln!(stderr, "{told}").unwrap();
             return None;
         }
-        let python = std::env::var("FORMATION_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/..");
+        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
+            .parent()
+            .unwrap()
+            .display();
+        let mut python = std::env::var("FORMATION_PYTHON").unwrap_or_else(|_| "python3".to_owned());
+        // Cargo runs tests within their package, but people name a path as seen from the repository.
+        if python.contains('/') && !python.starts_with('/') {
+            python = format!("{root}/{python}");
+        }
+        let advice = format!(
+            "run `{python} -m pip install -r {root}/tests/requirements.txt`, name another interpreter in \
+             FORMATION_PYTHON, or set FORMATION_SKIP_PYTHON=1 to go without this test"
+        );
         let script = format!("{root}/tests/python/formation_dds.py");
         let child = Command::new(&python)
             .args([&script, command, topic, "--domain", domain])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
             .spawn()
-            .unwrap_or_else(|error| {
-                panic!(
-                    "cannot start `{python}`: {error}; run `{python} -m pip install -r {root}/tests/requirements.txt`, \
-                     name another interpreter in FORMATION_PYTHON, or set FORMATION_SKIP_PYTHON=1"
-                )
-            });
-        Some(Self { child })
+            .unwrap_or_else(|error| panic!("cannot start `{python}`: {error}; {advice}"));
+        Some(Self { child, advice })
     }
 
     fn put(&mut self, sample: &Value) {
         let input = self.child.stdin.as_mut().unwrap();
-        writeln!(input, "{sample}").unwrap();
+        writeln!(input, "{sample}")
+            .unwrap_or_else(|error| panic!("{error}; {}", self.missing_package()));
+    }
+
+    fn missing_package(&self) -> String {
+        format!(
+            "if a Python package is missing, as is said above, {}",
+            self.advice
+        )
     }
 
     /// The next sample that it took.
@@ -86,7 +101,11 @@ impl Peer {
         let mut line = String::new();
         let output = self.child.stdout.as_mut().unwrap();
         BufReader::new(output).read_line(&mut line).unwrap();
-        assert!(!line.is_empty(), "CycloneDDS took nothing; see above");
+        assert!(
+            !line.is_empty(),
+            "CycloneDDS took nothing; {}",
+            self.missing_package()
+        );
         serde_json::from_str(&line).unwrap()
     }
 }
