@@ -1,0 +1,94 @@
+//! How the process takes bad input, and how it ends.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::io::{BufRead, BufReader};
+use std::process::{Command, Output, Stdio};
+
+use rustix::process::{Pid, Signal, kill_process};
+
+fn agent(arguments: &str) -> Command {
+    let mut command = Command::new(env!("CARGO_BIN_EXE_module_agent"));
+    command
+        .args(arguments.split_whitespace())
+        .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+        .env("ROS_DOMAIN_ID", "73")
+        .env_remove("ROS_LOCALHOST_ONLY")
+        .env_remove("RUST_LOG");
+    command
+}
+
+fn told(output: &Output) -> String {
+    String::from_utf8(output.stderr.clone()).unwrap()
+}
+
+#[test]
+fn bad_input_is_told_in_one_line_before_anything_starts() {
+    let scenario = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/../launch_scripts/scenarios/figure1_ladder17.yaml"
+    );
+    for (arguments, expected) in [
+        (
+            format!("--module 99 --scenario {scenario}"),
+            "there is no module 99 in this scenario",
+        ),
+        (
+            "--module 1 --scenario /nowhere.yaml".to_owned(),
+            "/nowhere.yaml: No such file or directory",
+        ),
+        (
+            "--module 1 --x inf --y 0".to_owned(),
+            "--x: must be a finite number, got inf",
+        ),
+        (
+            "--module 1 --x 0 --y 0 --lease-s 9".to_owned(),
+            "suspicion (5s) must be greater than lease (9s)",
+        ),
+    ] {
+        let output = agent(&arguments).output().unwrap();
+        let told = told(&output);
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {told}");
+        assert!(told.starts_with("error: "), "{told}");
+        assert!(told.contains(expected), "{told}");
+        assert_eq!(told.lines().count(), 1, "{told}");
+    }
+}
+
+#[test]
+fn a_broken_environment_is_told_unless_an_argument_outweighs_it() {
+    let broken = |arguments: &str| {
+        agent(arguments)
+            .env("ROS_DOMAIN_ID", "many")
+            .output()
+            .unwrap()
+    };
+    let output = broken("--module 1 --x 0 --y 0");
+    assert_eq!(output.status.code(), Some(2));
+    assert!(told(&output).contains("environment variable ROS_DOMAIN_ID"));
+    let output = broken("--module 1 --x nowhere --y 0 --domain 73");
+    assert!(told(&output).contains("'--x <UNITS>'"), "{}", told(&output));
+}
+
+#[test]
+fn the_process_leaves_when_it_is_told_to_end() {
+    for signal in [Signal::TERM, Signal::INT] {
+        let mut child = agent("--module 4 --x 0 --y 0")
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let mut log = BufReader::new(child.stderr.take().unwrap()).lines();
+        let joined = log.find(|line| {
+            line.as_ref()
+                .is_ok_and(|line| line.contains("joined the ROS 2 graph"))
+        });
+        assert!(joined.is_some(), "it never joined the graph");
+        kill_process(Pid::from_child(&child), signal).unwrap();
+        // The process itself limits how long this takes.
+        assert_eq!(child.wait().unwrap().code(), Some(0), "{signal:?}");
+    }
+}
