@@ -112,6 +112,8 @@ struct Process {
     agent: Agent,
     incarnation: Incarnation,
     drive: SimulatedDrive,
+    /// The plan on which the drive was sent off last.
+    driven_by: Option<(Epoch, Digest)>,
     /// Its clock's offset to the cluster's.
     clock_offset: Duration,
     /// By how many millionths its clock runs fast or slow.
@@ -260,6 +262,19 @@ impl Cluster {
         })
     }
 
+    /// The plan on which a module is on its way; `None` while its drive stands still.
+    #[must_use]
+    pub fn plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {
+        let process = self.processes.get(&module)?;
+        process.driven_by.filter(|_| process.drive.is_moving())
+    }
+
+    /// How many messages were published so far.
+    #[must_use]
+    pub fn samples(&self) -> u64 {
+        self.samples
+    }
+
     /// What happened since this was last asked, with its time.
     pub fn take_observations(&mut self) -> Vec<(Duration, Observation)> {
         std::mem::take(&mut self.observations)
@@ -355,22 +370,28 @@ impl Cluster {
         true
     }
 
-    /// Whether all running modules hold one plan and have carried it out.
+    /// Whether all running modules are in one epoch, hold one plan for it, and have carried it out.
+    ///
+    /// A spare that came when no spot was open is no member of the roster and holds no plan; it knows the epoch.
     #[must_use]
     pub fn has_formed(&self) -> bool {
-        let digests: BTreeSet<Option<Digest>> = self
-            .processes
-            .values()
-            .map(|process| process.agent.digest())
-            .collect();
-        digests.len() == 1
-            && !digests.contains(&None)
-            && self.processes.values().all(|process| {
-                matches!(
-                    process.agent.phase(),
-                    ModulePhase::Settled | ModulePhase::Spare
-                )
-            })
+        let mut plans = BTreeSet::new();
+        for process in self.processes.values() {
+            let agent = &process.agent;
+            match (agent.phase(), agent.digest()) {
+                (ModulePhase::Settled | ModulePhase::Spare, Some(digest)) => {
+                    plans.insert((agent.epoch(), digest));
+                }
+                (ModulePhase::Spare, None) => {}
+                _ => return false,
+            }
+        }
+        let epoch = plans.first().and_then(|&(epoch, _)| epoch);
+        plans.len() == 1
+            && self
+                .processes
+                .values()
+                .all(|process| process.agent.epoch() == epoch)
     }
 
     fn schedule(&mut self, at: Duration, happening: Happening) {
@@ -442,6 +463,7 @@ impl Cluster {
             ),
             agent: Agent::new(identity, self.parameters.agent, Duration::ZERO),
             incarnation,
+            driven_by: None,
             clock_offset,
             clock_drift_ppm: drift,
             timeout_at: None,
@@ -538,6 +560,7 @@ impl Cluster {
                 Output::Publish(message) => self.publish(module, &message),
                 Output::Event(event) => self.observe(Observation::Noted(module, event)),
                 Output::Move(goal) => {
+                    process.driven_by = process.agent.epoch().zip(process.agent.digest());
                     process.drive.go(local, goal);
                     let incarnation = process.incarnation;
                     let starts = !std::mem::replace(&mut process.ticking, true);

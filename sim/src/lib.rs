@@ -3,9 +3,15 @@
 //! The agents are those that run under DDS; only what carries their messages differs. One seed replays one run exactly,
 //! so a failure is a number that anyone can look at again.
 
+mod campaign;
 mod cluster;
+mod faults;
+mod invariants;
 mod network;
 mod transcript;
 
+pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};
 pub use cluster::{Cluster, ClusterParameters, Observation, Standing};
+pub use faults::{Fault, FaultKind, Strike};
+pub use invariants::{Violation, ViolationKind};
 pub use network::NetworkParameters;

@@ -1,0 +1,144 @@
+//! Which faults strike a run, and when; drawn from its seed.
+
+use std::collections::BTreeSet;
+use std::fmt;
+use std::str::FromStr;
+use std::time::Duration;
+
+use formation::generate::Random;
+use formation::id::ModuleId;
+
+/// Which kinds of faults strike.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FaultKind {
+    /// None, on a network that neither loses nor delays.
+    #[default]
+    None,
+    /// Processes crash, and some start again.
+    Crash,
+    /// The network is cut and heals.
+    Partition,
+    /// Crashes, restarts, cuts, slow processes, and a network that loses, delays and repeats.
+    Mixed,
+}
+
+impl FromStr for FaultKind {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        match text {
+            "none" => Ok(Self::None),
+            "crash" => Ok(Self::Crash),
+            "partition" => Ok(Self::Partition),
+            "mixed" => Ok(Self::Mixed),
+            other => Err(format!("{other} is none of none, crash, partition, mixed")),
+        }
+    }
+}
+
+impl fmt::Display for FaultKind {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::None => "none",
+            Self::Crash => "crash",
+            Self::Partition => "partition",
+            Self::Mixed => "mixed",
+        })
+    }
+}
+
+/// What strikes.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Strike {
+    /// A process ends without warning.
+    Crash(ModuleId),
+    /// A crashed process starts again.
+    Restart(ModuleId),
+    /// A process stands still for a while.
+    Pause(ModuleId, Duration),
+    /// These modules are cut off from the others.
+    Cut(BTreeSet<ModuleId>),
+    /// The cut ends.
+    Heal,
+}
+
+/// A fault and its time.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Fault {
+    /// When it strikes.
+    pub at: Duration,
+    /// What it is.
+    pub strike: Strike,
+}
+
+/// Draws the faults of one run, in the order of their times, all before `end`.
+///
+/// Fewer than half of the modules crash for good, so that a majority of the first roster always lives; which of them do,
+/// and whether those that are left hold a majority of a later roster, is up to the seed.
+#[must_use]
+pub fn draw(
+    kind: FaultKind,
+    modules: &[ModuleId],
+    end: Duration,
+    random: &mut Random,
+) -> Vec<Fault> {
+    let mut faults = Vec::new();
+    let time = |random: &mut Random, from: Duration, until: Duration| {
+        let span = u64::try_from(until.saturating_sub(from).as_micros()).unwrap_or(u64::MAX);
+        from + Duration::from_micros(random.below(span.max(1)))
+    };
+    let crashes = matches!(kind, FaultKind::Crash | FaultKind::Mixed);
+    let cuts = matches!(kind, FaultKind::Partition | FaultKind::Mixed);
+    if crashes && modules.len() > 2 {
+        let mut victims = modules.to_vec();
+        random.shuffle(&mut victims);
+        let limit = (modules.len() - 1) / 2;
+        let count = 1 + random.index(limit.min(5));
+        for &victim in victims.iter().take(count) {
+            let at = time(random, Duration::ZERO, end);
+            faults.push(Fault {
+                at,
+                strike: Strike::Crash(victim),
+            });
+            if random.below(2) == 0 {
+                let again = time(random, at, end);
+                faults.push(Fault {
+                    at: again,
+                    strike: Strike::Restart(victim),
+                });
+            }
+        }
+    }
+    if cuts && modules.len() > 1 {
+        let count = 1 + random.below(2);
+        let share = end / u32::try_from(count).unwrap_or(1);
+        for turn in 0..u32::try_from(count).unwrap_or(1) {
+            let begin = time(random, share * turn, share * turn + share / 2);
+            let heal = time(random, begin, share * (turn + 1));
+            let mut aside = modules.to_vec();
+            random.shuffle(&mut aside);
+            aside.truncate(1 + random.index(modules.len() - 1));
+            faults.push(Fault {
+                at: begin,
+                strike: Strike::Cut(aside.into_iter().collect()),
+            });
+            faults.push(Fault {
+                at: heal,
+                strike: Strike::Heal,
+            });
+        }
+    }
+    if kind == FaultKind::Mixed {
+        for _ in 0..random.below(3) {
+            let module = modules[random.index(modules.len())];
+            let at = time(random, Duration::ZERO, end);
+            let pause = Duration::from_millis(200 + random.below(12_000));
+            faults.push(Fault {
+                at,
+                strike: Strike::Pause(module, pause),
+            });
+        }
+    }
+    faults.sort_by_key(|fault| fault.at);
+    faults
+}

@@ -1,0 +1,278 @@
+//! What must hold at every moment, judged from what modules publish and where their drives are.
+//!
+//! This shares nothing with the agents: it knows rosters, states, heartbeats and claims as anyone on the network does, and
+//! drives as anyone who watches the robots does.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::time::Duration;
+
+use formation::id::{Digest, Epoch, ModuleId, SpotId};
+use formation::message::{Message, ModulePhase, RosterMessage};
+
+use crate::cluster::{Cluster, Observation};
+
+/// What was broken.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum ViolationKind {
+    /// Two modules settled on one spot of one plan.
+    TwoModulesOnOneSpot,
+    /// A module settled on two spots of one plan.
+    OneModuleOnTwoSpots,
+    /// A module set off before every member had shown the same digest.
+    MotionWithoutAgreement,
+    /// A module set off before the lease had passed since the last member showed the digest.
+    MotionBeforeLease,
+    /// A module set off long after a member had left the epoch.
+    MotionOnStalePlan,
+    /// Two modules were on their way on different plans at once.
+    TwoPlansInMotion,
+    /// A claim evicted a module that belongs to a configuration, or is pinned.
+    ConfigurationMemberEvicted,
+    /// Two rosters were published for one epoch.
+    TwoRostersForOneEpoch,
+    /// After the faults stopped, the modules neither formed nor waited for a quorum.
+    NoEnd,
+    /// They formed, but not exactly as many spots as there were modules for were filled.
+    Hole,
+}
+
+impl fmt::Display for ViolationKind {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::TwoModulesOnOneSpot => "two modules on one spot",
+            Self::OneModuleOnTwoSpots => "one module on two spots",
+            Self::MotionWithoutAgreement => "motion without agreement",
+            Self::MotionBeforeLease => "motion before the lease",
+            Self::MotionOnStalePlan => "motion on a stale plan",
+            Self::TwoPlansInMotion => "two plans in motion",
+            Self::ConfigurationMemberEvicted => "configuration member evicted",
+            Self::TwoRostersForOneEpoch => "two rosters for one epoch",
+            Self::NoEnd => "no end",
+            Self::Hole => "hole",
+        })
+    }
+}
+
+/// One breach.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Violation {
+    /// When it was seen.
+    pub at: Duration,
+    /// What was broken.
+    pub kind: ViolationKind,
+    /// By whom, on which plan.
+    pub detail: String,
+}
+
+struct KnownRoster {
+    members: BTreeSet<ModuleId>,
+    /// Those that no claim may evict.
+    fixed: BTreeSet<ModuleId>,
+}
+
+type PlanKey = (Epoch, Digest);
+
+/// Watches a run.
+pub(crate) struct Watch {
+    lease: Duration,
+    /// How long a heartbeat may take beyond the lease before motion on it counts as stale.
+    margin: Duration,
+    rosters: BTreeMap<Epoch, KnownRoster>,
+    shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
+    /// When each module was last seen to show another epoch than this.
+    left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
+    holders: BTreeMap<(PlanKey, SpotId), ModuleId>,
+    spots: BTreeMap<(PlanKey, ModuleId), SpotId>,
+    begun: BTreeSet<PlanKey>,
+    pub violations: Vec<Violation>,
+}
+
+impl Watch {
+    pub fn new(lease: Duration, margin: Duration) -> Self {
+        Self {
+            lease,
+            margin,
+            rosters: BTreeMap::new(),
+            shown: BTreeMap::new(),
+            left: BTreeMap::new(),
+            holders: BTreeMap::new(),
+            spots: BTreeMap::new(),
+            begun: BTreeSet::new(),
+            violations: Vec::new(),
+        }
+    }
+
+    pub fn violate(&mut self, at: Duration, kind: ViolationKind, detail: String) {
+        self.violations.push(Violation { at, kind, detail });
+    }
+
+    /// How many epochs came to a roster.
+    pub fn epochs(&self) -> u64 {
+        self.rosters.len() as u64
+    }
+
+    /// Judges what has happened since the last call.
+    pub fn look(&mut self, cluster: &mut Cluster) {
+        for (at, observation) in cluster.take_observations() {
+            match observation {
+                Observation::Published(module, message) => self.heard(at, module, &message),
+                Observation::SetOff(module) => self.set_off(at, module, cluster),
+                Observation::Noted(..) | Observation::Fault(_) => {}
+            }
+        }
+    }
+
+    fn heard(&mut self, at: Duration, module: ModuleId, message: &Message) {
+        match message {
+            Message::Roster(RosterMessage::Plan(roster)) => {
+                let members: BTreeSet<ModuleId> = roster
+                    .members
+                    .iter()
+                    .map(|member| member.module.id)
+                    .collect();
+                let linked = |one: ModuleId, other: ModuleId| {
+                    roster.members.iter().any(|member| {
+                        member.module.id == one && member.module.links.contains(&other)
+                    })
+                };
+                let fixed = roster
+                    .members
+                    .iter()
+                    .map(|member| &member.module)
+                    .filter(|module| {
+                        module.pin.is_some()
+                            || module.links.iter().any(|&other| linked(other, module.id))
+                    })
+                    .map(|module| module.id)
+                    .collect();
+                let known = KnownRoster { members, fixed };
+                if self.rosters.insert(roster.epoch, known).is_some() {
+                    let detail = format!("{} by {module}", roster.epoch);
+                    self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
+                }
+            }
+            Message::Heartbeat(heartbeat) => {
+                let entry = self.left.entry(module).or_insert((heartbeat.epoch, at));
+                if entry.0 != heartbeat.epoch {
+                    *entry = (heartbeat.epoch, at);
+                }
+                if let (Some(epoch), Some(digest)) = (heartbeat.epoch, heartbeat.digest) {
+                    let shown = self.shown.entry((epoch, digest)).or_default();
+                    shown.entry(module).or_insert(at);
+                }
+            }
+            Message::ModuleState(state) => {
+                if let (ModulePhase::Settled, Some(epoch), Some(digest), Some(spot)) =
+                    (state.phase, state.epoch, state.digest, state.spot)
+                {
+                    self.settled(at, (epoch, digest), module, spot);
+                }
+            }
+            Message::Claim(claim) => {
+                let Some(roster) = self.rosters.get_mut(&claim.epoch) else {
+                    return;
+                };
+                // A module that left its configuration in this or an earlier turn is a singleton like any other.
+                for detached in &claim.decision.detached {
+                    roster.fixed.remove(detached);
+                }
+                let evicted: Vec<ModuleId> = claim
+                    .decision
+                    .evictions
+                    .iter()
+                    .map(|eviction| eviction.evicted)
+                    .filter(|evicted| roster.fixed.contains(evicted))
+                    .collect();
+                for evicted in evicted {
+                    let detail = format!("{evicted} by {module} in {}", claim.epoch);
+                    self.violate(at, ViolationKind::ConfigurationMemberEvicted, detail);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn settled(&mut self, at: Duration, plan: PlanKey, module: ModuleId, spot: SpotId) {
+        let holder = *self.holders.entry((plan, spot)).or_insert(module);
+        if holder != module {
+            let detail = format!("{holder} and {module} on {spot} in {}", plan.0);
+            self.violate(at, ViolationKind::TwoModulesOnOneSpot, detail);
+        }
+        let first = *self.spots.entry((plan, module)).or_insert(spot);
+        if first != spot {
+            let detail = format!("{module} on {first} and {spot} in {}", plan.0);
+            self.violate(at, ViolationKind::OneModuleOnTwoSpots, detail);
+        }
+    }
+
+    fn set_off(&mut self, at: Duration, module: ModuleId, cluster: &Cluster) {
+        let plan_of = |module: ModuleId| {
+            let standing = cluster.standing(module)?;
+            Some((standing.epoch?, standing.digest?))
+        };
+        let Some(plan) = plan_of(module) else {
+            let detail = format!("{module} moves without a plan");
+            return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
+        };
+        let others: Vec<ModuleId> = cluster
+            .running()
+            .into_iter()
+            .filter(|&other| {
+                cluster
+                    .standing(other)
+                    .is_some_and(|standing| standing.moving)
+            })
+            .filter(|&other| {
+                cluster
+                    .plan_in_motion(other)
+                    .is_some_and(|other| other != plan)
+            })
+            .collect();
+        for other in others {
+            let detail = format!("{module} on {} while {other} moves on another", plan.0);
+            self.violate(at, ViolationKind::TwoPlansInMotion, detail);
+        }
+        let members = self
+            .rosters
+            .get(&plan.0)
+            .map(|roster| roster.members.clone());
+        let shown = self.shown.get(&plan);
+        let missing: Vec<ModuleId> = members
+            .unwrap_or_default()
+            .into_iter()
+            .filter(|member| shown.is_none_or(|shown| !shown.contains_key(member)))
+            .collect();
+        if !missing.is_empty() || !self.rosters.contains_key(&plan.0) {
+            let detail = format!(
+                "{module} on {}; {} members never agreed",
+                plan.0,
+                missing.len()
+            );
+            return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
+        }
+        let last = shown
+            .and_then(|shown| shown.values().max().copied())
+            .unwrap_or_default();
+        // Clocks drift by millionths, and each module rounds on its own.
+        if self.begun.insert(plan) && at + Duration::from_millis(5) < last + self.lease {
+            let detail = format!("{module} on {}", plan.0);
+            self.violate(at, ViolationKind::MotionBeforeLease, detail);
+        }
+        let stale: Vec<ModuleId> = self
+            .rosters
+            .get(&plan.0)
+            .into_iter()
+            .flat_map(|roster| roster.members.iter().copied())
+            .filter(|member| {
+                self.left.get(member).is_some_and(|&(epoch, since)| {
+                    epoch != Some(plan.0) && at > since + self.lease + self.margin
+                })
+            })
+            .collect();
+        if let Some(member) = stale.first() {
+            let detail = format!("{module} on {} long after {member} left it", plan.0);
+            self.violate(at, ViolationKind::MotionOnStalePlan, detail);
+        }
+    }
+}

@@ -1,0 +1,82 @@
+//! Runs with faults: crashes, restarts, cuts, slow processes, rough networks.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed};
+
+/// How many seeds the test command runs; the soak script asks for more.
+fn seeds() -> u64 {
+    std::env::var("FORMATION_SEEDS").map_or(1_000, |text| text.parse().unwrap())
+}
+
+fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
+    let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get) as u64;
+    let bad: Vec<RunReport> = std::thread::scope(|scope| {
+        let handles: Vec<_> = (0..workers)
+            .map(|worker| {
+                let seeds = seeds.clone();
+                scope.spawn(move || {
+                    seeds
+                        .filter(|seed| seed % workers == worker)
+                        .map(|seed| run_seed(parameters, seed).unwrap())
+                        .filter(|report| !report.violations.is_empty())
+                        .take(10)
+                        .collect::<Vec<_>>()
+                })
+            })
+            .collect();
+        handles
+            .into_iter()
+            .flat_map(|handle| handle.join().unwrap())
+            .collect()
+    });
+    for report in &bad {
+        println!(
+            "seed {} ({} modules, {} spots, {} left):",
+            report.seed, report.modules, report.spots, report.running
+        );
+        for violation in report.violations.iter().take(4) {
+            println!(
+                "  {:.3} s {}: {}",
+                violation.at.as_secs_f64(),
+                violation.kind,
+                violation.detail
+            );
+        }
+    }
+    if let Some(first) = bad.iter().min_by_key(|report| report.modules) {
+        let told = CampaignParameters {
+            transcripts: true,
+            ..parameters.clone()
+        };
+        println!(
+            "transcript of seed {}:\n{}",
+            first.seed,
+            run_seed(&told, first.seed).unwrap().transcript
+        );
+    }
+    assert!(bad.is_empty(), "{} bad seeds", bad.len());
+}
+
+#[test]
+fn mixed_faults_leave_no_hole() {
+    run_all(&CampaignParameters::default(), 0..seeds());
+}
+
+#[test]
+fn crashes_alone_leave_no_hole() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Crash,
+        ..CampaignParameters::default()
+    };
+    run_all(&parameters, 0..seeds() / 10);
+}
+
+#[test]
+fn cuts_alone_leave_no_hole() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Partition,
+        ..CampaignParameters::default()
+    };
+    run_all(&parameters, 0..seeds() / 10);
+}
