@@ -1,5 +1,6 @@
 //! Runs of many seeds: each draws a scenario, a network and faults, and is judged by the invariants.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -174,7 +175,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         if cluster.now() > last_fault + Duration::from_secs(15)
             || parameters.faults == FaultKind::None
         {
-            ending = ending_of(&cluster);
+            ending = ending_of(&cluster, problem.target().spots().len());
         }
     }
     let spots = problem.target().spots().len();
@@ -209,8 +210,9 @@ fn strike(cluster: &mut Cluster, fault: &Fault) {
     }
 }
 
-fn ending_of(cluster: &Cluster) -> Ending {
-    if cluster.has_formed() {
+fn ending_of(cluster: &Cluster, spots: usize) -> Ending {
+    // Formed with a hole, newcomers may still be on their way into the next epoch.
+    if cluster.has_formed() && filled_spots(cluster) == cluster.running().len().min(spots) {
         return Ending::Formed;
     }
     let waiting = cluster.running().iter().all(|&module| {
@@ -225,37 +227,35 @@ fn ending_of(cluster: &Cluster) -> Ending {
     }
 }
 
+fn filled_spots(cluster: &Cluster) -> usize {
+    let filled: BTreeSet<_> = cluster
+        .running()
+        .iter()
+        .filter_map(|&module| cluster.standing(module))
+        .filter(|standing| standing.phase == ModulePhase::Settled)
+        .filter_map(|standing| standing.spot)
+        .collect();
+    filled.len()
+}
+
 fn judge_end(cluster: &Cluster, watch: &mut Watch, ending: Ending, spots: usize) {
-    let running = cluster.running();
-    match ending {
-        Ending::Neither => {
-            let standings: Vec<String> = running
-                .iter()
-                .filter_map(|&module| {
-                    let standing = cluster.standing(module)?;
-                    Some(format!(
-                        "{} {:?} {:?}",
-                        module.0,
-                        standing.phase,
-                        standing.epoch.map(|epoch| epoch.number)
-                    ))
-                })
-                .collect();
-            watch.violate(cluster.now(), ViolationKind::NoEnd, standings.join(", "));
-        }
-        Ending::Formed => {
-            let filled: std::collections::BTreeSet<_> = running
-                .iter()
-                .filter_map(|&module| cluster.standing(module))
-                .filter(|standing| standing.phase == ModulePhase::Settled)
-                .filter_map(|standing| standing.spot)
-                .collect();
-            let wanted = running.len().min(spots);
-            if filled.len() != wanted {
-                let detail = format!("{} of {wanted} spots are filled", filled.len());
-                watch.violate(cluster.now(), ViolationKind::Hole, detail);
-            }
-        }
-        Ending::WaitingForQuorum => {}
+    if ending != Ending::Neither {
+        return;
     }
+    let running = cluster.running();
+    if cluster.has_formed() {
+        let (filled, wanted) = (filled_spots(cluster), running.len().min(spots));
+        let detail = format!("{filled} of {wanted} spots are filled");
+        watch.violate(cluster.now(), ViolationKind::Hole, detail);
+        return;
+    }
+    let standings: Vec<String> = running
+        .iter()
+        .filter_map(|&module| {
+            let standing = cluster.standing(module)?;
+            let epoch = standing.epoch.map_or(0, |epoch| epoch.number);
+            Some(format!("{} {:?} in {epoch}", module.0, standing.phase))
+        })
+        .collect();
+    watch.violate(cluster.now(), ViolationKind::NoEnd, standings.join(", "));
 }

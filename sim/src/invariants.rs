@@ -136,13 +136,23 @@ impl Watch {
                         member.module.id == one && member.module.links.contains(&other)
                     })
                 };
+                let pinned = |id: ModuleId| {
+                    roster
+                        .members
+                        .iter()
+                        .any(|member| member.module.id == id && member.module.pin.is_some())
+                };
+                // What is docked to pinned modules only has no configuration to keep: it moves, and they stay.
                 let fixed = roster
                     .members
                     .iter()
                     .map(|member| &member.module)
                     .filter(|module| {
                         module.pin.is_some()
-                            || module.links.iter().any(|&other| linked(other, module.id))
+                            || module
+                                .links
+                                .iter()
+                                .any(|&other| linked(other, module.id) && !pinned(other))
                     })
                     .map(|module| module.id)
                     .collect();

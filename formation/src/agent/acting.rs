@@ -523,8 +523,7 @@ impl Agent {
         match acting.task.clone() {
             Task::Waiting => {
                 if acting.plan.assembly.units[place.unit].pinned {
-                    acting.task = Task::Settled;
-                    self.voice.state_changed = true;
+                    self.stay(lagging);
                     return;
                 }
                 match to_act {
@@ -559,6 +558,28 @@ impl Agent {
             Task::Moving { since, held } => self.watch_motion(&place, since, held, lagging),
             Task::Docking => self.dock(&place),
             Task::Spare | Task::Settled | Task::GivenUp => {}
+        }
+    }
+
+    /// Stays on its spot, and lets go of whatever the target does not want there, such as a dead neighbour.
+    fn stay(&mut self, lagging: &[ModuleId]) {
+        let Stage::Acting(acting) = &mut self.stage else {
+            return;
+        };
+        let unwanted: Vec<ModuleId> = self
+            .body
+            .links
+            .iter()
+            .copied()
+            .filter(|&link| !acting.wants_link_to(link))
+            .collect();
+        if unwanted.is_empty() {
+            acting.task = Task::Settled;
+            self.voice.state_changed = true;
+        } else if lagging.is_empty() {
+            for link in unwanted {
+                self.outputs.push_back(Output::Undock(link));
+            }
         }
     }
 

@@ -350,7 +350,7 @@ impl Agent {
         let Some(convener) = self.peers.get(epoch.convener) else {
             // A latched roster may arrive before the first heartbeat of its convener, and comes only once.
             let known = self.convening.early_roster.as_ref();
-            if known.is_none_or(|(_, known)| known.epoch() < epoch) {
+            if known.is_none_or(|(_, known)| known.epoch() <= epoch) {
                 self.convening.early_roster = Some((source, message));
             }
             return;
@@ -398,6 +398,10 @@ impl Agent {
             let mut announced = self.as_member();
             if mine.module.pin.is_none() {
                 announced.module.pin = None;
+            }
+            if mine.incarnation < self.incarnation {
+                // It lists an earlier run of this module; the others will notice that it started anew.
+                return self.refuse(Some(epoch.convener), Refusal::StaleIncarnation);
             }
             if !frozen || *mine != announced {
                 return self.refuse(Some(epoch.convener), Refusal::BadRoster);

@@ -291,7 +291,10 @@ impl fmt::Display for Event {
                 "{module} holds another plan: its digest is {theirs}, ours {ours}"
             ),
             Self::DuplicateModule(module) => {
-                write!(formatter, "two processes run as {module}; stop one of them")
+                write!(
+                    formatter,
+                    "a second process runs as {module}: it is refused until the first has been silent for suspicion_s"
+                )
             }
             Self::AgreementLapsed(modules) => write!(
                 formatter,
