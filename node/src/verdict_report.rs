@@ -1,26 +1,31 @@
 //! A verdict and the progress towards it, for programs and for people.
 
+use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::time::Duration;
 
-use formation::id::{Epoch, ModuleId};
-use formation::verify::{Outcome, Progress, Verdict};
+use formation::id::{Epoch, ModuleId, SpotId};
+use formation::verify::{Agreement, Outcome, Progress, Verdict};
 use serde_json::{Value, json};
+
+use crate::outcome::{STATUS_DONE, STATUS_FAILED};
+use crate::verification::End;
 
 /// What a verifier tells programs, one line each.
 #[derive(Clone, Copy, Debug)]
 pub enum JsonLine<'a> {
     /// `{"progress": ...}`
     Progress(&'a Progress),
-    /// `{"verdict": ...}`
-    Verdict(&'a Verdict),
+    /// `{"verdict": ...}` or `{"agreement": ...}`
+    End(&'a End),
 }
 
 impl Display for JsonLine<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let object = match self {
             Self::Progress(progress) => json!({"progress": progress_json(progress)}),
-            Self::Verdict(verdict) => json!({"verdict": verdict_json(verdict)}),
+            Self::End(End::Judged(verdict)) => json!({"verdict": verdict_json(verdict)}),
+            Self::End(End::Agreed(agreement)) => json!({"agreement": agreement_json(agreement)}),
         };
         object.fmt(formatter)
     }
@@ -54,11 +59,7 @@ pub fn verdict_json(verdict: &Verdict) -> Value {
         "outcome": verdict.outcome.to_string(),
         "epoch": verdict.epoch.as_ref().map(epoch_json),
         "filled_spots": verdict.filled_spots,
-        "assignments": verdict
-            .assignments
-            .iter()
-            .map(|(module, spot)| json!({"module": module.0, "spot": spot.0}))
-            .collect::<Vec<_>>(),
+        "assignments": assignments_json(&verdict.assignments),
         "unassigned": ids(&verdict.unassigned),
         "open_spots": verdict.open_spots.iter().map(|spot| spot.0).collect::<Vec<_>>(),
         "violations": sentences(&verdict.violations),
@@ -83,9 +84,7 @@ pub fn verdict_json(verdict: &Verdict) -> Value {
     })
 }
 
-/// The verdict in a few lines for people.
-#[must_use]
-pub fn verdict_text(verdict: &Verdict) -> String {
+fn verdict_text(verdict: &Verdict) -> String {
     let filled = verdict.filled_spots;
     let spots = filled + verdict.open_spots.len();
     let mut text = match verdict.outcome {
@@ -121,6 +120,55 @@ pub fn verdict_text(verdict: &Verdict) -> String {
     text
 }
 
+/// The agreement as one JSON object.
+#[must_use]
+pub fn agreement_json(agreement: &Agreement) -> Value {
+    json!({
+        "epoch": epoch_json(&agreement.epoch),
+        "assignments": assignments_json(&agreement.assignments),
+        "planning_ms": milliseconds(agreement.planning),
+        "violations": sentences(&agreement.violations),
+    })
+}
+
+/// How watching ended, in a few lines for people.
+#[must_use]
+pub fn end_text(end: &End) -> String {
+    match end {
+        End::Judged(verdict) => verdict_text(verdict),
+        End::Agreed(agreement) => {
+            let mut text = format!(
+                "AGREED: all members hold the same plan of {}, which gives {} modules a spot\nplanned in {} ms",
+                agreement.epoch,
+                agreement.assignments.len(),
+                milliseconds(agreement.planning)
+            );
+            for sentence in sentences(&agreement.violations) {
+                text.push_str("\nviolation: ");
+                text.push_str(&sentence);
+            }
+            text
+        }
+    }
+}
+
+/// The exit status that an end calls for.
+#[must_use]
+pub fn end_status(end: &End) -> u8 {
+    let is_good = match end {
+        End::Judged(verdict) => verdict.outcome != Outcome::Failed,
+        End::Agreed(agreement) => agreement.violations.is_empty(),
+    };
+    if is_good { STATUS_DONE } else { STATUS_FAILED }
+}
+
+fn assignments_json(assignments: &BTreeMap<ModuleId, SpotId>) -> Value {
+    assignments
+        .iter()
+        .map(|(module, spot)| json!({"module": module.0, "spot": spot.0}))
+        .collect()
+}
+
 fn epoch_json(epoch: &Epoch) -> Value {
     json!({"number": epoch.number, "convener": epoch.convener.0})
 }
@@ -148,8 +196,7 @@ fn between(from: Option<Duration>, to: Option<Duration>) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use formation::id::SpotId;
-    use formation::verify::{Counts, Missing, Timings};
+    use formation::verify::{Counts, Missing, Timings, Violation};
 
     use super::*;
 
@@ -177,7 +224,7 @@ mod tests {
 
     #[test]
     fn programs_read_one_line_of_json() {
-        let line = JsonLine::Verdict(&failed()).to_string();
+        let line = JsonLine::End(&End::Judged(failed())).to_string();
         assert!(!line.contains('\n'));
         let verdict = &serde_json::from_str::<Value>(&line).unwrap()["verdict"];
         assert_eq!(verdict["outcome"], "FAILED");
@@ -189,8 +236,39 @@ mod tests {
     }
 
     #[test]
+    fn an_agreement_is_good_unless_a_promise_was_broken() {
+        let mut agreement = Agreement {
+            epoch: Epoch {
+                number: 1,
+                convener: ModuleId(1),
+            },
+            assignments: [(ModuleId(4), SpotId(1))].into(),
+            planning: Duration::from_millis(25),
+            violations: Vec::new(),
+        };
+        let end = End::Agreed(agreement.clone());
+        assert_eq!(end_status(&end), STATUS_DONE);
+        assert_eq!(
+            serde_json::from_str::<Value>(&JsonLine::End(&end).to_string()).unwrap(),
+            json!({"agreement": {
+                "epoch": {"number": 1, "convener": 1},
+                "assignments": [{"module": 4, "spot": 1}],
+                "planning_ms": 25,
+                "violations": [],
+            }})
+        );
+        agreement.violations.push(Violation::MovedWithoutPlan {
+            module: ModuleId(4),
+        });
+        let end = End::Agreed(agreement);
+        assert_eq!(end_status(&end), STATUS_FAILED);
+        assert!(end_text(&end).contains("\nviolation: module 4 "));
+        assert_eq!(end_status(&End::Judged(failed())), STATUS_FAILED);
+    }
+
+    #[test]
     fn people_read_what_is_wrong() {
-        let text = verdict_text(&failed());
+        let text = end_text(&End::Judged(failed()));
         assert_eq!(
             text,
             "FAILED: 1 of 2 spots are filled\nwithout a spot: modules 5\nmissing: spot 2 is empty\nplanned in 25 ms"

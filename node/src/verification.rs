@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::verify::{Observer, ObserverParameters, Progress, Verdict};
+use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdict};
 use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;
 
@@ -31,14 +31,16 @@ pub struct VerifierProcess {
     pub namespace: Namespace,
     /// How it judges.
     pub parameters: ObserverParameters,
+    /// Whether it is content as soon as all members agree on a plan, and does not wait for them to move.
+    pub plan_only: bool,
     /// After the verdict, the process stays so long, so that subscribers can take it.
     pub linger: Duration,
 }
 
 impl VerifierProcess {
-    /// Watches until there is a verdict, publishes it and leaves the graph.
+    /// Watches until there is an end, publishes the verdict, if that is what there is, and leaves the graph.
     ///
-    /// `told` hears of progress whenever it changes, and of the verdict as soon as there is one.
+    /// `told` hears of progress whenever it changes, and of the end as soon as there is one.
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined.
@@ -70,30 +72,42 @@ impl VerifierProcess {
         let mut watch = Watch {
             start: Instant::now(),
             observer: Observer::new(self.parameters),
+            plan_only: self.plan_only,
             inbox,
             outlet,
             session: &session,
             traffic: Traffic::default(),
         };
-        let verdict = async_io::block_on(async {
-            let verdict = watch.until_judged(&mut told).await;
-            if let Some(verdict) = &verdict {
-                told(News::Verdict(verdict));
+        let end = async_io::block_on(async {
+            let end = watch.until_the_end(&mut told).await;
+            if let Some(end) = &end {
+                told(News::End(end));
+            }
+            if let Some(End::Judged(verdict)) = &end {
                 watch.publish(verdict, self.linger).await;
             }
-            verdict
+            end
         });
         let traffic = watch.traffic;
         tracing::info!("traffic: {traffic}");
-        Ok(Judgement { verdict, traffic })
+        Ok(Judgement { end, traffic })
     }
+}
+
+/// How watching ended.
+#[derive(Clone, Debug)]
+pub enum End {
+    /// With a verdict on the formation.
+    Judged(Verdict),
+    /// With a plan that all members agree on, where no more was asked for.
+    Agreed(Agreement),
 }
 
 /// What came of watching.
 #[derive(Clone, Debug)]
 pub struct Judgement {
-    /// The verdict; `None` when the process was told to end before there was one.
-    pub verdict: Option<Verdict>,
+    /// How it ended; `None` when the process was told to end before.
+    pub end: Option<End>,
     /// What was heard, and what was refused.
     pub traffic: Traffic,
 }
@@ -103,8 +117,8 @@ pub struct Judgement {
 pub enum News<'a> {
     /// How far the formation has come, when it changed.
     Progress(&'a Progress),
-    /// The judgement.
-    Verdict(&'a Verdict),
+    /// How it ended.
+    End(&'a End),
 }
 
 struct Inlets {
@@ -118,6 +132,7 @@ struct Inlets {
 struct Watch<'a> {
     start: Instant,
     observer: Observer,
+    plan_only: bool,
     inbox: Inbox<'a>,
     outlet: Outlet<formation_msgs::Verdict, Publisher<formation_msgs::Verdict>>,
     session: &'a Session,
@@ -125,20 +140,20 @@ struct Watch<'a> {
 }
 
 impl Watch<'_> {
-    async fn until_judged(&mut self, told: &mut impl FnMut(News<'_>)) -> Option<Verdict> {
+    async fn until_the_end(&mut self, told: &mut impl FnMut(News<'_>)) -> Option<End> {
         let mut shown = None;
         // When to judge next, if anything came in since.
         let mut judge_at = Some(Instant::now());
         loop {
             if judge_at.is_some_and(|at| at <= Instant::now()) || self.is_overdue() {
                 judge_at = None;
-                if let Some(verdict) = self.observer.verdict(self.start.elapsed()).cloned() {
-                    return Some(verdict);
-                }
                 let progress = self.observer.progress();
                 if shown.as_ref() != Some(&progress) {
                     told(News::Progress(&progress));
                     shown = Some(progress);
+                }
+                if let Some(end) = self.end() {
+                    return Some(end);
                 }
             }
             let timeout = self.observer.poll_timeout().map(|due| self.start + due);
@@ -164,6 +179,16 @@ impl Watch<'_> {
                 }
             }
         }
+    }
+
+    fn end(&mut self) -> Option<End> {
+        if self.plan_only
+            && let Some(agreement) = self.observer.agreement()
+        {
+            return Some(End::Agreed(agreement));
+        }
+        let verdict = self.observer.verdict(self.start.elapsed())?;
+        Some(End::Judged(verdict.clone()))
     }
 
     fn is_overdue(&self) -> bool {

@@ -20,7 +20,7 @@ use formation::verify::{ObserverParameters, Outcome, Stage};
 use formation_node::announcer::TargetProcess;
 use formation_node::environment::{DiscoveryRange, Environment, Namespace, Overrides};
 use formation_node::traffic::RefusalKind;
-use formation_node::verification::{News, VerifierProcess};
+use formation_node::verification::{End, News, VerifierProcess};
 use serde_json::{Value, json};
 
 const SCENARIO: &str = "
@@ -180,6 +180,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
             time_limit: Duration::from_secs(10),
             ..ObserverParameters::default()
         },
+        plan_only: false,
         linger: Duration::from_secs(1),
     };
     let (_stop, stopped) = bounded(1);
@@ -210,7 +211,9 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
         thread::sleep(Duration::from_millis(200));
     }
     let (stages, judgement) = watching.join().unwrap();
-    let verdict = judgement.verdict.unwrap();
+    let Some(End::Judged(verdict)) = judgement.end else {
+        panic!("expected a verdict, got {:?}", judgement.end);
+    };
     assert!(
         stages.contains(&Stage::Gathering),
         "the target was not understood: {stages:?}, {}",

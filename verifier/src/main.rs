@@ -5,11 +5,10 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use formation::verify::Outcome;
 use formation_node::arguments::{JudgingArguments, NetworkArguments};
 use formation_node::lifetime::{EXIT_GRACE, limit_exit, stop_requested};
-use formation_node::outcome::{Failure, STATUS_DONE, STATUS_FAILED, conclude};
-use formation_node::verdict_report::{JsonLine, verdict_text};
+use formation_node::outcome::{Failure, conclude};
+use formation_node::verdict_report::{JsonLine, end_status, end_text};
 use formation_node::verification::{News, VerifierProcess};
 
 /// After the verdict, subscribers have so long to take it.
@@ -25,6 +24,9 @@ struct Arguments {
     /// Print a line of JSON, {"progress": ...}, whenever the progress changes, and the verdict likewise
     #[arg(long)]
     progress: bool,
+    /// Be content as soon as all members agree on a plan, print it as {"agreement": ...}, and do not wait for motion
+    #[arg(long)]
+    plan_only: bool,
     #[command(flatten)]
     judging: JudgingArguments,
     #[command(flatten)]
@@ -43,30 +45,24 @@ fn run(arguments: &Arguments) -> Result<u8, Failure> {
         environment,
         namespace: arguments.network.namespace.clone(),
         parameters,
+        plan_only: arguments.plan_only,
         linger: LINGER,
     };
     let judgement = process.run(stop, |news| match news {
         News::Progress(progress) if arguments.progress => print(&JsonLine::Progress(progress)),
         News::Progress(_) => {}
-        News::Verdict(verdict) => {
+        News::End(end) => {
             if arguments.json || arguments.progress {
-                print(&JsonLine::Verdict(verdict));
+                print(&JsonLine::End(end));
             } else {
-                print(&verdict_text(verdict));
+                print(&end_text(end));
             }
-            limit_exit(LINGER + EXIT_GRACE, status(verdict.outcome));
+            limit_exit(LINGER + EXIT_GRACE, end_status(end));
         }
     })?;
-    match judgement.verdict {
-        Some(verdict) => Ok(status(verdict.outcome)),
+    match &judgement.end {
+        Some(end) => Ok(end_status(end)),
         None => Err(Failure::failed("stopped before there was a verdict")),
-    }
-}
-
-fn status(outcome: Outcome) -> u8 {
-    match outcome {
-        Outcome::Complete | Outcome::Partial => STATUS_DONE,
-        Outcome::Failed => STATUS_FAILED,
     }
 }
 
