@@ -8,6 +8,7 @@ use crate::fixed::MicroUnits;
 use crate::instance::Instance;
 use crate::matching::{Matching, MatchingInput};
 use crate::spot_allocation::{self, Displacement};
+use crate::spot_tree::BestOfSpots;
 use crate::topology::Topology;
 
 /// What came of a configuration's turn.
@@ -34,7 +35,7 @@ pub(crate) fn allocate(
     evictions: &mut Vec<Displacement>,
 ) -> BlockOutcome {
     let topology = topology_of(instance, members);
-    let prices = prices(allocation, search);
+    let prices = prices(instance, allocation);
     let matching = best_matching(instance.target.topology(), &topology, |node, spot| {
         let price = prices[spot]?;
         Some(instance.utilities.of(members[node], spot) - price)
@@ -108,9 +109,9 @@ pub(crate) fn best_matching(
 ///
 /// Taking a spot from a singleton costs what the singleton loses by moving to its best free spot, or all that it
 /// earns if no spot is free.
-fn prices(allocation: &Allocation, search: &ChainSearch) -> Vec<Option<MicroUnits>> {
+fn prices(instance: &Instance, allocation: &Allocation) -> Vec<Option<MicroUnits>> {
     let table = &allocation.table;
-    let free: Vec<usize> = table.free_spots().collect();
+    let free = BestOfSpots::new(&instance.spot_tree, &instance.utilities, table.free_spots());
     table
         .holders()
         .iter()
@@ -119,9 +120,8 @@ fn prices(allocation: &Allocation, search: &ChainSearch) -> Vec<Option<MicroUnit
             Holder::Nobody => Some(MicroUnits::ZERO),
             Holder::Fixed(_) => None,
             Holder::Singleton(module) => {
-                let row = search.rows.row(module);
-                let elsewhere = free.iter().map(|&other| row[other]).max().unwrap_or(0);
-                Some(MicroUnits(row[spot] - elsewhere))
+                let elsewhere = MicroUnits(free.utility(module).unwrap_or(0));
+                Some(instance.utilities.of(module, spot) - elsewhere)
             }
         })
         .collect()

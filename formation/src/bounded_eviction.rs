@@ -1,7 +1,8 @@
 //! Chain eviction with a bound on the number of evictions, for which potentials are of no use.
 
 use crate::allocation::{Holder, SpotTable};
-use crate::eviction::{Step, UtilityRows};
+use crate::eviction::Step;
+use crate::utility::Utilities;
 
 /// Chains are searched for up to this many evictions; a larger `d_max` that is not large enough for the best
 /// unbounded chain counts as this.
@@ -38,6 +39,28 @@ pub(crate) struct BoundedSearch {
     /// Layer `k`: the prospect of each spot's holder when `k` more evictions are allowed; `None` unless a singleton
     /// holds the spot.
     layers: Vec<Vec<Option<Prospect>>>,
+    rows: UtilityRows,
+}
+
+/// The utilities of singletons for all spots, computed when first needed and kept for later turns.
+#[derive(Clone, Debug, Default)]
+struct UtilityRows {
+    rows: Vec<Vec<i64>>,
+}
+
+impl UtilityRows {
+    fn prepare(&mut self, utilities: &Utilities, module: usize) {
+        if self.rows.is_empty() {
+            self.rows = vec![Vec::new(); utilities.module_count()];
+        }
+        if self.rows[module].is_empty() {
+            self.rows[module] = utilities.row(module);
+        }
+    }
+
+    fn row(&self, module: usize) -> &[i64] {
+        &self.rows[module]
+    }
 }
 
 /// A partial chain's last displaced module.
@@ -53,12 +76,25 @@ impl BoundedSearch {
     /// The best chain for a module without a spot; see [`crate::eviction::ChainSearch::insert`].
     pub(crate) fn best_chain(
         &mut self,
-        rows: &UtilityRows,
+        utilities: &Utilities,
         table: &SpotTable,
         module: usize,
         d_max: u32,
     ) -> Vec<Step> {
-        let exit = Exit { rows, table };
+        let mut rows = std::mem::take(&mut self.rows);
+        rows.prepare(utilities, module);
+        for holder in table.holders() {
+            if let Holder::Singleton(holder) = holder {
+                rows.prepare(utilities, *holder);
+            }
+        }
+        let chain = self.best_chain_with(&Exit { rows: &rows, table }, module, d_max);
+        self.rows = rows;
+        chain
+    }
+
+    fn best_chain_with(&mut self, exit: &Exit<'_>, module: usize, d_max: u32) -> Vec<Step> {
+        let (rows, table) = (exit.rows, exit.table);
         let (own_gain, own_spot) = exit.of(module);
         let mut best = Prospect {
             gain: own_gain,
@@ -68,7 +104,7 @@ impl BoundedSearch {
         let mut best_end = own_spot;
         let evictions = usize::try_from(d_max.min(EVICTIONS_SEARCHED_MAX)).unwrap_or(0);
         if evictions > 0 {
-            self.fill_layers(&exit, evictions);
+            self.fill_layers(exit, evictions);
             let mut visited = vec![false; table.holders().len()];
             let mut spots: Vec<usize> = Vec::new();
             let mut frames = vec![Frame {
@@ -85,7 +121,7 @@ impl BoundedSearch {
                 };
                 let next = (frame.left > 0 && budget > 0)
                     .then(|| {
-                        self.next_spot(&exit, frame, &visited, so_far)
+                        self.next_spot(exit, frame, &visited, so_far)
                             .filter(|&(prospect, _)| prospect > best)
                     })
                     .flatten();

@@ -9,7 +9,8 @@
 
 use crate::allocation::{Holder, SpotTable};
 use crate::bounded_eviction::BoundedSearch;
-use crate::utility::Utilities;
+use crate::frontier::{Frontier, Mover};
+use crate::instance::Instance;
 
 /// One step of a chain: a module leaves a spot for another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -56,6 +57,14 @@ impl Allocation {
         self.cut_short = other.cut_short;
     }
 
+    pub(crate) fn potential_of_module(&self, module: usize) -> i64 {
+        self.of_module[module]
+    }
+
+    pub(crate) fn potential_of_spot(&self, spot: usize) -> i64 {
+        self.of_spot[spot]
+    }
+
     fn threshold_of_dropping(&mut self) -> i64 {
         let table = &self.table;
         let of_module = &self.of_module;
@@ -73,40 +82,10 @@ impl Allocation {
     }
 }
 
-/// The utilities of the singletons, computed when a module is first inserted and kept for later turns.
-#[derive(Clone, Debug)]
-pub(crate) struct UtilityRows {
-    rows: Vec<Vec<i64>>,
-}
-
-impl UtilityRows {
-    pub(crate) fn new(module_count: usize) -> Self {
-        Self {
-            rows: vec![Vec::new(); module_count],
-        }
-    }
-
-    pub(crate) fn prepare(&mut self, utilities: &Utilities, module: usize) {
-        if self.rows[module].is_empty() {
-            self.rows[module] = utilities.row(module);
-        }
-    }
-
-    pub(crate) fn row(&self, module: usize) -> &[i64] {
-        &self.rows[module]
-    }
-}
-
 /// Inserts modules into an allocation; keeps its buffers between calls.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(crate) struct ChainSearch {
-    pub(crate) rows: UtilityRows,
-    distance: Vec<i64>,
-    hops: Vec<u32>,
-    /// The module that moves to a spot on the shortest path to it.
-    mover: Vec<usize>,
-    /// The spots whose shortest path is not known yet.
-    open: Vec<usize>,
+    frontier: Frontier,
     /// The spots whose holders were reached, in the order of their distance.
     reached: Vec<usize>,
     bounded: BoundedSearch,
@@ -127,16 +106,9 @@ struct ShortestPath {
 }
 
 impl ChainSearch {
-    pub(crate) fn new(module_count: usize) -> Self {
-        Self {
-            rows: UtilityRows::new(module_count),
-            distance: Vec::new(),
-            hops: Vec::new(),
-            mover: Vec::new(),
-            open: Vec::new(),
-            reached: Vec::new(),
-            bounded: BoundedSearch::default(),
-        }
+    /// Lets the search take more memory for speed.
+    pub(crate) fn expect_to_be_alone(&mut self) {
+        self.frontier.expect_to_be_alone();
     }
 
     /// Inserts a module that holds no spot by the chain of greatest gain with at most `d_max` evictions.
@@ -147,22 +119,21 @@ impl ChainSearch {
     /// that strictly raises the total utility; then the one whose last spot has the lowest identifier.
     pub(crate) fn insert(
         &mut self,
-        utilities: &Utilities,
+        instance: &Instance,
         allocation: &mut Allocation,
         module: usize,
-        d_max: Option<u32>,
     ) -> Vec<Step> {
-        self.rows.prepare(utilities, module);
+        let d_max = instance.problem.parameters().d_max;
         if !allocation.cut_short {
-            let path = self.shortest_path(allocation, module);
+            let path = self.shortest_path(instance, allocation, module);
             if d_max.is_none_or(|d_max| path.evictions <= d_max) {
-                self.raise_potentials(allocation, module, path.length);
-                return self.augment(allocation, module, path.end);
+                self.raise_potentials(instance, allocation, module, path.length);
+                return self.augment(instance, allocation, module, path.end);
             }
             allocation.cut_short = true;
         }
         let chain = self.bounded.best_chain(
-            &self.rows,
+            &instance.utilities,
             &allocation.table,
             module,
             d_max.unwrap_or(u32::MAX),
@@ -179,102 +150,75 @@ impl ChainSearch {
     }
 
     /// Dijkstra's search from the inserted module over the spots, by (reduced cost, evictions, identifier).
-    fn shortest_path(&mut self, allocation: &mut Allocation, source: usize) -> ShortestPath {
-        let dropping =
-            (allocation.table.free_count() == 0).then(|| allocation.threshold_of_dropping());
-        let holders = allocation.table.holders();
-        let spot_count = holders.len();
-        self.distance.clear();
-        self.distance.resize(spot_count, i64::MAX);
-        self.hops.clear();
-        self.hops.resize(spot_count, 0);
-        self.mover.resize(spot_count, source);
-        self.reached.clear();
-        self.open.clear();
-        self.open
-            .extend((0..spot_count).filter(|&spot| !matches!(holders[spot], Holder::Fixed(_))));
+    fn shortest_path(
+        &mut self,
+        instance: &Instance,
+        allocation: &mut Allocation,
+        source: usize,
+    ) -> ShortestPath {
         allocation.of_module[source] = 0;
-        let mut best_drop = dropping.map(|threshold| ShortestPath {
+        // While spots are free, nobody is dropped.
+        let threshold =
+            (allocation.table.free_count() == 0).then(|| allocation.threshold_of_dropping());
+        let mut drop = ShortestPath {
             end: End::Dropped(source),
-            length: threshold,
+            length: threshold.unwrap_or(i64::MAX),
             evictions: 0,
-        });
-        let (mut module, mut base, mut hops) = (source, 0_i64, 0_u32);
+        };
+        self.reached.clear();
+        self.frontier.reset(instance, allocation);
+        self.frontier.limit_to(drop.length);
+        let mut mover = Mover {
+            module: source,
+            length: 0,
+            hops: 1,
+        };
         loop {
-            let nearest = self.relax(allocation, module, base, hops + 1);
-            let Some(position) = nearest else {
-                // Without any open spot the module can only be dropped.
-                return best_drop.unwrap_or(ShortestPath {
-                    end: End::Dropped(source),
-                    length: 0,
-                    evictions: 0,
-                });
-            };
-            let spot = self.open[position];
-            (base, hops) = (self.distance[spot], self.hops[spot]);
-            if let Some(drop) = best_drop
-                && (drop.length, drop.evictions) <= (base, hops)
-            {
+            self.frontier.relax(instance, allocation, mover);
+            let Some((length, hops, spot)) = self
+                .frontier
+                .reach_nearest(instance, (drop.length, drop.evictions))
+            else {
                 return drop;
-            }
+            };
             let Holder::Singleton(holder) = allocation.table.holder(spot) else {
                 return ShortestPath {
                     end: End::FreeSpot(spot),
-                    length: base,
+                    length,
                     evictions: hops - 1,
                 };
             };
-            self.open.swap_remove(position);
             self.reached.push(spot);
-            module = holder;
-            if let (Some(threshold), Some(drop)) = (dropping, &mut best_drop) {
-                let length = base + threshold - allocation.of_module[module];
-                if (length, hops) < (drop.length, drop.evictions) {
-                    *drop = ShortestPath {
-                        end: End::Dropped(module),
-                        length,
+            if let Some(threshold) = threshold {
+                let dropped = length + threshold - allocation.of_module[holder];
+                if (dropped, hops) < (drop.length, drop.evictions) {
+                    drop = ShortestPath {
+                        end: End::Dropped(holder),
+                        length: dropped,
                         evictions: hops,
                     };
+                    self.frontier.limit_to(dropped);
                 }
             }
+            mover = Mover {
+                module: holder,
+                length,
+                hops: hops + 1,
+            };
         }
-    }
-
-    /// Lets `module` move on from distance `base`, and returns the position in `open` of the nearest spot.
-    fn relax(
-        &mut self,
-        allocation: &Allocation,
-        module: usize,
-        base: i64,
-        hops: u32,
-    ) -> Option<usize> {
-        let row = self.rows.row(module);
-        let base = base - allocation.of_module[module];
-        let mut nearest: Option<usize> = None;
-        let mut nearest_key = (i64::MAX, u32::MAX, usize::MAX);
-        for (position, &spot) in self.open.iter().enumerate() {
-            let length = base - row[spot] - allocation.of_spot[spot];
-            let known = &mut self.distance[spot];
-            if length < *known || (length == *known && hops < self.hops[spot]) {
-                *known = length;
-                self.hops[spot] = hops;
-                self.mover[spot] = module;
-            }
-            if *known <= nearest_key.0 {
-                let key = (*known, self.hops[spot], spot);
-                if key < nearest_key {
-                    nearest_key = key;
-                    nearest = Some(position);
-                }
-            }
-        }
-        nearest
     }
 
     /// Restores the potentials' meaning for the allocation that the path of that length leads to.
-    fn raise_potentials(&self, allocation: &mut Allocation, source: usize, length: i64) {
+    fn raise_potentials(
+        &mut self,
+        instance: &Instance,
+        allocation: &mut Allocation,
+        source: usize,
+        length: i64,
+    ) {
+        self.frontier.lift_bounds(length);
         for &spot in &self.reached {
-            let slack = length - self.distance[spot];
+            let slack = length - self.frontier.length_to(instance, spot);
             allocation.of_spot[spot] -= slack;
             if let Holder::Singleton(holder) = allocation.table.holder(spot) {
                 allocation.of_module[holder] += slack;
@@ -283,7 +227,13 @@ impl ChainSearch {
         allocation.of_module[source] += length;
     }
 
-    fn augment(&self, allocation: &mut Allocation, source: usize, end: End) -> Vec<Step> {
+    fn augment(
+        &self,
+        instance: &Instance,
+        allocation: &mut Allocation,
+        source: usize,
+        end: End,
+    ) -> Vec<Step> {
         let table = &mut allocation.table;
         let mut chain = Vec::new();
         let mut spot = match end {
@@ -298,7 +248,7 @@ impl ChainSearch {
             }
         };
         loop {
-            let module = self.mover[spot];
+            let module = self.frontier.mover_to(instance, spot);
             let left = table.spot_of(module);
             table.release(module);
             table.give(spot, Holder::Singleton(module));

@@ -86,11 +86,15 @@ impl MicroUnits {
 
     /// The product of two fixed-point numbers, rounded towards zero.
     #[must_use]
+    #[inline]
     #[expect(
         clippy::cast_possible_truncation,
         reason = "weights and lengths are bounded so that the product fits; see WEIGHT_LIMIT"
     )]
     pub fn scaled_by(self, factor: Self) -> Self {
+        if factor == Self::ONE {
+            return self;
+        }
         match self.0.checked_mul(factor.0) {
             // Division by a constant is much faster in 64 bits.
             Some(product) => Self(product / MICRO_PER_UNIT),

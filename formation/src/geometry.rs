@@ -46,21 +46,27 @@ impl Pose {
 
     /// The straight distance between two positions: the integer square root of the squared micro-units.
     #[must_use]
+    #[inline]
     pub fn distance_to(&self, other: &Self) -> MicroUnits {
-        let dx = self.x.0.abs_diff(other.x.0);
-        let dy = self.y.0.abs_diff(other.y.0);
-        let root = if dx < SHORT && dy < SHORT {
+        let dx = self.x.0 - other.x.0;
+        let dy = self.y.0 - other.y.0;
+        MicroUnits(if dx.abs() < SHORT && dy.abs() < SHORT {
             short_root(dx * dx + dy * dy)
         } else {
-            let (dx, dy) = (u128::from(dx), u128::from(dy));
-            u64::try_from((dx * dx + dy * dy).isqrt()).unwrap_or(u64::MAX)
-        };
-        MicroUnits(i64::try_from(root).unwrap_or(i64::MAX))
+            long_root(dx, dy)
+        })
     }
 }
 
 /// Below this many micro-units along each axis, the squared distance is below 2^62.
-const SHORT: u64 = 1 << 30;
+const SHORT: i64 = 1 << 30;
+
+/// The integer square root of a sum of squares that may not fit 64 bits.
+#[cold]
+fn long_root(dx: i64, dy: i64) -> i64 {
+    let (dx, dy) = (i128::from(dx), i128::from(dy));
+    i64::try_from((dx * dx + dy * dy).isqrt()).unwrap_or(i64::MAX)
+}
 
 /// The integer square root of a number below 2^62.
 ///
@@ -68,12 +74,12 @@ const SHORT: u64 = 1 << 30;
 /// result is exact on every machine.
 #[expect(
     clippy::cast_possible_truncation,
-    clippy::cast_sign_loss,
     clippy::cast_precision_loss,
-    reason = "the guess is positive and below 2^31, and corrected"
+    reason = "the guess is below 2^31, and corrected"
 )]
-fn short_root(square: u64) -> u64 {
-    let guess = (square as f64).sqrt() as u64;
+#[inline]
+fn short_root(square: i64) -> i64 {
+    let guess = (square as f64).sqrt() as i64;
     if guess * guess > square {
         guess - 1
     } else if (guess + 1) * (guess + 1) <= square {
@@ -120,12 +126,8 @@ mod tests {
     #[test]
     fn the_short_root_is_exact_around_every_square() {
         let corner = (SHORT - 1) * (SHORT - 1) * 2;
-        for root in (0..40_000_u64).chain((0..40_000).map(|step| corner.isqrt() - step)) {
-            for square in [
-                (root * root).saturating_sub(1),
-                root * root,
-                root * root + 1,
-            ] {
+        for root in (0..40_000_i64).chain((0..40_000).map(|step| corner.isqrt() - step)) {
+            for square in [(root * root - 1).max(0), root * root, root * root + 1] {
                 assert_eq!(short_root(square), square.isqrt());
             }
         }

@@ -5,6 +5,7 @@ use std::sync::Arc;
 use crate::fixed::MicroUnits;
 use crate::id::ModuleId;
 use crate::problem::PlanningProblem;
+use crate::spot_tree::SpotTree;
 use crate::target::Target;
 use crate::topology::Topology;
 use crate::utility::Utilities;
@@ -25,6 +26,8 @@ pub struct Instance {
     pub ranks: Vec<(MicroUnits, ModuleId)>,
     /// Whether the target has no cycle.
     pub target_is_tree: bool,
+    /// The spots by position.
+    pub(crate) spot_tree: SpotTree,
 }
 
 impl Instance {
@@ -56,6 +59,7 @@ impl Instance {
             .collect();
         let target_is_tree = target.topology().is_tree();
         Self {
+            spot_tree: SpotTree::new(&target),
             problem,
             target,
             utilities,

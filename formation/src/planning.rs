@@ -169,7 +169,7 @@ impl Planning {
             .collect();
         Self {
             queue,
-            search: ChainSearch::new(module_count),
+            search: ChainSearch::default(),
             favourites: Favourites::new(module_count),
             central: baseline::assign_centrally(&instance, &allocation.table),
             allocation,
@@ -306,6 +306,7 @@ impl Planning {
 
     /// Takes all turns that are left, and returns them with their decisions.
     pub fn take_all_turns(&mut self) -> Vec<(Turn, Decision)> {
+        self.search.expect_to_be_alone();
         let mut decisions = Vec::new();
         while let Some(turn) = self.turn() {
             self.compute();

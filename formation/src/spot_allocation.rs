@@ -26,8 +26,7 @@ pub(crate) fn allocate(
     module: usize,
     evictions: &mut Vec<Displacement>,
 ) -> Option<usize> {
-    let d_max = instance.problem.parameters().d_max;
-    let chain = search.insert(&instance.utilities, allocation, module, d_max);
+    let chain = search.insert(instance, allocation, module);
     for pair in chain.windows(2) {
         let [
             Step {

@@ -71,8 +71,30 @@ impl Utilities {
     /// The utility of a module for a spot, `U_a(s) = Val(s) - cost(a, s)`, every link end charged.
     #[must_use]
     pub fn of(&self, module: usize, spot: usize) -> MicroUnits {
-        let way = self.module_poses[module].distance_to(&self.spot_poses[spot]);
-        self.net_values[spot] - way.scaled_by(self.weights.loc()) - self.undocking[module]
+        let way_cost = MicroUnits(self.way_cost(module, &self.spot_poses[spot]));
+        self.net_values[spot] - way_cost - self.undocking[module]
+    }
+
+    /// The cost of a module's way to a pose.
+    #[inline]
+    pub(crate) fn way_cost(&self, module: usize, to: &Pose) -> i64 {
+        let way = self.module_poses[module].distance_to(to);
+        way.scaled_by(self.weights.loc()).0
+    }
+
+    /// The value of a spot less the cost of docking all of its links.
+    pub(crate) fn net_value(&self, spot: usize) -> i64 {
+        self.net_values[spot].0
+    }
+
+    /// The cost of undoing all links of a module.
+    pub(crate) fn undocking(&self, module: usize) -> i64 {
+        self.undocking[module].0
+    }
+
+    /// Where a module stands.
+    pub(crate) fn module_pose(&self, module: usize) -> &Pose {
+        &self.module_poses[module]
     }
 
     /// The utility of a module for every spot.
