@@ -1,0 +1,33 @@
+//! What the process does with bad input, and when it is told to end.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::process::{Command, Output};
+
+fn publisher(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_target_publisher"))
+        .args(["--discovery-range", "LOCALHOST", "--domain", "76"])
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+#[test]
+fn a_missing_scenario_is_one_line_and_status_2() {
+    let output = publisher(&["--scenario", "no/such/file.yaml"]);
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(told.trim_end().lines().count(), 1, "{told}");
+    assert!(told.contains("no/such/file.yaml"), "{told}");
+}
+
+#[test]
+fn a_number_of_modules_that_cannot_be_is_bad_usage() {
+    let output = publisher(&["--scenario", "x.yaml", "--expected-modules", "0"]);
+    assert_eq!(output.status.code(), Some(2));
+    let told = String::from_utf8(output.stderr).unwrap();
+    assert!(told.contains("--expected-modules"), "{told}");
+}

@@ -1,0 +1,15 @@
+//! What tests across the suite share: our programs as processes, and another vendor's DDS as a peer.
+//!
+//! A failure in here fails the test that calls it, so this panics where a library would return an error.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+mod peer;
+mod programs;
+
+pub use peer::Peer;
+pub use programs::{Finished, Running, alone, root, scenario_path};

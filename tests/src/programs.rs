@@ -1,0 +1,177 @@
+//! Our programs as processes, each ended by its own id.
+
+use std::io::Read;
+use std::path::{Path, PathBuf};
+use std::process::{Child, Command, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread::{self, JoinHandle};
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+/// Tests with several processes do not run beside each other.
+pub fn alone() -> MutexGuard<'static, ()> {
+    static ALONE: Mutex<()> = Mutex::new(());
+    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// The root of the repository.
+#[must_use]
+pub fn root() -> &'static Path {
+    Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap()
+}
+
+/// A scenario that ships with the suite.
+#[must_use]
+pub fn scenario_path(name: &str) -> PathBuf {
+    root()
+        .join("launch_scripts/scenarios")
+        .join(name)
+        .with_extension("yaml")
+}
+
+/// A program that cargo has built beside this test.
+fn program(name: &str) -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    let built = test.ancestors().nth(2).unwrap().join(name);
+    assert!(
+        built.is_file(),
+        "{} is missing; `cargo test --workspace` builds it, and so does `cargo build --workspace`",
+        built.display()
+    );
+    built
+}
+
+/// One of our programs, running; it is killed at the latest with this value.
+pub struct Running {
+    child: Child,
+    name: String,
+    stdout: Option<JoinHandle<String>>,
+    stderr: Option<JoinHandle<String>>,
+}
+
+/// How a program ended.
+pub struct Finished {
+    /// Its exit status.
+    pub status: i32,
+    /// What it printed.
+    pub stdout: String,
+    /// What it logged.
+    pub stderr: String,
+}
+
+impl Finished {
+    /// The last line of its output, as JSON.
+    #[must_use]
+    pub fn last_json(&self) -> Value {
+        let last = self.stdout.trim_end().lines().last().unwrap_or_default();
+        serde_json::from_str(last)
+            .unwrap_or_else(|error| panic!("{error} in {last:?}; it logged:\n{}", self.stderr))
+    }
+
+    /// The whole output as one JSON value.
+    #[must_use]
+    pub fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| {
+            panic!("{error} in {:?}; it logged:\n{}", self.stdout, self.stderr)
+        })
+    }
+}
+
+fn reader(mut stream: impl Read + Send + 'static) -> JoinHandle<String> {
+    thread::spawn(move || {
+        let mut text = String::new();
+        let _ = stream.read_to_string(&mut text);
+        text
+    })
+}
+
+impl Running {
+    /// Starts a program on a domain of loopback.
+    #[must_use]
+    pub fn start(name: &str, domain: &str, arguments: &[&str]) -> Self {
+        let mut child = Command::new(program(name))
+            .args(arguments)
+            .env("ROS_DOMAIN_ID", domain)
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .env_remove("ROS_LOCALHOST_ONLY")
+            .env_remove("ROS_NAMESPACE")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped())
+            .spawn()
+            .unwrap();
+        let stdout = child.stdout.take().map(reader);
+        let stderr = child.stderr.take().map(reader);
+        Self {
+            child,
+            name: format!("{name} {}", arguments.join(" ")),
+            stdout,
+            stderr,
+        }
+    }
+
+    /// The process.
+    #[must_use]
+    pub fn id(&self) -> u32 {
+        self.child.id()
+    }
+
+    /// Sends a signal, such as `INT`, to this process alone.
+    pub fn signal(&self, signal: &str) {
+        let status = Command::new("kill")
+            .args([&format!("-{signal}"), &self.child.id().to_string()])
+            .status()
+            .unwrap();
+        assert!(status.success(), "kill -{signal} failed for {}", self.name);
+    }
+
+    /// Waits for the program to end by itself, for at most `limit`.
+    #[must_use]
+    pub fn finish(mut self, limit: Duration) -> Finished {
+        let deadline = Instant::now() + limit;
+        let status = loop {
+            if let Some(status) = self.child.try_wait().unwrap() {
+                break status;
+            }
+            if Instant::now() > deadline {
+                self.child.kill().unwrap();
+                let text = self.texts();
+                panic!(
+                    "{} did not end within {limit:?}; it logged:\n{}",
+                    self.name, text.1
+                );
+            }
+            thread::sleep(Duration::from_millis(50));
+        };
+        let (stdout, stderr) = self.texts();
+        Finished {
+            status: status.code().unwrap_or(-1),
+            stdout,
+            stderr,
+        }
+    }
+
+    /// Asks the program to end, and waits until it has.
+    #[must_use]
+    pub fn stop(self) -> Finished {
+        self.signal("TERM");
+        self.finish(Duration::from_secs(20))
+    }
+
+    fn texts(&mut self) -> (String, String) {
+        let text = |handle: Option<JoinHandle<String>>| {
+            handle
+                .map(|handle| handle.join().unwrap())
+                .unwrap_or_default()
+        };
+        (text(self.stdout.take()), text(self.stderr.take()))
+    }
+}
+
+impl Drop for Running {
+    fn drop(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}

@@ -1,0 +1,316 @@
+//! Formations of real processes on real DDS, over loopback, each on a domain of its own.
+//!
+//! All of them stand in this one binary and take turns, since heavy process tests must not run beside each other.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use formation::scenario::Scenario;
+use formation_tests::{Finished, Peer, Running, alone, scenario_path};
+use serde_json::{Value, json};
+
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// Runs the launcher on a shipped scenario.
+fn launch(command: &str, scenario: &str, domain: &str, more: &[&str]) -> Finished {
+    let path = scenario_path(scenario);
+    let mut arguments = vec![command, path.to_str().unwrap(), "--json"];
+    arguments.extend(more);
+    Running::start("formation", domain, &arguments).finish(PATIENCE)
+}
+
+/// What processes agree on equals what the offline planner plans; returns the run's report.
+fn runs_as_planned(scenario: &str, domain: &str, outcome: &str) -> Value {
+    let plan = launch("plan", scenario, domain, &[]);
+    assert_eq!(plan.status, 0, "{}", plan.stderr);
+    let plan = plan.json();
+    let run = launch(
+        "run",
+        scenario,
+        domain,
+        &["--domain", domain, "--timeout", "90"],
+    );
+    assert_eq!(run.status, 0, "{scenario}: {}\n{}", run.stdout, run.stderr);
+    let run = run.json();
+    for key in [
+        "assignments",
+        "unassigned",
+        "open_spots",
+        "kept_links",
+        "broken_links",
+        "detached_modules",
+        "port_changes",
+        "evictions",
+        "total_utility",
+        "total_distance",
+        "assembly_order",
+    ] {
+        assert!(!plan[key].is_null(), "{scenario}: plan lacks {key}");
+        assert_eq!(run[key], plan[key], "{scenario}: {key}");
+    }
+    let verdict = run["verdict"]
+        .as_str()
+        .or(run["verdict"]["outcome"].as_str());
+    assert_eq!(verdict, Some(outcome), "{scenario}: {run}");
+    run
+}
+
+#[test]
+fn figure_1_forms_with_seventeen_agent_processes() {
+    let _alone = alone();
+    let run = runs_as_planned("figure1_ladder17", "61", "COMPLETE");
+    assert_eq!(run["assignments"].as_array().unwrap().len(), 17);
+}
+
+#[test]
+fn ten_singletons_form() {
+    let _alone = alone();
+    runs_as_planned("singletons_10", "62", "COMPLETE");
+}
+
+#[test]
+fn spares_stand_by() {
+    let _alone = alone();
+    let run = runs_as_planned("oversupply", "63", "COMPLETE");
+    assert!(!run["unassigned"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn too_few_modules_fill_a_connected_part() {
+    let _alone = alone();
+    let run = runs_as_planned("undersupply", "64", "PARTIAL");
+    assert!(!run["open_spots"].as_array().unwrap().is_empty());
+}
+
+#[test]
+fn a_configuration_that_cannot_fit_whole_breaks() {
+    let _alone = alone();
+    let run = runs_as_planned("mcs_detach", "65", "COMPLETE");
+    assert!(run["broken_links"].as_u64().unwrap() > 0);
+}
+
+const EIGHT: &str = "
+name: eight
+target:
+  frame_id: map
+  spots:
+    - {id: 1, x: 5, y: 5}
+    - {id: 2, x: 6, y: 5}
+    - {id: 3, x: 7, y: 5}
+    - {id: 4, x: 8, y: 5}
+    - {id: 5, x: 5, y: 6}
+    - {id: 6, x: 6, y: 6}
+    - {id: 7, x: 7, y: 6}
+    - {id: 8, x: 8, y: 6}
+  edges: [[1, 2], [2, 3], [3, 4], [1, 5], [2, 6], [3, 7], [4, 8]]
+configurations:
+  - id: 1
+    leader: 2
+    modules: [{id: 1, x: 1, y: 1}, {id: 2, x: 2, y: 1}, {id: 3, x: 3, y: 1}]
+    edges: [[1, 2], [2, 3]]
+singletons:
+  - {id: 4, x: 9, y: 2}
+  - {id: 5, x: 2, y: 9, theta: 1.0}
+  - {id: 6, x: 9, y: 9}
+  - {id: 7, x: 6, y: 2}
+  - {id: 8, x: 4, y: 3}
+";
+
+/// A scenario file of this test run, removed with this value.
+struct ScenarioFile(std::path::PathBuf);
+
+impl ScenarioFile {
+    fn new(name: &str, text: &str) -> Self {
+        let path =
+            std::env::temp_dir().join(format!("formation-{}-{name}.yaml", std::process::id()));
+        std::fs::write(&path, text).unwrap();
+        Self(path)
+    }
+
+    fn path(&self) -> &str {
+        self.0.to_str().unwrap()
+    }
+}
+
+impl Drop for ScenarioFile {
+    fn drop(&mut self) {
+        let _ = std::fs::remove_file(&self.0);
+    }
+}
+
+/// Eight agents, each a process of its own; module 2 leads its configuration.
+fn start_eight(file: &ScenarioFile, domain: &str) -> Vec<Running> {
+    (1..=8)
+        .map(|id: u32| {
+            let program = if id == 2 {
+                "leader_agent"
+            } else {
+                "module_agent"
+            };
+            let id = id.to_string();
+            Running::start(
+                program,
+                domain,
+                &["--module", &id, "--scenario", file.path(), "--speed", "10"],
+            )
+        })
+        .collect()
+}
+
+/// The announcement of the eight's target, as the .msg file has it.
+fn target_sample(revision: u64) -> Value {
+    let scenario = Scenario::from_yaml(EIGHT).unwrap();
+    let raw = scenario.problem().target().to_raw();
+    let spots: Vec<Value> = raw
+        .spots
+        .iter()
+        .map(|spot| json!({"id": spot.id, "x": spot.x, "y": spot.y, "theta": spot.theta}))
+        .collect();
+    let edges: Vec<Value> = raw
+        .edges
+        .iter()
+        .map(|[first, second]| json!({"first": first, "second": second}))
+        .collect();
+    json!({
+        "header": {"stamp": {"sec": 0, "nanosec": 0}, "frame_id": "map"},
+        "revision": revision,
+        "name": "eight",
+        "withdrawn": false,
+        "expected_modules": 8,
+        "spots": spots,
+        "edges": edges,
+        "planner": {
+            "policy": 0, "order": 0, "d_max": -1, "weight_loc": 1.0, "weight_dock": 0.1,
+            "weight_undock": 0.05, "keep_all_spots": false,
+        },
+    })
+}
+
+fn pairs(assignments: &Value) -> BTreeSet<(u64, u64)> {
+    assignments
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|pair| {
+            let number =
+                |names: [&str; 2]| names.iter().find_map(|name| pair[*name].as_u64()).unwrap();
+            (number(["module", "module_id"]), number(["spot", "spot_id"]))
+        })
+        .collect()
+}
+
+#[test]
+fn another_vendor_announces_the_target_and_reads_the_formation() {
+    let _alone = alone();
+    let domain = "66";
+    let file = ScenarioFile::new("driven", EIGHT);
+    let (Some(mut announcer), Some(mut claims), Some(mut verdicts), Some(mut states)) = (
+        Peer::start("put", "target", domain),
+        Peer::start("take", "claims", domain),
+        Peer::start("take", "verdict", domain),
+        Peer::start("take", "module_states", domain),
+    ) else {
+        return;
+    };
+    announcer.put(&target_sample(3));
+    let agents = start_eight(&file, domain);
+    let verifier = Running::start("verifier", domain, &["--timeout-s", "90", "--json"]);
+    let state = states.taken();
+    assert!(
+        (1..=8).contains(&state["modules"][0]["module_id"].as_u64().unwrap()),
+        "{state}"
+    );
+    let claim = claims.taken();
+    assert_eq!(claim["epoch"]["number"], 1, "{claim}");
+    assert!(
+        !claim["selections"].as_array().unwrap().is_empty(),
+        "{claim}"
+    );
+    let verdict = verdicts.taken();
+    let judged = verifier.finish(PATIENCE);
+    assert_eq!(judged.status, 0, "{}{}", judged.stdout, judged.stderr);
+    assert_eq!(verdict["outcome"], 1, "COMPLETE is 1: {verdict}");
+    let plan =
+        Running::start("formation", domain, &["plan", file.path(), "--json"]).finish(PATIENCE);
+    assert_eq!(
+        pairs(&verdict["assignments"]),
+        pairs(&plan.json()["assignments"])
+    );
+    for agent in agents {
+        assert_eq!(agent.stop().status, 0);
+    }
+}
+
+#[test]
+fn bad_messages_are_refused_counted_and_stop_nobody() {
+    let _alone = alone();
+    let domain = "67";
+    let file = ScenarioFile::new("hostile", EIGHT);
+    let (Some(mut garbler), Some(mut liar), Some(mut forger)) = (
+        Peer::start("garble", "claims", domain),
+        Peer::start("put", "claims", domain),
+        Peer::start("put", "target", domain),
+    ) else {
+        return;
+    };
+    let agents = start_eight(&file, domain);
+    let announcer = Running::start(
+        "target_publisher",
+        domain,
+        &["--scenario", file.path(), "--expected-modules", "8"],
+    );
+    garbler.put(&json!("0001000007"));
+    let claim = json!({
+        "epoch": {"number": 1, "convener": 1}, "turn": 0, "claimant_id": 4, "incarnation": 1,
+        "selections": [{"spot_id": 1, "module_id": 4}], "evictions": [], "detached": [],
+    });
+    liar.put(&claim);
+    let mut target = target_sample(u64::MAX);
+    target["spots"][0]["x"] = json!(f64::MAX);
+    forger.put(&target);
+    let verifier = Running::start("verifier", domain, &["--timeout-s", "90", "--json"]);
+    let judged = verifier.finish(PATIENCE);
+    assert_eq!(judged.status, 0, "{}{}", judged.stdout, judged.stderr);
+    assert_eq!(announcer.stop().status, 0);
+    let mut refused = 0;
+    for agent in agents {
+        let finished = agent.stop();
+        assert_eq!(finished.status, 0);
+        refused += usize::from(finished.stderr.contains("target: spots[0].x"));
+    }
+    assert_eq!(refused, 8, "each agent names the field that it refused");
+}
+
+#[test]
+fn a_missing_module_is_named_and_nothing_hangs() {
+    let _alone = alone();
+    let domain = "68";
+    let file = ScenarioFile::new("missing", EIGHT);
+    let mut agents = start_eight(&file, domain);
+    // Module 3 is docked to module 2, so it is missed by name.
+    drop(agents.remove(2));
+    let _announcer = Running::start(
+        "target_publisher",
+        domain,
+        &["--scenario", file.path(), "--expected-modules", "8"],
+    );
+    let verifier = Running::start("verifier", domain, &["--timeout-s", "12", "--json"]);
+    let judged = verifier.finish(PATIENCE);
+    assert_eq!(judged.status, 1, "{}{}", judged.stdout, judged.stderr);
+    let told = format!("{}{}", judged.stdout, judged.stderr);
+    assert!(told.contains("FAILED"), "{told}");
+    let convener = agents.remove(0).stop();
+    assert!(
+        convener
+            .stderr
+            .contains("7 of 8 modules have gathered; absent: 3"),
+        "{}",
+        convener.stderr
+    );
+}
