@@ -6,6 +6,7 @@ mod console;
 mod failure;
 mod generate;
 mod plan;
+mod run;
 mod scenario_file;
 mod table;
 mod warnings;
@@ -19,6 +20,7 @@ use crate::arguments::{Arguments, Command};
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Check { scenario } => check::check(&scenario),
+        Command::Run(arguments) => run::run(&arguments),
         Command::Plan { scenario, json } => plan::run(&scenario, json),
         Command::Generate(arguments) => generate::run(&arguments),
     };

@@ -1,0 +1,235 @@
+//! `formation run`: every module its own process, a verdict from an independent one.
+
+mod conduct;
+mod network;
+mod processes;
+mod programs;
+mod progress;
+mod report;
+mod supervisor;
+mod tail;
+
+use std::fs;
+use std::path::Path;
+use std::process::ExitStatus;
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use formation::scenario::Scenario;
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+
+use crate::arguments::RunArguments;
+use crate::failure::Failure;
+use crate::plan::CheckedPlan;
+use crate::{check, console, scenario_file};
+use conduct::{Course, End, conduct};
+use network::Surroundings;
+pub use processes::MODULES_PER_PROCESS_MAX;
+use processes::{Host, hosts, id_list};
+use programs::Programs;
+use progress::Display;
+use report::RunReport;
+use supervisor::{Output, ProcessId, Supervisor};
+
+/// After SIGTERM, so long a process may take to leave the ROS 2 graph.
+const STOP_GRACE: Duration = Duration::from_secs(5);
+/// The verifier gives its verdict when the time is up; so much later the launcher stops waiting for it.
+const VERDICT_MARGIN: Duration = Duration::from_secs(5);
+/// Besides those of the modules: the target publisher and the verifier.
+const OTHER_PROCESSES: usize = 2;
+
+/// Runs a scenario with real processes and prints what came of it.
+///
+/// # Errors
+/// Says what forbids to begin, which process failed, or what is wrong with the formation.
+pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
+    let path = arguments.scenario.as_path();
+    // Every process reads it again, and so does the launcher when it starts anew.
+    if path
+        .metadata()
+        .is_ok_and(|file| !file.is_file() && !file.is_dir())
+    {
+        return Err(Failure::BadInput(anyhow!(
+            "{}: is no regular file, but every process has to read it",
+            path.display()
+        )));
+    }
+    let scenario = scenario_file::load(path)?;
+    let programs = Programs::beside_launcher()?;
+    let hosts = hosts(scenario.problem(), arguments.modules_per_process);
+    let surroundings = network::settle(arguments, scenario.problem().modules().len(), hosts.len())?;
+    check::warn(path, &scenario);
+    let plan = CheckedPlan::of(&scenario)?;
+    plan.warn(path);
+    if let Some(directory) = &arguments.report {
+        fs::create_dir_all(directory)
+            .with_context(|| format!("{}: cannot be created", directory.display()))
+            .map_err(Failure::BadInput)?;
+    }
+    let formation = Formation {
+        arguments,
+        scenario: &scenario,
+        programs: &programs,
+        hosts: &hosts,
+        surroundings,
+    };
+    let (verdict, course) = formation.form()?;
+    let report = RunReport::new(&plan, &verdict, &course)?;
+    if let Some(directory) = &arguments.report {
+        write_report(directory, &report)?;
+    }
+    if arguments.json {
+        console::result_json(report.json())?;
+    } else {
+        console::result_line(&report.text(&plan, scenario.name()))?;
+    }
+    report.conclusion()
+}
+
+fn write_report(directory: &Path, report: &RunReport) -> Result<(), Failure> {
+    let path = directory.join("report.json");
+    fs::write(&path, format!("{}\n", report.json()))
+        .with_context(|| format!("{}: cannot be written", path.display()))
+        .map_err(Failure::Failed)
+}
+
+struct Formation<'a> {
+    arguments: &'a RunArguments,
+    scenario: &'a Scenario,
+    programs: &'a Programs,
+    hosts: &'a [Host],
+    surroundings: Surroundings,
+}
+
+impl Formation<'_> {
+    /// Starts all processes, waits for the verdict and stops them again.
+    fn form(&self) -> Result<(serde_json::Value, Course), Failure> {
+        let mut supervisor = Supervisor::new(&[SIGINT, SIGTERM, SIGHUP])
+            .context("cannot handle signals")
+            .map_err(Failure::Failed)?;
+        let mut display = Display::start();
+        let start = Instant::now();
+        let deadline = start + self.arguments.timeout + VERDICT_MARGIN;
+        let ended = self.start_all(&mut supervisor).map(|verifier| {
+            conduct(
+                &mut supervisor,
+                verifier,
+                self.module_count(),
+                start,
+                deadline,
+                &mut display,
+            )
+        });
+        display.finish();
+        let killed = supervisor.stop(STOP_GRACE);
+        if !killed.is_empty() {
+            console::note(&format!(
+                "warning: had to be killed, as SIGTERM did not end it: {}",
+                killed.join(", ")
+            ));
+        }
+        let (end, course) = ended?;
+        match end {
+            End::Judged(verdict) => Ok((verdict, course)),
+            End::ProcessEnded(process, status) => Err(died(&supervisor, process, status)),
+            End::Interrupted(signal) => Err(Failure::Failed(anyhow!(
+                "interrupted by {}; every process was stopped",
+                signal_name(signal)
+            ))),
+            End::TimedOut(progress) => Err(Failure::Failed(anyhow!(
+                "no verdict within {} s; {}",
+                self.arguments.timeout.as_secs_f64(),
+                progress.standstill()
+            ))),
+        }
+    }
+
+    fn module_count(&self) -> usize {
+        self.scenario.problem().modules().len()
+    }
+
+    /// Starts the verifier first, so that it hears everything, and the target last.
+    fn start_all(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {
+        let modules = self.module_count().to_string();
+        let timeout = self.arguments.timeout.as_secs_f64().to_string();
+        let verifier = self.start(
+            supervisor,
+            "verifier",
+            "verifier".to_owned(),
+            &["--progress", "--json", "--time-limit-s", &timeout],
+            Output::Results,
+        )?;
+        let speed = self.arguments.speed.to_string();
+        for host in self.hosts {
+            let list = id_list(&host.modules);
+            let modules: &[&str] = match host.modules.as_slice() {
+                [_] => &["--module", &list],
+                _ => &["--modules", &list],
+            };
+            self.start(
+                supervisor,
+                host.program(),
+                host.name(),
+                &[modules, &["--speed", &speed]].concat(),
+                Output::Discarded,
+            )?;
+        }
+        self.start(
+            supervisor,
+            "target_publisher",
+            "target_publisher".to_owned(),
+            &["--expected-modules", &modules],
+            Output::Discarded,
+        )?;
+        Ok(verifier)
+    }
+
+    fn start(
+        &self,
+        supervisor: &mut Supervisor,
+        program: &str,
+        name: String,
+        options: &[&str],
+        output: Output,
+    ) -> Result<ProcessId, Failure> {
+        let mut command = self.programs.command(program);
+        command
+            .arg("--scenario")
+            .arg(&self.arguments.scenario)
+            .args(["--domain", &self.surroundings.domain.to_string()])
+            .args(["--discovery-range", &self.surroundings.range.to_string()])
+            .args(options);
+        let context = format!("cannot start {name}");
+        supervisor
+            .start(name, &mut command, output)
+            .context(context)
+            .map_err(Failure::Failed)
+    }
+}
+
+/// Says which process ended and how, and shows its last words.
+fn died(supervisor: &Supervisor, process: ProcessId, status: ExitStatus) -> Failure {
+    let name = supervisor.name(process);
+    let mut said = false;
+    for line in supervisor.last_lines(process) {
+        console::note(&format!("{name}: {line}"));
+        said = true;
+    }
+    let words = if said {
+        "its last lines are above"
+    } else {
+        "it said nothing"
+    };
+    Failure::Failed(anyhow!(
+        "{name} ended with {status} before there was a verdict; {words}"
+    ))
+}
+
+fn signal_name(signal: i32) -> &'static str {
+    match signal {
+        SIGINT => "SIGINT (Ctrl-C)",
+        SIGTERM => "SIGTERM",
+        SIGHUP => "SIGHUP",
+        _ => "a signal",
+    }
+}

@@ -1,0 +1,316 @@
+//! Whether the processes will find each other on this machine, and a network namespace of their own if not.
+//!
+//! Without multicast, participants announce themselves only to the first twelve ports of a host, and `lo` takes no
+//! multicast unless somebody switched it on. That takes rights on the machine's network, or a network of one's own:
+//! every user may have one where the kernel allows user namespaces.
+
+use std::collections::BTreeSet;
+use std::env;
+use std::ffi::OsString;
+use std::fs;
+use std::os::unix::process::CommandExt;
+use std::process::{Command, Stdio};
+
+use anyhow::{Context, anyhow};
+
+use formation_node::environment::{DiscoveryRange, Domain, Environment, Overrides};
+use formation_node::interfaces::{PARTICIPANTS_WITHOUT_MULTICAST, discovery_obstacle, interfaces};
+
+use super::OTHER_PROCESSES;
+use super::processes::MODULES_PER_PROCESS_MAX;
+use crate::arguments::RunArguments;
+use crate::console;
+use crate::failure::{Failure, one_line};
+
+/// The hidden option by which the launcher knows that it runs in a network of its own.
+const PRIVATE_NETWORK_OPTION: &str = "--private-network";
+
+/// So many participants find each other whatever the network takes: one less than there could be, which is left for
+/// the user's own tools. Each that another program has is one less again.
+const FOUND_WITHOUT_MULTICAST: usize = PARTICIPANTS_WITHOUT_MULTICAST as usize - 1;
+/// The RTPS ports of one host and domain do not reach further.
+const PARTICIPANTS_MAX: usize = 120;
+
+/// Makes the new network usable, then becomes the command that follows. `ip` is often outside of a user's path. What
+/// /sys shows belongs to the network of whoever mounted it, so it is mounted anew; where that is refused, programs that
+/// look there see the old network, and everything else works.
+const SETUP: &str = "PATH=\"$PATH:/usr/sbin:/sbin\"; ip link set lo up && ip link set lo multicast on || exit 1; \
+                     mount -t sysfs sysfs /sys 2>/dev/null; exec \"$@\"";
+
+/// Where the processes will speak.
+#[derive(Clone, Copy, Debug)]
+pub struct Surroundings {
+    /// In which domain.
+    pub domain: Domain,
+    /// How far they look for each other.
+    pub range: DiscoveryRange,
+}
+
+/// Finds out where the processes are to speak, and makes sure that they will find each other: where the loopback
+/// interface does not let them, the launcher starts anew in a network of its own, and this does not return.
+///
+/// # Errors
+/// Says why they would not find each other, and what to do.
+pub fn settle(
+    arguments: &RunArguments,
+    modules: usize,
+    hosts: usize,
+) -> Result<Surroundings, Failure> {
+    let Environment { domain, range } = environment(arguments.domain, |name| {
+        env::var_os(name).map(|value| value.to_string_lossy().into_owned())
+    })?;
+    let surroundings = Surroundings { domain, range };
+    let participants = hosts + OTHER_PROCESSES;
+    if arguments.private_network {
+        check_room(participants, 0)?;
+        return Ok(surroundings);
+    }
+    let taken = participants_taken(domain.number());
+    check_room(participants, taken)?;
+    let interfaces = interfaces();
+    let all = u16::try_from(participants + taken).unwrap_or(u16::MAX);
+    let Some(obstacle) = discovery_obstacle(range, &interfaces, all) else {
+        return Ok(surroundings);
+    };
+    if range != DiscoveryRange::Localhost {
+        return Err(Failure::BadInput(anyhow!(obstacle)));
+    }
+    let fewer = modules_per_process_that_fit(modules, taken)
+        .map(|count| format!(", or use --modules-per-process {count}"))
+        .unwrap_or_default();
+    let there_is_none = |reason: anyhow::Error| {
+        Failure::BadInput(anyhow!(
+            "{participants} processes would not find each other on this machine's loopback interface, and there can be no \
+             network namespace ({reason:#}); run `sudo ip link set lo up multicast on`{fewer}"
+        ))
+    };
+    let isolation = usable_isolation().map_err(there_is_none)?;
+    console::note(&format!(
+        "note: {participants} processes would not find each other on this machine's loopback interface, so this runs in \
+         a network namespace of its own; for other terminals to see the topics, first run `sudo ip link set lo up \
+         multicast on`{fewer}"
+    ));
+    Err(there_is_none(enter_private_network(isolation)))
+}
+
+/// As ROS 2 has it, but on loopback alone where nothing is said.
+fn environment(
+    domain: Option<Domain>,
+    variable: impl Fn(&str) -> Option<String>,
+) -> Result<Environment, Failure> {
+    let is_set = |name| variable(name).is_some_and(|value| !value.trim().is_empty());
+    let silent = !is_set("ROS_AUTOMATIC_DISCOVERY_RANGE") && !is_set("ROS_LOCALHOST_ONLY");
+    let overrides = Overrides {
+        domain,
+        range: silent.then_some(DiscoveryRange::Localhost),
+    };
+    let environment = Environment::resolve(overrides, variable)
+        .map_err(|error| Failure::BadInput(error.into()))?;
+    if environment.range == DiscoveryRange::Off {
+        return Err(Failure::BadInput(anyhow!(
+            "environment variable ROS_AUTOMATIC_DISCOVERY_RANGE: OFF, so the processes would not find each other; use \
+             LOCALHOST"
+        )));
+    }
+    Ok(environment)
+}
+
+/// How many participants of a domain run on this machine already.
+fn participants_taken(domain: u16) -> usize {
+    // Where the kernel does not tell, other programs are taken to be in other domains.
+    let sockets = fs::read_to_string("/proc/net/udp").unwrap_or_default();
+    participants_in(&sockets, domain)
+}
+
+/// Counts the participants whose discovery port is among the local addresses of the kernel's table of UDP sockets.
+fn participants_in(sockets: &str, domain: u16) -> usize {
+    let ports: BTreeSet<usize> = sockets
+        .lines()
+        .filter_map(|line| {
+            let (_, port) = line.split_whitespace().nth(1)?.split_once(':')?;
+            usize::from_str_radix(port, 16).ok()
+        })
+        .collect();
+    // RTPS 2.5, section 9.6.2.3: PB + DG * domain + d1 + PG * participant.
+    let first = 7_400 + 250 * usize::from(domain) + 10;
+    (0..PARTICIPANTS_MAX)
+        .filter(|participant| ports.contains(&(first + 2 * participant)))
+        .count()
+}
+
+/// Refuses more participants than one host and domain has ports for.
+fn check_room(participants: usize, taken: usize) -> Result<(), Failure> {
+    if participants + taken <= PARTICIPANTS_MAX {
+        return Ok(());
+    }
+    let others = match taken {
+        0 => String::new(),
+        taken => format!(" and {taken} are taken"),
+    };
+    Err(Failure::BadInput(anyhow!(
+        "this needs {participants} processes; one machine and domain has room for {PARTICIPANTS_MAX}{others}; host \
+         several modules in one process with --modules-per-process"
+    )))
+}
+
+/// The fewest modules a process with which everything fits among the first participants, one left for the user's own
+/// tools; `None` if no number does.
+fn modules_per_process_that_fit(modules: usize, taken: usize) -> Option<usize> {
+    let hosts = FOUND_WITHOUT_MULTICAST.checked_sub(OTHER_PROCESSES + taken)?;
+    if hosts == 0 {
+        return None;
+    }
+    Some(modules.div_ceil(hosts)).filter(|&count| count <= MODULES_PER_PROCESS_MAX)
+}
+
+/// Starts the launcher anew in a network of its own, in place of this process: number, terminal and signals stay.
+/// Returns only if that fails, with the reason.
+fn enter_private_network(isolation: Isolation) -> anyhow::Error {
+    let executable = match env::current_exe() {
+        Ok(executable) => executable.into_os_string(),
+        Err(error) => return anyhow!(error).context("cannot find the launcher's own program"),
+    };
+    let mut command: Vec<OsString> = vec![executable];
+    command.extend(env::args_os().skip(1));
+    command.push(PRIVATE_NETWORK_OPTION.into());
+    anyhow!(isolated(isolation, command).exec()).context("cannot start `unshare`")
+}
+
+type Isolation = &'static [&'static str];
+
+/// Root keeps the rights of root on files if no user namespace is needed; others get one in which they may set up
+/// their network.
+const AS_ROOT: Isolation = &["--net", "--mount"];
+const AS_USER: Isolation = &["--user", "--map-root-user", "--net", "--mount"];
+
+fn usable_isolation() -> anyhow::Result<Isolation> {
+    let candidates: &[Isolation] = if rustix::process::geteuid().is_root() {
+        &[AS_ROOT, AS_USER]
+    } else {
+        &[AS_USER]
+    };
+    let mut refusal = anyhow!("there is no way to try");
+    for isolation in candidates {
+        match probe(isolation) {
+            Ok(()) => return Ok(isolation),
+            Err(error) => refusal = error,
+        }
+    }
+    Err(refusal)
+}
+
+fn probe(isolation: Isolation) -> anyhow::Result<()> {
+    let output = isolated(isolation, ["true".into()])
+        .stdin(Stdio::null())
+        .output()
+        .context("cannot start `unshare`")?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let said = one_line(&String::from_utf8_lossy(&output.stderr));
+    Err(match said.as_str() {
+        "" => anyhow!("`unshare` ended with {}", output.status),
+        said => anyhow!("{said}"),
+    })
+}
+
+fn isolated(isolation: Isolation, command: impl IntoIterator<Item = OsString>) -> Command {
+    let mut unshare = Command::new("unshare");
+    unshare
+        .args(isolation)
+        .args(["--", "sh", "-c", SETUP, "formation"])
+        .args(command);
+    unshare
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn participants_are_counted_by_their_discovery_ports() {
+        // Ports 7410 (domain 0, participant 0), 7412 twice, 7411 (user data), 7400 (multicast), 7660 (domain 1).
+        let table = "\
+   sl  local_address rem_address   st tx_queue rx_queue
+  100: 0100007F:1CF2 00000000:0000 07 00000000:00000000
+  101: 00000000:1CF4 00000000:0000 07 00000000:00000000
+  102: 0100007F:1CF4 00000000:0000 07 00000000:00000000
+  103: 0100007F:1CF3 00000000:0000 07 00000000:00000000
+  104: 00000000:1CE8 00000000:0000 07 00000000:00000000
+  105: 00000000:1DEC 00000000:0000 07 00000000:00000000
+";
+        assert_eq!(participants_in(table, 0), 2);
+        assert_eq!(participants_in(table, 1), 1);
+        assert_eq!(participants_in(table, 2), 0);
+        assert_eq!(participants_in("", 0), 0);
+    }
+
+    #[test]
+    fn the_suggested_number_leaves_one_participant_free() {
+        assert_eq!(modules_per_process_that_fit(20, 0), Some(2));
+        assert_eq!(modules_per_process_that_fit(21, 0), Some(3));
+        assert_eq!(modules_per_process_that_fit(10, 9), Some(10));
+        assert_eq!(modules_per_process_that_fit(10, 10), None);
+        assert_eq!(modules_per_process_that_fit(10, 30), None);
+        assert_eq!(modules_per_process_that_fit(251, 0), None);
+    }
+
+    #[test]
+    fn the_processes_stay_on_loopback_unless_told_otherwise() {
+        let resolved = |domain: Option<&str>, variables: &[(&str, &str)]| {
+            environment(domain.map(|domain| domain.parse().unwrap()), |name| {
+                variables
+                    .iter()
+                    .find(|(variable, _)| *variable == name)
+                    .map(|(_, value)| (*value).to_owned())
+            })
+            .map(|found| (found.domain.number(), found.range))
+            .map_err(|failure| failure.to_string())
+        };
+        const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
+        assert_eq!(resolved(None, &[]), Ok((0, DiscoveryRange::Localhost)));
+        assert_eq!(
+            resolved(None, &[("ROS_DOMAIN_ID", "7"), (RANGE, "SUBNET")]),
+            Ok((7, DiscoveryRange::Subnet))
+        );
+        assert_eq!(
+            resolved(Some("9"), &[("ROS_DOMAIN_ID", "7"), (RANGE, "")]),
+            Ok((9, DiscoveryRange::Localhost))
+        );
+        assert!(
+            resolved(None, &[(RANGE, "OFF")])
+                .unwrap_err()
+                .contains("OFF")
+        );
+        assert!(
+            resolved(None, &[(RANGE, "far")])
+                .unwrap_err()
+                .contains("far")
+        );
+    }
+
+    #[test]
+    fn too_many_processes_are_refused_with_what_to_do() {
+        assert!(check_room(120, 0).is_ok());
+        let refusal = check_room(119, 2).unwrap_err().to_string();
+        assert!(refusal.contains("119 processes"), "{refusal}");
+        assert!(refusal.contains("2 are taken"), "{refusal}");
+        assert!(refusal.contains("--modules-per-process"), "{refusal}");
+    }
+
+    /// Machines may refuse namespaces; then the reason is one that can be shown.
+    #[test]
+    fn a_private_network_takes_multicast_or_says_why_there_is_none() {
+        match usable_isolation() {
+            Ok(isolation) => {
+                let output = isolated(isolation, ["ip".into(), "-o".into(), "link".into()])
+                    .output()
+                    .unwrap();
+                let links = String::from_utf8(output.stdout).unwrap();
+                assert_eq!(links.lines().count(), 1, "{links}");
+                assert!(links.contains("LOOPBACK,MULTICAST,UP"), "{links}");
+            }
+            Err(error) => assert!(!error.to_string().is_empty()),
+        }
+    }
+}

@@ -1,0 +1,461 @@
+//! Starting, watching and stopping processes.
+//!
+//! One thread owns all state: readers of the processes' output and the signal handler only send events to it. So a
+//! process is only ever signalled while it is known not to have been waited for, and its number cannot have passed to
+//! another.
+
+use std::collections::VecDeque;
+use std::io::{self, BufReader, Read};
+use std::process::{Child, Command, ExitStatus, Stdio};
+use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use rustix::process::{Pid, Signal, kill_process};
+use signal_hook::consts::SIGCHLD;
+use signal_hook::iterator::{Handle, Signals};
+
+use super::tail::{LINE_BYTES_MAX, Tail, for_each_line};
+
+/// Events that wait for the owning thread; beyond that, readers and so the processes themselves wait.
+const EVENTS_MAX: usize = 1_024;
+/// A line of results lists every module, so it may be long.
+const RESULT_BYTES_MAX: usize = 16 * 1024 * 1024;
+/// After an exit, so long the rest of its output is awaited; a grandchild may hold the pipe open for ever.
+const LAST_WORDS: Duration = Duration::from_millis(500);
+/// After SIGKILL, so long the kernel is given to end a process.
+const KILL_WAIT: Duration = Duration::from_secs(2);
+
+/// Which process, in the order in which they were started.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct ProcessId(usize);
+
+/// What is done with a process' standard output; its error output is always kept for its last words.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Output {
+    /// It carries results, line by line.
+    Results,
+    /// It is dropped.
+    Discarded,
+}
+
+/// What happened.
+#[derive(Debug, PartialEq, Eq)]
+pub enum Happening {
+    /// A process wrote a line of results.
+    Result(ProcessId, String),
+    /// A process ended; all its output was read before.
+    Exited(ProcessId, ExitStatus),
+    /// A signal asks the launcher to end.
+    Interrupted(i32),
+    /// Nothing happened until the deadline.
+    TimedOut,
+}
+
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Stream {
+    Results,
+    Errors,
+}
+
+enum Event {
+    Line(ProcessId, Stream, String),
+    Closed(ProcessId),
+    Signal(i32),
+}
+
+struct Supervised {
+    name: String,
+    child: Child,
+    tail: Tail,
+    open_streams: usize,
+    exit: Option<(ExitStatus, Instant)>,
+    reported: bool,
+}
+
+impl Supervised {
+    fn is_alive(&self) -> bool {
+        self.exit.is_none()
+    }
+}
+
+/// Owns all processes; dropping it kills those that still run.
+pub struct Supervisor {
+    processes: Vec<Supervised>,
+    events: Receiver<Event>,
+    sender: SyncSender<Event>,
+    signals: Handle,
+    pending: VecDeque<Happening>,
+}
+
+impl Supervisor {
+    /// Begins to watch; from now on `ending_signals` no longer end the launcher but are reported.
+    ///
+    /// # Errors
+    /// Returns what the system says if signals cannot be handled.
+    pub fn new(ending_signals: &[i32]) -> io::Result<Self> {
+        let (sender, events) = sync_channel(EVENTS_MAX);
+        let mut signals = Signals::new(ending_signals.iter().chain(&[SIGCHLD]))?;
+        let handle = signals.handle();
+        let to_owner = sender.clone();
+        spawn_thread("signals".to_owned(), move || {
+            for signal in signals.forever() {
+                if to_owner.send(Event::Signal(signal)).is_err() {
+                    break;
+                }
+            }
+        })?;
+        Ok(Self {
+            processes: Vec::new(),
+            events,
+            sender,
+            signals: handle,
+            pending: VecDeque::new(),
+        })
+    }
+
+    /// Starts a process under a name by which people know it.
+    ///
+    /// # Errors
+    /// Returns what the system says if it cannot be started.
+    pub fn start(
+        &mut self,
+        name: String,
+        command: &mut Command,
+        output: Output,
+    ) -> io::Result<ProcessId> {
+        let stdout = match output {
+            Output::Results => Stdio::piped(),
+            Output::Discarded => Stdio::null(),
+        };
+        let mut child = command
+            .stdin(Stdio::null())
+            .stdout(stdout)
+            .stderr(Stdio::piped())
+            .spawn()?;
+        let process = ProcessId(self.processes.len());
+        let (results, errors) = (child.stdout.take(), child.stderr.take());
+        // Owned from here on, so that an error below cannot leave it running.
+        self.processes.push(Supervised {
+            name,
+            child,
+            tail: Tail::default(),
+            open_streams: 0,
+            exit: None,
+            reported: false,
+        });
+        if let Some(results) = results {
+            self.read(process, Stream::Results, results)?;
+        }
+        if let Some(errors) = errors {
+            self.read(process, Stream::Errors, errors)?;
+        }
+        Ok(process)
+    }
+
+    fn read(
+        &mut self,
+        process: ProcessId,
+        stream: Stream,
+        source: impl Read + Send + 'static,
+    ) -> io::Result<()> {
+        let sender = self.sender.clone();
+        let bytes_max = match stream {
+            Stream::Results => RESULT_BYTES_MAX,
+            Stream::Errors => LINE_BYTES_MAX,
+        };
+        spawn_thread(format!("reader {}", process.0), move || {
+            let send = |event| sender.send(event).is_ok();
+            // An error of the pipe ends it like its end; the exit status tells the rest.
+            let _ = for_each_line(BufReader::new(source), bytes_max, |line| {
+                send(Event::Line(process, stream, line))
+            });
+            send(Event::Closed(process));
+        })?;
+        self.processes[process.0].open_streams += 1;
+        Ok(())
+    }
+
+    /// The name under which a process was started.
+    pub fn name(&self, process: ProcessId) -> &str {
+        &self.processes[process.0].name
+    }
+
+    /// The last lines of a process' error output, oldest first.
+    pub fn last_lines(&self, process: ProcessId) -> impl Iterator<Item = &str> {
+        self.processes[process.0].tail.lines()
+    }
+
+    /// Waits for the next thing to happen, at most until `deadline`.
+    pub fn next(&mut self, deadline: Instant) -> Happening {
+        loop {
+            self.report_exits();
+            if let Some(happening) = self.pending.pop_front() {
+                return happening;
+            }
+            let now = Instant::now();
+            let until = self
+                .last_words_due()
+                .map_or(deadline, |due| due.min(deadline));
+            match self
+                .events
+                .recv_timeout(until.saturating_duration_since(now))
+            {
+                Ok(event) => self.take(event),
+                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
+                    if Instant::now() >= deadline {
+                        return Happening::TimedOut;
+                    }
+                }
+            }
+        }
+    }
+
+    fn take(&mut self, event: Event) {
+        match event {
+            Event::Line(process, Stream::Results, line) => {
+                self.pending.push_back(Happening::Result(process, line));
+            }
+            Event::Line(process, Stream::Errors, line) => {
+                self.processes[process.0].tail.push(line);
+            }
+            Event::Closed(process) => self.processes[process.0].open_streams -= 1,
+            Event::Signal(SIGCHLD) => self.reap(),
+            Event::Signal(signal) => self.pending.push_back(Happening::Interrupted(signal)),
+        }
+    }
+
+    /// Looks at every process, as several exits may come with one SIGCHLD.
+    fn reap(&mut self) {
+        for process in self
+            .processes
+            .iter_mut()
+            .filter(|process| process.is_alive())
+        {
+            if let Ok(Some(status)) = process.child.try_wait() {
+                process.exit = Some((status, Instant::now()));
+            }
+        }
+    }
+
+    fn report_exits(&mut self) {
+        let now = Instant::now();
+        for (index, process) in self.processes.iter_mut().enumerate() {
+            let Some((status, at)) = process.exit else {
+                continue;
+            };
+            let said_all = process.open_streams == 0 || now >= at + LAST_WORDS;
+            if said_all && !process.reported {
+                process.reported = true;
+                self.pending
+                    .push_back(Happening::Exited(ProcessId(index), status));
+            }
+        }
+    }
+
+    fn last_words_due(&self) -> Option<Instant> {
+        self.processes
+            .iter()
+            .filter(|process| !process.reported)
+            .filter_map(|process| process.exit.map(|(_, at)| at + LAST_WORDS))
+            .min()
+    }
+
+    /// Ends every process: asks with SIGTERM, waits for `grace`, then ends the rest with SIGKILL and returns their
+    /// names. A signal to the launcher meanwhile cuts the waiting short.
+    pub fn stop(&mut self, grace: Duration) -> Vec<String> {
+        self.reap();
+        for process in self.processes.iter().filter(|process| process.is_alive()) {
+            // It was not waited for, so the number is still its own; if it just ended, this does nothing.
+            let _ = kill_process(Pid::from_child(&process.child), Signal::TERM);
+        }
+        self.wait_for_all(Instant::now() + grace);
+        let mut killed = Vec::new();
+        for process in self
+            .processes
+            .iter_mut()
+            .filter(|process| process.is_alive())
+        {
+            if process.child.kill().is_ok() {
+                killed.push(process.name.clone());
+            }
+        }
+        self.wait_for_all(Instant::now() + KILL_WAIT);
+        killed
+    }
+
+    fn wait_for_all(&mut self, deadline: Instant) {
+        while self.processes.iter().any(Supervised::is_alive) {
+            if let Happening::TimedOut | Happening::Interrupted(_) = self.next(deadline) {
+                break;
+            }
+        }
+    }
+}
+
+impl Drop for Supervisor {
+    fn drop(&mut self) {
+        self.reap();
+        for process in self
+            .processes
+            .iter_mut()
+            .filter(|process| process.is_alive())
+        {
+            // Nobody is left to tell if this fails.
+            if process.child.kill().is_ok() {
+                let _ = process.child.wait();
+            }
+        }
+        self.signals.close();
+    }
+}
+
+/// Threads here only copy lines, so they need little stack even a hundred at a time.
+fn spawn_thread(name: String, work: impl FnOnce() + Send + 'static) -> io::Result<()> {
+    thread::Builder::new()
+        .name(name)
+        .stack_size(256 * 1024)
+        .spawn(work)
+        .map(drop)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::PathBuf;
+
+    use super::*;
+
+    const PATIENCE: Duration = Duration::from_secs(30);
+
+    fn shell(script: &str) -> Command {
+        let mut command = Command::new("sh");
+        command.args(["-c", script]);
+        command
+    }
+
+    fn supervise(script: &str) -> (Supervisor, ProcessId) {
+        let mut supervisor = Supervisor::new(&[]).unwrap();
+        let process = supervisor
+            .start("module 7".to_owned(), &mut shell(script), Output::Results)
+            .unwrap();
+        (supervisor, process)
+    }
+
+    fn next(supervisor: &mut Supervisor) -> Happening {
+        supervisor.next(Instant::now() + PATIENCE)
+    }
+
+    fn next_exit(supervisor: &mut Supervisor) -> Option<i32> {
+        match next(supervisor) {
+            Happening::Exited(_, status) => status.code(),
+            other => panic!("expected an exit, got {other:?}"),
+        }
+    }
+
+    fn proc_entry(supervisor: &Supervisor, process: ProcessId) -> PathBuf {
+        PathBuf::from(format!(
+            "/proc/{}",
+            supervisor.processes[process.0].child.id()
+        ))
+    }
+
+    #[test]
+    fn a_failing_process_is_named_with_its_last_lines() {
+        let (mut supervisor, process) =
+            supervise("for i in $(seq 30); do echo line $i >&2; done; printf 'no end' >&2; exit 3");
+        assert_eq!(next_exit(&mut supervisor), Some(3));
+        assert_eq!(supervisor.name(process), "module 7");
+        let lines: Vec<&str> = supervisor.last_lines(process).collect();
+        assert_eq!(lines.len(), super::super::tail::LINES_MAX);
+        assert_eq!(lines.last(), Some(&"no end"));
+        assert_eq!(lines.first(), Some(&"line 12"));
+    }
+
+    #[test]
+    fn results_come_in_order_and_before_the_exit() {
+        let (mut supervisor, process) = supervise("echo first; echo noise >&2; echo second");
+        for expected in ["first", "second"] {
+            assert_eq!(
+                next(&mut supervisor),
+                Happening::Result(process, expected.to_owned())
+            );
+        }
+        assert_eq!(next_exit(&mut supervisor), Some(0));
+        assert_eq!(
+            supervisor.next(Instant::now()),
+            Happening::TimedOut,
+            "an exit is reported once"
+        );
+    }
+
+    #[test]
+    fn a_flood_of_output_neither_blocks_nor_grows() {
+        let (mut supervisor, process) = supervise("seq 200000 >&2");
+        assert_eq!(next_exit(&mut supervisor), Some(0));
+        assert_eq!(supervisor.last_lines(process).last(), Some("200000"));
+    }
+
+    #[test]
+    fn an_exit_is_reported_though_a_grandchild_holds_the_output_open() {
+        let (mut supervisor, process) =
+            supervise("(sleep 3; echo late >&2) & echo early >&2; exit 4");
+        assert_eq!(next_exit(&mut supervisor), Some(4));
+        let lines: Vec<&str> = supervisor.last_lines(process).collect();
+        assert_eq!(lines, ["early"]);
+    }
+
+    #[test]
+    fn a_polite_process_ends_on_sigterm() {
+        let (mut supervisor, process) = supervise(
+            "trap 'echo goodbye >&2; exit 0' TERM; echo ready; while :; do sleep 0.02; done",
+        );
+        assert_eq!(
+            next(&mut supervisor),
+            Happening::Result(process, "ready".to_owned())
+        );
+        assert_eq!(supervisor.stop(PATIENCE), Vec::<String>::new());
+        assert!(!proc_entry(&supervisor, process).exists());
+        let (status, _) = supervisor.processes[process.0].exit.unwrap();
+        assert_eq!(status.code(), Some(0));
+    }
+
+    #[test]
+    fn a_process_that_ignores_sigterm_is_killed_and_named() {
+        let (mut supervisor, process) =
+            supervise("trap '' TERM; echo ready; while :; do sleep 0.02; done");
+        assert_eq!(
+            next(&mut supervisor),
+            Happening::Result(process, "ready".to_owned())
+        );
+        let entry = proc_entry(&supervisor, process);
+        assert!(entry.exists());
+        assert_eq!(supervisor.stop(Duration::from_millis(200)), ["module 7"]);
+        assert!(!entry.exists());
+    }
+
+    #[test]
+    fn dropping_the_supervisor_ends_what_runs() {
+        let (mut supervisor, process) =
+            supervise("trap '' TERM; echo ready; while :; do sleep 0.02; done");
+        assert_eq!(
+            next(&mut supervisor),
+            Happening::Result(process, "ready".to_owned())
+        );
+        let entry = proc_entry(&supervisor, process);
+        drop(supervisor);
+        assert!(!entry.exists());
+    }
+
+    #[test]
+    fn a_program_that_is_missing_is_an_error() {
+        let mut supervisor = Supervisor::new(&[]).unwrap();
+        let mut missing = Command::new("/no/such/program");
+        assert_eq!(
+            supervisor
+                .start("module 1".to_owned(), &mut missing, Output::Discarded)
+                .unwrap_err()
+                .kind(),
+            io::ErrorKind::NotFound
+        );
+    }
+}

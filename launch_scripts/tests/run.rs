@@ -1,0 +1,455 @@
+//! `formation run` as a user meets it, with shell scripts in place of the nodes: how it starts, watches and stops
+//! processes, whatever they do. What the real ones do together is tested elsewhere.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+use std::fs::{self, Permissions};
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
+use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::thread;
+use std::time::{Duration, Instant};
+
+use serde_json::Value;
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// Two modules with one obvious plan: each takes the spot below it.
+const SCENARIO: &str = "\
+name: two
+target: {spots: [{id: 1, x: 0.0, y: 0.0}, {id: 2, x: 1.0, y: 0.0}], edges: [[1, 2]]}
+singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
+";
+
+/// A program that stays until it is asked to end.
+const POLITE: &str = "exec sleep 60";
+
+/// A verifier that judges once so many other processes have been started.
+fn verdict_after(processes: usize, outcome: &str, spots: [u32; 2]) -> String {
+    format!(
+        r#"
+while [ "$(ls "$(dirname "$0")" | grep -c '^started-[mt].*[0-9]$')" -lt {processes} ]; do sleep 0.02; done
+echo '{{"progress":{{"phase":"gathering","joined":2}}}}'
+echo '{{"verdict":{{"outcome":"{outcome}","filled_spots":2,"assignments":[{{"module":7,"spot":{}}},{{"module":8,"spot":{}}}],"unassigned":[],"open_spots":[],"violations":[],"missing":["spot 9 is empty"],"planning_ms":1,"acting_ms":2}}}}'
+"#,
+        spots[0], spots[1]
+    )
+}
+
+fn verdict(outcome: &str, spots: [u32; 2]) -> String {
+    verdict_after(3, outcome, spots)
+}
+
+/// A directory with the launcher and scripts in place of the nodes.
+struct Stage {
+    directory: tempfile::TempDir,
+    /// A script that is being written cannot be started by a test beside it, and processes are many enough one test
+    /// at a time.
+    _alone: MutexGuard<'static, ()>,
+}
+
+impl Stage {
+    fn new(verifier: &str) -> Self {
+        static ALONE: Mutex<()> = Mutex::new(());
+        let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
+        let directory = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+        fs::hard_link(
+            env!("CARGO_BIN_EXE_formation"),
+            directory.path().join("formation"),
+        )
+        .unwrap();
+        fs::write(directory.path().join("scenario.yaml"), SCENARIO).unwrap();
+        let stage = Self {
+            directory,
+            _alone: alone,
+        };
+        for program in ["module_agent", "leader_agent", "target_publisher"] {
+            stage.program(program, POLITE);
+        }
+        stage.program("verifier", verifier);
+        stage
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.directory.path().join(name)
+    }
+
+    /// A script that first notes its process number under its name and arguments.
+    fn program(&self, name: &str, script: &str) {
+        let path = self.path(name);
+        let note = self.directory.path().display();
+        let script = format!(
+            "#!/bin/sh\nnoted='{note}/started-{name}-'$$\nprintf '%s\\n' \"$*\" > \"$noted.part\"\n\
+             mv \"$noted.part\" \"$noted\"\n{script}\n"
+        );
+        fs::write(&path, script).unwrap();
+        fs::set_permissions(&path, Permissions::from_mode(0o755)).unwrap();
+    }
+
+    /// The processes that were started: program, process number and arguments.
+    fn started(&self) -> Vec<(String, u32, String)> {
+        let mut started: Vec<(String, u32, String)> = fs::read_dir(self.directory.path())
+            .unwrap()
+            .filter_map(|entry| {
+                let path = entry.unwrap().path();
+                let name = path.file_name()?.to_str()?.strip_prefix("started-")?;
+                let (program, number) = name.rsplit_once('-')?;
+                let number = number.parse().ok()?;
+                let arguments = fs::read_to_string(&path).unwrap().trim().to_owned();
+                Some((program.to_owned(), number, arguments))
+            })
+            .collect();
+        started.sort();
+        started
+    }
+
+    fn await_started(&self, count: usize) {
+        let deadline = Instant::now() + PATIENCE;
+        while self.started().len() < count {
+            assert!(
+                Instant::now() < deadline,
+                "only these started: {:?}",
+                self.started()
+            );
+            thread::sleep(Duration::from_millis(20));
+        }
+    }
+
+    fn command(&self, options: &[&str]) -> Command {
+        let mut command = Command::new(self.path("formation"));
+        command
+            .arg("run")
+            .arg(self.path("scenario.yaml"))
+            .args(options)
+            .env_remove("ROS_DOMAIN_ID")
+            .env_remove("ROS_AUTOMATIC_DISCOVERY_RANGE")
+            .env_remove("ROS_LOCALHOST_ONLY")
+            .stdin(Stdio::null())
+            .stdout(Stdio::piped())
+            .stderr(Stdio::piped());
+        command
+    }
+
+    fn run(&self, options: &[&str]) -> Finished {
+        Finished::of(self.command(options).output().unwrap())
+    }
+
+    /// Sends a signal once all four processes run, and waits for the launcher's end.
+    fn run_until_signal(&self, signal: &str) -> Finished {
+        let launcher = self.command(&[]).spawn().unwrap();
+        self.await_started(4);
+        send(signal, launcher.id());
+        Finished::of(launcher.wait_with_output().unwrap())
+    }
+
+    fn assert_nothing_runs(&self) {
+        for (program, number, _) in self.started() {
+            assert!(!runs(number), "{program} still runs as {number}");
+        }
+    }
+}
+
+struct Finished {
+    status: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+impl Finished {
+    fn of(output: Output) -> Self {
+        Self {
+            status: output.status.code(),
+            stdout: String::from_utf8(output.stdout).unwrap(),
+            stderr: String::from_utf8(output.stderr).unwrap(),
+        }
+    }
+}
+
+fn send(signal: &str, process: u32) {
+    let status = Command::new("kill")
+        .args(["-s", signal, &process.to_string()])
+        .status()
+        .unwrap();
+    assert!(status.success());
+}
+
+fn runs(process: u32) -> bool {
+    Path::new(&format!("/proc/{process}")).exists()
+}
+
+#[test]
+fn every_process_is_told_its_part_and_stopped_in_the_end() {
+    let stage = Stage::new(&verdict("COMPLETE", [1, 2]));
+    let report = stage.path("report");
+    let finished = stage.run(&[
+        "--json",
+        "--domain",
+        "9",
+        "--report",
+        report.to_str().unwrap(),
+    ]);
+    assert_eq!(finished.status, Some(0), "{}", finished.stderr);
+    let json: Value = serde_json::from_str(&finished.stdout).unwrap();
+    assert_eq!(json["verdict"], "COMPLETE");
+    assert_eq!(json["planning_ms"], 1);
+    assert_eq!(json["acting_ms"], 2);
+    assert!(json["discovery_ms"].is_u64());
+    assert!(json["total_distance"].is_f64());
+    let written: Value =
+        serde_json::from_str(&fs::read_to_string(report.join("report.json")).unwrap()).unwrap();
+    assert_eq!(written, json);
+    let started = stage.started();
+    let programs: Vec<&str> = started
+        .iter()
+        .map(|(program, ..)| program.as_str())
+        .collect();
+    assert_eq!(
+        programs,
+        [
+            "module_agent",
+            "module_agent",
+            "target_publisher",
+            "verifier"
+        ]
+    );
+    for (program, _, arguments) in &started {
+        assert!(
+            arguments.contains("--domain 9 --discovery-range LOCALHOST")
+                && arguments.contains("--stop-with-parent"),
+            "{program} {arguments}"
+        );
+        assert!(arguments.contains("scenario.yaml"), "{program} {arguments}");
+    }
+    let mut modules: Vec<&str> = started[..2]
+        .iter()
+        .map(|(_, _, arguments)| arguments.split_once("--module ").unwrap().1)
+        .collect();
+    modules.sort_unstable();
+    assert!(modules[0].starts_with("7 ") && modules[1].starts_with("8 "));
+    assert!(started[2].2.contains("--expected-modules 2"));
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn people_read_the_verdict_last() {
+    let stage = Stage::new(&verdict("COMPLETE", [1, 2]));
+    let finished = stage.run(&[]);
+    assert_eq!(finished.status, Some(0), "{}", finished.stderr);
+    assert!(
+        finished.stdout.ends_with("hole-free\n"),
+        "{}",
+        finished.stdout
+    );
+    assert!(
+        finished.stderr.contains("joined 2/2"),
+        "{}",
+        finished.stderr
+    );
+}
+
+#[test]
+fn several_modules_share_a_process() {
+    let stage = Stage::new(&verdict_after(2, "COMPLETE", [1, 2]));
+    let finished = stage.run(&["--modules-per-process", "25"]);
+    assert_eq!(finished.status, Some(0), "{}", finished.stderr);
+    let started = stage.started();
+    assert_eq!(started[0].0, "module_agent");
+    assert!(started[0].2.contains("--modules 7-8"), "{}", started[0].2);
+    assert!(
+        started[1..]
+            .iter()
+            .all(|(program, ..)| program != "module_agent")
+    );
+}
+
+#[test]
+fn a_formation_that_failed_is_status_1() {
+    let stage = Stage::new(&verdict("FAILED", [1, 2]));
+    let finished = stage.run(&["--json"]);
+    assert_eq!(finished.status, Some(1));
+    let json: Value = serde_json::from_str(&finished.stdout).unwrap();
+    assert_eq!(json["verdict"], "FAILED");
+    assert!(
+        finished
+            .stderr
+            .ends_with("error: the formation failed: spot 9 is empty\n"),
+        "{}",
+        finished.stderr
+    );
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn an_allocation_other_than_planned_is_found_wrong() {
+    let stage = Stage::new(&verdict("COMPLETE", [2, 1]));
+    let finished = stage.run(&[]);
+    assert_eq!(finished.status, Some(1));
+    assert!(
+        finished
+            .stderr
+            .contains("module 7 took spot 2 instead of spot 1"),
+        "{}",
+        finished.stderr
+    );
+}
+
+#[test]
+fn the_process_that_failed_is_named_with_its_last_lines() {
+    let stage = Stage::new(POLITE);
+    stage.program(
+        "module_agent",
+        "case \"$*\" in *'--module 8 '*) echo 'out of battery' >&2; exit 9;; esac; exec sleep 60",
+    );
+    let finished = stage.run(&["--json"]);
+    assert_eq!(finished.status, Some(1));
+    assert_eq!(finished.stdout, "");
+    assert!(
+        finished
+            .stderr
+            .contains("module_agent of module 8: out of battery\n"),
+        "{}",
+        finished.stderr
+    );
+    assert!(
+        finished
+            .stderr
+            .contains("error: module_agent of module 8 ended with exit status: 9"),
+        "{}",
+        finished.stderr
+    );
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn signals_stop_everything() {
+    for signal in ["INT", "TERM", "HUP"] {
+        let stage = Stage::new(POLITE);
+        let finished = stage.run_until_signal(signal);
+        assert_eq!(finished.status, Some(1), "{signal}");
+        assert!(
+            finished
+                .stderr
+                .contains(&format!("error: interrupted by SIG{signal}")),
+            "{}",
+            finished.stderr
+        );
+        stage.assert_nothing_runs();
+    }
+}
+
+#[test]
+fn a_process_that_does_not_listen_is_killed_and_named() {
+    let stage = Stage::new(POLITE);
+    stage.program(
+        "target_publisher",
+        "trap '' TERM; while :; do sleep 0.05; done",
+    );
+    let finished = stage.run_until_signal("TERM");
+    assert!(
+        finished
+            .stderr
+            .contains("warning: had to be killed, as SIGTERM did not end it: target_publisher"),
+        "{}",
+        finished.stderr
+    );
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn a_run_without_end_says_who_is_missing() {
+    let stage = Stage::new(
+        "echo '{\"progress\":{\"phase\":\"gathering\",\"joined\":1,\"waiting_for\":[8]}}'; exec sleep 60",
+    );
+    let finished = stage.run(&["--timeout", "1"]);
+    assert_eq!(finished.status, Some(1));
+    assert!(
+        finished.stderr.contains(
+            "error: no verdict within 1 s; gathering: joined 1/2, planned 0, agreed 0, settled 0; waiting for module 8"
+        ),
+        "{}",
+        finished.stderr
+    );
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn nothing_starts_on_bad_input() {
+    let stage = Stage::new(POLITE);
+    for (options, expected) in [
+        (&["--modules-per-process", "0"][..], "from 1 to 25"),
+        (&["--modules-per-process", "26"], "from 1 to 25"),
+        (&["--domain", "233"], "0 to 232"),
+        (&["--timeout", "0"], "must be seconds"),
+        (&["--timeout", "NaN"], "must be seconds"),
+        (
+            &["--report", "/dev/null/report"],
+            "/dev/null/report: cannot be created",
+        ),
+    ] {
+        let finished = stage.run(options);
+        assert_eq!(finished.status, Some(2), "{options:?}: {}", finished.stderr);
+        assert!(finished.stderr.contains(expected), "{}", finished.stderr);
+    }
+    fs::remove_file(stage.path("verifier")).unwrap();
+    let finished = stage.run(&[]);
+    assert_eq!(finished.status, Some(2));
+    assert!(
+        finished.stderr.contains("verifier is missing"),
+        "{}",
+        finished.stderr
+    );
+    fs::write(stage.path("scenario.yaml"), "target: {spots: []}").unwrap();
+    let finished = stage.run(&[]);
+    assert_eq!(finished.status, Some(2));
+    assert!(
+        finished.stderr.contains("target.spots"),
+        "{}",
+        finished.stderr
+    );
+    assert_eq!(stage.started(), Vec::new());
+}
+
+#[test]
+fn more_processes_than_loopback_lets_find_each_other_get_a_network_of_their_own() {
+    let stage = Stage::new("ip -o link > \"$(dirname \"$0\")/links\"\nexit 3");
+    let modules: Vec<String> = (1..=12)
+        .map(|id| format!("{{id: {id}, x: {id}.0, y: 5.0}}"))
+        .collect();
+    fs::write(
+        stage.path("scenario.yaml"),
+        format!(
+            "target: {{spots: [{{id: 1, x: 0.0, y: 0.0}}]}}\nsingletons: [{}]\n",
+            modules.join(", ")
+        ),
+    )
+    .unwrap();
+    let finished = stage.run(&[]);
+    let told = &finished.stderr;
+    if finished.status == Some(2) {
+        assert!(told.contains("there can be no network namespace"), "{told}");
+        assert!(
+            told.contains("sudo ip link set lo up multicast on"),
+            "{told}"
+        );
+        assert!(told.contains("--modules-per-process 2"), "{told}");
+        assert_eq!(stage.started(), Vec::new());
+        return;
+    }
+    assert!(
+        told.contains("error: verifier ended with exit status: 3"),
+        "{told}"
+    );
+    let links = fs::read_to_string(stage.path("links")).unwrap();
+    assert!(links.contains("LOOPBACK,MULTICAST,UP"), "{links}");
+    // With a loopback that takes multicast, nothing need be done; otherwise the network is another.
+    if told.contains("in a network namespace of its own") {
+        assert_eq!(links.lines().count(), 1, "{links}");
+        assert!(told.contains("--modules-per-process 2"), "{told}");
+    }
+    stage.assert_nothing_runs();
+}
