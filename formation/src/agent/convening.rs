@@ -202,8 +202,8 @@ impl Agent {
         let Some(roster) = self.roster() else {
             return Some(EpochReason::NewTarget);
         };
-        if digest::of_target(announcement) != digest::of_target(&roster.target)
-            && announcement.revision > roster.target.revision
+        if announcement.revision > roster.target.revision
+            && digest::of_target(announcement) != digest::of_target(&roster.target)
         {
             return Some(EpochReason::NewTarget);
         }
