@@ -7,9 +7,7 @@
 )]
 
 use std::collections::BTreeSet;
-use std::io::{BufRead, BufReader, Write};
-use std::process::{Child, Command, Stdio};
-use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
+use std::sync::Arc;
 use std::thread;
 use std::time::Duration;
 
@@ -21,6 +19,7 @@ use formation_node::announcer::TargetProcess;
 use formation_node::environment::{DiscoveryRange, Environment, Namespace, Overrides};
 use formation_node::traffic::RefusalKind;
 use formation_node::verification::{End, News, VerifierProcess};
+use formation_tests::{Peer, alone};
 use serde_json::{Value, json};
 
 const SCENARIO: &str = "
@@ -30,91 +29,12 @@ singletons: [{id: 17, x: 3.0, y: 9.5}]
 planner: {d_max: 3}
 ";
 
-/// Tests with several participants do not run beside each other.
-fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
-
 fn environment(domain: &str) -> Environment {
     let overrides = Overrides {
         domain: Some(domain.parse().unwrap()),
         range: Some(DiscoveryRange::Localhost),
     };
     Environment::resolve(overrides, |_| None).unwrap()
-}
-
-/// CycloneDDS for Python at work; it ends with its input, and at the latest with this value.
-struct Peer {
-    child: Child,
-    advice: String,
-}
-
-impl Peer {
-    /// `None`, said aloud, where the user chose to go without Python.
-    fn start(command: &str, topic: &str, domain: &str) -> Option<Self> {
-        if std::env::var_os("FORMATION_SKIP_PYTHON").is_some_and(|value| value == "1") {
-            // Not by a macro: the test harness would keep it to itself.
-            let told = "SKIPPED: FORMATION_SKIP_PYTHON=1, so CycloneDDS was not talked to";
-            let mut stderr = std::io::stderr();
-            writeln!(stderr, "{told}").unwrap();
-            return None;
-        }
-        let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
-            .parent()
-            .unwrap()
-            .display();
-        let mut python = std::env::var("FORMATION_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-        // Cargo runs tests within their package, but people name a path as seen from the repository.
-        if python.contains('/') && !python.starts_with('/') {
-            python = format!("{root}/{python}");
-        }
-        let advice = format!(
-            "run `{python} -m pip install -r {root}/tests/requirements.txt`, name another interpreter in \
-             FORMATION_PYTHON, or set FORMATION_SKIP_PYTHON=1 to go without this test"
-        );
-        let script = format!("{root}/tests/python/formation_dds.py");
-        let child = Command::new(&python)
-            .args([&script, command, topic, "--domain", domain])
-            .stdin(Stdio::piped())
-            .stdout(Stdio::piped())
-            .spawn()
-            .unwrap_or_else(|error| panic!("cannot start `{python}`: {error}; {advice}"));
-        Some(Self { child, advice })
-    }
-
-    fn put(&mut self, sample: &Value) {
-        let input = self.child.stdin.as_mut().unwrap();
-        writeln!(input, "{sample}")
-            .unwrap_or_else(|error| panic!("{error}; {}", self.missing_package()));
-    }
-
-    fn missing_package(&self) -> String {
-        format!(
-            "if a Python package is missing, as is said above, {}",
-            self.advice
-        )
-    }
-
-    /// The next sample that it took.
-    fn taken(&mut self) -> Value {
-        let mut line = String::new();
-        let output = self.child.stdout.as_mut().unwrap();
-        BufReader::new(output).read_line(&mut line).unwrap();
-        assert!(
-            !line.is_empty(),
-            "CycloneDDS took nothing; {}",
-            self.missing_package()
-        );
-        serde_json::from_str(&line).unwrap()
-    }
-}
-
-impl Drop for Peer {
-    fn drop(&mut self) {
-        self.child.kill().unwrap();
-        self.child.wait().unwrap();
-    }
 }
 
 fn announcer(domain: &str) -> (Sender<()>, thread::JoinHandle<()>) {

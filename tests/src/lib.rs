@@ -10,6 +10,8 @@
 
 mod peer;
 mod programs;
+mod python;
 
 pub use peer::Peer;
 pub use programs::{Finished, Running, alone, root, scenario_path};
+pub use python::Python;
