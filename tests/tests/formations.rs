@@ -314,3 +314,24 @@ fn a_missing_module_is_named_and_nothing_hangs() {
         convener.stderr
     );
 }
+
+#[test]
+fn modules_can_agree_without_moving() {
+    let _alone = alone();
+    let file = ScenarioFile::new("still", EIGHT);
+    let run = ["run", file.path(), "--json", "--plan-only"];
+    let finished = Running::start("formation", "69", &run).finish(PATIENCE);
+    assert_eq!(finished.status, 0, "{}", finished.stderr);
+    let report = finished.json();
+    assert_eq!(report["verdict"], "AGREED");
+    let plan = Running::start("formation", "69", &["plan", file.path(), "--json"]).finish(PATIENCE);
+    assert_eq!(
+        pairs(&report["assignments"]),
+        pairs(&plan.json()["assignments"])
+    );
+    assert!(
+        !finished.stderr.contains("settled 1"),
+        "a module moved:\n{}",
+        finished.stderr
+    );
+}

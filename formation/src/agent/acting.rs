@@ -534,7 +534,7 @@ impl Agent {
                             self.emit(Event::WaitingFor(missing));
                         }
                     }
-                    _ if lagging.is_empty() => self.set_off(&place),
+                    _ if lagging.is_empty() && !self.parameters.plan_only => self.set_off(&place),
                     _ => {}
                 }
             }

@@ -232,9 +232,13 @@ impl Agent {
             return Some(EpochReason::Silent(silent));
         }
         let stuck = self.stuck_modules();
+        if stuck.contains(&self.module) {
+            // The others leave this module out; were it to convene, it would list itself again.
+            return None;
+        }
         if !stuck.is_empty() {
             let until = self.now + self.parameters.stuck * 2;
-            for &module in stuck.iter().filter(|&&module| module != self.module) {
+            for &module in &stuck {
                 self.peers.exclude(module, until);
             }
             return Some(EpochReason::Stuck(stuck));

@@ -29,6 +29,8 @@ pub struct AgentParameters {
     pub epoch_interval_limit: Duration,
     /// The least time between two announcements of the pose on the way.
     pub pose_interval: Duration,
+    /// Agree, but never set off: for those who only want to see what would be decided.
+    pub plan_only: bool,
 }
 
 impl Default for AgentParameters {
@@ -45,6 +47,7 @@ impl Default for AgentParameters {
             epoch_interval: Duration::from_secs(1),
             epoch_interval_limit: Duration::from_secs(16),
             pose_interval: Duration::from_millis(200),
+            plan_only: false,
         }
     }
 }

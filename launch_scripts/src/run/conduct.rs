@@ -40,6 +40,7 @@ pub struct Course {
 enum Line {
     Progress(Progress),
     Verdict(Value),
+    Agreement(Value),
 }
 
 /// Watches the processes until the verifier has judged, something failed or `deadline` has passed.
@@ -66,6 +67,11 @@ pub fn conduct(
                         }
                         display.show(&progress);
                         course.progress = progress;
+                    }
+                    Ok(Line::Agreement(mut agreement)) => {
+                        agreement["outcome"] = "AGREED".into();
+                        let end = linger(supervisor, verifier, agreement);
+                        return (end, course);
                     }
                     Ok(Line::Verdict(verdict)) => {
                         let end = linger(supervisor, verifier, verdict);

@@ -151,12 +151,21 @@ impl Formation<'_> {
     /// Starts the verifier first, so that it hears everything, and the target last.
     fn start_all(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {
         let modules = self.module_count().to_string();
+        let plan_only: &[&str] = if self.arguments.plan_only {
+            &["--plan-only"]
+        } else {
+            &[]
+        };
         let timeout = self.arguments.timeout.as_secs_f64().to_string();
         let verifier = self.start(
             supervisor,
             "verifier",
             "verifier".to_owned(),
-            &["--progress", "--json", "--time-limit-s", &timeout],
+            &[
+                &["--progress", "--json", "--time-limit-s", &timeout],
+                plan_only,
+            ]
+            .concat(),
             Output::Results,
         )?;
         let speed = self.arguments.speed.to_string();
@@ -170,7 +179,7 @@ impl Formation<'_> {
                 supervisor,
                 host.program(),
                 host.name(),
-                &[modules, &["--speed", &speed]].concat(),
+                &[modules, &["--speed", &speed], plan_only].concat(),
                 Output::Discarded,
             )?;
         }

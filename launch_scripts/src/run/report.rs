@@ -19,10 +19,13 @@ const DIFFERENCES_MAX: usize = 8;
 #[derive(Clone, Debug, Deserialize)]
 pub struct Verdict {
     outcome: Outcome,
+    #[serde(default)]
     filled_spots: usize,
     assignments: Vec<Taken>,
+    #[serde(default)]
     open_spots: Vec<SpotId>,
     violations: Vec<String>,
+    #[serde(default)]
     missing: Vec<String>,
     planning_ms: Option<u64>,
     acting_ms: Option<u64>,
@@ -35,6 +38,8 @@ enum Outcome {
     Complete,
     Partial,
     Failed,
+    /// All hold one plan, and none was to move.
+    Agreed,
 }
 
 /// Who settled where.
@@ -76,7 +81,10 @@ impl RunReport {
             "planning_ms",
             "acting_ms",
         ] {
-            json[key] = verdict[key].clone();
+            // Where modules only agree, the plan itself says what would be left over.
+            if !verdict[key].is_null() || json[key].is_null() {
+                json[key] = verdict[key].clone();
+            }
         }
         let discovery_ms = course
             .discovery
@@ -131,6 +139,7 @@ impl RunReport {
             Outcome::Partial => format!(
                 "PARTIAL: {filled} of {spots} spots are filled, as many as there are modules, hole-free"
             ),
+            Outcome::Agreed => "AGREED: all modules hold the same plan; none has moved".to_owned(),
             Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
         });
         lines.join("\n")
@@ -142,7 +151,8 @@ impl RunReport {
     /// Says what is wrong with the formation.
     pub fn conclusion(&self) -> Result<(), Failure> {
         let verdict = &self.verdict;
-        if verdict.outcome == Outcome::Failed {
+        let broken = verdict.outcome == Outcome::Agreed && !verdict.violations.is_empty();
+        if verdict.outcome == Outcome::Failed || broken {
             let reasons: Vec<&str> = verdict
                 .violations
                 .iter()

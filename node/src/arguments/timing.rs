@@ -47,6 +47,9 @@ macro_rules! timing_arguments {
                 #[arg(long, value_name = "SECONDS", default_value_t = Seconds(AgentParameters::default().$parameter))]
                 pub $argument: Seconds,
             )+
+            /// Agree on a plan, and stay where the modules are
+            #[arg(long, help_heading = "Motion")]
+            pub plan_only: bool,
         }
 
         impl TimingArguments {
@@ -57,6 +60,7 @@ macro_rules! timing_arguments {
             pub fn parameters(&self) -> Result<AgentParameters, Failure> {
                 AgentParameters {
                     $($parameter: self.$argument.0,)+
+                    plan_only: self.plan_only,
                 }
                 .validated()
                 .map_err(Failure::bad_input)
