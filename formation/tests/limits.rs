@@ -1,0 +1,187 @@
+//! Numbers at their limits: no panic, no wrap, and a clear error where they are refused. Tests are compiled with checks
+//! of overflow, so a sum that wrapped would fail them.
+
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use formation::MODULES_MAX;
+use formation::fixed::{COORDINATE_LIMIT_UNITS, MicroUnits, WEIGHT_LIMIT};
+use formation::generate::{GeneratorParameters, Grouping, generate};
+use formation::parameters::{PlannerParameters, Policy, TurnOrder, Weights};
+use formation::planning::{Planning, plan};
+use formation::problem::{PlanningProblem, ProblemError};
+use formation::scenario::{RawScenario, Scenario};
+use formation::statistics::Statistics;
+use formation::verify::check_plan;
+
+use support::{hungarian, with_parameters};
+
+/// Every module is in one corner of the world and every spot within reach of the opposite one.
+fn at_opposite_corners(modules: usize, spots: usize, grouping: Grouping) -> RawScenario {
+    let mut raw = generate(&GeneratorParameters::new(modules, spots, 3).grouped(grouping)).unwrap();
+    let members = raw
+        .configurations
+        .iter_mut()
+        .flat_map(|configuration| &mut configuration.modules);
+    for (number, module) in members.chain(&mut raw.singletons).enumerate() {
+        // A few stand exactly in the corner; the others differ, so that their ways do.
+        let inward = f64::from(u32::try_from(number / 3).unwrap());
+        (module.x, module.y) = (inward - COORDINATE_LIMIT_UNITS, -COORDINATE_LIMIT_UNITS);
+    }
+    let most = |of: fn(&formation::target::RawSpot) -> f64| {
+        raw.target.spots.iter().map(of).fold(f64::MIN, f64::max)
+    };
+    let (most_x, most_y) = (most(|spot| spot.x), most(|spot| spot.y));
+    for spot in &mut raw.target.spots {
+        spot.x += COORDINATE_LIMIT_UNITS - most_x;
+        spot.y += COORDINATE_LIMIT_UNITS - most_y;
+    }
+    raw
+}
+
+fn heaviest() -> Weights {
+    Weights::from_units(WEIGHT_LIMIT, WEIGHT_LIMIT - 1.0, WEIGHT_LIMIT - 2.0).unwrap()
+}
+
+#[test]
+fn the_longest_ways_at_the_heaviest_weights_are_planned_and_verified() {
+    for grouping in [
+        Grouping::Singletons,
+        Grouping::Mixed,
+        Grouping::Configurations(10),
+    ] {
+        for (modules, spots) in [(40, 40), (50, 30), (30, 40)] {
+            let raw = at_opposite_corners(modules, spots, grouping);
+            let scenario = Scenario::try_from(raw).unwrap();
+            for policy in [
+                Policy::Exact,
+                Policy::Paper,
+                Policy::Auction,
+                Policy::Hungarian,
+            ] {
+                for (order, d_max) in [(TurnOrder::Rank, None), (TurnOrder::SizeFirst, Some(3))] {
+                    let parameters = PlannerParameters {
+                        policy,
+                        order,
+                        d_max,
+                        weights: heaviest(),
+                        keep_all_spots: false,
+                    };
+                    let problem = with_parameters(scenario.problem(), parameters);
+                    let outcome = plan(Arc::clone(&problem));
+                    let statistics = Statistics::of(&problem, &outcome);
+                    assert!(statistics.total_utility < -2.0e8 * 20.0);
+                    if policy != Policy::Paper {
+                        let decisions: Vec<_> = outcome
+                            .decisions
+                            .iter()
+                            .map(|(_, decision)| decision.clone())
+                            .collect();
+                        assert_eq!(check_plan(&problem, &decisions, &outcome.plan).err(), None);
+                    }
+                }
+            }
+        }
+    }
+}
+
+#[test]
+fn utilities_at_their_limit_are_still_told_apart() {
+    let raw = at_opposite_corners(40, 40, Grouping::Singletons);
+    let scenario = Scenario::try_from(raw).unwrap();
+    let parameters = PlannerParameters {
+        weights: heaviest(),
+        ..PlannerParameters::default()
+    };
+    let problem = with_parameters(scenario.problem(), parameters);
+    let mut planning = Planning::new(Arc::clone(&problem));
+    planning.take_all_turns();
+    let instance = planning.instance();
+    let rows: Vec<Vec<i64>> = (0..40)
+        .map(|module| instance.utilities.row(module))
+        .collect();
+    let least = rows.iter().flatten().min().copied().unwrap();
+    assert!(least < -282_800_000_000_000, "{least}");
+    let total: MicroUnits = problem
+        .modules()
+        .iter()
+        .enumerate()
+        .map(|(position, module)| {
+            let spot = planning.spot_of(module.id).unwrap();
+            let spot = instance.target.position_of(spot).unwrap();
+            instance.utilities.of(position, spot)
+        })
+        .sum();
+    assert_eq!(total.0, hungarian::best_total(&rows));
+}
+
+/// Blocks of 2,500 keep this to seconds: as many modules as may take part, on as many spots, allocation only. That sums
+/// of as many utilities at the limit fit follows from their bounds, which is checked here too.
+#[test]
+fn as_many_modules_as_may_take_part_are_allocated() {
+    let grouping = Grouping::Configurations(2_500);
+    let raw = generate(&GeneratorParameters::new(MODULES_MAX, MODULES_MAX, 5).grouped(grouping));
+    let scenario = Scenario::try_from(raw.unwrap()).unwrap();
+    let parameters = PlannerParameters {
+        // Inserting the many modules left over takes minutes with chains; what is tried here is their number.
+        d_max: Some(0),
+        weights: heaviest(),
+        ..PlannerParameters::default()
+    };
+    let problem = with_parameters(scenario.problem(), parameters);
+    let mut planning = Planning::new(Arc::clone(&problem));
+    planning.take_all_turns();
+    let held: BTreeSet<_> = problem
+        .modules()
+        .iter()
+        .filter_map(|module| planning.spot_of(module.id))
+        .collect();
+    assert_eq!(held.len(), MODULES_MAX);
+    let longest = MicroUnits(2_828_427_124_747).scaled_by(heaviest().loc());
+    let count = i64::try_from(MODULES_MAX).unwrap();
+    assert!(
+        longest
+            .0
+            .checked_mul(count)
+            .is_some_and(|sum| sum < 3_000_000_000_000_000_000)
+    );
+}
+
+#[test]
+fn what_is_beyond_the_limits_is_refused_by_name() {
+    let beyond = |change: fn(&mut RawScenario)| {
+        let mut raw = generate(&GeneratorParameters::new(3, 3, 1)).unwrap();
+        change(&mut raw);
+        Scenario::try_from(raw).unwrap_err().to_string()
+    };
+    let refused = beyond(|raw| raw.singletons[1].y = -COORDINATE_LIMIT_UNITS - 1.0);
+    assert!(
+        refused.contains("singletons[1]") && refused.contains("1000000"),
+        "{refused}"
+    );
+    let refused = beyond(|raw| raw.target.spots[2].x = f64::NAN);
+    assert!(
+        refused.contains("spots[2].x") && refused.contains("finite"),
+        "{refused}"
+    );
+    let refused = Weights::from_units(WEIGHT_LIMIT + 1.0, 1.0, 0.5).unwrap_err();
+    assert!(refused.to_string().contains("100"), "{refused}");
+    let raw = generate(&GeneratorParameters::new(1, 1, 1)).unwrap();
+    let scenario = Scenario::try_from(raw).unwrap();
+    let problem = scenario.problem();
+    let crowd = (0..=MODULES_MAX).map(|number| {
+        let mut module = problem.modules()[0].clone();
+        module.id.0 = u32::try_from(number).unwrap() + 1;
+        module
+    });
+    let refused = PlanningProblem::new(
+        Arc::clone(problem.target()),
+        PlannerParameters::default(),
+        crowd.collect(),
+    );
+    assert_eq!(refused, Err(ProblemError::TooManyModules(MODULES_MAX + 1)));
+}
