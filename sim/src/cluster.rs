@@ -16,6 +16,7 @@ use formation::motion::SimulatedDrive;
 use formation::problem::PlanningProblem;
 
 use crate::network::{Channel, Network, NetworkParameters, Participant, Topic};
+use crate::process::Process;
 
 /// How a cluster is run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -106,24 +107,6 @@ impl Ord for Scheduled {
     fn cmp(&self, other: &Self) -> std::cmp::Ordering {
         (self.at, self.order).cmp(&(other.at, other.order))
     }
-}
-
-struct Process {
-    agent: Agent,
-    incarnation: Incarnation,
-    drive: SimulatedDrive,
-    /// The plan on which the drive was sent off last.
-    driven_by: Option<(Epoch, Digest)>,
-    /// Its clock's offset to the cluster's.
-    clock_offset: Duration,
-    /// By how many millionths its clock runs fast or slow.
-    clock_drift_ppm: i64,
-    timeout_at: Option<Duration>,
-    ticking: bool,
-    /// Until when its process stands still; inputs wait.
-    paused_until: Option<Duration>,
-    waiting: Vec<Input>,
-    history: BTreeMap<Topic, Vec<(u64, Message)>>,
 }
 
 /// What outlives a process: the module's body.
@@ -680,27 +663,5 @@ impl Cluster {
             }
         }
         self.observations.push((self.now, observation));
-    }
-}
-
-impl Process {
-    /// The cluster's time on this process's clock.
-    fn local(&self, now: Duration) -> Duration {
-        let micros = i64::try_from(now.as_micros()).unwrap_or(i64::MAX);
-        let drift = micros / 1_000_000 * self.clock_drift_ppm;
-        self.clock_offset
-            + Duration::from_micros(micros.saturating_add(drift).max(0).unsigned_abs())
-    }
-
-    /// The first time of the cluster, within a microsecond, at which this process's clock shows `local` or later.
-    fn global(&self, local: Duration) -> Duration {
-        let mut at = local.saturating_sub(self.clock_offset);
-        loop {
-            let shown = self.local(at);
-            if shown >= local {
-                return at;
-            }
-            at += (local - shown).max(Duration::from_micros(1));
-        }
     }
 }

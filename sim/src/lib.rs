@@ -8,6 +8,7 @@ mod cluster;
 mod faults;
 mod invariants;
 mod network;
+mod process;
 mod transcript;
 
 pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};

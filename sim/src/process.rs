@@ -1,0 +1,52 @@
+//! One simulated process and its clock.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use formation::agent::{Agent, Input};
+use formation::id::{Digest, Epoch, Incarnation};
+use formation::message::Message;
+use formation::motion::SimulatedDrive;
+
+use crate::network::Topic;
+
+/// One module's process: its agent, its drive, and its own clock.
+pub(crate) struct Process {
+    pub agent: Agent,
+    pub incarnation: Incarnation,
+    pub drive: SimulatedDrive,
+    /// The plan on which the drive was sent off last.
+    pub driven_by: Option<(Epoch, Digest)>,
+    /// Its clock's offset to the cluster's.
+    pub clock_offset: Duration,
+    /// By how many millionths its clock runs fast or slow.
+    pub clock_drift_ppm: i64,
+    pub timeout_at: Option<Duration>,
+    pub ticking: bool,
+    /// Until when its process stands still; inputs wait.
+    pub paused_until: Option<Duration>,
+    pub waiting: Vec<Input>,
+    pub history: BTreeMap<Topic, Vec<(u64, Message)>>,
+}
+
+impl Process {
+    /// The cluster's time on this process's clock.
+    pub fn local(&self, now: Duration) -> Duration {
+        let micros = i64::try_from(now.as_micros()).unwrap_or(i64::MAX);
+        let drift = micros / 1_000_000 * self.clock_drift_ppm;
+        self.clock_offset
+            + Duration::from_micros(micros.saturating_add(drift).max(0).unsigned_abs())
+    }
+
+    /// The first time of the cluster, within a microsecond, at which this process's clock shows `local` or later.
+    pub fn global(&self, local: Duration) -> Duration {
+        let mut at = local.saturating_sub(self.clock_offset);
+        loop {
+            let shown = self.local(at);
+            if shown >= local {
+                return at;
+            }
+            at += (local - shown).max(Duration::from_micros(1));
+        }
+    }
+}
