@@ -13,6 +13,8 @@ pub enum Holder {
     Singleton(usize),
     /// A module of a block, or one that has settled already; neither is ever evicted.
     Fixed(usize),
+    /// Nobody, and nobody may: there are too few modules to fill it.
+    Closed,
 }
 
 /// Who holds which spot. No module holds two spots, no spot has two holders.
@@ -68,6 +70,14 @@ impl SpotTable {
         self.holders.clone_from(&other.holders);
         self.spot_of.clone_from(&other.spot_of);
         self.free_count = other.free_count;
+    }
+
+    /// Keeps a free spot from being filled.
+    pub(crate) fn close(&mut self, spot: usize) {
+        if self.holders[spot] == Holder::Nobody {
+            self.holders[spot] = Holder::Closed;
+            self.free_count -= 1;
+        }
     }
 
     /// Lets a module give up its spot, if it holds one.

@@ -118,7 +118,7 @@ fn prices(instance: &Instance, allocation: &Allocation) -> Vec<Option<MicroUnits
         .enumerate()
         .map(|(spot, holder)| match *holder {
             Holder::Nobody => Some(MicroUnits::ZERO),
-            Holder::Fixed(_) => None,
+            Holder::Fixed(_) | Holder::Closed => None,
             Holder::Singleton(module) => {
                 let elsewhere = MicroUnits(free.utility(module).unwrap_or(0));
                 Some(instance.utilities.of(module, spot) - elsewhere)

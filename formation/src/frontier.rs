@@ -50,7 +50,7 @@ const WAY_COSTS_KEPT_MAX_ALONE: usize = 1 << 24;
 /// What a spot costs at most; more than any limit.
 const UNREACHABLE: i64 = i64::MAX / 8;
 
-/// The offset of a place that no path leads to: it has no spot, or a block holds it.
+/// The offset of a place that no path leads to: it has no spot, or one that stays as it is.
 const CLOSED: i64 = -UNREACHABLE;
 
 /// A position in 32 bits; there are never as many modules or spots.
@@ -145,7 +145,7 @@ impl Frontier {
                     break;
                 };
                 match allocation.table.holder(spot) {
-                    Holder::Fixed(_) => continue,
+                    Holder::Fixed(_) | Holder::Closed => continue,
                     Holder::Nobody => self.free.push(place),
                     Holder::Singleton(_) => (),
                 }
@@ -155,7 +155,7 @@ impl Frontier {
             self.offsets.push(offsets);
             self.open.push(open);
             if open == 0 {
-                // Blocks keep what they hold, so nobody needs to look here again.
+                // What is fixed stays so, and nobody needs to look here again.
                 self.leaf_lifts[leaf] = 2 * UNREACHABLE;
             }
         }

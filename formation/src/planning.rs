@@ -106,7 +106,7 @@ impl Planning {
         let full = Arc::clone(problem.target());
         if problem.parameters().keep_all_spots || problem.modules().len() >= full.spots().len() {
             let order = problem.parameters().order;
-            return Self::for_target(problem, full, order);
+            return Self::for_target(problem, full, order, &[]);
         }
         let order = problem.parameters().order;
         let dry_run = {
@@ -114,18 +114,29 @@ impl Planning {
                 Arc::clone(&problem),
                 Arc::clone(&full),
                 TurnOrder::SizeFirst,
+                &[],
             );
             planning.take_all_turns();
             planning
         };
-        let kept = trimming::kept_spots(&dry_run.instance, &dry_run.holding_sizes());
+        let trimmed = trimming::trim(&dry_run.instance, &dry_run.holding_sizes());
+        let closed: Vec<SpotId> = trimmed
+            .closed
+            .iter()
+            .map(|&spot| full.spots()[spot].id)
+            .collect();
         // Peeling keeps the target connected, so that this cannot be refused.
-        let target = full.restricted_to(&kept).map_or(full, Arc::new);
-        Self::for_target(problem, target, order)
+        let target = full.restricted_to(&trimmed.kept).map_or(full, Arc::new);
+        Self::for_target(problem, target, order, &closed)
     }
 
-    /// Plans for a target made of spots of the problem's own.
-    fn for_target(problem: Arc<PlanningProblem>, target: Arc<Target>, order: TurnOrder) -> Self {
+    /// Plans for a target made of spots of the problem's own, of which those `closed` must stay open.
+    fn for_target(
+        problem: Arc<PlanningProblem>,
+        target: Arc<Target>,
+        order: TurnOrder,
+        closed: &[SpotId],
+    ) -> Self {
         let instance = Instance::new(problem, target);
         let problem = &instance.problem;
         let (module_count, spot_count) = (problem.modules().len(), instance.target.spots().len());
@@ -136,6 +147,11 @@ impl Planning {
             if let Some(spot) = module.pin.and_then(|pin| instance.target.position_of(pin)) {
                 allocation.table.give(spot, Holder::Fixed(position));
                 single[position] = false;
+            }
+        }
+        for spot in closed {
+            if let Some(position) = instance.target.position_of(*spot) {
+                allocation.table.close(position);
             }
         }
         let configurations = match problem.parameters().policy {
@@ -199,6 +215,15 @@ impl Planning {
     #[must_use]
     pub fn trimmed_spots(&self) -> &[SpotId] {
         &self.trimmed_spots
+    }
+
+    /// The spots of the formed target that must stay open, ascending: there are some only if settled modules stand so
+    /// far apart that there are too few others to join them.
+    pub fn closed_spots(&self) -> impl Iterator<Item = SpotId> + '_ {
+        let holders = self.allocation.table.holders().iter().enumerate();
+        holders
+            .filter(|&(_, &holder)| holder == Holder::Closed)
+            .map(|(spot, _)| self.spot_id(spot))
     }
 
     /// Whether every block so far took the best place there is; `false` when a search on a graph with cycles was cut
@@ -470,7 +495,7 @@ impl Planning {
             .holders()
             .iter()
             .map(|holder| match *holder {
-                Holder::Nobody => 0,
+                Holder::Nobody | Holder::Closed => 0,
                 Holder::Singleton(module) | Holder::Fixed(module) => unit_sizes[module],
             })
             .collect()

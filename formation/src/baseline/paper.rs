@@ -93,7 +93,7 @@ impl PaperTurn<'_> {
                         return;
                     }
                 }
-                Holder::Fixed(_) => {}
+                Holder::Fixed(_) | Holder::Closed => {}
             }
         }
     }
@@ -124,7 +124,7 @@ impl PaperTurn<'_> {
                 Holder::Singleton(next) => {
                     (current, blocking, contested) = (blocking, next, for_blocking);
                 }
-                Holder::Fixed(_) => return None,
+                Holder::Fixed(_) | Holder::Closed => return None,
             }
         }
         None
@@ -158,7 +158,7 @@ impl PaperTurn<'_> {
                     position = self.evictions.len() - 1;
                 }
                 // What the test relied on has changed since.
-                Holder::Singleton(_) | Holder::Fixed(_) => return,
+                Holder::Singleton(_) | Holder::Fixed(_) | Holder::Closed => return,
             }
         }
     }
@@ -242,7 +242,7 @@ impl PaperTurn<'_> {
                 Some(moves) => Test::Evicts(moves),
                 None => Test::Refused,
             },
-            Holder::Fixed(_) => Test::Refused,
+            Holder::Fixed(_) | Holder::Closed => Test::Refused,
         }
     }
 
