@@ -295,6 +295,79 @@ fn singletons_stay_optimal_given_the_blocks_through_displacement_and_dropping() 
     assert!(dropped > 100, "{dropped}");
 }
 
+/// The greatest gain of a chain that begins with `module`, by trying all chains of at most `evictions_left` evictions.
+fn best_chain(
+    utilities: &[Vec<i64>],
+    holders: &[Option<usize>],
+    visited: &mut Vec<bool>,
+    module: usize,
+    evictions_left: u32,
+) -> i64 {
+    let free = (0..holders.len()).filter(|&spot| holders[spot].is_none());
+    // Without a free spot, the last displaced module is dropped.
+    let mut best = free.map(|spot| utilities[module][spot]).max().unwrap_or(0);
+    for spot in 0..holders.len() {
+        let Some(holder) = holders[spot].filter(|_| evictions_left > 0 && !visited[spot]) else {
+            continue;
+        };
+        visited[spot] = true;
+        let onward = best_chain(utilities, holders, visited, holder, evictions_left - 1);
+        visited[spot] = false;
+        best = best.max(utilities[module][spot] - utilities[holder][spot] + onward);
+    }
+    best
+}
+
+#[test]
+fn bounded_chains_equal_brute_force() {
+    let mut cut_short = 0;
+    for seed in 0..600 {
+        let mut numbers = Numbers(seed);
+        let spots = 2 + numbers.below(6);
+        let modules = spots + numbers.below(3);
+        let d_max = u32::try_from(numbers.below(4)).unwrap();
+        let parameters = PlannerParameters {
+            d_max: Some(d_max),
+            ..PlannerParameters::default()
+        };
+        let problem = problem(modules, spots, Grouping::Singletons, seed, parameters);
+        let mut planning = Planning::new(problem);
+        let utilities: Vec<Vec<i64>> = (0..modules)
+            .map(|module| planning.instance().utilities.row(module))
+            .collect();
+        let mut holders = vec![None; spots];
+        while let Some(turn) = planning.turn() {
+            let total = |holders: &[Option<usize>]| -> i64 {
+                let held = holders.iter().enumerate();
+                held.filter_map(|(spot, holder)| Some(utilities[(*holder)?][spot]))
+                    .sum()
+            };
+            let before = total(&holders);
+            let module = planning.problem().position_of(turn.claimant).unwrap();
+            let best =
+                |limit| best_chain(&utilities, &holders, &mut vec![false; spots], module, limit);
+            let (bounded, unbounded) = (best(d_max), best(u32::MAX));
+            let decision = planning.decide().unwrap();
+            planning.apply(turn.claimant, &decision).unwrap();
+            assert!(decision.evictions.len() <= d_max as usize);
+            for (spot, holder) in holders.iter_mut().enumerate() {
+                let id = planning.instance().target.spots()[spot].id;
+                *holder = (0..modules).find(|&module| {
+                    planning.spot_of(planning.problem().modules()[module].id) == Some(id)
+                });
+            }
+            let gain = total(&holders) - before;
+            assert_eq!(
+                gain, bounded,
+                "seed {seed}, turn {}, d_max {d_max}",
+                turn.number
+            );
+            cut_short += usize::from(bounded < unbounded);
+        }
+    }
+    assert!(cut_short > 200, "{cut_short}");
+}
+
 /// Reads `fixtures/betweenness.txt`, which `fixtures/betweenness.py` writes with networkx.
 #[test]
 fn betweenness_equals_networkx() {

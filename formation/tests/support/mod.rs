@@ -17,6 +17,7 @@ use formation::topology::Topology;
 
 pub mod brute_force;
 pub mod hungarian;
+pub mod world;
 
 /// A generator of numbers for tests (Sebastiano Vigna's SplitMix64 constants).
 #[derive(Clone, Debug)]
