@@ -67,8 +67,8 @@ pub enum Observation {
     Published(ModuleId, Message),
     /// An agent noted an event.
     Noted(ModuleId, Event),
-    /// A drive set off or was told to go on.
-    SetOff(ModuleId),
+    /// A drive set off or was told to go on, on this plan. Its module may have left the plan by the time this is read.
+    SetOff(ModuleId, Option<(Epoch, Digest)>),
     /// A fault struck, or ended.
     Fault(String),
 }
@@ -543,11 +543,12 @@ impl Cluster {
                 Output::Publish(message) => self.publish(module, &message),
                 Output::Event(event) => self.observe(Observation::Noted(module, event)),
                 Output::Move(goal) => {
-                    process.driven_by = process.agent.epoch().zip(process.agent.digest());
+                    let plan = process.agent.epoch().zip(process.agent.digest());
+                    process.driven_by = plan;
                     process.drive.go(local, goal);
                     let incarnation = process.incarnation;
                     let starts = !std::mem::replace(&mut process.ticking, true);
-                    self.observe(Observation::SetOff(module));
+                    self.observe(Observation::SetOff(module, plan));
                     if starts {
                         let at = self.now + self.parameters.drive_tick;
                         self.schedule(at, Happening::DriveTick(module, incarnation));

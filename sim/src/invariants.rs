@@ -117,7 +117,7 @@ impl Watch {
         for (at, observation) in cluster.take_observations() {
             match observation {
                 Observation::Published(module, message) => self.heard(at, module, &message),
-                Observation::SetOff(module) => self.set_off(at, module, cluster),
+                Observation::SetOff(module, plan) => self.set_off(at, module, plan, cluster),
                 Observation::Noted(..) | Observation::Fault(_) => {}
             }
         }
@@ -216,12 +216,14 @@ impl Watch {
         }
     }
 
-    fn set_off(&mut self, at: Duration, module: ModuleId, cluster: &Cluster) {
-        let plan_of = |module: ModuleId| {
-            let standing = cluster.standing(module)?;
-            Some((standing.epoch?, standing.digest?))
-        };
-        let Some(plan) = plan_of(module) else {
+    fn set_off(
+        &mut self,
+        at: Duration,
+        module: ModuleId,
+        plan: Option<PlanKey>,
+        cluster: &Cluster,
+    ) {
+        let Some(plan) = plan else {
             let detail = format!("{module} moves without a plan");
             return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
         };

@@ -11,7 +11,7 @@ pub(crate) fn line(now: Duration, observation: &Observation) -> Option<String> {
     let text = match observation {
         Observation::Published(module, message) => format!("{module:<10} {}", published(message)?),
         Observation::Noted(module, event) => format!("{module:<10} {event}"),
-        Observation::SetOff(_) => return None,
+        Observation::SetOff(..) => return None,
         Observation::Fault(what) => format!("--------   {what}"),
     };
     Some(format!("{:>9.3} s  {text}", now.as_secs_f64()))

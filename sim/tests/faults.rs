@@ -6,7 +6,7 @@ use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed};
 
 /// How many seeds the test command runs; the soak script asks for more.
 fn seeds() -> u64 {
-    std::env::var("FORMATION_SEEDS").map_or(300, |text| text.parse().unwrap())
+    std::env::var("FORMATION_SEEDS").map_or(1_000, |text| text.parse().unwrap())
 }
 
 fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
