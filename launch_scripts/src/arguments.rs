@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
 use formation_node::environment::Domain;
+use formation_sim::FaultKind;
 
 use crate::run::MODULES_PER_PROCESS_MAX;
 
@@ -46,6 +47,12 @@ pub enum Command {
     /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of
     /// 16 x 16 units. The same options give the same scenario.
     Generate(GenerateArguments),
+    /// Let the agents form targets in one process, under virtual time and a seeded network, while faults strike.
+    ///
+    /// One seed is one run, the same each time. Every run is watched from outside for breaches of what must always
+    /// hold: one module a spot, no motion without agreement, one plan in motion, no hole, an end. A seed that fails is
+    /// printed with the command that replays it. A single seed is told in full.
+    Simulate(SimulateArguments),
 }
 
 /// What to run, and how.
@@ -118,4 +125,50 @@ pub struct GenerateArguments {
     /// The seed of all that is random.
     #[arg(long, value_name = "X")]
     pub seed: u64,
+}
+
+/// What to simulate.
+#[derive(Debug, Args)]
+pub struct SimulateArguments {
+    /// A scenario file (YAML): its modules and target in every run [default: drawn from each seed]
+    pub scenario: Option<PathBuf>,
+    /// How many seeds to run; a single one is told in full.
+    #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
+    pub seeds: u64,
+    /// The first seed; the others follow it.
+    #[arg(long, value_name = "X", default_value_t = 0)]
+    pub first_seed: u64,
+    /// How many modules a drawn scenario has: a number, or the least and the most.
+    #[arg(long, value_name = "MIN-MAX", default_value = "5-40", conflicts_with = "scenario", value_parser = module_range)]
+    pub modules: ModuleRange,
+    /// Which faults strike: none, crash, partition or mixed.
+    #[arg(long, value_name = "KIND", default_value_t = FaultKind::Mixed)]
+    pub faults: FaultKind,
+    /// Print one JSON object instead of lines for people.
+    #[arg(long)]
+    pub json: bool,
+}
+
+/// The least and the most modules of a drawn scenario.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct ModuleRange {
+    /// The fewest.
+    pub min: usize,
+    /// The most.
+    pub max: usize,
+}
+
+/// Larger clusters are possible and take minutes a run.
+const SIMULATED_MODULES_MAX: usize = 200;
+
+fn module_range(text: &str) -> Result<ModuleRange, String> {
+    let (min, max) = text.split_once('-').unwrap_or((text, text));
+    let bound = |text: &str| text.trim().parse::<usize>().ok();
+    bound(min)
+        .zip(bound(max))
+        .filter(|&(min, max)| 1 <= min && min <= max && max <= SIMULATED_MODULES_MAX)
+        .map(|(min, max)| ModuleRange { min, max })
+        .ok_or_else(|| {
+            format!("must be a number or a range such as 5-40, from 1 to {SIMULATED_MODULES_MAX}")
+        })
 }

@@ -1,4 +1,4 @@
-//! `formation`: checks, plans, generates and runs formations.
+//! `formation`: checks, plans, generates, runs and simulates formations.
 
 mod arguments;
 mod check;
@@ -8,6 +8,7 @@ mod generate;
 mod plan;
 mod run;
 mod scenario_file;
+mod simulate;
 mod table;
 mod warnings;
 
@@ -23,6 +24,7 @@ fn main() -> ExitCode {
         Command::Run(arguments) => run::run(&arguments),
         Command::Plan { scenario, json } => plan::run(&scenario, json),
         Command::Generate(arguments) => generate::run(&arguments),
+        Command::Simulate(arguments) => simulate::run(&arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

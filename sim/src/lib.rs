@@ -9,6 +9,7 @@ mod faults;
 mod invariants;
 mod network;
 mod process;
+mod sweep;
 mod transcript;
 
 pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};
@@ -16,3 +17,4 @@ pub use cluster::{Cluster, ClusterParameters, Observation, Standing};
 pub use faults::{Fault, FaultKind, Strike};
 pub use invariants::{Violation, ViolationKind};
 pub use network::NetworkParameters;
+pub use sweep::run_seeds;

@@ -2,7 +2,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed};
+use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed, run_seeds};
 
 /// How many seeds the test command runs; the soak script asks for more.
 fn seeds() -> u64 {
@@ -10,26 +10,13 @@ fn seeds() -> u64 {
 }
 
 fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
-    let workers = std::thread::available_parallelism().map_or(1, std::num::NonZero::get) as u64;
-    let bad: Vec<RunReport> = std::thread::scope(|scope| {
-        let handles: Vec<_> = (0..workers)
-            .map(|worker| {
-                let seeds = seeds.clone();
-                scope.spawn(move || {
-                    seeds
-                        .filter(|seed| seed % workers == worker)
-                        .map(|seed| run_seed(parameters, seed).unwrap())
-                        .filter(|report| !report.violations.is_empty())
-                        .take(10)
-                        .collect::<Vec<_>>()
-                })
-            })
-            .collect();
-        handles
-            .into_iter()
-            .flat_map(|handle| handle.join().unwrap())
-            .collect()
-    });
+    let mut bad: Vec<RunReport> = Vec::new();
+    run_seeds(parameters, seeds, |report| {
+        if !report.violations.is_empty() && bad.len() < 20 {
+            bad.push(report);
+        }
+    })
+    .unwrap();
     for report in &bad {
         println!(
             "seed {} ({} modules, {} spots, {} left):",
