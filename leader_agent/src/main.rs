@@ -10,7 +10,7 @@ use clap::Parser;
 use formation::id::ModuleId;
 use formation_node::agents::ModuleProcess;
 use formation_node::arguments::{
-    HostedModules, MotionArguments, NetworkArguments, TimingArguments, read_scenario,
+    self, HostedModules, MotionArguments, NetworkArguments, TimingArguments, read_scenario,
     require_leader,
 };
 use formation_node::lifetime::stop_requested;
@@ -38,11 +38,12 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    conclude(run(&Arguments::parse()))
+    conclude(run())
 }
 
-fn run(arguments: &Arguments) -> Result<u8, Failure> {
-    let environment = arguments.network.start()?;
+fn run() -> Result<u8, Failure> {
+    let (arguments, ros) = arguments::parse::<Arguments>()?;
+    let settings = arguments.network.start(ros)?;
     let parameters = arguments.timing.parameters()?;
     let scenario = read_scenario(&arguments.scenario)?;
     let module = ModuleId(arguments.module);
@@ -52,8 +53,7 @@ fn run(arguments: &Arguments) -> Result<u8, Failure> {
     let hosted = HostedModules::from_scenario(&[module], &scenario).map_err(wrong)?;
     let stop = stop_requested()?;
     ModuleProcess {
-        environment,
-        namespace: arguments.network.namespace.clone(),
+        settings,
         modules: hosted.modules,
         parameters,
         motion: arguments.motion.parameters(),

@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use clap::Parser;
 use formation_node::agents::ModuleProcess;
 use formation_node::arguments::{
-    ModuleArguments, MotionArguments, NetworkArguments, TimingArguments,
+    self, ModuleArguments, MotionArguments, NetworkArguments, TimingArguments,
 };
 use formation_node::lifetime::stop_requested;
 use formation_node::outcome::{Failure, STATUS_DONE, conclude};
@@ -28,17 +28,17 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    conclude(run(&Arguments::parse()))
+    conclude(run())
 }
 
-fn run(arguments: &Arguments) -> Result<u8, Failure> {
-    let environment = arguments.network.start()?;
+fn run() -> Result<u8, Failure> {
+    let (arguments, ros) = arguments::parse::<Arguments>()?;
+    let settings = arguments.network.start(ros)?;
     let parameters = arguments.timing.parameters()?;
     let hosted = arguments.modules.resolve()?;
     let stop = stop_requested()?;
     ModuleProcess {
-        environment,
-        namespace: arguments.network.namespace.clone(),
+        settings,
         modules: hosted.modules,
         parameters,
         motion: arguments.motion.parameters(),

@@ -7,12 +7,12 @@ use formation::agent::{AgentParameters, Identity};
 use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;
 
-use crate::environment::{Environment, Namespace};
 use crate::host::{Host, MotionParameters, Outgoing};
 use crate::inbox::{Inbox, Wake};
 use crate::inlet::{Delivery, Inlet};
 use crate::outlet::Outlet;
 use crate::session::{Session, SessionError};
+use crate::settings::Settings;
 use crate::stamp;
 use crate::topics;
 use crate::traffic::Traffic;
@@ -26,10 +26,8 @@ const RETRY_AFTER: Duration = Duration::from_millis(20);
 /// A process that hosts modules.
 #[derive(Clone, Debug)]
 pub struct ModuleProcess {
-    /// Where it speaks.
-    pub environment: Environment,
-    /// The namespace of its node and topics.
-    pub namespace: Namespace,
+    /// Its place in the ROS 2 graph.
+    pub settings: Settings,
     /// What each hosted module knows of itself; at least one.
     pub modules: Vec<Identity>,
     /// How long the agents wait.
@@ -47,7 +45,7 @@ impl ModuleProcess {
     /// The ROS 2 graph could not be joined.
     pub fn run(self, stop: Receiver<()>) -> Result<(), SessionError> {
         let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
-        let mut session = Session::open(&self.environment, &self.namespace, &node_name(&ids))?;
+        let mut session = Session::open(&self.settings, &node_name(&ids))?;
         let inlets = Inlets {
             target: Inlet::open(&mut session, &topics::TARGET)?,
             states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
@@ -157,7 +155,7 @@ impl Running {
             match inbox.wait(self.due()).await {
                 Wake::Stop => return Ok(()),
                 Wake::Due => {}
-                Wake::Delivery(delivery) => {
+                Wake::Arrival(delivery) => {
                     self.take_in(delivery);
                     for delivery in std::iter::from_fn(|| inbox.ready()).take(SAMPLES_PER_TURN) {
                         self.take_in(delivery);

@@ -6,10 +6,10 @@ use async_channel::Receiver;
 use formation::message::TargetAnnouncement;
 use formation_msgs::TargetConfiguration;
 
-use crate::environment::{Environment, Namespace};
 use crate::inbox::{Inbox, Wake};
 use crate::outlet::Outlet;
 use crate::session::{Session, SessionError};
+use crate::settings::Settings;
 use crate::stamp;
 use crate::topics;
 use crate::traffic::Traffic;
@@ -19,10 +19,8 @@ const RETRY_AFTER: Duration = Duration::from_millis(20);
 /// A process that announces a target, and keeps it for whoever comes late.
 #[derive(Clone, Debug)]
 pub struct TargetProcess {
-    /// Where it speaks.
-    pub environment: Environment,
-    /// The namespace of its node and topics.
-    pub namespace: Namespace,
+    /// Its place in the ROS 2 graph.
+    pub settings: Settings,
     /// What it announces.
     pub announcement: TargetAnnouncement,
 }
@@ -33,7 +31,7 @@ impl TargetProcess {
     /// # Errors
     /// The ROS 2 graph could not be joined.
     pub fn run(self, stop: Receiver<()>) -> Result<(), SessionError> {
-        let mut session = Session::open(&self.environment, &self.namespace, "target_publisher")?;
+        let mut session = Session::open(&self.settings, "target_publisher")?;
         let mut outlet = Outlet::open(&mut session, &topics::TARGET)?;
         let mut traffic = Traffic::default();
         let mut sample = TargetConfiguration::from(&self.announcement);
@@ -49,13 +47,13 @@ impl TargetProcess {
                 .map_or(0, |target| target.spots().len()),
             "announced the target"
         );
-        let mut inbox = Inbox::new([], stop);
+        let mut inbox = Inbox::<std::convert::Infallible>::new([], stop);
         async_io::block_on(async {
             loop {
                 let retry = outlet.is_waiting().then(|| Instant::now() + RETRY_AFTER);
                 match inbox.wait(retry).await {
                     Wake::Stop => break,
-                    Wake::Due | Wake::Delivery(_) => outlet.flush(&mut traffic),
+                    Wake::Due | Wake::Arrival(_) => outlet.flush(&mut traffic),
                 }
             }
         });

@@ -173,6 +173,16 @@ impl Environment {
     }
 }
 
+/// Reads `ROS_NAMESPACE`; without it, the namespace is `/formation`.
+///
+/// # Errors
+/// Says what is wrong with its value.
+pub fn namespace(variable: impl Fn(&str) -> Option<String>) -> Result<Namespace, EnvironmentError> {
+    let value = variable(NAMESPACE).filter(|value| !value.trim().is_empty());
+    Ok(parsed(NAMESPACE, value)?.unwrap_or_default())
+}
+
+const NAMESPACE: &str = "ROS_NAMESPACE";
 const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
 const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
 
@@ -281,6 +291,19 @@ mod tests {
         ] {
             assert!(bad.parse::<Namespace>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn the_namespace_is_that_of_the_environment_if_any() {
+        let with = |value: Option<&str>| {
+            namespace(|name| value.filter(|_| name == NAMESPACE).map(str::to_owned))
+                .map(|namespace| namespace.to_string())
+                .map_err(|error| error.to_string())
+        };
+        assert_eq!(with(None), Ok("/formation".to_owned()));
+        assert_eq!(with(Some("")), Ok("/formation".to_owned()));
+        assert_eq!(with(Some("/fleet")), Ok("/fleet".to_owned()));
+        assert!(with(Some("fleet")).unwrap_err().contains(NAMESPACE));
     }
 
     #[test]

@@ -1,4 +1,4 @@
-//! Waiting for whatever comes first: a sample, a time, or the request to end.
+//! Waiting for whatever comes first: a sample or request, a time, or the request to end.
 
 use std::time::{Duration, Instant};
 
@@ -7,16 +7,14 @@ use async_io::Timer;
 use futures::stream::{LocalBoxStream, SelectAll, select_all};
 use futures::{FutureExt, StreamExt, select_biased};
 
-use crate::inlet::Delivery;
-
 /// Even when something is due already, the processor is left to others for so long: a mistake that makes a thing
 /// due for ever costs time, but not the whole machine.
 const PAUSE_MIN: Duration = Duration::from_millis(1);
 
 /// Why [`Inbox::wait`] came back.
-pub(crate) enum Wake {
-    /// A sample came in.
-    Delivery(Delivery),
+pub(crate) enum Wake<T> {
+    /// Something came in: a sample, or a request.
+    Arrival(T),
     /// The time has come.
     Due,
     /// The process is to end.
@@ -24,34 +22,34 @@ pub(crate) enum Wake {
 }
 
 /// All that a loop waits for.
-pub(crate) struct Inbox<'a> {
-    deliveries: SelectAll<LocalBoxStream<'a, Delivery>>,
+pub(crate) struct Inbox<'a, T> {
+    arrivals: SelectAll<LocalBoxStream<'a, T>>,
     stop: Receiver<()>,
 }
 
-impl<'a> Inbox<'a> {
+impl<'a, T> Inbox<'a, T> {
     pub(crate) fn new(
-        deliveries: impl IntoIterator<Item = LocalBoxStream<'a, Delivery>>,
+        arrivals: impl IntoIterator<Item = LocalBoxStream<'a, T>>,
         stop: Receiver<()>,
     ) -> Self {
         Self {
-            deliveries: select_all(deliveries),
+            arrivals: select_all(arrivals),
             stop,
         }
     }
 
     /// Waits for the next thing; the request to end comes before all else.
-    pub(crate) async fn wait(&mut self, due: Option<Instant>) -> Wake {
+    pub(crate) async fn wait(&mut self, due: Option<Instant>) -> Wake<T> {
         let timer = due.map_or_else(Timer::never, |due| {
             Timer::at(due.max(Instant::now() + PAUSE_MIN))
         });
         let mut timer = FutureExt::fuse(timer);
         let mut stop = std::pin::pin!(self.stop.recv().fuse());
         // A loop without subscriptions has only the other two to wait for.
-        let mut deliveries = std::pin::pin!(
+        let mut arrivals = std::pin::pin!(
             async {
-                match self.deliveries.next().await {
-                    Some(delivery) => delivery,
+                match self.arrivals.next().await {
+                    Some(arrival) => arrival,
                     None => std::future::pending().await,
                 }
             }
@@ -60,27 +58,26 @@ impl<'a> Inbox<'a> {
         select_biased! {
             // A channel without a sender can never ask, so its owner is gone and the process with it.
             _ = stop => Wake::Stop,
-            delivery = deliveries => Wake::Delivery(delivery),
+            arrival = arrivals => Wake::Arrival(arrival),
             _ = timer => Wake::Due,
         }
     }
 
-    /// A sample that came in already, without waiting.
-    pub(crate) fn ready(&mut self) -> Option<Delivery> {
-        self.deliveries.next().now_or_never().flatten()
+    /// What came in already, without waiting.
+    pub(crate) fn ready(&mut self) -> Option<T> {
+        self.arrivals.next().now_or_never().flatten()
     }
 }
 
 #[cfg(test)]
 mod tests {
     use async_channel::bounded;
-    use formation::agent::SourceId;
     use futures::stream;
 
     use super::*;
 
-    fn samples(count: usize) -> LocalBoxStream<'static, Delivery> {
-        stream::iter((0..count).map(|_| Delivery::empty(SourceId(1)))).boxed_local()
+    fn samples(count: usize) -> LocalBoxStream<'static, usize> {
+        stream::iter(0..count).boxed_local()
     }
 
     #[test]
@@ -88,10 +85,10 @@ mod tests {
         let (sender, stop) = bounded(1);
         let mut inbox = Inbox::new([samples(1_000)], stop);
         async_io::block_on(async {
-            assert!(matches!(inbox.wait(None).await, Wake::Delivery(_)));
+            assert!(matches!(inbox.wait(None).await, Wake::Arrival(_)));
             sender.try_send(()).unwrap();
             assert!(matches!(inbox.wait(None).await, Wake::Stop));
-            assert!(matches!(inbox.wait(None).await, Wake::Delivery(_)));
+            assert!(matches!(inbox.wait(None).await, Wake::Arrival(_)));
             drop(sender);
             assert!(matches!(inbox.wait(None).await, Wake::Stop));
         });
@@ -102,7 +99,7 @@ mod tests {
         let (_sender, stop) = bounded(1);
         let mut inbox = Inbox::new([samples(2)], stop);
         async_io::block_on(async {
-            assert!(matches!(inbox.wait(None).await, Wake::Delivery(_)));
+            assert!(matches!(inbox.wait(None).await, Wake::Arrival(_)));
             assert!(inbox.ready().is_some());
             assert!(inbox.ready().is_none());
             let past = Instant::now();

@@ -51,14 +51,6 @@ pub(crate) struct Delivery {
 }
 
 impl Delivery {
-    #[cfg(test)]
-    pub(crate) fn empty(source: SourceId) -> Self {
-        Self {
-            topic: "test",
-            content: Ok((source, Vec::new())),
-        }
-    }
-
     /// The messages and their sender; nothing of a sample that is refused, and nothing of one's own.
     ///
     /// A process hands messages between the modules that it hosts by itself, so what it hears of itself is no news.

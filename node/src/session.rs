@@ -5,15 +5,19 @@ use std::net::Ipv4Addr;
 use formation::agent::SourceId;
 use formation_msgs::InterfaceType;
 use ros2_client::{
-    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
-    Subscription,
+    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Server,
+    ServiceTypeName, Subscription,
 };
 use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::environment::{DiscoveryRange, Environment, Namespace};
+use crate::arguments::{NodeIdentity, RemapRules, Resource};
+use crate::environment::DiscoveryRange;
 use crate::interfaces::{discovery_obstacle, interfaces};
+use crate::service::{ServiceType, service_qos};
+use crate::service_mapping::ServiceMapping;
+use crate::settings::Settings;
 use crate::topics::Topic;
 
 /// A process's place in the ROS 2 graph.
@@ -29,13 +33,15 @@ pub struct Session {
     #[expect(dead_code, reason = "held for what its end does")]
     context: Context,
     participant: DomainParticipant,
-    namespace: Namespace,
+    identity: NodeIdentity,
+    remaps: RemapRules,
+    service_mapping: ServiceMapping,
 }
 
 /// Why a process could not join the ROS 2 graph.
 #[derive(Debug, Error)]
 pub enum SessionError {
-    /// The namespace or the node's name is no ROS 2 name.
+    /// A name, or what a remapping rule makes of it, is no ROS 2 name.
     #[error("`{name}` cannot be used in a ROS 2 name: {reason}")]
     Name {
         /// What was given.
@@ -59,21 +65,16 @@ pub enum SessionError {
 }
 
 impl Session {
-    /// Joins the graph as `namespace/name`.
+    /// Joins the graph as `name` in the namespace of the settings, unless remapping rules change either.
     ///
     /// # Errors
     /// Refuses names that ROS 2 does not take, and a machine on which the processes cannot find each other; passes
     /// on what the DDS library refuses, such as a domain that is full.
-    pub fn open(
-        environment: &Environment,
-        namespace: &Namespace,
-        name: &str,
-    ) -> Result<Self, SessionError> {
-        let node_name =
-            NodeName::new(namespace.as_str(), name).map_err(|error| SessionError::Name {
-                name: format!("{namespace} {name}"),
-                reason: error.to_string(),
-            })?;
+    pub fn open(settings: &Settings, name: &str) -> Result<Self, SessionError> {
+        let environment = &settings.environment;
+        let identity = settings.ros.remaps.identity(name, &settings.namespace);
+        let node_name = NodeName::new(identity.namespace.as_str(), &identity.name)
+            .map_err(|error| bad_name(&identity.fully_qualified(), &error))?;
         let domain = environment.domain.number();
         let library = |what: &str, reason: &dyn ToString| SessionError::Library {
             what: what.to_owned(),
@@ -114,8 +115,21 @@ impl Session {
             node,
             context,
             participant,
-            namespace: namespace.clone(),
+            identity,
+            remaps: settings.ros.remaps.clone(),
+            service_mapping: settings.service_mapping,
         })
+    }
+
+    /// What the node is called, and where.
+    #[must_use]
+    pub fn identity(&self) -> &NodeIdentity {
+        &self.identity
+    }
+
+    /// The participant that all endpoints belong to.
+    pub(crate) fn participant(&self) -> DomainParticipant {
+        self.participant.clone()
     }
 
     /// The participant of this process, as receivers see it in the samples that it sends.
@@ -149,15 +163,35 @@ impl Session {
         topic: &Topic<M>,
         qos: &ros2_client::qos::QosProfile,
     ) -> Result<rustdds::Topic, SessionError> {
-        let name = Name::new(self.namespace.as_str(), topic.name()).map_err(|error| {
-            SessionError::Name {
-                name: format!("{} {}", self.namespace, topic.name()),
-                reason: error.to_string(),
-            }
-        })?;
+        let resolved = self.resolve(Resource::Topic, topic.name())?;
+        let name = Name::parse(&resolved).map_err(|error| bad_name(&resolved, &error))?;
         self.node
             .create_topic(&name, MessageTypeName::new(M::PACKAGE, M::NAME), qos)
             .map_err(|error| self.library(format!("create topic `{}`", topic.name()), &error))
+    }
+
+    /// The serving end of a service with this fully qualified name.
+    pub(crate) fn server<S: ServiceType>(
+        &mut self,
+        name: &str,
+    ) -> Result<Server<S::Request, S::Response>, SessionError> {
+        let parsed = Name::parse(name).map_err(|error| bad_name(name, &error))?;
+        self.node
+            .create_server(
+                self.service_mapping.library(),
+                &parsed,
+                &ServiceTypeName::new(S::PACKAGE, S::NAME),
+                service_qos(),
+                service_qos(),
+            )
+            .map_err(|error| self.library(format!("serve `{name}`"), &error))
+    }
+
+    /// The fully qualified name of what this node knows as `name`.
+    pub(crate) fn resolve(&self, resource: Resource, name: &str) -> Result<String, SessionError> {
+        self.remaps
+            .resolve(resource, name, &self.identity)
+            .map_err(|error| bad_name(name, &error))
     }
 
     fn library(&self, what: String, reason: &dyn ToString) -> SessionError {
@@ -166,6 +200,13 @@ impl Session {
             domain: self.node.domain_id(),
             reason: reason.to_string(),
         }
+    }
+}
+
+fn bad_name(name: &str, reason: &dyn ToString) -> SessionError {
+    SessionError::Name {
+        name: name.to_owned(),
+        reason: reason.to_string(),
     }
 }
 

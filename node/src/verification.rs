@@ -7,11 +7,11 @@ use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdi
 use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;
 
-use crate::environment::{Environment, Namespace};
 use crate::inbox::{Inbox, Wake};
-use crate::inlet::Inlet;
+use crate::inlet::{Delivery, Inlet};
 use crate::outlet::Outlet;
 use crate::session::{Session, SessionError};
+use crate::settings::Settings;
 use crate::stamp;
 use crate::topics;
 use crate::traffic::Traffic;
@@ -25,10 +25,8 @@ const SAMPLES_PER_TURN: usize = 256;
 /// A process that watches a formation and judges it, from what is on the topics alone.
 #[derive(Clone, Debug)]
 pub struct VerifierProcess {
-    /// Where it speaks.
-    pub environment: Environment,
-    /// The namespace of its node and topics.
-    pub namespace: Namespace,
+    /// Its place in the ROS 2 graph.
+    pub settings: Settings,
     /// How it judges.
     pub parameters: ObserverParameters,
     /// Whether it is content as soon as all members agree on a plan, and does not wait for them to move.
@@ -49,7 +47,7 @@ impl VerifierProcess {
         stop: Receiver<()>,
         mut told: impl FnMut(News<'_>),
     ) -> Result<Judgement, SessionError> {
-        let mut session = Session::open(&self.environment, &self.namespace, "verifier")?;
+        let mut session = Session::open(&self.settings, "verifier")?;
         let inlets = Inlets {
             target: Inlet::open(&mut session, &topics::TARGET)?,
             states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
@@ -133,7 +131,7 @@ struct Watch<'a> {
     start: Instant,
     observer: Observer,
     plan_only: bool,
-    inbox: Inbox<'a>,
+    inbox: Inbox<'a, Delivery>,
     outlet: Outlet<formation_msgs::Verdict, Publisher<formation_msgs::Verdict>>,
     session: &'a Session,
     traffic: Traffic,
@@ -161,7 +159,7 @@ impl Watch<'_> {
             match self.inbox.wait(due).await {
                 Wake::Stop => return None,
                 Wake::Due => {}
-                Wake::Delivery(delivery) => {
+                Wake::Arrival(delivery) => {
                     let mut next = Some(delivery);
                     for _ in 0..SAMPLES_PER_TURN {
                         let Some(delivery) = next else { break };

@@ -16,7 +16,8 @@ use formation::message::TargetAnnouncement;
 use formation::scenario::Scenario;
 use formation::verify::{ObserverParameters, Outcome, Stage};
 use formation_node::announcer::TargetProcess;
-use formation_node::environment::{DiscoveryRange, Environment, Namespace, Overrides};
+use formation_node::environment::{DiscoveryRange, Environment, Overrides};
+use formation_node::settings::Settings;
 use formation_node::traffic::RefusalKind;
 use formation_node::verification::{End, News, VerifierProcess};
 use formation_tests::{Peer, alone};
@@ -29,20 +30,22 @@ singletons: [{id: 17, x: 3.0, y: 9.5}]
 planner: {d_max: 3}
 ";
 
-fn environment(domain: &str) -> Environment {
+fn settings(domain: &str) -> Settings {
     let overrides = Overrides {
         domain: Some(domain.parse().unwrap()),
         range: Some(DiscoveryRange::Localhost),
     };
-    Environment::resolve(overrides, |_| None).unwrap()
+    Settings {
+        environment: Environment::resolve(overrides, |_| None).unwrap(),
+        ..Settings::default()
+    }
 }
 
 fn announcer(domain: &str) -> (Sender<()>, thread::JoinHandle<()>) {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     let problem = scenario.problem();
     let process = TargetProcess {
-        environment: environment(domain),
-        namespace: Namespace::default(),
+        settings: settings(domain),
         announcement: TargetAnnouncement {
             revision: 7,
             name: scenario.name().to_owned(),
@@ -94,8 +97,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
     let mut liar = Peer::start("put", "heartbeats", domain).unwrap();
     let mut reader = Peer::start("take", "verdict", domain).unwrap();
     let process = VerifierProcess {
-        environment: environment(domain),
-        namespace: Namespace::default(),
+        settings: settings(domain),
         parameters: ObserverParameters {
             time_limit: Duration::from_secs(10),
             ..ObserverParameters::default()

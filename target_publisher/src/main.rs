@@ -7,7 +7,7 @@ use std::sync::Arc;
 use clap::Parser;
 use formation::message::TargetAnnouncement;
 use formation_node::announcer::TargetProcess;
-use formation_node::arguments::{NetworkArguments, read_scenario};
+use formation_node::arguments::{self, NetworkArguments, read_scenario};
 use formation_node::lifetime::stop_requested;
 use formation_node::outcome::{Failure, STATUS_DONE, conclude};
 use formation_node::stamp;
@@ -33,11 +33,12 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    conclude(run(&Arguments::parse()))
+    conclude(run())
 }
 
-fn run(arguments: &Arguments) -> Result<u8, Failure> {
-    let environment = arguments.network.start()?;
+fn run() -> Result<u8, Failure> {
+    let (arguments, ros) = arguments::parse::<Arguments>()?;
+    let settings = arguments.network.start(ros)?;
     let scenario = read_scenario(&arguments.scenario)?;
     let problem = scenario.problem();
     let announcement = TargetAnnouncement {
@@ -49,8 +50,7 @@ fn run(arguments: &Arguments) -> Result<u8, Failure> {
     };
     let stop = stop_requested()?;
     TargetProcess {
-        environment,
-        namespace: arguments.network.namespace.clone(),
+        settings,
         announcement,
     }
     .run(stop)?;

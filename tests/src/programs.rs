@@ -96,6 +96,7 @@ impl Running {
             .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
             .env_remove("ROS_LOCALHOST_ONLY")
             .env_remove("ROS_NAMESPACE")
+            .env_remove("RMW_IMPLEMENTATION")
             .stdin(Stdio::null())
             .stdout(Stdio::piped())
             .stderr(Stdio::piped())

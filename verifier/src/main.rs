@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use formation_node::arguments::{JudgingArguments, NetworkArguments};
+use formation_node::arguments::{self, JudgingArguments, NetworkArguments};
 use formation_node::lifetime::{EXIT_GRACE, limit_exit, stop_requested};
 use formation_node::outcome::{Failure, conclude};
 use formation_node::verdict_report::{JsonLine, end_status, end_text};
@@ -34,16 +34,16 @@ struct Arguments {
 }
 
 fn main() -> ExitCode {
-    conclude(run(&Arguments::parse()))
+    conclude(run())
 }
 
-fn run(arguments: &Arguments) -> Result<u8, Failure> {
-    let environment = arguments.network.start()?;
+fn run() -> Result<u8, Failure> {
+    let (arguments, ros) = arguments::parse::<Arguments>()?;
+    let settings = arguments.network.start(ros)?;
     let parameters = arguments.judging.parameters()?;
     let stop = stop_requested()?;
     let process = VerifierProcess {
-        environment,
-        namespace: arguments.network.namespace.clone(),
+        settings,
         parameters,
         plan_only: arguments.plan_only,
         linger: LINGER,

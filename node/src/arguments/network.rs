@@ -2,10 +2,13 @@
 
 use clap::Args;
 
-use crate::environment::{DiscoveryRange, Domain, Environment, Namespace, Overrides};
+use super::ros::{LogLevel, RosArguments};
+use crate::environment::{self, DiscoveryRange, Domain, Environment, Namespace, Overrides};
 use crate::lifetime;
-use crate::logging::{self, LogLevel};
+use crate::logging;
 use crate::outcome::Failure;
+use crate::service_mapping::{RMW_IMPLEMENTATION, ServiceMapping};
+use crate::settings::Settings;
 
 /// Where a process speaks, and how much it tells.
 #[derive(Clone, Debug, Args)]
@@ -18,10 +21,14 @@ pub struct NetworkArguments {
     /// else SUBNET]
     #[arg(long, value_name = "RANGE")]
     pub discovery_range: Option<DiscoveryRange>,
-    /// Namespace of the node and its topics
-    #[arg(long, value_name = "NAME", default_value_t = Namespace::default())]
-    pub namespace: Namespace,
-    /// The least important messages to log on the standard error stream
+    /// Namespace of the node and its topics; `--ros-args -r __ns:=NAME` outweighs it [default: ROS_NAMESPACE, else
+    /// /formation]
+    #[arg(long, value_name = "NAME")]
+    pub namespace: Option<Namespace>,
+    /// How services are mapped: cyclone or enhanced [default: as RMW_IMPLEMENTATION needs it, else enhanced]
+    #[arg(long, value_name = "MAPPING")]
+    pub service_mapping: Option<ServiceMapping>,
+    /// The least important messages to log; `--ros-args --log-level LEVEL` outweighs it
     #[arg(long, value_name = "LEVEL", default_value = "info", ignore_case = true)]
     pub log_level: LogLevel,
     /// End when the process that started this one ends, in whatever way
@@ -34,18 +41,37 @@ impl NetworkArguments {
     ///
     /// # Errors
     /// Names the environment variable that cannot be used.
-    pub fn start(&self) -> Result<Environment, Failure> {
-        logging::start(self.log_level);
+    pub fn start(&self, ros: RosArguments) -> Result<Settings, Failure> {
+        logging::start(ros.log.level.unwrap_or(self.log_level));
         lifetime::end_on_panic();
         if self.stop_with_parent {
             lifetime::end_with_parent()?;
         }
+        let variable =
+            |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
         let overrides = Overrides {
             domain: self.domain,
             range: self.discovery_range,
         };
-        Ok(Environment::resolve(overrides, |name| {
-            std::env::var_os(name).map(|value| value.to_string_lossy().into_owned())
-        })?)
+        let environment = Environment::resolve(overrides, variable)?;
+        let namespace = match &self.namespace {
+            Some(namespace) => namespace.clone(),
+            None => environment::namespace(variable)?,
+        };
+        let service_mapping = match self.service_mapping {
+            Some(mapping) => mapping,
+            None => ServiceMapping::of_middleware(variable(RMW_IMPLEMENTATION).as_deref())
+                .map_err(|reason| {
+                    Failure::bad_input(format_args!(
+                        "environment variable {RMW_IMPLEMENTATION}: {reason}"
+                    ))
+                })?,
+        };
+        Ok(Settings {
+            environment,
+            namespace,
+            service_mapping,
+            ros,
+        })
     }
 }

@@ -1,11 +1,10 @@
 //! Reading scenario files.
 
-use std::fs::File;
-use std::io::{self, Read};
 use std::path::Path;
 
 use formation::scenario::Scenario;
 
+use super::text_file;
 use crate::outcome::Failure;
 
 /// The largest scenario, of as many modules and spots as are supported, takes a few megabytes.
@@ -19,19 +18,6 @@ pub fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
     let refuse = |reason: &dyn std::fmt::Display| {
         Failure::bad_input(format_args!("{}: {reason}", path.display()))
     };
-    let text = read(path).map_err(|error| refuse(&error))?;
+    let text = text_file::read(path, BYTES_MAX).map_err(|error| refuse(&error))?;
     Scenario::from_yaml(&text).map_err(|error| refuse(&error))
-}
-
-fn read(path: &Path) -> io::Result<String> {
-    let mut text = String::new();
-    File::open(path)?
-        .take(BYTES_MAX + 1)
-        .read_to_string(&mut text)?;
-    if text.len() as u64 > BYTES_MAX {
-        return Err(io::Error::other(format!(
-            "is larger than {BYTES_MAX} bytes"
-        )));
-    }
-    Ok(text)
 }

@@ -1,0 +1,136 @@
+//! Serving requests, in the way that the other side's middleware expects.
+
+use std::time::{Duration, Instant};
+
+use async_io::Timer;
+use futures::StreamExt;
+use futures::stream::LocalBoxStream;
+use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
+use ros2_client::{Message, RmwRequestId, Server};
+use rustdds::{DomainParticipant, GUID, RTPSEntity};
+
+use crate::arguments::Resource;
+use crate::session::{Session, SessionError};
+
+/// A service as ROS 2 names it: `PACKAGE/srv/NAME`.
+pub trait ServiceType {
+    /// The package that defines it.
+    const PACKAGE: &'static str;
+    /// The service within the package.
+    const NAME: &'static str;
+    /// What is asked.
+    type Request: Message + Clone + 'static;
+    /// What is answered.
+    type Response: Message + 'static;
+}
+
+/// As many requests of one service wait to be answered.
+const WAITING_MAX: usize = 16;
+/// A client whose subscription to replies does not show by then is answered all the same.
+const CLIENT_WAIT: Duration = Duration::from_secs(1);
+/// Between two looks for it.
+const CLIENT_INTERVAL: Duration = Duration::from_millis(10);
+
+/// Which request a reply answers.
+pub type RequestId = RmwRequestId;
+
+/// The serving end of a service.
+pub struct ServiceServer<S: ServiceType> {
+    name: String,
+    server: Server<S::Request, S::Response>,
+    participant: DomainParticipant,
+    reply_topic: String,
+}
+
+impl<S: ServiceType> ServiceServer<S> {
+    /// Serves `name`, which is expanded and remapped like every name.
+    ///
+    /// # Errors
+    /// The name cannot be used, or the library refuses.
+    pub fn open(session: &mut Session, name: &str) -> Result<Self, SessionError> {
+        let name = session.resolve(Resource::Service, name)?;
+        Ok(Self {
+            server: session.server::<S>(&name)?,
+            participant: session.participant(),
+            reply_topic: format!("rr{name}Reply"),
+            name,
+        })
+    }
+
+    /// The fully qualified name.
+    #[must_use]
+    pub fn name(&self) -> &str {
+        &self.name
+    }
+
+    /// Every request that comes in, for ever. One that does not decode is logged and dropped.
+    ///
+    /// A client may ask before this process has found its subscription to the replies, and would wait in vain for an
+    /// answer that is given at once. So a request is passed on when that subscription is known.
+    pub fn requests(&self) -> LocalBoxStream<'_, (RequestId, S::Request)> {
+        self.server
+            .receive_request_stream()
+            .filter_map(move |taken| async move {
+                taken
+                    .inspect_err(|error| {
+                        tracing::warn!(service = self.name, "refused a request: {error}");
+                    })
+                    .ok()
+            })
+            .map(move |(id, request)| async move {
+                self.wait_for_client(id).await;
+                (id, request)
+            })
+            .buffered(WAITING_MAX)
+            .boxed_local()
+    }
+
+    /// Answers a request.
+    pub fn answer(&self, id: RequestId, response: S::Response) {
+        if let Err(error) = self.server.send_response(id, response) {
+            tracing::warn!(service = self.name, "could not answer: {error:?}");
+        }
+    }
+
+    async fn wait_for_client(&self, id: RequestId) {
+        let deadline = Instant::now() + CLIENT_WAIT;
+        let mut waited = false;
+        while !self.knows_client(id) {
+            if Instant::now() >= deadline {
+                tracing::debug!(
+                    service = self.name,
+                    "a client shows no subscription to replies"
+                );
+                return;
+            }
+            waited = true;
+            Timer::after(CLIENT_INTERVAL).await;
+        }
+        if waited {
+            // What discovery knows reaches the sending end of the reply a moment later.
+            Timer::after(CLIENT_INTERVAL).await;
+        }
+    }
+
+    fn knows_client(&self, id: RequestId) -> bool {
+        // The client's request and reply ends belong to one participant, which the first twelve bytes name.
+        let client = &id.writer_gid.to_bytes16()[..12];
+        let is_own = self.participant.guid().to_bytes()[..12] == *client;
+        is_own
+            || self.participant.discovered_readers().iter().any(|reader| {
+                let guid: GUID = reader.reader_proxy.remote_reader_guid;
+                guid.to_bytes()[..12] == *client
+                    && *reader.subscription_topic_data.topic_name() == self.reply_topic
+            })
+    }
+}
+
+/// What ROS 2 uses for services.
+pub(crate) fn service_qos() -> QosProfile {
+    QosProfile::publisher_default()
+        // The loop must never wait inside the library.
+        .reliability(Reliability::Reliable {
+            when_full: WhenFull::Fail,
+        })
+        .history(History::KeepLast { depth: 10 })
+}
