@@ -8,7 +8,7 @@ use crate::fixed::MicroUnits;
 use crate::instance::Instance;
 use crate::matching::{Matching, MatchingInput};
 use crate::spot_allocation::{self, Displacement};
-use crate::spot_tree::BestOfSpots;
+use crate::spot_tree::{BestOfSpots, Prospect};
 use crate::topology::Topology;
 
 /// What came of a configuration's turn.
@@ -111,7 +111,8 @@ pub(crate) fn best_matching(
 /// earns if no spot is free.
 fn prices(instance: &Instance, allocation: &Allocation) -> Vec<Option<MicroUnits>> {
     let table = &allocation.table;
-    let free = BestOfSpots::new(&instance.spot_tree, &instance.utilities, table.free_spots());
+    let free = table.free_spots().map(|spot| (spot, Prospect::default()));
+    let free = BestOfSpots::new(instance, free);
     table
         .holders()
         .iter()
@@ -120,8 +121,8 @@ fn prices(instance: &Instance, allocation: &Allocation) -> Vec<Option<MicroUnits
             Holder::Nobody => Some(MicroUnits::ZERO),
             Holder::Fixed(_) | Holder::Closed => None,
             Holder::Singleton(module) => {
-                let elsewhere = MicroUnits(free.utility(module).unwrap_or(0));
-                Some(instance.utilities.of(module, spot) - elsewhere)
+                let elsewhere = free.best_for(module).map_or(0, |(best, _)| best.gain());
+                Some(instance.utilities.of(module, spot) - MicroUnits(elsewhere))
             }
         })
         .collect()

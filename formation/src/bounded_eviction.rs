@@ -2,7 +2,8 @@
 
 use crate::allocation::{Holder, SpotTable};
 use crate::eviction::Step;
-use crate::utility::Utilities;
+use crate::instance::Instance;
+use crate::spot_tree::{BestOfSpots, Prospect};
 
 /// Chains are searched for up to this many evictions; a larger `d_max` that is not large enough for the best
 /// unbounded chain counts as this.
@@ -11,178 +12,182 @@ const EVICTIONS_SEARCHED_MAX: u32 = 64;
 /// The search for a chain without repeated spots looks at no more partial chains than this, then takes the best so far.
 const NODE_BUDGET: usize = 100_000;
 
-/// The gain of the best way on, and how many evictions it takes.
-///
-/// Ordered so that more gain comes first, then fewer evictions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-struct Prospect {
-    gain: i64,
-    spared_evictions: i64,
-}
-
-impl Prospect {
-    fn after_eviction(self, gain: i64) -> Self {
-        Self {
-            gain: self.gain + gain,
-            spared_evictions: self.spared_evictions - 1,
-        }
-    }
-}
-
-/// Finds the chain of greatest gain among those with a bounded number of evictions.
+/// Finds the best chain for a module without a spot among those with at most `d_max` evictions; see
+/// [`crate::eviction::ChainSearch::insert`].
 ///
 /// A table of prospects tells for each held spot and number of evictions left what its holder can gain by moving on,
 /// if spots could repeat. That bounds a depth-first search over the chains whose spots are distinct, so the search is
 /// exact unless it exceeds its budget.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct BoundedSearch {
-    /// Layer `k`: the prospect of each spot's holder when `k` more evictions are allowed; `None` unless a singleton
-    /// holds the spot.
-    layers: Vec<Vec<Option<Prospect>>>,
-    rows: UtilityRows,
-}
-
-/// The utilities of singletons for all spots, computed when first needed and kept for later turns.
-#[derive(Clone, Debug, Default)]
-struct UtilityRows {
-    rows: Vec<Vec<i64>>,
-}
-
-impl UtilityRows {
-    fn prepare(&mut self, utilities: &Utilities, module: usize) {
-        if self.rows.is_empty() {
-            self.rows = vec![Vec::new(); utilities.module_count()];
+pub(crate) fn best_chain(
+    instance: &Instance,
+    table: &SpotTable,
+    module: usize,
+    d_max: u32,
+) -> Vec<Step> {
+    let ground = Ground::new(instance, table);
+    let (mut best, mut best_end) = ground.exit(module);
+    let mut best_spots: Vec<usize> = Vec::new();
+    let evictions = usize::try_from(d_max.min(EVICTIONS_SEARCHED_MAX)).unwrap_or(0);
+    let layers = ground.layers(evictions);
+    let mut visited = vec![false; table.holders().len()];
+    let mut spots: Vec<usize> = Vec::new();
+    let mut frames = vec![Frame {
+        module,
+        left: evictions,
+        so_far: Prospect::default(),
+        tried: None,
+    }];
+    let mut budget = NODE_BUDGET;
+    while let Some(frame) = frames.last_mut() {
+        let next = (frame.left > 0 && budget > 0)
+            .then(|| layers.get(frame.left - 1).or(layers.last()))
+            .flatten()
+            .and_then(|layer| ground.next_spot(layer, frame, &visited))
+            .filter(|&(prospect, _)| prospect > best);
+        let Some((prospect, spot)) = next else {
+            frames.pop();
+            if let Some(spot) = spots.pop() {
+                visited[spot] = false;
+            }
+            continue;
+        };
+        budget -= 1;
+        frame.tried = Some((prospect, spot));
+        let Holder::Singleton(holder) = table.holder(spot) else {
+            continue;
+        };
+        let gain = ground.utility(frame.module, spot) - ground.utility(holder, spot);
+        let so_far = frame.so_far.after_eviction(gain);
+        let left = frame.left - 1;
+        visited[spot] = true;
+        spots.push(spot);
+        let (exit, end) = ground.exit(holder);
+        let ended = so_far.followed_by(exit);
+        if ended > best {
+            best = ended;
+            best_spots.clone_from(&spots);
+            best_end = end;
         }
-        if self.rows[module].is_empty() {
-            self.rows[module] = utilities.row(module);
-        }
+        frames.push(Frame {
+            module: holder,
+            left,
+            so_far,
+            tried: None,
+        });
     }
-
-    fn row(&self, module: usize) -> &[i64] {
-        &self.rows[module]
-    }
+    ground.chain(module, &best_spots, best_end)
 }
 
 /// A partial chain's last displaced module.
 struct Frame {
     module: usize,
+    /// How many more evictions are allowed.
     left: usize,
-    gain: i64,
+    so_far: Prospect,
     /// The prospect and spot that were tried last.
     tried: Option<(Prospect, usize)>,
 }
 
-impl BoundedSearch {
-    /// The best chain for a module without a spot; see [`crate::eviction::ChainSearch::insert`].
-    pub(crate) fn best_chain(
-        &mut self,
-        utilities: &Utilities,
-        table: &SpotTable,
-        module: usize,
-        d_max: u32,
-    ) -> Vec<Step> {
-        let mut rows = std::mem::take(&mut self.rows);
-        rows.prepare(utilities, module);
-        for holder in table.holders() {
-            if let Holder::Singleton(holder) = holder {
-                rows.prepare(utilities, *holder);
-            }
+/// What a search has before it.
+struct Ground<'a> {
+    instance: &'a Instance,
+    table: &'a SpotTable,
+    free: BestOfSpots<'a>,
+    /// The spots that singletons hold, with their holders.
+    held: Vec<(usize, usize)>,
+}
+
+impl<'a> Ground<'a> {
+    fn new(instance: &'a Instance, table: &'a SpotTable) -> Self {
+        Self {
+            instance,
+            table,
+            free: BestOfSpots::new(
+                instance,
+                table.free_spots().map(|spot| (spot, Prospect::default())),
+            ),
+            held: table
+                .holders()
+                .iter()
+                .enumerate()
+                .filter_map(|(spot, holder)| match *holder {
+                    Holder::Singleton(module) => Some((spot, module)),
+                    _ => None,
+                })
+                .collect(),
         }
-        let chain = self.best_chain_with(&Exit { rows: &rows, table }, module, d_max);
-        self.rows = rows;
-        chain
     }
 
-    fn best_chain_with(&mut self, exit: &Exit<'_>, module: usize, d_max: u32) -> Vec<Step> {
-        let (rows, table) = (exit.rows, exit.table);
-        let (own_gain, own_spot) = exit.of(module);
-        let mut best = Prospect {
-            gain: own_gain,
-            spared_evictions: 0,
-        };
-        let mut best_spots: Vec<usize> = Vec::new();
-        let mut best_end = own_spot;
-        let evictions = usize::try_from(d_max.min(EVICTIONS_SEARCHED_MAX)).unwrap_or(0);
-        if evictions > 0 {
-            self.fill_layers(exit, evictions);
-            let mut visited = vec![false; table.holders().len()];
-            let mut spots: Vec<usize> = Vec::new();
-            let mut frames = vec![Frame {
-                module,
-                left: evictions,
-                gain: 0,
-                tried: None,
-            }];
-            let mut budget = NODE_BUDGET;
-            while let Some(frame) = frames.last_mut() {
-                let so_far = Prospect {
-                    gain: frame.gain,
-                    spared_evictions: -i64::try_from(spots.len()).unwrap_or(i64::MAX),
-                };
-                let next = (frame.left > 0 && budget > 0)
-                    .then(|| {
-                        self.next_spot(exit, frame, &visited, so_far)
-                            .filter(|&(prospect, _)| prospect > best)
-                    })
-                    .flatten();
-                let Some((prospect, spot)) = next else {
-                    frames.pop();
-                    if let Some(spot) = spots.pop() {
-                        visited[spot] = false;
-                    }
-                    continue;
-                };
-                budget -= 1;
-                frame.tried = Some((prospect, spot));
-                let Holder::Singleton(holder) = table.holder(spot) else {
-                    continue;
-                };
-                let gain = frame.gain + rows.row(frame.module)[spot] - rows.row(holder)[spot];
-                let left = frame.left - 1;
-                visited[spot] = true;
-                spots.push(spot);
-                let (exit_gain, exit_spot) = exit.of(holder);
-                let ended = Prospect {
-                    gain: gain + exit_gain,
-                    spared_evictions: so_far.spared_evictions - 1,
-                };
-                if ended > best {
-                    best = ended;
-                    best_spots.clone_from(&spots);
-                    best_end = exit_spot;
-                }
-                frames.push(Frame {
-                    module: holder,
-                    left,
-                    gain,
-                    tried: None,
-                });
-            }
+    fn utility(&self, module: usize, spot: usize) -> i64 {
+        self.instance.utilities.of(module, spot).0
+    }
+
+    /// What a displaced module earns without evicting anybody, and where: at its best free spot, the lowest among
+    /// equals, or nowhere when no spot is free.
+    fn exit(&self, module: usize) -> (Prospect, Option<usize>) {
+        self.free
+            .best_for(module)
+            .map_or((Prospect::default(), None), |(prospect, spot)| {
+                (prospect, Some(spot))
+            })
+    }
+
+    /// Layer `k` holds, for each held spot, what its holder gains from its next spot on with `k` more evictions; layers
+    /// that would be equal to the last are left out.
+    fn layers(&self, evictions: usize) -> Vec<Vec<Prospect>> {
+        if evictions == 0 {
+            return Vec::new();
         }
-        exit.chain(module, &best_spots, best_end)
+        let leaving: Vec<Prospect> = self
+            .held
+            .iter()
+            .map(|&(_, holder)| self.exit(holder).0)
+            .collect();
+        let mut layers = vec![leaving];
+        while layers.len() < evictions {
+            let Some(last) = layers.last() else {
+                break;
+            };
+            // To move on to one's own spot is never better than to move on from it at once, so it may stay among them.
+            let onward = self
+                .held
+                .iter()
+                .zip(last)
+                .map(|(&(spot, holder), prospect)| {
+                    (spot, prospect.after_eviction(-self.utility(holder, spot)))
+                });
+            let onward = BestOfSpots::new(self.instance, onward);
+            let layer: Vec<Prospect> = self
+                .held
+                .iter()
+                .zip(&layers[0])
+                .map(|(&(_, holder), &exit)| {
+                    let evicting = onward.best_for(holder).map(|(prospect, _)| prospect);
+                    evicting.map_or(exit, |evicting| exit.max(evicting))
+                })
+                .collect();
+            if layer == *last {
+                break;
+            }
+            layers.push(layer);
+        }
+        layers
     }
 
     /// The untried spot of greatest prospect that the frame's module could take by eviction, lower spots first.
     fn next_spot(
         &self,
-        exit: &Exit<'_>,
+        layer: &[Prospect],
         frame: &Frame,
         visited: &[bool],
-        so_far: Prospect,
     ) -> Option<(Prospect, usize)> {
-        let row = exit.rows.row(frame.module);
         let mut best: Option<(Prospect, usize)> = None;
-        for (spot, prospect) in self.layers[frame.left - 1].iter().enumerate() {
-            let Some(prospect) = prospect.filter(|_| !visited[spot]) else {
+        for (&(spot, holder), onward) in self.held.iter().zip(layer) {
+            if visited[spot] {
                 continue;
-            };
-            let Holder::Singleton(holder) = exit.table.holder(spot) else {
-                continue;
-            };
-            let whole = Prospect {
-                gain: so_far.gain + row[spot] - exit.rows.row(holder)[spot] + prospect.gain,
-                spared_evictions: so_far.spared_evictions + prospect.spared_evictions - 1,
-            };
+            }
+            let gain = self.utility(frame.module, spot) - self.utility(holder, spot);
+            let whole = frame.so_far.after_eviction(gain).followed_by(*onward);
             let untried = frame
                 .tried
                 .is_none_or(|(tried, last)| whole < tried || (whole == tried && spot > last));
@@ -191,66 +196,6 @@ impl BoundedSearch {
             }
         }
         best
-    }
-
-    /// Layer `k` holds, for the holder of each spot, what it gains from its next spot on with `k` more evictions.
-    fn fill_layers(&mut self, exit: &Exit<'_>, evictions: usize) {
-        let spot_count = exit.table.holders().len();
-        let leaving: Vec<Option<Prospect>> = (0..spot_count)
-            .map(|spot| match exit.table.holder(spot) {
-                Holder::Singleton(holder) => Some(Prospect {
-                    gain: exit.of(holder).0,
-                    spared_evictions: 0,
-                }),
-                _ => None,
-            })
-            .collect();
-        self.layers.clear();
-        self.layers.push(leaving);
-        while self.layers.len() < evictions {
-            let Some(last) = self.layers.last() else {
-                return;
-            };
-            let mut layer = self.layers[0].clone();
-            for (from, entry) in layer.iter_mut().enumerate() {
-                let Holder::Singleton(module) = exit.table.holder(from) else {
-                    continue;
-                };
-                let row = exit.rows.row(module);
-                for (to, onward) in last.iter().enumerate() {
-                    let (Some(onward), Holder::Singleton(holder)) = (onward, exit.table.holder(to))
-                    else {
-                        continue;
-                    };
-                    if to != from {
-                        let gain = row[to] - exit.rows.row(holder)[to];
-                        *entry = (*entry).max(Some(onward.after_eviction(gain)));
-                    }
-                }
-            }
-            self.layers.push(layer);
-        }
-    }
-}
-
-/// How a chain ends.
-struct Exit<'a> {
-    rows: &'a UtilityRows,
-    table: &'a SpotTable,
-}
-
-impl Exit<'_> {
-    /// What a displaced module earns without evicting anybody, and where: at its best free spot, the lowest among
-    /// equals, or nowhere when no spot is free.
-    fn of(&self, module: usize) -> (i64, Option<usize>) {
-        let row = self.rows.row(module);
-        let mut best: Option<(i64, usize)> = None;
-        for spot in self.table.free_spots() {
-            if best.is_none_or(|(utility, _)| row[spot] > utility) {
-                best = Some((row[spot], spot));
-            }
-        }
-        best.map_or((0, None), |(utility, spot)| (utility, Some(spot)))
     }
 
     /// The steps of a chain that evicts the holders of `spots` and ends at `end`.

@@ -8,7 +8,7 @@
 //! "A shortest augmenting path algorithm for dense and sparse linear assignment problems", Computing 38, 1987).
 
 use crate::allocation::{Holder, SpotTable};
-use crate::bounded_eviction::BoundedSearch;
+use crate::bounded_eviction;
 use crate::frontier::{Frontier, Mover};
 use crate::instance::Instance;
 
@@ -88,7 +88,6 @@ pub(crate) struct ChainSearch {
     frontier: Frontier,
     /// The spots whose holders were reached, in the order of their distance.
     reached: Vec<usize>,
-    bounded: BoundedSearch,
 }
 
 /// Where a shortest augmenting path ends.
@@ -132,12 +131,8 @@ impl ChainSearch {
             }
             allocation.cut_short = true;
         }
-        let chain = self.bounded.best_chain(
-            &instance.utilities,
-            &allocation.table,
-            module,
-            d_max.unwrap_or(u32::MAX),
-        );
+        let limit = d_max.unwrap_or(u32::MAX);
+        let chain = bounded_eviction::best_chain(instance, &allocation.table, module, limit);
         for step in &chain {
             allocation.table.release(step.module);
         }

@@ -1,7 +1,10 @@
 //! The spots grouped by position, so that searches can skip those too far away to matter.
 
+use std::cmp::Reverse;
+
 use crate::fixed::MicroUnits;
 use crate::geometry::Pose;
+use crate::instance::Instance;
 use crate::target::Target;
 use crate::utility::Utilities;
 
@@ -154,71 +157,116 @@ impl SpotTree {
     }
 }
 
-/// Answers which of some spots is best for a module.
+/// What can be gained, and with how many evictions; more gain is better, then fewer evictions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub(crate) struct Prospect {
+    gain: i64,
+    /// Minus the number of evictions.
+    spared_evictions: i64,
+}
+
+impl Prospect {
+    /// With one eviction more, and what it gains.
+    pub(crate) fn after_eviction(self, gain: i64) -> Self {
+        Self {
+            gain: self.gain + gain,
+            spared_evictions: self.spared_evictions - 1,
+        }
+    }
+
+    /// This and then the other.
+    pub(crate) fn followed_by(self, other: Self) -> Self {
+        Self {
+            gain: self.gain + other.gain,
+            spared_evictions: self.spared_evictions + other.spared_evictions,
+        }
+    }
+
+    pub(crate) fn gain(self) -> i64 {
+        self.gain
+    }
+}
+
+/// Answers which of some spots is best for a module, where each promises something on top of its utility.
 #[derive(Clone, Debug)]
 pub(crate) struct BestOfSpots<'a> {
     tree: &'a SpotTree,
     utilities: &'a Utilities,
-    /// The net value of the spot at each place; [`NOT_CHOSEN`] if it is not one of them.
-    net_values: Vec<i64>,
-    /// The greatest net value in each leaf, then in each branch.
-    greatest: Vec<i64>,
+    /// The spot at each place with its net value and promise together; `None` if it is not one of them.
+    promises: Vec<Option<Prospect>>,
+    /// The greatest of them in each leaf, then in each branch.
+    greatest: Vec<Option<Prospect>>,
 }
 
-const NOT_CHOSEN: i64 = i64::MIN;
-
 impl<'a> BestOfSpots<'a> {
-    /// Prepares for the given spots.
+    /// Prepares for the given spots and what each promises.
     pub(crate) fn new(
-        tree: &'a SpotTree,
-        utilities: &'a Utilities,
-        spots: impl Iterator<Item = usize>,
+        instance: &'a Instance,
+        spots: impl Iterator<Item = (usize, Prospect)>,
     ) -> Self {
-        let mut net_values = vec![NOT_CHOSEN; tree.place_count()];
-        for spot in spots {
-            net_values[tree.place_of(spot)] = utilities.net_value(spot);
+        let (tree, utilities) = (&instance.spot_tree, &instance.utilities);
+        let mut promises = vec![None; tree.place_count()];
+        for (spot, promise) in spots {
+            promises[tree.place_of(spot)] = Some(Prospect {
+                gain: promise.gain + utilities.net_value(spot),
+                ..promise
+            });
         }
-        let greatest_of = |values: &[i64]| values.iter().copied().max().unwrap_or(NOT_CHOSEN);
-        let mut greatest: Vec<i64> = net_values.chunks(LEAF_SIZE).map(greatest_of).collect();
-        let branches: Vec<i64> = greatest.chunks(BRANCH_SIZE).map(greatest_of).collect();
+        let greatest_of = |promises: &[Option<Prospect>]| promises.iter().copied().max().flatten();
+        let mut greatest: Vec<_> = promises.chunks(LEAF_SIZE).map(greatest_of).collect();
+        let branches: Vec<_> = greatest.chunks(BRANCH_SIZE).map(greatest_of).collect();
         greatest.extend(branches);
         Self {
             tree,
             utilities,
-            net_values,
+            promises,
             greatest,
         }
     }
 
-    /// The greatest utility of a module for any of the spots; `None` if there are none.
-    pub(crate) fn utility(&self, module: usize) -> Option<i64> {
+    /// The best spot for a module, the lowest among equals, and its utility and promise together; `None` if there are
+    /// no spots.
+    pub(crate) fn best_for(&self, module: usize) -> Option<(Prospect, usize)> {
         let leaf_count = self.tree.leaf_count();
-        let mut best = None;
-        let may_beat = |best: Option<i64>, greatest: i64, around: &PositionBox| {
+        let mut best: Option<(Prospect, Reverse<usize>)> = None;
+        let can_beat = |best: Option<(Prospect, _)>, group: usize, around: &PositionBox| {
+            let Some(greatest) = self.greatest[group] else {
+                return false;
+            };
             let nearest = around.nearest_to(self.utilities.module_pose(module));
-            greatest != NOT_CHOSEN
-                && best
-                    .is_none_or(|best| greatest - self.utilities.way_cost(module, &nearest) > best)
+            let gain = greatest.gain - self.utilities.way_cost(module, &nearest);
+            best.is_none_or(|(best, _)| gain >= best.gain)
         };
         for (branch, around) in self.tree.branch_boxes.iter().enumerate() {
-            if !may_beat(best, self.greatest[leaf_count + branch], around) {
+            if !can_beat(best, leaf_count + branch, around) {
                 continue;
             }
             let first = branch * BRANCH_SIZE;
             for leaf in first..leaf_count.min(first + BRANCH_SIZE) {
-                if !may_beat(best, self.greatest[leaf], &self.tree.leaf_boxes[leaf]) {
+                if !can_beat(best, leaf, &self.tree.leaf_boxes[leaf]) {
                     continue;
                 }
                 for place in leaf * LEAF_SIZE..(leaf + 1) * LEAF_SIZE {
-                    let net = self.net_values[place];
-                    if net != NOT_CHOSEN {
-                        let way = self.utilities.way_cost(module, self.tree.pose_at(place));
-                        best = best.max(Some(net - way));
-                    }
+                    let Some(promise) = self.promises[place] else {
+                        continue;
+                    };
+                    let way = self.utilities.way_cost(module, self.tree.pose_at(place));
+                    let offered = Prospect {
+                        gain: promise.gain - way,
+                        ..promise
+                    };
+                    best = best.max(Some((offered, Reverse(self.tree.spots[place]))));
                 }
             }
         }
-        best.map(|net| net - self.utilities.undocking(module))
+        best.map(|(offered, Reverse(spot))| {
+            let undocking = self.utilities.undocking(module);
+            let whole = Prospect {
+                gain: offered.gain - undocking,
+                ..offered
+            };
+            (whole, spot)
+        })
     }
 }
 
@@ -228,7 +276,6 @@ mod tests {
 
     use super::*;
     use crate::generate::{GeneratorParameters, generate};
-    use crate::instance::Instance;
     use crate::scenario::Scenario;
 
     #[test]
@@ -247,12 +294,20 @@ mod tests {
             assert_eq!(held.count(), spots);
             for stride in [1, 3, 3_000] {
                 let chosen = || (0..spots).filter(move |spot| spot % stride == stride / 2);
-                let best = BestOfSpots::new(&tree, &instance.utilities, chosen());
+                let promise = |spot: usize| Prospect {
+                    gain: 3_000_000 * i64::try_from(spot % 5).unwrap(),
+                    spared_evictions: 0,
+                };
+                let best = BestOfSpots::new(&instance, chosen().map(|spot| (spot, promise(spot))));
                 for module in 0..20 {
-                    let expected = chosen()
-                        .map(|spot| instance.utilities.of(module, spot).0)
-                        .max();
-                    assert_eq!(best.utility(module), expected);
+                    let offered = |spot: usize| {
+                        let gain = instance.utilities.of(module, spot).0 + promise(spot).gain;
+                        (gain, Reverse(spot))
+                    };
+                    let found = best
+                        .best_for(module)
+                        .map(|(best, spot)| (best.gain, Reverse(spot)));
+                    assert_eq!(found, chosen().map(offered).max());
                 }
             }
         }
