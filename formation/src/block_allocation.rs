@@ -4,12 +4,14 @@ use crate::allocation::Holder;
 use crate::common_subgraph;
 use crate::common_subtree;
 use crate::eviction::{Allocation, ChainSearch};
+use crate::exact_finish;
 use crate::fixed::MicroUnits;
 use crate::instance::Instance;
 use crate::matching::{Matching, MatchingInput};
 use crate::spot_allocation::{self, Displacement};
 use crate::spot_tree::{BestOfSpots, Prospect};
 use crate::topology::Topology;
+use crate::turn_order::TurnQueue;
 
 /// What came of a configuration's turn.
 #[derive(Clone, Debug, Default)]
@@ -18,6 +20,8 @@ pub(crate) struct BlockOutcome {
     pub(crate) placed: Vec<(usize, usize)>,
     /// The connected components of the modules that leave; each ascending, in ascending order.
     pub(crate) remainder: Vec<Vec<usize>>,
+    /// The singletons without a spot that the exact finish gave one; ascending.
+    pub(crate) readmitted: Vec<usize>,
     /// Whether no larger or better match exists.
     pub(crate) proven: bool,
 }
@@ -25,19 +29,30 @@ pub(crate) struct BlockOutcome {
 /// Finds the best place for the largest part of a configuration, commits it, and lets the singletons that it
 /// displaces re-enter by chain eviction; appends all evictions in the order in which they happen.
 ///
-/// `members` are two or more modules, ascending and connected by links. A configuration of which no two linked
-/// modules can stay together dissolves: all its modules leave as singletons.
+/// `members` are two or more modules, ascending and connected by links, first in the queue. A configuration of which no
+/// two linked modules can stay together dissolves: all its modules leave as singletons.
 pub(crate) fn allocate(
     instance: &Instance,
     search: &mut ChainSearch,
     allocation: &mut Allocation,
     members: &[usize],
     evictions: &mut Vec<Displacement>,
+    queue: &TurnQueue,
 ) -> BlockOutcome {
     let topology = topology_of(instance, members);
-    let prices = prices(instance, allocation);
+    let cut_price = instance.problem.parameters().cut_price.of_one();
+    let breaking: Vec<MicroUnits> = (0..members.len())
+        .map(|node| cut_price.times(topology.degree(node)))
+        .collect();
+    // Who cuts off free spots harms only the configurations to come.
+    let cutting = if queue.has_other_blocks() {
+        cut_price
+    } else {
+        MicroUnits::ZERO
+    };
+    let prices = prices(instance, allocation, cutting);
     let matching = best_matching(instance.target.topology(), &topology, |node, spot| {
-        let price = prices[spot]?;
+        let price = prices[spot]? + breaking[node];
         Some(instance.utilities.of(members[node], spot) - price)
     });
     if matching.pairs.len() < 2 {
@@ -45,6 +60,7 @@ pub(crate) fn allocate(
             placed: Vec::new(),
             remainder: members.iter().map(|&member| vec![member]).collect(),
             proven: matching.proven,
+            ..BlockOutcome::default()
         };
     }
     let mut stays = vec![false; members.len()];
@@ -56,7 +72,14 @@ pub(crate) fn allocate(
             (members[node], spot)
         })
         .collect();
-    commit(instance, search, allocation, &placed, evictions);
+    let displaced = take_spots(instance, allocation, &placed);
+    let finishes = placed.len() == members.len() && exact_finish::is_due(instance, queue);
+    let readmitted = if finishes {
+        exact_finish::finish(instance, allocation, displaced, evictions)
+    } else {
+        reinsert(instance, search, allocation, displaced, evictions);
+        Vec::new()
+    };
     let remainder = topology
         .components_within(|node| !stays[node])
         .into_iter()
@@ -65,6 +88,7 @@ pub(crate) fn allocate(
     BlockOutcome {
         placed,
         remainder,
+        readmitted,
         proven: matching.proven,
     }
 }
@@ -108,9 +132,19 @@ pub(crate) fn best_matching(
 /// What taking each spot costs a configuration on top of its own utility; `None` where it may not.
 ///
 /// Taking a spot from a singleton costs what the singleton loses by moving to its best free spot, or all that it
-/// earns if no spot is free.
-fn prices(instance: &Instance, allocation: &Allocation) -> Vec<Option<MicroUnits>> {
+/// earns if no spot is free. Each edge to a spot that no block holds costs `cutting`: an edge within the block is charged
+/// at both ends as well, but in trees equally many modules have equally many of these, so it decides nothing.
+fn prices(
+    instance: &Instance,
+    allocation: &Allocation,
+    cutting: MicroUnits,
+) -> Vec<Option<MicroUnits>> {
     let table = &allocation.table;
+    let is_open = |spot: usize| matches!(table.holder(spot), Holder::Nobody | Holder::Singleton(_));
+    let cuts = |spot: usize| {
+        let neighbours = instance.target.topology().neighbours(spot).iter();
+        cutting.times(neighbours.filter(|&&neighbour| is_open(neighbour)).count())
+    };
     let free = table.free_spots().map(|spot| (spot, Prospect::default()));
     let free = BestOfSpots::new(instance, free);
     table
@@ -118,24 +152,22 @@ fn prices(instance: &Instance, allocation: &Allocation) -> Vec<Option<MicroUnits
         .iter()
         .enumerate()
         .map(|(spot, holder)| match *holder {
-            Holder::Nobody => Some(MicroUnits::ZERO),
+            Holder::Nobody => Some(cuts(spot)),
             Holder::Fixed(_) | Holder::Closed => None,
             Holder::Singleton(module) => {
                 let elsewhere = free.best_for(module).map_or(0, |(best, _)| best.gain());
-                Some(instance.utilities.of(module, spot) - MicroUnits(elsewhere))
+                Some(instance.utilities.of(module, spot) - MicroUnits(elsewhere) + cuts(spot))
             }
         })
         .collect()
 }
 
-/// Gives the block its spots; the singletons that held them re-enter in the order of their rank.
-fn commit(
+/// Gives the block its spots; returns the singletons that held them, in the order of their rank.
+fn take_spots(
     instance: &Instance,
-    search: &mut ChainSearch,
     allocation: &mut Allocation,
     placed: &[(usize, usize)],
-    evictions: &mut Vec<Displacement>,
-) {
+) -> Vec<Displacement> {
     let mut displaced = Vec::new();
     for &(member, spot) in placed {
         if let Holder::Singleton(evicted) = allocation.table.holder(spot) {
@@ -150,6 +182,17 @@ fn commit(
         allocation.table.give(spot, Holder::Fixed(member));
     }
     displaced.sort_unstable_by_key(|displacement| instance.ranks[displacement.evicted]);
+    displaced
+}
+
+/// Lets displaced singletons re-enter by chain eviction, one after another.
+fn reinsert(
+    instance: &Instance,
+    search: &mut ChainSearch,
+    allocation: &mut Allocation,
+    displaced: Vec<Displacement>,
+    evictions: &mut Vec<Displacement>,
+) {
     for mut displacement in displaced {
         let position = evictions.len();
         displacement.to = spot_allocation::allocate(

@@ -60,10 +60,12 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
         TurnOrder::SizeFirst => 1,
     });
     canonical.number(parameters.d_max.map_or(u64::MAX, u64::from));
+    canonical.number(u64::from(parameters.exact_finish));
     for weight in [
         parameters.weights.loc(),
         parameters.weights.dock(),
         parameters.weights.undock(),
+        parameters.cut_price.of_one(),
     ] {
         canonical.signed(weight.0);
     }

@@ -122,16 +122,14 @@ impl ChainSearch {
         allocation: &mut Allocation,
         module: usize,
     ) -> Vec<Step> {
-        let d_max = instance.problem.parameters().d_max;
+        let limit = instance.problem.parameters().d_max.unwrap_or(u32::MAX);
         if !allocation.cut_short {
             let path = self.shortest_path(instance, allocation, module);
-            if d_max.is_none_or(|d_max| path.evictions <= d_max) {
-                self.raise_potentials(instance, allocation, module, path.length);
-                return self.augment(instance, allocation, module, path.end);
+            if path.evictions <= limit {
+                return self.follow(instance, allocation, module, path);
             }
             allocation.cut_short = true;
         }
-        let limit = d_max.unwrap_or(u32::MAX);
         let chain = bounded_eviction::best_chain(instance, &allocation.table, module, limit);
         for step in &chain {
             allocation.table.release(step.module);
@@ -142,6 +140,28 @@ impl ChainSearch {
             }
         }
         chain
+    }
+
+    /// The same without a bound, into an allocation in which no chain was cut short.
+    pub(crate) fn insert_unbounded(
+        &mut self,
+        instance: &Instance,
+        allocation: &mut Allocation,
+        module: usize,
+    ) -> Vec<Step> {
+        let path = self.shortest_path(instance, allocation, module);
+        self.follow(instance, allocation, module, path)
+    }
+
+    fn follow(
+        &mut self,
+        instance: &Instance,
+        allocation: &mut Allocation,
+        module: usize,
+        path: ShortestPath,
+    ) -> Vec<Step> {
+        self.raise_potentials(instance, allocation, module, path.length);
+        self.augment(instance, allocation, module, path.end)
     }
 
     /// Dijkstra's search from the inserted module over the spots, by (reduced cost, evictions, identifier).

@@ -18,6 +18,7 @@ pub mod common_subgraph;
 pub mod common_subtree;
 pub mod digest;
 mod eviction;
+mod exact_finish;
 pub mod fixed;
 mod frontier;
 pub mod generate;

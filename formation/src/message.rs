@@ -201,7 +201,8 @@ pub struct Decision {
     pub selections: Vec<SpotSelection>,
     /// The evictions that it makes, in the order of the chain.
     pub evictions: Vec<EvictionRecord>,
-    /// The modules that leave their configuration, ascending.
+    /// The modules that leave their configuration, ascending; in an exact finish also those that left it before and are
+    /// placed only now.
     pub detached: Vec<ModuleId>,
 }
 

@@ -120,6 +120,56 @@ impl Default for Weights {
     }
 }
 
+/// What a configuration pays for each cut when it chooses its spots; never below zero.
+///
+/// A cut is a link that it breaks, or an edge between a spot that it takes and a free one that it leaves: on trees, a
+/// piece that later turns find cut off. The price decides between places for equally many modules, as the utility
+/// does, but is charged to nobody. At zero the utility decides alone; a price above all ways makes it decide only
+/// between equally few cuts.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct CutPrice(MicroUnits);
+
+impl CutPrice {
+    /// Nothing is charged.
+    pub const ZERO: Self = Self(MicroUnits::ZERO);
+
+    /// Validates and quantises a price.
+    ///
+    /// # Errors
+    /// Refuses what is not finite, negative, or above [`WEIGHT_LIMIT`].
+    pub fn from_units(price: f64) -> Result<Self, CutPriceError> {
+        let price = MicroUnits::from_units_within(price, WEIGHT_LIMIT)?;
+        if price < MicroUnits::ZERO {
+            return Err(CutPriceError::Negative(price));
+        }
+        Ok(Self(price))
+    }
+
+    /// The price of one cut.
+    #[must_use]
+    pub fn of_one(&self) -> MicroUnits {
+        self.0
+    }
+}
+
+impl Default for CutPrice {
+    /// What a way of one unit costs.
+    fn default() -> Self {
+        Self(MicroUnits::ONE)
+    }
+}
+
+/// Why a price of cuts was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum CutPriceError {
+    /// The price is no number that can be used.
+    #[error(transparent)]
+    Number(#[from] QuantiseError),
+    /// The price is below zero.
+    #[error("must not be negative, got {0}")]
+    Negative(MicroUnits),
+}
+
 /// Everything the user may choose about planning; part of the input that every replica shares.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct PlannerParameters {
@@ -129,8 +179,13 @@ pub struct PlannerParameters {
     pub order: TurnOrder,
     /// At most how many evictions one chain may make; `None` is unbounded. The paper used 3.
     pub d_max: Option<u32>,
+    /// With a bounded `d_max`, let the last turn move singletons as far as it takes to make their allocation
+    /// utility-optimal given the blocks. Without a bound it always is. Only for the policy `exact`.
+    pub exact_finish: bool,
     /// The weights of the cost of taking a spot.
     pub weights: Weights,
+    /// What a configuration pays for each cut when it chooses its spots. Only for the policy `exact`.
+    pub cut_price: CutPrice,
     /// Keep every spot even when there are fewer modules than spots, instead of trimming the target.
     pub keep_all_spots: bool,
 }
@@ -150,5 +205,21 @@ mod tests {
             Weights::from_units(1.0, f64::NAN, 0.0),
             Err(WeightsError::Weight { name: "dock", .. })
         ));
+    }
+
+    #[test]
+    fn a_cut_is_never_rewarded() {
+        assert_eq!(CutPrice::from_units(1.0), Ok(CutPrice::default()));
+        assert_eq!(CutPrice::from_units(0.0), Ok(CutPrice::ZERO));
+        assert!(matches!(
+            CutPrice::from_units(-0.5),
+            Err(CutPriceError::Negative(_))
+        ));
+        for price in [100.5, f64::NAN, f64::INFINITY] {
+            assert!(matches!(
+                CutPrice::from_units(price),
+                Err(CutPriceError::Number(_))
+            ));
+        }
     }
 }

@@ -14,6 +14,7 @@ use crate::baseline::paper::{Favourites, PaperTurn};
 use crate::baseline::{self, AuctionCounts, CentralAssignment};
 use crate::block_allocation;
 use crate::eviction::{Allocation, ChainSearch};
+use crate::exact_finish;
 use crate::fixed::MicroUnits;
 use crate::id::{ModuleId, SpotId};
 use crate::instance::Instance;
@@ -370,11 +371,22 @@ impl Planning {
                         &mut allocation,
                         &unit.members,
                         &mut evictions,
+                        &self.queue,
                     );
                     blocks.push(outcome.placed.iter().map(|&(member, _)| member).collect());
                     detached.extend(outcome.remainder.iter().flatten());
+                    detached.extend(self.linked_among(&outcome.readmitted));
                     remainder = outcome.remainder;
                     proven = outcome.proven;
+                }
+                Policy::Exact if exact_finish::is_due(&self.instance, &self.queue) => {
+                    let entered = exact_finish::finish(
+                        &self.instance,
+                        &mut allocation,
+                        Vec::new(),
+                        &mut evictions,
+                    );
+                    detached.extend(self.linked_among(&entered));
                 }
                 Policy::Exact => {
                     spot_allocation::allocate(
@@ -421,6 +433,15 @@ impl Planning {
             });
         }
         self.pending.as_ref()
+    }
+
+    /// Those of some modules that were docked at the start; they now enter singly.
+    fn linked_among(&self, modules: &[usize]) -> impl Iterator<Item = usize> {
+        let links = &self.instance.links;
+        modules
+            .iter()
+            .copied()
+            .filter(move |&module| links.degree(module) > 0)
     }
 
     /// Puts a turn's outcome into identifiers.

@@ -9,7 +9,9 @@ use thiserror::Error;
 
 use crate::geometry::{Pose, PoseError};
 use crate::id::{ConfigurationId, ModuleId, NO_ID};
-use crate::parameters::{PlannerParameters, Policy, TurnOrder, Weights, WeightsError};
+use crate::parameters::{
+    CutPrice, CutPriceError, PlannerParameters, Policy, TurnOrder, Weights, WeightsError,
+};
 use crate::problem::{PlanningModule, PlanningProblem, ProblemError};
 use crate::target::{RawTarget, Target, TargetError};
 use crate::topology::{Topology, TopologyError};
@@ -75,7 +77,7 @@ impl From<Weights> for RawWeights {
 }
 
 /// The planner section as it stands in a scenario file.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct RawPlanner {
     /// Which planner decides.
@@ -84,21 +86,44 @@ pub struct RawPlanner {
     pub order: TurnOrder,
     /// At most how many evictions one chain may make; null is unbounded.
     pub d_max: Option<u32>,
+    /// With a bounded `d_max`, let the last turn restore the optimum of the singletons.
+    pub exact_finish: bool,
     /// The weights of the cost of taking a spot.
     pub weights: RawWeights,
+    /// What a configuration pays for each cut when it chooses its spots; 0 lets the utility decide alone.
+    pub cut_price: f64,
     /// Keep every spot even when there are fewer modules than spots.
     pub keep_all_spots: bool,
 }
 
-impl TryFrom<RawPlanner> for PlannerParameters {
-    type Error = WeightsError;
+impl Default for RawPlanner {
+    fn default() -> Self {
+        Self::from(PlannerParameters::default())
+    }
+}
 
-    fn try_from(raw: RawPlanner) -> Result<Self, WeightsError> {
+/// Why a planner section was refused; each message begins with the field that is wrong.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum PlannerError {
+    /// The weights are wrong.
+    #[error("weights: {0}")]
+    Weights(#[from] WeightsError),
+    /// The price of cuts is wrong.
+    #[error("cut_price: {0}")]
+    CutPrice(#[from] CutPriceError),
+}
+
+impl TryFrom<RawPlanner> for PlannerParameters {
+    type Error = PlannerError;
+
+    fn try_from(raw: RawPlanner) -> Result<Self, PlannerError> {
         Ok(Self {
             policy: raw.policy,
             order: raw.order,
             d_max: raw.d_max,
+            exact_finish: raw.exact_finish,
             weights: Weights::from_units(raw.weights.loc, raw.weights.dock, raw.weights.undock)?,
+            cut_price: CutPrice::from_units(raw.cut_price)?,
             keep_all_spots: raw.keep_all_spots,
         })
     }
@@ -110,7 +135,9 @@ impl From<PlannerParameters> for RawPlanner {
             policy: parameters.policy,
             order: parameters.order,
             d_max: parameters.d_max,
+            exact_finish: parameters.exact_finish,
             weights: parameters.weights.into(),
+            cut_price: parameters.cut_price.of_one().to_units(),
             keep_all_spots: parameters.keep_all_spots,
         }
     }
@@ -160,9 +187,9 @@ pub enum ScenarioError {
     /// The target is wrong.
     #[error("target.{0}")]
     Target(#[from] TargetError),
-    /// The planner's weights are wrong.
-    #[error("planner.weights: {0}")]
-    Weights(#[from] WeightsError),
+    /// The planner section is wrong.
+    #[error("planner.{0}")]
+    Planner(#[from] PlannerError),
     /// A module or a configuration is wrong.
     #[error("{field}: {reason}")]
     Field {

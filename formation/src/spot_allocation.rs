@@ -27,26 +27,18 @@ pub(crate) fn allocate(
     evictions: &mut Vec<Displacement>,
 ) -> Option<usize> {
     let chain = search.insert(instance, allocation, module);
-    for pair in chain.windows(2) {
-        let [
-            Step {
-                module: by,
-                to: Some(from),
-            },
-            Step {
-                module: evicted,
-                to,
-            },
-        ] = *pair
-        else {
-            continue;
-        };
-        evictions.push(Displacement {
-            evicted,
-            by,
-            from,
-            to,
-        });
-    }
+    evictions.extend(displacements_of(&chain));
     chain.first().and_then(|step| step.to)
+}
+
+/// The evictions that a chain makes, in its order; a ring closes without one.
+pub(crate) fn displacements_of(chain: &[Step]) -> impl Iterator<Item = Displacement> + '_ {
+    chain.windows(2).filter_map(|pair| {
+        Some(Displacement {
+            evicted: pair[1].module,
+            by: pair[0].module,
+            from: pair[0].to?,
+            to: pair[1].to,
+        })
+    })
 }

@@ -96,6 +96,16 @@ impl TurnQueue {
         self.waiting.first_key_value().map(|(_, unit)| unit)
     }
 
+    /// Whether a configuration waits beside the unit whose turn it is.
+    pub(crate) fn has_other_blocks(&self) -> bool {
+        self.block_count > usize::from(self.next().is_some_and(Unit::is_block))
+    }
+
+    /// Whether the unit whose turn it is comes last, unless it leaves a remainder.
+    pub(crate) fn has_one_unit(&self) -> bool {
+        self.waiting.len() == 1 && self.deferred.is_empty()
+    }
+
     /// Takes the unit whose turn it is off the queue; to be followed by [`Self::insert_remainder`].
     pub(crate) fn pop(&mut self) -> Option<Unit> {
         let (_, unit) = self.waiting.pop_first()?;

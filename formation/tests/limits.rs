@@ -11,7 +11,7 @@ use std::sync::Arc;
 use formation::MODULES_MAX;
 use formation::fixed::{COORDINATE_LIMIT_UNITS, MicroUnits, WEIGHT_LIMIT};
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::parameters::{PlannerParameters, Policy, TurnOrder, Weights};
+use formation::parameters::{CutPrice, PlannerParameters, Policy, TurnOrder, Weights};
 use formation::planning::{Planning, plan};
 use formation::problem::{PlanningProblem, ProblemError};
 use formation::scenario::{RawScenario, Scenario};
@@ -68,7 +68,9 @@ fn the_longest_ways_at_the_heaviest_weights_are_planned_and_verified() {
                         policy,
                         order,
                         d_max,
+                        exact_finish: true,
                         weights: heaviest(),
+                        cut_price: CutPrice::from_units(WEIGHT_LIMIT).unwrap(),
                         keep_all_spots: false,
                     };
                     let problem = with_parameters(scenario.problem(), parameters);
@@ -166,6 +168,11 @@ fn what_is_beyond_the_limits_is_refused_by_name() {
     let refused = beyond(|raw| raw.target.spots[2].x = f64::NAN);
     assert!(
         refused.contains("spots[2].x") && refused.contains("finite"),
+        "{refused}"
+    );
+    let refused = beyond(|raw| raw.planner.cut_price = WEIGHT_LIMIT + 1.0);
+    assert!(
+        refused.contains("planner.cut_price") && refused.contains("100"),
         "{refused}"
     );
     let refused = Weights::from_units(WEIGHT_LIMIT + 1.0, 1.0, 0.5).unwrap_err();

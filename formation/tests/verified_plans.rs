@@ -48,10 +48,12 @@ fn random_scenarios_of_every_kind() -> Result<(), Box<dyn std::error::Error>> {
             Grouping::Configurations(modules.min(5)),
             Grouping::Configurations(modules),
         ] {
-            for (order, d_max, keep_all_spots) in [
-                (TurnOrder::Rank, None, false),
-                (TurnOrder::SizeFirst, Some(3), true),
-                (TurnOrder::Rank, Some(0), false),
+            for (order, d_max, exact_finish, keep_all_spots) in [
+                (TurnOrder::Rank, None, false, false),
+                (TurnOrder::SizeFirst, Some(3), false, true),
+                (TurnOrder::Rank, Some(0), false, false),
+                (TurnOrder::Rank, Some(0), true, true),
+                (TurnOrder::SizeFirst, Some(1), true, false),
             ] {
                 for tree in [TreeKind::Lattice, TreeKind::UniformLabelled] {
                     seed += 1;
@@ -62,6 +64,7 @@ fn random_scenarios_of_every_kind() -> Result<(), Box<dyn std::error::Error>> {
                     })?;
                     raw.planner.order = order;
                     raw.planner.d_max = d_max;
+                    raw.planner.exact_finish = exact_finish;
                     raw.planner.keep_all_spots = keep_all_spots;
                     assert_verified(raw)?;
                 }

@@ -2,7 +2,7 @@
 
 use formation::fixed::{MICRO_PER_UNIT, QuantiseError};
 use formation::id::{NO_ID, SpotId};
-use formation::parameters::WeightsError;
+use formation::parameters::{CutPriceError, WeightsError};
 use formation::problem::ProblemError;
 use formation::target::TargetError;
 use thiserror::Error;
@@ -99,6 +99,9 @@ pub enum Fault {
     /// The weights are wrong.
     #[error(transparent)]
     Weights(#[from] WeightsError),
+    /// The price of cuts is wrong.
+    #[error(transparent)]
+    CutPrice(#[from] CutPriceError),
     /// The members of a roster do not fit its target or each other.
     #[error(transparent)]
     Problem(#[from] ProblemError),

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use formation::message::TargetAnnouncement;
-use formation::parameters::{self, Policy, TurnOrder, Weights, WeightsError};
+use formation::parameters::{self, CutPrice, Policy, TurnOrder, Weights, WeightsError};
 use formation::target::{RawSpot, RawTarget, Target};
 use serde::{Deserialize, Serialize};
 
@@ -38,9 +38,11 @@ pub struct PlannerParameters {
     pub policy: u8,
     pub order: u8,
     pub d_max: i32,
+    pub exact_finish: bool,
     pub weight_loc: f64,
     pub weight_dock: f64,
     pub weight_undock: f64,
+    pub cut_price: f64,
     pub keep_all_spots: bool,
 }
 
@@ -92,9 +94,11 @@ impl From<&parameters::PlannerParameters> for PlannerParameters {
             d_max: parameters.d_max.map_or(Self::D_MAX_UNBOUNDED, |d_max| {
                 i32::try_from(d_max).unwrap_or(i32::MAX)
             }),
+            exact_finish: parameters.exact_finish,
             weight_loc: parameters.weights.loc().to_units(),
             weight_dock: parameters.weights.dock().to_units(),
             weight_undock: parameters.weights.undock().to_units(),
+            cut_price: parameters.cut_price.of_one().to_units(),
             keep_all_spots: parameters.keep_all_spots,
         }
     }
@@ -129,6 +133,7 @@ impl PlannerParameters {
                     return unknown("d_max", self.d_max.into(), known);
                 }
             },
+            exact_finish: self.exact_finish,
             weights: Weights::from_units(self.weight_loc, self.weight_dock, self.weight_undock)
                 .map_err(|error| match error {
                     WeightsError::Weight { name, source } => {
@@ -136,6 +141,8 @@ impl PlannerParameters {
                     }
                     WeightsError::Order { .. } => FieldError::new("", error),
                 })?,
+            cut_price: CutPrice::from_units(self.cut_price)
+                .map_err(|error| FieldError::new("cut_price", error))?,
             keep_all_spots: self.keep_all_spots,
         })
     }

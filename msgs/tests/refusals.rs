@@ -207,6 +207,8 @@ fn targets() {
             "target: planner.weight_loc: must lie within +-100, got 101";
         target => target.planner.weight_undock = 0.5,
             "target: planner: must satisfy loc > dock > undock >= 0, got loc 1, dock 0.1, undock 0.5";
+        target => target.planner.cut_price = -1.0,
+            "target: planner.cut_price: must not be negative, got -1.000000";
     );
     let withdrawn = wire::TargetConfiguration {
         withdrawn: true,

@@ -4,7 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Violation;
 use crate::id::{ModuleId, SpotId};
-use crate::message::Decision;
+use crate::message::{Decision, SpotSelection};
+use crate::parameters::Policy;
 use crate::problem::PlanningProblem;
 
 /// Who holds which spot after the turns replayed so far, and every promise that they broke.
@@ -24,6 +25,8 @@ pub(super) struct Replay {
     pub(super) pairs: usize,
     /// What the turns did wrong.
     pub(super) violations: Vec<Violation>,
+    /// What the latest turn did that only the last one may do, where the last one restores an optimum.
+    unless_last: Vec<Violation>,
     /// Pinned modules and members of blocks: nobody may evict them.
     protected: BTreeSet<ModuleId>,
 }
@@ -48,11 +51,13 @@ impl Replay {
             evictions: 0,
             pairs: 0,
             violations: Vec::new(),
+            unless_last: Vec::new(),
         }
     }
 
     /// Replays one turn. A turn that breaks a promise is applied as far as it makes sense.
     pub(super) fn apply(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
+        self.violations.append(&mut self.unless_last);
         self.pairs += decision.selections.len();
         self.evictions += decision.evictions.len();
         if !self.names_exist(problem, decision) {
@@ -74,9 +79,15 @@ impl Replay {
             .filter_map(|module| Some((module, *self.spots.get(&module)?)))
             .collect();
         self.select(turn, decision, &before, &walked);
-        self.compare(turn, decision, &before, &walked);
+        self.compare(turn, &before, &walked);
         self.note_blocks(problem, decision, &before);
-        self.check_chain_length(problem, turn, decision);
+        let mut unusual = moves_without_eviction(turn, decision, &before, &walked);
+        unusual.extend(self.too_long_a_chain(problem, turn, decision));
+        if may_finish(problem) {
+            self.unless_last = unusual;
+        } else {
+            self.violations.append(&mut unusual);
+        }
         self.detached.extend(&decision.detached);
     }
 
@@ -219,7 +230,6 @@ impl Replay {
     fn compare(
         &mut self,
         turn: u32,
-        decision: &Decision,
         before: &BTreeMap<ModuleId, SpotId>,
         walked: &BTreeMap<ModuleId, Option<SpotId>>,
     ) {
@@ -229,16 +239,6 @@ impl Replay {
                 let spot = end.or(after).or_else(|| before.get(&module).copied());
                 self.violations
                     .extend(spot.map(|spot| Violation::WrongEviction { turn, module, spot }));
-            }
-        }
-        for selection in &decision.selections {
-            let (module, spot) = (selection.module, before.get(&selection.module));
-            if let Some(&spot) = spot
-                && !walked.contains_key(&module)
-                && spot != selection.spot
-            {
-                self.violations
-                    .push(Violation::MovedWithoutEviction { turn, module, spot });
             }
         }
     }
@@ -281,7 +281,12 @@ impl Replay {
         }
     }
 
-    fn check_chain_length(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
+    fn too_long_a_chain(
+        &self,
+        problem: &PlanningProblem,
+        turn: u32,
+        decision: &Decision,
+    ) -> Option<Violation> {
         let evictions = decision.evictions.len();
         // A block's turn re-inserts each singleton that it displaces with a chain of its own; so does the policy `paper`
         // with the modules that leave the block.
@@ -290,18 +295,36 @@ impl Replay {
             .iter()
             .filter(|eviction| self.protected.contains(&eviction.by))
             .count();
-        if let Some(limit) = problem.parameters().d_max {
-            let chains = (displaced + decision.detached.len()).max(1);
-            let allowed = displaced + chains * usize::try_from(limit).unwrap_or(usize::MAX);
-            if evictions > allowed {
-                self.violations.push(Violation::ChainTooLong {
-                    turn,
-                    evictions,
-                    limit,
-                });
-            }
-        }
+        let limit = problem.parameters().d_max?;
+        let chains = (displaced + decision.detached.len()).max(1);
+        let allowed = displaced + chains * usize::try_from(limit).unwrap_or(usize::MAX);
+        (evictions > allowed).then_some(Violation::ChainTooLong {
+            turn,
+            evictions,
+            limit,
+        })
     }
+}
+
+/// Whether the last turn may move singletons as far as it takes to restore their optimum.
+fn may_finish(problem: &PlanningProblem) -> bool {
+    let parameters = problem.parameters();
+    parameters.exact_finish && parameters.d_max.is_some() && parameters.policy == Policy::Exact
+}
+
+/// The modules that leave a spot for another although nobody takes it from them.
+fn moves_without_eviction(
+    turn: u32,
+    decision: &Decision,
+    before: &BTreeMap<ModuleId, SpotId>,
+    walked: &BTreeMap<ModuleId, Option<SpotId>>,
+) -> Vec<Violation> {
+    let moves = |selection: &SpotSelection| {
+        let (module, &spot) = (selection.module, before.get(&selection.module)?);
+        let is_own_choice = !walked.contains_key(&module) && spot != selection.spot;
+        is_own_choice.then_some(Violation::MovedWithoutEviction { turn, module, spot })
+    };
+    decision.selections.iter().filter_map(moves).collect()
 }
 
 /// Splits things into the groups that `neighbours` joins; groups and members ascend.

@@ -6,7 +6,7 @@ use std::sync::Arc;
 use formation::fixed::MicroUnits;
 use formation::geometry::Pose;
 use formation::id::{ModuleId, SpotId};
-use formation::parameters::{PlannerParameters, TurnOrder};
+use formation::parameters::{CutPrice, PlannerParameters, TurnOrder};
 use formation::problem::{PlanningModule, PlanningProblem};
 use formation::target::{RawSpot, RawTarget, Target};
 use proptest::prelude::*;
@@ -29,6 +29,9 @@ pub struct World {
     pub grid: i64,
     pub size_first: bool,
     pub d_max: Option<u32>,
+    pub exact_finish: bool,
+    /// In whole units.
+    pub cut_price: u8,
     pub keep_all_spots: bool,
 }
 
@@ -40,7 +43,11 @@ pub fn worlds(extra_max: usize) -> impl Strategy<Value = World> {
         (0..10_usize, 0..3_usize),
         prop_oneof![Just(1), Just(1_000_000)],
         (any::<bool>(), any::<bool>()),
-        proptest::option::weighted(0.3, 0..4_u32),
+        (
+            proptest::option::weighted(0.3, 0..4_u32),
+            any::<bool>(),
+            prop_oneof![Just(1), Just(0), Just(20)],
+        ),
     )
         .prop_map(
             |(
@@ -49,7 +56,7 @@ pub fn worlds(extra_max: usize) -> impl Strategy<Value = World> {
                 (singletons, pinned),
                 grid,
                 (size_first, keep_all_spots),
-                d_max,
+                (d_max, exact_finish, cut_price),
             )| World {
                 seed,
                 spots,
@@ -64,6 +71,8 @@ pub fn worlds(extra_max: usize) -> impl Strategy<Value = World> {
                 grid,
                 size_first,
                 d_max,
+                exact_finish,
+                cut_price,
                 keep_all_spots,
             },
         )
@@ -104,6 +113,8 @@ impl World {
                 TurnOrder::Rank
             },
             d_max: self.d_max,
+            exact_finish: self.exact_finish,
+            cut_price: CutPrice::from_units(f64::from(self.cut_price)).unwrap(),
             keep_all_spots: self.keep_all_spots,
             ..PlannerParameters::default()
         }

@@ -11,7 +11,7 @@ use formation::message::{
     CausalMark, Decision, EvictionNotice, EvictionRecord, Heartbeat, ModulePhase, ModuleState,
     QuorumBasis, Roster, RosterMember, RosterMessage, SpotClaim, SpotSelection, TargetAnnouncement,
 };
-use formation::parameters::{PlannerParameters, Policy, TurnOrder, Weights};
+use formation::parameters::{CutPrice, PlannerParameters, Policy, TurnOrder, Weights};
 use formation::problem::PlanningModule;
 use formation::target::{RawSpot, RawTarget, Target};
 use proptest::collection::{btree_set, vec};
@@ -111,16 +111,22 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
         ]),
         select(vec![TurnOrder::Rank, TurnOrder::SizeFirst]),
         option::of(0..=i32::MAX.unsigned_abs()),
+        any::<bool>(),
         weights(),
+        0..=100_000_000_i64,
         any::<bool>(),
     )
         .prop_map(
-            |(policy, order, d_max, weights, keep_all_spots)| PlannerParameters {
-                policy,
-                order,
-                d_max,
-                weights,
-                keep_all_spots,
+            |(policy, order, d_max, exact_finish, weights, cut_price, keep_all_spots)| {
+                PlannerParameters {
+                    policy,
+                    order,
+                    d_max,
+                    exact_finish,
+                    weights,
+                    cut_price: CutPrice::from_units(MicroUnits(cut_price).to_units()).unwrap(),
+                    keep_all_spots,
+                }
             },
         )
 }

@@ -15,7 +15,8 @@ use crate::problem::PlanningProblem;
 /// 2. exactly `min(|A|, |S|)` spots are filled, each by one module, and with too few modules they hang together unless
 ///    `keep_all_spots` is set or pinned modules are too far apart for that;
 /// 3. no member of a configuration is evicted, and no pinned module leaves its spot;
-/// 4. the turns, replayed, lead to the plan's assignment, and no chain is longer than `d_max`;
+/// 4. the turns, replayed, lead to the plan's assignment, and no chain is longer than `d_max`, save in the last
+///    turn if that restores the optimum (`exact_finish`), when modules may also move to a spot that is free;
 /// 5. the blocks are the ones that the turns placed, each connected by links that it keeps, and the kept links are
 ///    exactly those of a block's modules, or of pinned modules, on adjacent spots;
 /// 6. the acting order lists each placed module once, each block as one unit, pinned ones first, and every spot has an
