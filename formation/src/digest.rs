@@ -4,7 +4,7 @@ use sha2::{Digest as _, Sha256};
 
 use crate::geometry::Pose;
 use crate::id::{Digest, ModuleId, NO_ID};
-use crate::message::{Decision, Roster, TargetAnnouncement};
+use crate::message::{Decision, Roster, Service, TargetAnnouncement};
 use crate::parameters::{PlannerParameters, Policy, TurnOrder};
 
 /// Feeds numbers to SHA-256 in a fixed layout; every list is preceded by its length, so that no two inputs run together.
@@ -104,7 +104,7 @@ pub fn of_target(announcement: &TargetAnnouncement) -> Digest {
 /// The digest of a whole plan: the roster with its epoch, and every decision in the order of the turns.
 #[must_use]
 pub fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
-    let mut canonical = Canonical::new("formation plan 1");
+    let mut canonical = Canonical::new("formation plan 2");
     canonical.number(roster.epoch.number);
     canonical.identifier(Some(roster.epoch.convener.0));
     put_target(&mut canonical, &roster.target);
@@ -113,6 +113,11 @@ pub fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
         let module = &member.module;
         canonical.identifier(Some(module.id.0));
         canonical.number(member.incarnation.0);
+        canonical.number(match member.service {
+            Service::Active => 0,
+            Service::Retired => 1,
+            Service::MotionFailed => 2,
+        });
         canonical.pose(&module.pose);
         canonical.length(module.links.len());
         for link in &module.links {

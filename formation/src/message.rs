@@ -1,6 +1,7 @@
 //! What agents tell each other, as validated data; the wire types live in `formation_msgs`.
 
 use std::collections::BTreeSet;
+use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -48,6 +49,28 @@ pub enum ModulePhase {
     WaitingForQuorum,
 }
 
+/// Whether a module takes a spot when it can.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Service {
+    /// It does.
+    #[default]
+    Active,
+    /// It was told to leave the formation: it gets no spot, and still counts towards majorities while it runs.
+    Retired,
+    /// Its drive or its docking ports gave up; as if it were retired.
+    MotionFailed,
+}
+
+impl fmt::Display for Service {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str(match self {
+            Self::Active => "active",
+            Self::Retired => "retired",
+            Self::MotionFailed => "motion failed",
+        })
+    }
+}
+
 /// One module's state at one point in time that an action waited for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CausalMark {
@@ -72,6 +95,8 @@ pub struct ModuleState {
     pub digest: Option<Digest>,
     /// What it is doing.
     pub phase: ModulePhase,
+    /// Whether it takes a spot when it can.
+    pub service: Service,
     /// Where it stands.
     pub pose: Pose,
     /// The modules that it is docked to.
@@ -101,6 +126,8 @@ pub struct ModuleState {
 pub struct RosterMember {
     /// Which run of its process takes part.
     pub incarnation: Incarnation,
+    /// Whether it takes a spot. One that does not is no part of the plan; it agrees and is counted like any other.
+    pub service: Service,
     /// What planning has to know of it.
     pub module: PlanningModule,
 }
@@ -130,7 +157,18 @@ pub struct Roster {
 }
 
 impl Roster {
-    /// The planning input of this roster; `None` when its target is withdrawn.
+    /// The members of which a later roster must hold a majority, ascending: the active ones. Those out of service agreed
+    /// to this roster like the others, and with that to being counted no more.
+    #[must_use]
+    pub fn quorum_basis(&self) -> Vec<ModuleId> {
+        self.members
+            .iter()
+            .filter(|member| member.service == Service::Active)
+            .map(|member| member.module.id)
+            .collect()
+    }
+
+    /// The planning input of this roster, its active members only; `None` when its target is withdrawn.
     ///
     /// # Errors
     /// Says what contradicts itself in the roster.
@@ -141,6 +179,7 @@ impl Roster {
         let modules = self
             .members
             .iter()
+            .filter(|member| member.service == Service::Active)
             .map(|member| member.module.clone())
             .collect();
         PlanningProblem::new(Arc::clone(target), self.target.parameters, modules).map(Some)

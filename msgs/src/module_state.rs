@@ -1,7 +1,7 @@
 //! What travels on `module_states`, and the parts of it that other messages use too.
 
 use formation::id::{ConfigurationId, Incarnation, ModuleId, SpotId};
-use formation::message::{self, ModulePhase};
+use formation::message::{self, ModulePhase, Service};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
@@ -30,6 +30,7 @@ pub struct ModuleState {
     pub has_digest: bool,
     pub digest: u64,
     pub phase: u8,
+    pub service: u8,
     pub x: f64,
     pub y: f64,
     pub theta: f64,
@@ -64,6 +65,9 @@ impl ModuleState {
     pub const PHASE_SETTLED: u8 = 7;
     pub const PHASE_SPARE: u8 = 8;
     pub const PHASE_WAITING_FOR_QUORUM: u8 = 9;
+    pub const SERVICE_ACTIVE: u8 = 1;
+    pub const SERVICE_RETIRED: u8 = 2;
+    pub const SERVICE_MOTION_FAILED: u8 = 3;
 }
 
 pub(crate) fn phase_to_wire(phase: ModulePhase) -> u8 {
@@ -97,6 +101,29 @@ pub(crate) fn phase_from_wire(value: u8) -> Checked<ModulePhase> {
             let value = value.into();
             return Err(FieldError::new(
                 "phase",
+                Fault::UnknownValue { value, known },
+            ));
+        }
+    })
+}
+
+pub(crate) fn service_to_wire(service: Service) -> u8 {
+    match service {
+        Service::Active => ModuleState::SERVICE_ACTIVE,
+        Service::Retired => ModuleState::SERVICE_RETIRED,
+        Service::MotionFailed => ModuleState::SERVICE_MOTION_FAILED,
+    }
+}
+
+pub(crate) fn service_from_wire(value: u8) -> Checked<Service> {
+    Ok(match value {
+        ModuleState::SERVICE_ACTIVE => Service::Active,
+        ModuleState::SERVICE_RETIRED => Service::Retired,
+        ModuleState::SERVICE_MOTION_FAILED => Service::MotionFailed,
+        value => {
+            let (value, known) = (value.into(), "ACTIVE 1, RETIRED 2, MOTION_FAILED 3");
+            return Err(FieldError::new(
+                "service",
                 Fault::UnknownValue { value, known },
             ));
         }
@@ -140,6 +167,7 @@ impl From<&message::ModuleState> for ModuleState {
             has_digest: state.digest.is_some(),
             digest: state.digest.map_or(0, |digest| digest.0),
             phase: phase_to_wire(state.phase),
+            service: service_to_wire(state.service),
             x: state.pose.x.to_units(),
             y: state.pose.y.to_units(),
             theta: state.pose.theta.to_units(),
@@ -177,6 +205,7 @@ impl ModuleState {
             epoch,
             digest: check::digest(epoch, self.has_digest, self.digest)?,
             phase: phase_from_wire(self.phase)?,
+            service: service_from_wire(self.service)?,
             pose: check::pose(self.x, self.y, self.theta)?,
             links: check::links(module, &self.links)?,
             configuration: check::optional_id(self.configuration_id, ConfigurationId),

@@ -12,6 +12,7 @@ use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases};
 use crate::error::{Fault, MessageError};
+use crate::module_state::{service_from_wire, service_to_wire};
 use crate::target::TargetConfiguration;
 use crate::{NONE, topic};
 
@@ -21,6 +22,7 @@ use crate::{NONE, topic};
 pub struct RosterMember {
     pub module_id: u32,
     pub incarnation: u64,
+    pub service: u8,
     pub x_micro: i64,
     pub y_micro: i64,
     pub theta_micro: i64,
@@ -59,6 +61,7 @@ impl From<&message::RosterMember> for RosterMember {
         Self {
             module_id: module.id.0,
             incarnation: member.incarnation.0,
+            service: service_to_wire(member.service),
             x_micro: module.pose.x.0,
             y_micro: module.pose.y.0,
             theta_micro: module.pose.theta.0,
@@ -75,6 +78,7 @@ impl RosterMember {
         let id = check::id("module_id", self.module_id, ModuleId)?;
         Ok(message::RosterMember {
             incarnation: Incarnation(self.incarnation),
+            service: service_from_wire(self.service)?,
             module: PlanningModule {
                 id,
                 pose: Pose {

@@ -70,6 +70,7 @@ fn state() -> wire::ModuleState {
         has_digest: true,
         digest: 7,
         phase: wire::ModuleState::PHASE_MOVING,
+        service: wire::ModuleState::SERVICE_ACTIVE,
         x: 1.5,
         y: -2.0,
         theta: 0.0,
@@ -112,6 +113,8 @@ fn module_states() {
         sample => sample.modules[1].phase = 0,
             "module_states: modules[1].phase: 0 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
              WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9";
+        sample => sample.modules[1].service = 0,
+            "module_states: modules[1].service: 0 is unknown; known are ACTIVE 1, RETIRED 2, MOTION_FAILED 3";
         sample => sample.modules[1].x = f64::NAN,
             "module_states: modules[1].x: must be a finite number, got NaN";
         sample => sample.modules[1].y = f64::NEG_INFINITY,
@@ -225,6 +228,7 @@ fn member(module_id: u32) -> wire::RosterMember {
     wire::RosterMember {
         module_id,
         incarnation: 1,
+        service: wire::ModuleState::SERVICE_ACTIVE,
         x_micro: 1_000_000,
         y_micro: 0,
         theta_micro: 0,
@@ -258,6 +262,8 @@ fn rosters() {
         roster => roster.members.reverse(),
             "roster: members[1]: module 4 must stand after module 1, the list ascends";
         roster => roster.members[1].module_id = 1, "roster: members[1]: module 1 is listed twice";
+        roster => roster.members[1].service = 4,
+            "roster: members[1].service: 4 is unknown; known are ACTIVE 1, RETIRED 2, MOTION_FAILED 3";
         roster => roster.members[1].x_micro = 1_000_000_000_001,
             "roster: members[1].x_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
              1000000000001";

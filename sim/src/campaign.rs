@@ -1,19 +1,19 @@
 //! Runs of many seeds: each draws a scenario, a network and faults, and is judged by the invariants.
 
-use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::AgentParameters;
+use formation::agent::{AgentParameters, Command};
 use formation::generate::{GenerateError, GeneratorParameters, Grouping, Random};
 use formation::id::ModuleId;
-use formation::message::ModulePhase;
+use formation::message::TargetAnnouncement;
 use formation::problem::PlanningProblem;
 use formation::scenario::{Scenario, ScenarioError};
+use formation::target::Target;
 
 use crate::cluster::{Cluster, ClusterParameters};
 use crate::faults::{Fault, FaultKind, Strike, draw};
-use crate::invariants::{Violation, ViolationKind, Watch};
+use crate::invariants::{Violation, Watch};
 use crate::network::NetworkParameters;
 
 /// What every run of a campaign has in common.
@@ -49,12 +49,23 @@ impl Default for CampaignParameters {
     }
 }
 
+impl CampaignParameters {
+    /// For how long an end must last to be believed.
+    fn calm(&self, faults: &[Fault]) -> Duration {
+        if faults.is_empty() {
+            Duration::ZERO
+        } else {
+            2 * agent_parameters().suspicion
+        }
+    }
+}
+
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// All that run hold one plan and have carried it out.
+    /// All that run hold one plan and have carried it out; those that are cut off from a majority say so.
     Formed,
-    /// Too few are left to decide anything, and they say so.
+    /// Too few are left within reach of each other to decide anything, and they say so.
     WaitingForQuorum,
     /// Neither, within the patience.
     Neither,
@@ -73,7 +84,8 @@ pub struct RunReport {
     pub running: usize,
     /// How it ended.
     pub ending: Ending,
-    /// How long after the last fault it ended; from the start when none struck.
+    /// How long after the last fault had passed it reached the state in which it stayed; from the start when none
+    /// struck.
     pub recovery: Duration,
     /// How many messages were published, heartbeats included.
     pub messages: u64,
@@ -138,7 +150,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         None => drawn?,
     };
     let modules: Vec<ModuleId> = problem.modules().iter().map(|module| module.id).collect();
-    let faults = draw(
+    let faults: Vec<Fault> = draw(
         parameters.faults,
         &modules,
         parameters.fault_span,
@@ -153,40 +165,53 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         network,
         ..ClusterParameters::default()
     };
-    let margin = network.latency_max + network.delay_max + Duration::from_millis(20);
+    // A slow process gets round to what it was sent a little later still.
+    let margin = network.latency_max + network.delay_max + Duration::from_millis(120);
     let mut watch = Watch::new(cluster_parameters.agent.lease, margin);
     let mut cluster = Cluster::new(&problem, cluster_parameters, random.below(u64::MAX));
     if parameters.transcripts {
         cluster.keep_transcript();
     }
-    cluster.announce_problem(&problem, 1);
-    let mut last_fault = Duration::ZERO;
-    for fault in faults {
-        run_to(&mut cluster, &mut watch, fault.at);
-        strike(&mut cluster, &fault);
-        last_fault = fault.at;
-    }
-    let limit = last_fault + parameters.patience;
-    let mut ending = Ending::Neither;
-    while ending == Ending::Neither && cluster.now() < limit {
-        let next = (cluster.now() + Duration::from_millis(250)).min(limit);
-        run_to(&mut cluster, &mut watch, next);
-        // A pause may outlast the last fault, and a quorum may be found missing only for the moment.
-        if cluster.now() > last_fault + Duration::from_secs(15)
-            || parameters.faults == FaultKind::None
-        {
-            ending = ending_of(&cluster, problem.target().spots().len());
+    for fault in &faults {
+        if let Strike::StartLate(module) = fault.strike {
+            cluster.start_late(module, fault.at);
         }
     }
-    let spots = problem.target().spots().len();
-    judge_end(&cluster, &mut watch, ending, spots);
+    cluster.announce_problem(&problem, 1);
+    let mut quiet_from = Duration::ZERO;
+    for fault in &faults {
+        run_to(&mut cluster, &mut watch, fault.at);
+        strike(&mut cluster, &fault.strike, parameters, &problem)?;
+        quiet_from = quiet_from.max(fault.at + fault.strike.span());
+    }
+    let limit = quiet_from + parameters.patience;
+    let mut ended: Option<(Ending, Duration)> = None;
+    while cluster.now() < limit {
+        let next = (cluster.now() + Duration::from_millis(250)).min(limit);
+        run_to(&mut cluster, &mut watch, next);
+        let ending = watch.ending(&cluster);
+        ended = match ended {
+            _ if ending == Ending::Neither => None,
+            Some(since) if since.0 == ending => Some(since),
+            _ => Some((ending, cluster.now())),
+        };
+        // What looks like the end may be the calm before somebody is missed, so it has to last.
+        let lasting = parameters.calm(&faults);
+        if ended.is_some_and(|(_, since)| cluster.now() >= since.max(quiet_from) + lasting) {
+            break;
+        }
+    }
+    if ended.is_none() {
+        watch.judge_end(&cluster);
+    }
+    let (ending, since) = ended.unwrap_or((Ending::Neither, cluster.now()));
     Ok(RunReport {
         seed,
         modules: modules.len(),
-        spots,
+        spots: problem.target().spots().len(),
         running: cluster.running().len(),
         ending,
-        recovery: cluster.now().saturating_sub(last_fault),
+        recovery: since.saturating_sub(quiet_from),
         messages: cluster.samples(),
         epochs: watch.epochs(),
         violations: watch.violations,
@@ -198,64 +223,53 @@ fn run_to(cluster: &mut Cluster, watch: &mut Watch, time: Duration) {
     while cluster.step(time) {
         watch.look(cluster);
     }
+    watch.look(cluster);
 }
 
-fn strike(cluster: &mut Cluster, fault: &Fault) {
-    match &fault.strike {
+fn strike(
+    cluster: &mut Cluster,
+    strike: &Strike,
+    parameters: &CampaignParameters,
+    problem: &PlanningProblem,
+) -> Result<(), CampaignError> {
+    match strike {
         Strike::Crash(module) => cluster.crash(*module),
         Strike::Restart(module) => cluster.restart(*module),
         Strike::Pause(module, duration) => cluster.pause(*module, *duration),
+        Strike::Slow { module, lag, span } => cluster.slow_down(*module, *lag, *span),
         Strike::Cut(aside) => cluster.cut(aside),
         Strike::Heal => cluster.heal(),
+        Strike::Retire(module) => cluster.command(*module, Command::Retire),
+        Strike::BreakDrive(module) => cluster.break_drive(*module, true),
+        Strike::StartLate(_) => {}
+        Strike::Withdraw => announce(cluster, None),
+        Strike::Announce(seed) => {
+            let target = match seed {
+                // A scenario that was asked for keeps its target.
+                Some(seed) if parameters.problem.is_none() => draw_target(problem, *seed)?,
+                _ => Arc::clone(problem.target()),
+            };
+            announce(cluster, Some(target));
+        }
+    }
+    Ok(())
+}
+
+fn announce(cluster: &mut Cluster, target: Option<Arc<Target>>) {
+    if let Some(last) = cluster.announcement() {
+        let announcement = TargetAnnouncement {
+            revision: last.revision + 1,
+            target,
+            ..(**last).clone()
+        };
+        cluster.announce(announcement);
     }
 }
 
-fn ending_of(cluster: &Cluster, spots: usize) -> Ending {
-    // Formed with a hole, newcomers may still be on their way into the next epoch.
-    if cluster.has_formed() && filled_spots(cluster) == cluster.running().len().min(spots) {
-        return Ending::Formed;
-    }
-    let waiting = cluster.running().iter().all(|&module| {
-        cluster
-            .standing(module)
-            .is_some_and(|standing| standing.phase == ModulePhase::WaitingForQuorum)
-    });
-    if waiting {
-        Ending::WaitingForQuorum
-    } else {
-        Ending::Neither
-    }
-}
-
-fn filled_spots(cluster: &Cluster) -> usize {
-    let filled: BTreeSet<_> = cluster
-        .running()
-        .iter()
-        .filter_map(|&module| cluster.standing(module))
-        .filter(|standing| standing.phase == ModulePhase::Settled)
-        .filter_map(|standing| standing.spot)
-        .collect();
-    filled.len()
-}
-
-fn judge_end(cluster: &Cluster, watch: &mut Watch, ending: Ending, spots: usize) {
-    if ending != Ending::Neither {
-        return;
-    }
-    let running = cluster.running();
-    if cluster.has_formed() {
-        let (filled, wanted) = (filled_spots(cluster), running.len().min(spots));
-        let detail = format!("{filled} of {wanted} spots are filled");
-        watch.violate(cluster.now(), ViolationKind::Hole, detail);
-        return;
-    }
-    let standings: Vec<String> = running
-        .iter()
-        .filter_map(|&module| {
-            let standing = cluster.standing(module)?;
-            let epoch = standing.epoch.map_or(0, |epoch| epoch.number);
-            Some(format!("{} {:?} in {epoch}", module.0, standing.phase))
-        })
-        .collect();
-    watch.violate(cluster.now(), ViolationKind::NoEnd, standings.join(", "));
+/// Another target for the modules of a problem.
+fn draw_target(problem: &PlanningProblem, seed: u64) -> Result<Arc<Target>, CampaignError> {
+    let modules = problem.modules().len();
+    let spots = (modules + 2 - Random::from_seed(seed).index(4)).max(1);
+    let raw = formation::generate::generate(&GeneratorParameters::new(modules, spots, seed))?;
+    Ok(Arc::clone(Scenario::try_from(raw)?.problem().target()))
 }

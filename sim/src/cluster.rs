@@ -1,15 +1,16 @@
 //! The cluster: agents with simulated drives, the events between them, and the faults that strike them.
 
 use std::cmp::Reverse;
-use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
+use std::collections::{BTreeMap, BTreeSet, BinaryHeap, VecDeque};
 use std::fmt::Write as _;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::agent::{
-    Agent, AgentParameters, Event, Identity, Input, MotionReport, Output, SourceId,
+    Agent, AgentParameters, Command, Event, Identity, Input, MotionReport, Output, SourceId,
 };
 use formation::generate::Random;
+use formation::geometry::Pose;
 use formation::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
 use formation::message::{Message, ModulePhase, TargetAnnouncement};
 use formation::motion::SimulatedDrive;
@@ -58,6 +59,8 @@ pub struct Standing {
     pub spot: Option<SpotId>,
     /// Whether its drive is on its way.
     pub moving: bool,
+    /// Where its drive is.
+    pub pose: Pose,
 }
 
 /// Something that happened, for transcripts and checks.
@@ -126,6 +129,8 @@ pub struct Cluster {
     processes: BTreeMap<ModuleId, Process>,
     remains: BTreeMap<ModuleId, Remains>,
     announcement: Option<Arc<TargetAnnouncement>>,
+    /// The modules whose processes start later than the others.
+    late: BTreeMap<ModuleId, Duration>,
     samples: u64,
     /// Samples that could not pass a cut, in the order of writing.
     held: BTreeMap<Channel, Vec<(u64, Message)>>,
@@ -151,6 +156,7 @@ impl Cluster {
             processes: BTreeMap::new(),
             remains: BTreeMap::new(),
             announcement: None,
+            late: BTreeMap::new(),
             samples: 0,
             held: BTreeMap::new(),
             newest: BTreeMap::new(),
@@ -217,6 +223,79 @@ impl Cluster {
         });
     }
 
+    /// What was announced last, if anything.
+    #[must_use]
+    pub fn announcement(&self) -> Option<&Arc<TargetAnnouncement>> {
+        self.announcement.as_ref()
+    }
+
+    /// Lets a module's process start no earlier than `at`; for calls before the first step.
+    pub fn start_late(&mut self, module: ModuleId, at: Duration) {
+        self.late.insert(module, at);
+    }
+
+    /// Tells a module to leave the formation or to take part again.
+    pub fn command(&mut self, module: ModuleId, command: Command) {
+        if self.processes.contains_key(&module) {
+            self.fault(format!(
+                "{module} is told to {}",
+                match command {
+                    Command::Retire => "retire",
+                    Command::Rejoin => "rejoin",
+                }
+            ));
+            self.input(module, Input::Command(command));
+        }
+    }
+
+    /// Breaks or mends a module's drive: a broken one fails as soon as it is to go. A new process has a new drive.
+    pub fn break_drive(&mut self, module: ModuleId, broken: bool) {
+        if let Some(process) = self.processes.get_mut(&module) {
+            process.drive_broken = broken;
+            self.fault(format!(
+                "the drive of {module} is {}",
+                if broken { "broken" } else { "mended" }
+            ));
+        }
+    }
+
+    /// Makes each input keep a process busy for `lag`, for a while.
+    pub fn slow_down(&mut self, module: ModuleId, lag: Duration, span: Duration) {
+        let until = self.now + span;
+        if let Some(process) = self.processes.get_mut(&module) {
+            process.slow = Some((until, lag));
+            self.fault(format!(
+                "{module} needs {} ms for each input",
+                lag.as_millis()
+            ));
+        }
+    }
+
+    /// The running modules in groups that can hear each other; the target's publisher is with the first.
+    #[must_use]
+    pub fn parts(&self) -> Vec<BTreeSet<ModuleId>> {
+        let mut parts = vec![BTreeSet::new(); 2];
+        for &module in self.processes.keys() {
+            let near = self.network.connects(Participant::TargetPublisher, module);
+            parts[usize::from(!near)].insert(module);
+        }
+        parts
+    }
+
+    /// Whether the publisher's last word to this run of a module's process was a target.
+    #[must_use]
+    pub fn knows_target(&self, module: ModuleId) -> bool {
+        self.processes
+            .get(&module)
+            .is_some_and(|process| process.knows_target)
+    }
+
+    /// Which run of its process a module is in.
+    #[must_use]
+    pub fn incarnation(&self, module: ModuleId) -> Option<Incarnation> {
+        Some(self.processes.get(&module)?.incarnation)
+    }
+
     /// The modules whose processes run.
     #[must_use]
     pub fn running(&self) -> BTreeSet<ModuleId> {
@@ -242,6 +321,7 @@ impl Cluster {
                 .plan()
                 .and_then(|plan| plan.assignments.get(&module).copied()),
             moving: process.drive.is_moving(),
+            pose: process.drive.pose(),
         })
     }
 
@@ -283,7 +363,8 @@ impl Cluster {
 
     /// Starts a module's process again, as a new incarnation.
     pub fn restart(&mut self, module: ModuleId) {
-        if !self.processes.contains_key(&module) {
+        // One that has yet to start for the first time starts in its own time.
+        if !self.processes.contains_key(&module) && !self.late.contains_key(&module) {
             self.fault(format!("{module} starts again"));
             self.schedule(self.now, Happening::Start(module));
         }
@@ -293,7 +374,7 @@ impl Cluster {
     pub fn pause(&mut self, module: ModuleId, duration: Duration) {
         let until = self.now + duration;
         let incarnation = if let Some(process) = self.processes.get_mut(&module) {
-            process.paused_until = Some(until);
+            process.held_until = process.held_until.max(until);
             process.incarnation
         } else {
             return;
@@ -430,6 +511,12 @@ impl Cluster {
     }
 
     fn start(&mut self, module: ModuleId) {
+        if let Some(at) = self.late.remove(&module)
+            && at > self.now
+        {
+            self.schedule(at, Happening::Start(module));
+            return;
+        }
         let Some(remains) = self.remains.get_mut(&module) else {
             return;
         };
@@ -451,8 +538,11 @@ impl Cluster {
             clock_drift_ppm: drift,
             timeout_at: None,
             ticking: false,
-            paused_until: None,
-            waiting: Vec::new(),
+            held_until: Duration::ZERO,
+            slow: None,
+            waiting: VecDeque::new(),
+            drive_broken: false,
+            knows_target: false,
             history: BTreeMap::new(),
         };
         let local = process.local(self.now);
@@ -499,21 +589,35 @@ impl Cluster {
         let Some(process) = self.processes.get_mut(&module) else {
             return;
         };
-        if process.paused_until.is_some_and(|until| now < until) {
-            if !matches!(input, Input::Timeout) {
-                process.waiting.push(input);
+        let is_timeout = matches!(input, Input::Timeout);
+        if !is_timeout || process.waiting.is_empty() {
+            process.waiting.push_back(input);
+        }
+        while let Some(process) = self.processes.get_mut(&module) {
+            if now < process.held_until {
+                // A time-out is no thing that waits: the process looks at its clock when it goes on.
+                process
+                    .waiting
+                    .retain(|input| !matches!(input, Input::Timeout));
+                break;
             }
-            return;
-        }
-        let mut inputs = Vec::new();
-        if process.paused_until.take().is_some() {
-            inputs.append(&mut process.waiting);
-        }
-        inputs.push(input);
-        for input in inputs {
-            let Some(process) = self.processes.get_mut(&module) else {
-                return;
+            let Some(input) = process.waiting.pop_front() else {
+                break;
             };
+            if let Some((until, lag)) = process.slow {
+                if now < until {
+                    process.held_until = now + lag;
+                } else {
+                    process.slow = None;
+                }
+            }
+            if let Input::Message {
+                message: Message::Target(announcement),
+                ..
+            } = &input
+            {
+                process.knows_target = announcement.target.is_some();
+            }
             let local = process.local(now);
             process.agent.handle(local, input);
             self.drain(module);
@@ -525,7 +629,11 @@ impl Cluster {
         let Some(process) = self.processes.get_mut(&module) else {
             return;
         };
-        let at = process.global(process.agent.poll_timeout()).max(self.now);
+        let mut due = process.global(process.agent.poll_timeout());
+        if !process.waiting.is_empty() {
+            due = process.held_until;
+        }
+        let at = due.max(process.held_until).max(self.now);
         if process.timeout_at.is_none_or(|scheduled| at < scheduled) {
             process.timeout_at = Some(at);
             let incarnation = process.incarnation;
@@ -544,6 +652,12 @@ impl Cluster {
                 Output::Event(event) => self.observe(Observation::Noted(module, event)),
                 Output::Move(goal) => {
                     let plan = process.agent.epoch().zip(process.agent.digest());
+                    if process.drive_broken {
+                        process
+                            .agent
+                            .handle(local, Input::Motion(MotionReport::Failed));
+                        continue;
+                    }
                     process.driven_by = plan;
                     process.drive.go(local, goal);
                     let incarnation = process.incarnation;

@@ -18,7 +18,8 @@ pub enum FaultKind {
     Crash,
     /// The network is cut and heals.
     Partition,
-    /// Crashes, restarts, cuts, slow processes, and a network that loses, delays and repeats.
+    /// All that can be drawn: crashes, restarts, late starts, cuts, slow and stopped processes, broken drives,
+    /// retirements, changed targets, and a network that loses, delays and repeats.
     Mixed,
 }
 
@@ -60,6 +61,35 @@ pub enum Strike {
     Cut(BTreeSet<ModuleId>),
     /// The cut ends.
     Heal,
+    /// For a span, each input keeps a process busy for so long.
+    Slow {
+        /// Whose process.
+        module: ModuleId,
+        /// For how long each input keeps it busy.
+        lag: Duration,
+        /// For how long it is slow.
+        span: Duration,
+    },
+    /// A process starts only now, for the first time; known from the beginning.
+    StartLate(ModuleId),
+    /// A module is told to leave the formation.
+    Retire(ModuleId),
+    /// A drive fails whenever it is to go.
+    BreakDrive(ModuleId),
+    /// The target is withdrawn.
+    Withdraw,
+    /// A target is announced: the scenario's own, or one drawn from a seed.
+    Announce(Option<u64>),
+}
+
+impl Strike {
+    /// How long it lasts of itself.
+    pub(crate) fn span(&self) -> Duration {
+        match self {
+            Self::Pause(_, span) | Self::Slow { span, .. } => *span,
+            _ => Duration::ZERO,
+        }
+    }
 }
 
 /// A fault and its time.
@@ -83,10 +113,6 @@ pub fn draw(
     random: &mut Random,
 ) -> Vec<Fault> {
     let mut faults = Vec::new();
-    let time = |random: &mut Random, from: Duration, until: Duration| {
-        let span = u64::try_from(until.saturating_sub(from).as_micros()).unwrap_or(u64::MAX);
-        from + Duration::from_micros(random.below(span.max(1)))
-    };
     let crashes = matches!(kind, FaultKind::Crash | FaultKind::Mixed);
     let cuts = matches!(kind, FaultKind::Partition | FaultKind::Mixed);
     if crashes && modules.len() > 2 {
@@ -122,10 +148,13 @@ pub fn draw(
                 at: begin,
                 strike: Strike::Cut(aside.into_iter().collect()),
             });
-            faults.push(Fault {
-                at: heal,
-                strike: Strike::Heal,
-            });
+            // One cut in eight lasts for ever, if it is the last.
+            if turn + 1 < u32::try_from(count).unwrap_or(1) || random.below(8) > 0 {
+                faults.push(Fault {
+                    at: heal,
+                    strike: Strike::Heal,
+                });
+            }
         }
     }
     if kind == FaultKind::Mixed {
@@ -138,7 +167,70 @@ pub fn draw(
                 strike: Strike::Pause(module, pause),
             });
         }
+        draw_rarer(modules, end, random, &mut faults);
     }
     faults.sort_by_key(|fault| fault.at);
     faults
+}
+
+/// A time from `from` until `until`.
+fn time(random: &mut Random, from: Duration, until: Duration) -> Duration {
+    let span = u64::try_from(until.saturating_sub(from).as_micros()).unwrap_or(u64::MAX);
+    from + Duration::from_micros(random.below(span.max(1)))
+}
+
+/// What strikes some of the mixed runs only: each of these one run in three or fewer.
+fn draw_rarer(modules: &[ModuleId], end: Duration, random: &mut Random, faults: &mut Vec<Fault>) {
+    let strikes_one_in = |chance: u64, random: &mut Random| random.below(chance) == 0;
+    if strikes_one_in(3, random) {
+        let module = modules[random.index(modules.len())];
+        let at = time(random, Duration::ZERO, end);
+        let lag = Duration::from_millis(1 + random.below(10));
+        let span = Duration::from_millis(1_000 + random.below(15_000));
+        let strike = Strike::Slow { module, lag, span };
+        faults.push(Fault { at, strike });
+    }
+    if strikes_one_in(4, random) {
+        let module = modules[random.index(modules.len())];
+        let at = time(random, Duration::from_secs(1), end);
+        faults.push(Fault {
+            at,
+            strike: Strike::StartLate(module),
+        });
+    }
+    // Small formations would soon have nobody left to take a spot.
+    if modules.len() >= 5 {
+        for broken in [false, true] {
+            if strikes_one_in(4, random) {
+                let module = modules[random.index(modules.len())];
+                let at = time(random, Duration::from_secs(1), end);
+                let strike = if broken {
+                    Strike::BreakDrive(module)
+                } else {
+                    Strike::Retire(module)
+                };
+                faults.push(Fault { at, strike });
+            }
+        }
+    }
+    match random.below(10) {
+        0 => {
+            let at = time(random, Duration::from_secs(1), end);
+            let strike = Strike::Announce(Some(random.below(u64::MAX)));
+            faults.push(Fault { at, strike });
+        }
+        1 => {
+            let at = time(random, Duration::from_secs(1), end);
+            let again = time(random, at, end);
+            faults.push(Fault {
+                at,
+                strike: Strike::Withdraw,
+            });
+            faults.push(Fault {
+                at: again,
+                strike: Strike::Announce(None),
+            });
+        }
+        _ => {}
+    }
 }

@@ -1,14 +1,18 @@
 //! What must hold at every moment, judged from what modules publish and where their drives are.
 //!
 //! This shares nothing with the agents: it knows rosters, states, heartbeats and claims as anyone on the network does, and
-//! drives as anyone who watches the robots does.
+//! drives as anyone who watches the robots does. How a run must end is judged in `ending`.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
-use formation::id::{Digest, Epoch, ModuleId, SpotId};
-use formation::message::{Message, ModulePhase, RosterMessage};
+use formation::agent::Event;
+use formation::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
+use formation::message::{
+    Heartbeat, Message, ModulePhase, ModuleState, Roster, RosterMessage, Service,
+};
 
 use crate::cluster::{Cluster, Observation};
 
@@ -35,6 +39,10 @@ pub enum ViolationKind {
     NoEnd,
     /// They formed, but not exactly as many spots as there were modules for were filled.
     Hole,
+    /// A quorum lives and can hear each other, and still waits for one.
+    QuorumDenied,
+    /// Two groups that cannot hear each other both hold a formation.
+    TwoFormations,
 }
 
 impl fmt::Display for ViolationKind {
@@ -50,6 +58,8 @@ impl fmt::Display for ViolationKind {
             Self::TwoRostersForOneEpoch => "two rosters for one epoch",
             Self::NoEnd => "no end",
             Self::Hole => "hole",
+            Self::QuorumDenied => "quorum denied",
+            Self::TwoFormations => "two formations",
         })
     }
 }
@@ -65,21 +75,32 @@ pub struct Violation {
     pub detail: String,
 }
 
-struct KnownRoster {
-    members: BTreeSet<ModuleId>,
+pub(crate) struct KnownRoster {
+    pub roster: Arc<Roster>,
+    pub members: BTreeSet<ModuleId>,
     /// Those that no claim may evict.
     fixed: BTreeSet<ModuleId>,
 }
 
 type PlanKey = (Epoch, Digest);
 
+/// What a module said of itself last.
+#[derive(Default)]
+pub(crate) struct LastWord {
+    pub state: Option<Arc<ModuleState>>,
+    pub heartbeat: Option<Heartbeat>,
+    /// The latest epoch in which this run of its process saw all agree.
+    pub agreed: Option<Epoch>,
+}
+
 /// Watches a run.
 pub(crate) struct Watch {
     lease: Duration,
     /// How long a heartbeat may take beyond the lease before motion on it counts as stale.
     margin: Duration,
-    rosters: BTreeMap<Epoch, KnownRoster>,
-    shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
+    pub rosters: BTreeMap<Epoch, KnownRoster>,
+    pub last: BTreeMap<(ModuleId, Incarnation), LastWord>,
+    pub shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
     /// When each module was last seen to show another epoch than this.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     holders: BTreeMap<(PlanKey, SpotId), ModuleId>,
@@ -94,6 +115,7 @@ impl Watch {
             lease,
             margin,
             rosters: BTreeMap::new(),
+            last: BTreeMap::new(),
             shown: BTreeMap::new(),
             left: BTreeMap::new(),
             holders: BTreeMap::new(),
@@ -118,6 +140,13 @@ impl Watch {
             match observation {
                 Observation::Published(module, message) => self.heard(at, module, &message),
                 Observation::SetOff(module, plan) => self.set_off(at, module, plan, cluster),
+                Observation::Noted(module, Event::Agreed(epoch)) => {
+                    // An event bears no incarnation; the module was running when it noted it.
+                    if let Some(incarnation) = cluster.incarnation(module) {
+                        let last = self.last.entry((module, incarnation)).or_default();
+                        last.agreed = last.agreed.max(Some(epoch));
+                    }
+                }
                 Observation::Noted(..) | Observation::Fault(_) => {}
             }
         }
@@ -131,21 +160,21 @@ impl Watch {
                     .iter()
                     .map(|member| member.module.id)
                     .collect();
+                // What a module out of service is docked to is no configuration: the one lets go of the other.
+                let active = || {
+                    let members = roster.members.iter();
+                    members.filter(|member| member.service == Service::Active)
+                };
                 let linked = |one: ModuleId, other: ModuleId| {
-                    roster.members.iter().any(|member| {
+                    active().any(|member| {
                         member.module.id == one && member.module.links.contains(&other)
                     })
                 };
                 let pinned = |id: ModuleId| {
-                    roster
-                        .members
-                        .iter()
-                        .any(|member| member.module.id == id && member.module.pin.is_some())
+                    active().any(|member| member.module.id == id && member.module.pin.is_some())
                 };
                 // What is docked to pinned modules only has no configuration to keep: it moves, and they stay.
-                let fixed = roster
-                    .members
-                    .iter()
+                let fixed = active()
                     .map(|member| &member.module)
                     .filter(|module| {
                         module.pin.is_some()
@@ -156,13 +185,19 @@ impl Watch {
                     })
                     .map(|module| module.id)
                     .collect();
-                let known = KnownRoster { members, fixed };
+                let known = KnownRoster {
+                    roster: Arc::clone(roster),
+                    members,
+                    fixed,
+                };
                 if self.rosters.insert(roster.epoch, known).is_some() {
                     let detail = format!("{} by {module}", roster.epoch);
                     self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
                 }
             }
             Message::Heartbeat(heartbeat) => {
+                let run = (module, heartbeat.incarnation);
+                self.last.entry(run).or_default().heartbeat = Some(*heartbeat);
                 let entry = self.left.entry(module).or_insert((heartbeat.epoch, at));
                 if entry.0 != heartbeat.epoch {
                     *entry = (heartbeat.epoch, at);
@@ -173,6 +208,8 @@ impl Watch {
                 }
             }
             Message::ModuleState(state) => {
+                let run = (module, state.incarnation);
+                self.last.entry(run).or_default().state = Some(Arc::clone(state));
                 if let (ModulePhase::Settled, Some(epoch), Some(digest), Some(spot)) =
                     (state.phase, state.epoch, state.digest, state.spot)
                 {

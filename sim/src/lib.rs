@@ -5,6 +5,7 @@
 
 mod campaign;
 mod cluster;
+mod ending;
 mod faults;
 mod invariants;
 mod network;

@@ -1,6 +1,6 @@
 //! One simulated process and its clock.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use formation::agent::{Agent, Input};
@@ -23,9 +23,15 @@ pub(crate) struct Process {
     pub clock_drift_ppm: i64,
     pub timeout_at: Option<Duration>,
     pub ticking: bool,
-    /// Until when its process stands still; inputs wait.
-    pub paused_until: Option<Duration>,
-    pub waiting: Vec<Input>,
+    /// Until when its process stands still or is busy; inputs wait.
+    pub held_until: Duration,
+    /// Until when each input keeps it busy, and for how long.
+    pub slow: Option<(Duration, Duration)>,
+    pub waiting: VecDeque<Input>,
+    /// Whether the drive fails whenever it is to go.
+    pub drive_broken: bool,
+    /// Whether the publisher's last word to it was a target.
+    pub knows_target: bool,
     pub history: BTreeMap<Topic, Vec<(u64, Message)>>,
 }
 

@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::digest;
 use crate::fixed::MicroUnits;
 use crate::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
-use crate::message::{CausalMark, ModulePhase, ModuleState, Roster};
+use crate::message::{CausalMark, ModulePhase, ModuleState, Roster, Service};
 use crate::plan::{ActingUnit, Plan};
 
 use super::io::{Event, MotionGoal, Output};
@@ -160,10 +160,28 @@ impl Acting {
         }
     }
 
-    /// The drive reports that it cannot go on; returns the spot that it was to reach.
+    /// Stops trying, if it had begun; returns the spot that it was to reach.
     pub fn give_up(&mut self) -> Option<SpotId> {
+        if !matches!(
+            self.task,
+            Task::Undocking | Task::Moving { .. } | Task::Docking
+        ) {
+            return None;
+        }
         self.task = Task::GivenUp;
         self.place.as_ref().map(|place| place.spot)
+    }
+
+    /// The spots that the plan leaves open.
+    pub fn open_spots(&self) -> Vec<SpotId> {
+        let filled: BTreeSet<SpotId> = self.plan.assignments.values().copied().collect();
+        let target = self.roster.target.target.as_ref();
+        target
+            .into_iter()
+            .flat_map(|target| target.spots())
+            .map(|spot| spot.id)
+            .filter(|spot| !filled.contains(spot))
+            .collect()
     }
 
     /// Adds to a state what the plan says of this module.
@@ -495,15 +513,19 @@ impl Agent {
         acting.agreed_at = Some(self.now);
         acting.told_waiting.clear();
         let epoch = acting.epoch;
-        let members: Vec<ModuleId> = acting.incarnations.keys().copied().collect();
+        let basis = acting.roster.quorum_basis();
         let spare = acting.task == Task::Spare;
-        self.quorum.note_agreed(epoch, &members);
+        let open = acting.open_spots();
+        self.quorum.note_agreed(epoch, &basis);
         self.convening.relax(self.parameters.epoch_interval);
         self.convening.mismatch_retried = false;
         self.voice.state_changed = true;
         self.emit(Event::Agreed(epoch));
         if spare {
             self.emit(Event::Spare);
+        }
+        if epoch.convener == self.module && !open.is_empty() {
+            self.emit(Event::SpotsLeftOpen(open));
         }
     }
 
@@ -518,8 +540,14 @@ impl Agent {
             acting.unit_since = (index, self.now);
         }
         let Some(place) = acting.place.clone() else {
+            if lagging.is_empty() {
+                self.let_go();
+            }
             return;
         };
+        if self.service != Service::Active {
+            return;
+        }
         match acting.task.clone() {
             Task::Waiting => {
                 if acting.plan.assembly.units[place.unit].pinned {
@@ -610,10 +638,8 @@ impl Agent {
         let overdue_at = since + self.parameters.motion_limit;
         if self.now >= overdue_at {
             self.stand_still();
-            if let Stage::Acting(acting) = &mut self.stage {
-                acting.task = Task::GivenUp;
-            }
             self.emit(Event::MotionOverdue(place.spot));
+            self.fail_motion();
             return;
         }
         self.wake_at(overdue_at);

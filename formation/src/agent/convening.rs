@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use crate::digest;
 use crate::id::{Epoch, Incarnation, ModuleId};
-use crate::message::{Message, ModulePhase, ModuleState, Roster, RosterMember, RosterMessage};
+use crate::message::{
+    Message, ModulePhase, ModuleState, Roster, RosterMember, RosterMessage, Service,
+};
 use crate::problem::PlanningModule;
 
 use super::io::{EpochReason, Event, Output, SourceId};
@@ -122,12 +124,8 @@ impl Agent {
     /// Notes that some member showed a digest for the present roster, which may thus have agreed unseen.
     pub(super) fn note_shown(&mut self) {
         if let (Some(epoch), Some(roster)) = (self.epoch, self.roster()) {
-            let members: Vec<ModuleId> = roster
-                .members
-                .iter()
-                .map(|member| member.module.id)
-                .collect();
-            self.quorum.note_shown(epoch, &members);
+            let basis = roster.quorum_basis();
+            self.quorum.note_shown(epoch, &basis);
         }
     }
 
@@ -231,6 +229,12 @@ impl Agent {
         if !silent.is_empty() {
             return Some(EpochReason::Silent(silent));
         }
+        let leaving = self.leaving(roster);
+        if !leaving.is_empty() {
+            return self
+                .someone_is_active()
+                .then_some(EpochReason::OutOfService(leaving));
+        }
         let stuck = self.stuck_modules();
         if stuck.contains(&self.module) {
             // The others leave this module out; were it to convene, it would list itself again.
@@ -265,8 +269,11 @@ impl Agent {
         let patience = self.parameters.gather_limit + self.parameters.stuck;
         let overdue = self.now > gathering.since + patience
             && !self.peers.get(convener).is_some_and(|peer| {
-                peer.heartbeat
-                    .is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
+                // One that has left for another epoch will never end this gathering.
+                peer.heartbeat.is_some_and(|heartbeat| {
+                    heartbeat.phase == ModulePhase::WaitingForQuorum
+                        && heartbeat.epoch == self.epoch
+                })
             });
         (!alive || overdue).then_some(EpochReason::ConvenerSilent(convener))
     }
@@ -281,21 +288,17 @@ impl Agent {
             .target
             .as_ref()
             .map_or(0, |target| target.spots().len());
-        if roster.members.len() >= spots {
+        let active = roster
+            .members
+            .iter()
+            .filter(|member| member.service == Service::Active);
+        if active.clone().count() >= spots {
             return Vec::new();
         }
-        let is_member = |id: ModuleId| {
-            roster
-                .members
-                .binary_search_by_key(&id, |member| member.module.id)
-                .is_ok()
-        };
+        let is_planned = |id: ModuleId| active.clone().any(|member| member.module.id == id);
         self.living()
             .into_iter()
-            .filter(|&id| !is_member(id))
-            .filter(|&id| {
-                id == self.module || self.peers.get(id).is_some_and(|peer| peer.state.is_some())
-            })
+            .filter(|&id| !is_planned(id) && self.service_of(id) == Some(Service::Active))
             .collect()
     }
 
@@ -403,6 +406,11 @@ impl Agent {
             if mine.module.pin.is_none() {
                 announced.module.pin = None;
             }
+            // It may have been retired since it froze; that calls for another epoch, not for a quarrel about this one.
+            announced.service = mine.service;
+            if self.service != Service::Active {
+                announced.module.pin = mine.module.pin;
+            }
             if mine.incarnation < self.incarnation {
                 // It lists an earlier run of this module; the others will notice that it started anew.
                 return self.refuse(Some(epoch.convener), Refusal::StaleIncarnation);
@@ -457,6 +465,7 @@ impl Agent {
     fn as_member(&self) -> RosterMember {
         RosterMember {
             incarnation: self.incarnation,
+            service: self.service,
             module: PlanningModule {
                 id: self.module,
                 pose: self.body.pose,
@@ -553,6 +562,13 @@ impl Agent {
         let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
         members.push(self.as_member());
         members.sort_by_key(|member| member.module.id);
+        if members
+            .iter()
+            .all(|member| member.service != Service::Active)
+        {
+            // There is nothing to plan until one of them takes part again.
+            return;
+        }
         let mut held = BTreeSet::new();
         for member in &mut members {
             let known = member.module.pin.is_none_or(|spot| {
@@ -607,6 +623,7 @@ impl Agent {
 fn member_of(state: &ModuleState) -> RosterMember {
     RosterMember {
         incarnation: state.incarnation,
+        service: state.service,
         module: PlanningModule {
             id: state.module,
             pose: state.pose,

@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::fixed::MicroUnits;
 use crate::geometry::Pose;
 use crate::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, SpotId};
-use crate::message::Message;
+use crate::message::{Message, Service};
 
 use super::refusal::Refusal;
 
@@ -49,6 +49,15 @@ pub enum MotionReport {
     Failed,
 }
 
+/// What a person or a program beside the module tells it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Leave the formation: halt, let go, and take no spot any more.
+    Retire,
+    /// Take part again, after [`Self::Retire`] or after the drive had given up.
+    Rejoin,
+}
+
 /// What an agent is told.
 #[derive(Clone, Debug)]
 pub enum Input {
@@ -61,6 +70,8 @@ pub enum Input {
     },
     /// Its drive and docking ports report.
     Motion(MotionReport),
+    /// Somebody tells this module what to do.
+    Command(Command),
     /// The time that [`super::Agent::poll_timeout`] named has come.
     Timeout,
 }
@@ -167,6 +178,14 @@ pub enum Event {
     AgreementLapsed(Vec<ModuleId>),
     /// It did not reach its spot in time.
     MotionOverdue(SpotId),
+    /// Its drive or ports gave up, on the way to this spot if it was on its way; it takes part no more.
+    MotionFailed(Option<SpotId>),
+    /// It was told to leave the formation.
+    Retired,
+    /// It takes part again.
+    Rejoined,
+    /// These spots stay open, as there are too few modules that could take them. Told by the convener.
+    SpotsLeftOpen(Vec<SpotId>),
     /// The plan's acting order has a flaw.
     AssemblyWarning(crate::plan::AssemblyWarning),
     /// The target was withdrawn; modules stay where they are.
@@ -186,6 +205,8 @@ pub enum EpochReason {
     Newcomers(Vec<ModuleId>),
     /// Members make no progress.
     Stuck(Vec<ModuleId>),
+    /// Members no longer take spots.
+    OutOfService(Vec<(ModuleId, Service)>),
     /// Members hold different plans.
     DigestMismatch,
     /// The convener of the last gathering never published a roster.
@@ -208,6 +229,13 @@ impl fmt::Display for EpochReason {
             Self::Restarted(modules) => write!(formatter, "started anew: {}", listed(modules)),
             Self::Newcomers(modules) => write!(formatter, "new and wanted: {}", listed(modules)),
             Self::Stuck(modules) => write!(formatter, "no progress: {}", listed(modules)),
+            Self::OutOfService(modules) => {
+                let named: Vec<String> = modules
+                    .iter()
+                    .map(|(module, service)| format!("{} ({service})", module.0))
+                    .collect();
+                write!(formatter, "out of service: {}", named.join(", "))
+            }
             Self::DigestMismatch => write!(formatter, "members hold different plans"),
             Self::ConvenerSilent(module) => write!(formatter, "{module} convened and fell silent"),
         }
@@ -304,6 +332,24 @@ impl fmt::Display for Event {
             Self::MotionOverdue(spot) => {
                 write!(formatter, "did not reach {spot} within motion_limit_s")
             }
+            Self::MotionFailed(Some(spot)) => write!(
+                formatter,
+                "cannot reach {spot}: its drive or ports gave up; it takes part no more until it is told to rejoin"
+            ),
+            Self::MotionFailed(None) => write!(
+                formatter,
+                "its drive or ports gave up; it takes part no more until it is told to rejoin"
+            ),
+            Self::Retired => write!(formatter, "retired: it leaves the formation"),
+            Self::Rejoined => write!(formatter, "takes part again"),
+            Self::SpotsLeftOpen(spots) => {
+                let ids: Vec<String> = spots.iter().map(|spot| spot.0.to_string()).collect();
+                write!(
+                    formatter,
+                    "too few modules: spots {} stay open",
+                    ids.join(", ")
+                )
+            }
             Self::AssemblyWarning(warning) => write!(formatter, "acting order: {warning}"),
             Self::TargetWithdrawn => write!(formatter, "the target was withdrawn"),
         }
@@ -315,13 +361,15 @@ impl Event {
     #[must_use]
     pub fn severity(&self) -> Severity {
         match self {
-            Self::DigestMismatch { .. } | Self::DuplicateModule(_) | Self::MotionOverdue(_) => {
-                Severity::Error
-            }
+            Self::DigestMismatch { .. }
+            | Self::DuplicateModule(_)
+            | Self::MotionOverdue(_)
+            | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }
             | Self::WaitingForQuorum { .. }
             | Self::AgreementLapsed(_)
+            | Self::SpotsLeftOpen(_)
             | Self::AssemblyWarning(_) => Severity::Warning,
             _ => Severity::Info,
         }

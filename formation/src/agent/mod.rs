@@ -21,6 +21,7 @@ mod parameters;
 mod peers;
 mod quorum;
 mod refusal;
+mod service;
 mod turns;
 
 use std::collections::{BTreeSet, VecDeque};
@@ -28,7 +29,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 pub use io::{
-    EpochReason, Event, Identity, Input, MotionGoal, MotionReport, Output, Severity, SourceId,
+    Command, EpochReason, Event, Identity, Input, MotionGoal, MotionReport, Output, Severity,
+    SourceId,
 };
 pub use parameters::{AgentParameters, ParametersError};
 pub use quorum::QUORUM_BASES_MAX;
@@ -37,7 +39,7 @@ pub use refusal::{Refusal, RefusalCounts};
 use crate::digest;
 use crate::geometry::Pose;
 use crate::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
-use crate::message::{Heartbeat, Message, ModulePhase, ModuleState, TargetAnnouncement};
+use crate::message::{Heartbeat, Message, ModulePhase, ModuleState, Service, TargetAnnouncement};
 
 use acting::Acting;
 use convening::{Convening, Gathering};
@@ -101,6 +103,7 @@ pub struct Agent {
     news: bool,
     wake: Option<Duration>,
     body: Body,
+    service: Service,
     peers: Peers,
     announcement: Option<Arc<TargetAnnouncement>>,
     epoch: Option<Epoch>,
@@ -129,6 +132,7 @@ impl Agent {
                 moving: false,
             },
             identity,
+            service: Service::Active,
             parameters,
             now,
             started: now,
@@ -160,6 +164,7 @@ impl Agent {
         match input {
             Input::Message { source, message } => self.hear(source, message),
             Input::Motion(report) => self.hear_motion(report),
+            Input::Command(command) => self.obey(command),
             Input::Timeout => {}
         }
         if self.news {
@@ -359,11 +364,7 @@ impl Agent {
             }
             MotionReport::Failed => {
                 self.body.moving = false;
-                if let Stage::Acting(acting) = &mut self.stage
-                    && let Some(spot) = acting.give_up()
-                {
-                    self.emit(Event::MotionOverdue(spot));
-                }
+                self.fail_motion();
             }
         }
     }
@@ -428,6 +429,7 @@ impl Agent {
             epoch: self.epoch,
             digest: self.digest(),
             phase: self.phase(),
+            service: self.service,
             pose: self.body.pose,
             links: self.body.links.clone(),
             configuration: self.identity.configuration,

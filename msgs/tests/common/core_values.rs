@@ -9,7 +9,8 @@ use formation::geometry::Pose;
 use formation::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, SpotId};
 use formation::message::{
     CausalMark, Decision, EvictionNotice, EvictionRecord, Heartbeat, ModulePhase, ModuleState,
-    QuorumBasis, Roster, RosterMember, RosterMessage, SpotClaim, SpotSelection, TargetAnnouncement,
+    QuorumBasis, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotSelection,
+    TargetAnnouncement,
 };
 use formation::parameters::{CutPrice, PlannerParameters, Policy, TurnOrder, Weights};
 use formation::problem::PlanningModule;
@@ -71,6 +72,14 @@ fn phase() -> impl Strategy<Value = ModulePhase> {
         ModulePhase::Settled,
         ModulePhase::Spare,
         ModulePhase::WaitingForQuorum,
+    ])
+}
+
+fn service() -> impl Strategy<Value = Service> {
+    select(vec![
+        Service::Active,
+        Service::Retired,
+        Service::MotionFailed,
     ])
 }
 
@@ -243,14 +252,16 @@ fn planning_module() -> impl Strategy<Value = PlanningModule> {
 pub fn module_state() -> impl Strategy<Value = ModuleState> {
     (
         planning_module(),
-        (incarnation(), any::<u64>(), epoch_and_digest(), phase()),
+        (incarnation(), any::<u64>(), epoch_and_digest()),
+        (phase(), service()),
         (option::of(module_id()), any::<u64>()),
         (marks(), marks(), quorum_bases()),
     )
         .prop_map(
             |(
                 module,
-                (incarnation, sequence, (epoch, digest), phase),
+                (incarnation, sequence, (epoch, digest)),
+                (phase, service),
                 (unit, since),
                 (waited_for, agreed_on, quorum_bases),
             )| ModuleState {
@@ -260,6 +271,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 epoch,
                 digest,
                 phase,
+                service,
                 pose: module.pose,
                 links: module.links,
                 configuration: module.configuration,
@@ -286,7 +298,14 @@ fn roster() -> impl Strategy<Value = Roster> {
     (
         epoch(),
         announcement(),
-        vec((incarnation(), planning_module(), any::<Index>()), 1..6),
+        vec(
+            (
+                (incarnation(), service()),
+                planning_module(),
+                any::<Index>(),
+            ),
+            1..6,
+        ),
         quorum_bases(),
     )
         .prop_map(|(epoch, target, mut members, quorum_bases)| {
@@ -305,10 +324,15 @@ fn roster() -> impl Strategy<Value = Roster> {
                 target,
                 members: members
                     .into_iter()
-                    .map(|(incarnation, module, _)| RosterMember {
-                        incarnation,
-                        module,
-                    })
+                    .enumerate()
+                    .map(
+                        |(index, ((incarnation, service), module, _))| RosterMember {
+                            incarnation,
+                            // One member at least must be active for there to be something to plan.
+                            service: if index == 0 { Service::Active } else { service },
+                            module,
+                        },
+                    )
                     .collect(),
                 quorum_bases,
             }

@@ -21,6 +21,8 @@ pub(super) struct EndState<'a> {
     epoch: Epoch,
     problem: &'a PlanningProblem,
     claimed: &'a Claimed,
+    /// How many members the roster lists, those out of service included.
+    members: usize,
     /// The latest state of each member's run.
     states: BTreeMap<ModuleId, &'a ModuleState>,
     /// The members that have settled in this epoch.
@@ -60,6 +62,7 @@ impl<'a> EndState<'a> {
             epoch,
             problem,
             claimed,
+            members: heard.roster.members.len(),
             states,
             settled,
             disagreeing,
@@ -77,7 +80,7 @@ impl<'a> EndState<'a> {
 
     /// How many members have shown the plan.
     pub(super) fn agreed(&self) -> usize {
-        self.problem.modules().len() - self.disagreeing.len()
+        self.members - self.disagreeing.len()
     }
 
     /// Whether every turn's claim was heard.
@@ -98,17 +101,17 @@ impl<'a> EndState<'a> {
                 turn: self.claimed.turns,
             });
         }
+        for &module in &self.disagreeing {
+            missing.push(Missing::Agreement {
+                epoch: self.epoch,
+                module,
+                phase: self.states.get(&module).map(|state| state.phase),
+            });
+        }
         for module in self.problem.modules() {
             let id = module.id;
             let state = self.states.get(&id);
             let phase = state.map(|state| state.phase);
-            if self.disagreeing.contains(&id) {
-                missing.push(Missing::Agreement {
-                    epoch: self.epoch,
-                    module: id,
-                    phase,
-                });
-            }
             match self.claimed.replay.spots.get(&id) {
                 Some(&spot) if !self.settled.contains_key(&id) => missing.push(Missing::Settled {
                     module: id,

@@ -13,8 +13,8 @@ use crate::generate::random::Random;
 use crate::geometry::Pose;
 use crate::id::{Digest, Incarnation};
 use crate::message::{
-    CausalMark, Decision, EvictionRecord, Heartbeat, ModuleState, Roster, RosterMember, SpotClaim,
-    SpotSelection,
+    CausalMark, Decision, EvictionRecord, Heartbeat, ModuleState, Roster, RosterMember, Service,
+    SpotClaim, SpotSelection,
 };
 use crate::parameters::PlannerParameters;
 use crate::problem::PlanningModule;
@@ -80,6 +80,7 @@ fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
         epoch: Some(EPOCH),
         digest: Some(PLAN),
         phase,
+        service: Service::Active,
         pose: pose(0, i64::from(module)),
         links: BTreeSet::new(),
         configuration: None,
@@ -127,6 +128,7 @@ fn good_run() -> Run {
     let members = (1..=5)
         .map(|id| RosterMember {
             incarnation: RUN,
+            service: Service::Active,
             module: PlanningModule {
                 id: ModuleId(id),
                 pose: pose(0, i64::from(id)),

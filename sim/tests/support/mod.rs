@@ -1,0 +1,156 @@
+//! Clusters that are told step by step what to do.
+
+#![allow(dead_code, reason = "each test file uses some of this")]
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::agent::Event;
+use formation::generate::{GeneratorParameters, Grouping, generate};
+use formation::id::{ModuleId, SpotId};
+use formation::message::{Message, ModulePhase, Roster, RosterMessage};
+use formation::problem::PlanningProblem;
+use formation::scenario::Scenario;
+use formation_sim::{Cluster, ClusterParameters, Observation};
+
+pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {
+    let parameters = GeneratorParameters::new(modules, spots, seed).grouped(grouping);
+    let raw = generate(&parameters).unwrap();
+    Scenario::try_from(raw).unwrap().problem().clone()
+}
+
+pub fn scenario(yaml: &str) -> PlanningProblem {
+    Scenario::from_yaml(yaml).unwrap().problem().clone()
+}
+
+/// A cluster and everything that was noted in it.
+pub struct Stage {
+    pub cluster: Cluster,
+    pub noted: Vec<(ModuleId, Event)>,
+    pub rosters: Vec<Arc<Roster>>,
+    /// When each epoch was convened.
+    pub convened: Vec<Duration>,
+}
+
+impl Stage {
+    pub fn new(problem: &PlanningProblem, seed: u64) -> Self {
+        Self::with(problem, ClusterParameters::default(), seed)
+    }
+
+    pub fn with(problem: &PlanningProblem, parameters: ClusterParameters, seed: u64) -> Self {
+        let mut cluster = Cluster::new(problem, parameters, seed);
+        cluster.keep_transcript();
+        cluster.announce_problem(problem, 1);
+        Self {
+            cluster,
+            noted: Vec::new(),
+            rosters: Vec::new(),
+            convened: Vec::new(),
+        }
+    }
+
+    fn collect(&mut self) {
+        for (at, observation) in self.cluster.take_observations() {
+            match observation {
+                Observation::Noted(module, event) => {
+                    if matches!(event, Event::Convened(..)) {
+                        self.convened.push(at);
+                    }
+                    self.noted.push((module, event));
+                }
+                Observation::Published(_, Message::Roster(RosterMessage::Plan(roster))) => {
+                    self.rosters.push(roster);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Runs until `done` holds, which must come within ten minutes of the cluster's time.
+    #[track_caller]
+    pub fn until(&mut self, done: impl FnMut(&Cluster) -> bool) {
+        let limit = self.cluster.now() + Duration::from_secs(600);
+        let came = self.cluster.run_until(limit, done);
+        self.collect();
+        assert!(came, "it never came:\n{}", self.cluster.transcript());
+    }
+
+    /// Runs until all have formed after an epoch that is still to come.
+    #[track_caller]
+    pub fn until_formed_anew(&mut self) {
+        let before = self.newest_epoch();
+        self.until(|cluster| cluster.has_formed() && newest_epoch(cluster) > before);
+    }
+
+    pub fn run_for(&mut self, duration: Duration) {
+        let end = self.cluster.now() + duration;
+        self.cluster.run_until(end, |_| false);
+        self.collect();
+    }
+
+    pub fn newest_epoch(&self) -> u64 {
+        newest_epoch(&self.cluster)
+    }
+
+    /// Who stands settled on which spot.
+    pub fn settled(&self) -> Vec<(ModuleId, SpotId)> {
+        settled(&self.cluster)
+    }
+
+    pub fn spot_of(&self, module: ModuleId) -> Option<SpotId> {
+        self.settled()
+            .into_iter()
+            .find(|&(one, _)| one == module)
+            .map(|(_, spot)| spot)
+    }
+
+    pub fn in_phase(&self, phase: ModulePhase) -> Vec<ModuleId> {
+        in_phase(&self.cluster, phase)
+    }
+
+    /// The spots that were last said to stay open.
+    pub fn open_spots(&self) -> Option<Vec<SpotId>> {
+        self.noted.iter().rev().find_map(|(_, event)| match event {
+            Event::SpotsLeftOpen(spots) => Some(spots.clone()),
+            _ => None,
+        })
+    }
+
+    pub fn count(&self, wanted: impl Fn(&Event) -> bool) -> usize {
+        self.noted.iter().filter(|(_, event)| wanted(event)).count()
+    }
+}
+
+pub fn newest_epoch(cluster: &Cluster) -> u64 {
+    cluster
+        .running()
+        .into_iter()
+        .filter_map(|module| cluster.standing(module)?.epoch)
+        .map(|epoch| epoch.number)
+        .max()
+        .unwrap_or_default()
+}
+
+pub fn in_phase(cluster: &Cluster, phase: ModulePhase) -> Vec<ModuleId> {
+    cluster
+        .running()
+        .into_iter()
+        .filter(|&module| {
+            cluster
+                .standing(module)
+                .is_some_and(|standing| standing.phase == phase)
+        })
+        .collect()
+}
+
+pub fn settled(cluster: &Cluster) -> Vec<(ModuleId, SpotId)> {
+    in_phase(cluster, ModulePhase::Settled)
+        .into_iter()
+        .filter_map(|module| Some((module, cluster.standing(module)?.spot?)))
+        .collect()
+}
+
+pub fn spots(settled: &[(ModuleId, SpotId)]) -> BTreeSet<SpotId> {
+    settled.iter().map(|&(_, spot)| spot).collect()
+}
