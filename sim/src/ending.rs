@@ -139,8 +139,8 @@ impl Watch {
     }
 
     /// Whether a group surely holds a majority of every roster that may count: those for which any member ever showed a
-    /// digest, from the last one on that some running member of the group saw agreed. An exact half counts with the
-    /// lowest module. Before any was agreed, more than half of the expected number is needed as well.
+    /// digest, from the last one on that some running member of the group saw agreed. Only active members count in a
+    /// roster, and an exact half with the lowest of them. Before any was agreed, more than half of the expected number is needed as well.
     fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
         let agreed = modules
             .iter()
@@ -159,12 +159,12 @@ impl Watch {
         bases
             .filter_map(|epoch| self.rosters.get(&epoch))
             .all(|known| {
-                let present = known.members.intersection(modules).count() * 2;
+                let present = known.active.intersection(modules).count() * 2;
                 let lowest = known
-                    .members
+                    .active
                     .first()
                     .is_some_and(|lowest| modules.contains(lowest));
-                present > known.members.len() || (present == known.members.len() && lowest)
+                present > known.active.len() || (present == known.active.len() && lowest)
             })
     }
 

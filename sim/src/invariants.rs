@@ -78,6 +78,8 @@ pub struct Violation {
 pub(crate) struct KnownRoster {
     pub roster: Arc<Roster>,
     pub members: BTreeSet<ModuleId>,
+    /// Those that take part in the plan.
+    pub active: BTreeSet<ModuleId>,
     /// Those that no claim may evict.
     fixed: BTreeSet<ModuleId>,
 }
@@ -187,6 +189,7 @@ impl Watch {
                     .collect();
                 let known = KnownRoster {
                     roster: Arc::clone(roster),
+                    active: active().map(|member| member.module.id).collect(),
                     members,
                     fixed,
                 };
