@@ -14,6 +14,7 @@ pub mod baseline;
 mod block_allocation;
 mod bounded_eviction;
 pub mod centrality;
+pub mod chronicle;
 pub mod common_subgraph;
 pub mod common_subtree;
 pub mod digest;

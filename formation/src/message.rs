@@ -5,6 +5,8 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::Pose;
 use crate::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, SpotId};
 use crate::parameters::PlannerParameters;
@@ -27,7 +29,8 @@ pub struct TargetAnnouncement {
 }
 
 /// What a module is doing.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum ModulePhase {
     /// Started, and listening before it takes part.
     Listening,
@@ -212,7 +215,7 @@ impl RosterMessage {
 }
 
 /// One (spot, selector) pair.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct SpotSelection {
     /// The spot.
     pub spot: SpotId,
@@ -221,7 +224,7 @@ pub struct SpotSelection {
 }
 
 /// One module losing its spot to another.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct EvictionRecord {
     /// The module that loses its spot.
     pub evicted: ModuleId,
@@ -234,7 +237,7 @@ pub struct EvictionRecord {
 }
 
 /// What one unit decides in its turn; applied whole or not at all.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Decision {
     /// The pairs that change, the new spots of evicted modules included; ascending by spot. Empty means NO_SPOT_FOUND.
     pub selections: Vec<SpotSelection>,

@@ -249,7 +249,10 @@ mod tests {
     fn pins_are_joined_by_the_shorter_way_round_a_ring() {
         let edges: Vec<(usize, usize)> = (0..10).map(|node| (node, (node + 1) % 10)).collect();
         let ring = Topology::new(10, &edges).unwrap();
-        assert_eq!(as_positions(&joined_by_short_paths(&ring, &[])), []);
+        assert_eq!(
+            as_positions(&joined_by_short_paths(&ring, &[])),
+            Vec::<usize>::new()
+        );
         assert_eq!(
             as_positions(&joined_by_short_paths(&ring, &[1, 8])),
             [0, 1, 8, 9]
