@@ -58,6 +58,14 @@ impl SimulatedDrive {
         self.journey.is_some()
     }
 
+    /// How long it will still be on its way if it keeps being told; `None` while it stands still.
+    #[must_use]
+    pub fn time_left(&self, now: Duration) -> Option<Duration> {
+        let journey = self.journey.as_ref()?;
+        let elapsed = now.saturating_sub(journey.began);
+        Some(journey.duration.saturating_sub(elapsed))
+    }
+
     /// Takes a goal, or takes note that the present one still holds.
     pub fn go(&mut self, now: Duration, goal: MotionGoal) {
         if let Some(journey) = &mut self.journey
@@ -156,11 +164,13 @@ mod tests {
             panic!("it is on its way");
         };
         assert_eq!(pose.x, MicroUnits(2_000_000));
+        assert_eq!(drive.time_left(at(1)), Some(at(4)));
         assert_eq!(
             drive.advance(at(5)),
             Some(MotionReport::Arrived(goal(10.0).pose))
         );
         assert_eq!(drive.advance(Duration::from_secs(6)), None);
+        assert_eq!(drive.time_left(at(6)), None);
     }
 
     #[test]

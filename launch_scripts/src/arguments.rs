@@ -38,6 +38,9 @@ pub enum Command {
     Plan {
         /// The scenario file (YAML).
         scenario: PathBuf,
+        /// Write pictures, a page that plays the plan, and the object that --json prints into this directory.
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
         /// Print one JSON object instead of a table.
         #[arg(long)]
         json: bool,
@@ -54,6 +57,9 @@ pub enum Command {
     /// printed with the command that replays it. A single seed is told in full.
     Simulate(SimulateArguments),
 }
+
+/// How fast simulated modules are unless the user says otherwise.
+pub const SPEED_UNITS_PER_S: f64 = 5.0;
 
 /// What to run, and how.
 #[derive(Debug, Args)]
@@ -73,9 +79,9 @@ pub struct RunArguments {
     #[arg(long)]
     pub plan_only: bool,
     /// The speed of simulated modules, in units a second.
-    #[arg(long, value_name = "UNITS", default_value_t = 5.0)]
+    #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
     pub speed: f64,
-    /// Write `report.json`, the object that --json prints, into this directory.
+    /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
     /// Print one JSON object instead of a table; progress stays on the standard error output.

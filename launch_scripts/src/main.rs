@@ -6,6 +6,7 @@ mod console;
 mod failure;
 mod generate;
 mod plan;
+mod report;
 mod run;
 mod scenario_file;
 mod simulate;
@@ -22,7 +23,11 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Check { scenario } => check::check(&scenario),
         Command::Run(arguments) => run::run(&arguments),
-        Command::Plan { scenario, json } => plan::run(&scenario, json),
+        Command::Plan {
+            scenario,
+            report,
+            json,
+        } => plan::run(&scenario, report.as_deref(), json),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
     };

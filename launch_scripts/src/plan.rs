@@ -17,13 +17,16 @@ use serde::Serialize;
 
 use crate::check::{self, counted};
 use crate::failure::Failure;
+use crate::report::ReportDirectory;
 use crate::table::Table;
 use crate::{console, scenario_file};
 
 /// A plan that the verifier's checks have passed.
 pub struct CheckedPlan {
-    problem: Arc<PlanningProblem>,
-    outcome: PlanOutcome,
+    /// What was planned for.
+    pub problem: Arc<PlanningProblem>,
+    /// The plan and its turns.
+    pub outcome: PlanOutcome,
     /// What there is to report of it.
     pub statistics: Statistics,
     /// How long the allocation took, without acting order and statistics.
@@ -41,12 +44,16 @@ pub struct PlanReport<'a> {
 /// Plans a scenario file and prints the plan.
 ///
 /// # Errors
-/// Names what is wrong with the file, or with the plan.
-pub fn run(path: &Path, json: bool) -> Result<(), Failure> {
+/// Names what is wrong with the file, or with the plan, or why the report cannot be written.
+pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     check::warn(path, &scenario);
+    let report = report.map(ReportDirectory::create).transpose()?;
     let plan = CheckedPlan::of(&scenario)?;
     plan.warn(path);
+    if let Some(directory) = report {
+        directory.write_plan(&plan, scenario.name())?;
+    }
     if json {
         console::result_json(&plan.report())
     } else {

@@ -4,6 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::time::Duration;
 
+use formation::chronicle::Entry;
 use formation::id::{Epoch, ModuleId, SpotId};
 use formation::verify::{Agreement, Outcome, Progress, Verdict};
 use serde_json::{Value, json};
@@ -16,6 +17,8 @@ use crate::verification::End;
 pub enum JsonLine<'a> {
     /// `{"progress": ...}`
     Progress(&'a Progress),
+    /// `{"entry": ...}`
+    Entry(&'a Entry),
     /// `{"verdict": ...}` or `{"agreement": ...}`
     End(&'a End),
 }
@@ -24,6 +27,7 @@ impl Display for JsonLine<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let object = match self {
             Self::Progress(progress) => json!({"progress": progress_json(progress)}),
+            Self::Entry(entry) => json!({"entry": entry}),
             Self::End(End::Judged(verdict)) => json!({"verdict": verdict_json(verdict)}),
             Self::End(End::Agreed(agreement)) => json!({"agreement": agreement_json(agreement)}),
         };

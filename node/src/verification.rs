@@ -3,6 +3,7 @@
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
+use formation::chronicle::{Chronicler, Entry};
 use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdict};
 use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;
@@ -31,6 +32,8 @@ pub struct VerifierProcess {
     pub parameters: ObserverParameters,
     /// Whether it is content as soon as all members agree on a plan, and does not wait for them to move.
     pub plan_only: bool,
+    /// Whether to tell of everything that happens, and not only how far the formation has come.
+    pub chronicle: bool,
     /// After the verdict, the process stays so long, so that subscribers can take it.
     pub linger: Duration,
 }
@@ -38,7 +41,8 @@ pub struct VerifierProcess {
 impl VerifierProcess {
     /// Watches until there is an end, publishes the verdict, if that is what there is, and leaves the graph.
     ///
-    /// `told` hears of progress whenever it changes, and of the end as soon as there is one.
+    /// `told` hears of progress whenever it changes, of what happens if that is asked for, and of the end as soon as
+    /// there is one.
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined.
@@ -71,6 +75,7 @@ impl VerifierProcess {
             start: Instant::now(),
             observer: Observer::new(self.parameters),
             plan_only: self.plan_only,
+            chronicler: self.chronicle.then(Chronicler::default),
             inbox,
             outlet,
             session: &session,
@@ -115,6 +120,8 @@ pub struct Judgement {
 pub enum News<'a> {
     /// How far the formation has come, when it changed.
     Progress(&'a Progress),
+    /// Something that happened.
+    Entry(&'a Entry),
     /// How it ended.
     End(&'a End),
 }
@@ -131,6 +138,8 @@ struct Watch<'a> {
     start: Instant,
     observer: Observer,
     plan_only: bool,
+    /// Where everything that happens is to be told.
+    chronicler: Option<Chronicler>,
     inbox: Inbox<'a, Delivery>,
     outlet: Outlet<formation_msgs::Verdict, Publisher<formation_msgs::Verdict>>,
     session: &'a Session,
@@ -169,6 +178,11 @@ impl Watch<'_> {
                             let now = self.start.elapsed();
                             for message in &messages {
                                 self.observer.handle(now, message);
+                                if let Some(chronicler) = &mut self.chronicler {
+                                    for entry in chronicler.hear(now, message) {
+                                        told(News::Entry(&entry));
+                                    }
+                                }
                             }
                             judge_at.get_or_insert_with(|| Instant::now() + JUDGE_INTERVAL);
                         }

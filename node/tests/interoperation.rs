@@ -103,6 +103,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
             ..ObserverParameters::default()
         },
         plan_only: false,
+        chronicle: false,
         linger: Duration::from_secs(1),
     };
     let (_stop, stopped) = bounded(1);

@@ -24,6 +24,9 @@ struct Arguments {
     /// Print a line of JSON, {"progress": ...}, whenever the progress changes, and the verdict likewise
     #[arg(long)]
     progress: bool,
+    /// Print a line of JSON, {"entry": ...}, for everything that happens: claims, states, poses
+    #[arg(long)]
+    chronicle: bool,
     /// Be content as soon as all members agree on a plan, print it as {"agreement": ...}, and do not wait for motion
     #[arg(long)]
     plan_only: bool,
@@ -46,13 +49,15 @@ fn run() -> Result<u8, Failure> {
         settings,
         parameters,
         plan_only: arguments.plan_only,
+        chronicle: arguments.chronicle,
         linger: LINGER,
     };
     let judgement = process.run(stop, |news| match news {
         News::Progress(progress) if arguments.progress => print(&JsonLine::Progress(progress)),
         News::Progress(_) => {}
+        News::Entry(entry) => print(&JsonLine::Entry(entry)),
         News::End(end) => {
-            if arguments.json || arguments.progress {
+            if arguments.json || arguments.progress || arguments.chronicle {
                 print(&JsonLine::End(end));
             } else {
                 print(&end_text(end));

@@ -3,10 +3,12 @@
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
+use formation::chronicle::Entry;
 use serde::Deserialize;
 use serde_json::Value;
 
 use super::progress::{Display, Progress};
+use super::recording::Recording;
 use super::supervisor::{Happening, ProcessId, Supervisor};
 
 /// After its verdict, the verifier is given so long to end by itself.
@@ -32,6 +34,8 @@ pub struct Course {
     pub progress: Progress,
     /// How long after the start the last module had joined.
     pub discovery: Option<Duration>,
+    /// Everything that the verifier heard.
+    pub recording: Recording,
 }
 
 /// A line of the verifier.
@@ -39,6 +43,7 @@ pub struct Course {
 #[serde(rename_all = "snake_case")]
 enum Line {
     Progress(Progress),
+    Entry(Entry),
     Verdict(Value),
     Agreement(Value),
 }
@@ -67,6 +72,10 @@ pub fn conduct(
                         }
                         display.show(&progress);
                         course.progress = progress;
+                    }
+                    Ok(Line::Entry(entry)) => {
+                        display.hear(&entry);
+                        course.recording.keep(entry);
                     }
                     Ok(Line::Agreement(mut agreement)) => {
                         agreement["outcome"] = "AGREED".into();

@@ -5,12 +5,11 @@ mod network;
 mod processes;
 mod programs;
 mod progress;
+mod recording;
 mod report;
 mod supervisor;
 mod tail;
 
-use std::fs;
-use std::path::Path;
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
@@ -21,6 +20,7 @@ use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use crate::arguments::RunArguments;
 use crate::failure::Failure;
 use crate::plan::CheckedPlan;
+use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use conduct::{Course, End, conduct};
 use network::Surroundings;
@@ -61,11 +61,11 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     check::warn(path, &scenario);
     let plan = CheckedPlan::of(&scenario)?;
     plan.warn(path);
-    if let Some(directory) = &arguments.report {
-        fs::create_dir_all(directory)
-            .with_context(|| format!("{}: cannot be created", directory.display()))
-            .map_err(Failure::BadInput)?;
-    }
+    let directory = arguments
+        .report
+        .as_deref()
+        .map(ReportDirectory::create)
+        .transpose()?;
     let formation = Formation {
         arguments,
         scenario: &scenario,
@@ -74,9 +74,25 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         surroundings,
     };
     let (verdict, course) = formation.form()?;
+    let recording = &course.recording;
+    let verdict = match verdict {
+        Ok(verdict) => verdict,
+        Err(failure) => {
+            // What was seen until then may say why.
+            if let Some(directory) = directory {
+                let summary = recording.summary(&plan, arguments, None, Some(&failure.to_string()));
+                let subject = recording.subject(&plan, scenario.name(), None);
+                directory.write_pictures(&subject, recording.entries(), &summary)?;
+            }
+            return Err(failure);
+        }
+    };
     let report = RunReport::new(&plan, &verdict, &course)?;
-    if let Some(directory) = &arguments.report {
-        write_report(directory, &report)?;
+    if let Some(directory) = directory {
+        directory.write_json(report.json())?;
+        let summary = recording.summary(&plan, arguments, Some(&report), None);
+        let subject = recording.subject(&plan, scenario.name(), Some(&report));
+        directory.write_pictures(&subject, recording.entries(), &summary)?;
     }
     if arguments.json {
         console::result_json(report.json())?;
@@ -84,13 +100,6 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         console::result_line(&report.text(&plan, scenario.name()))?;
     }
     report.conclusion()
-}
-
-fn write_report(directory: &Path, report: &RunReport) -> Result<(), Failure> {
-    let path = directory.join("report.json");
-    fs::write(&path, format!("{}\n", report.json()))
-        .with_context(|| format!("{}: cannot be written", path.display()))
-        .map_err(Failure::Failed)
 }
 
 struct Formation<'a> {
@@ -102,8 +111,12 @@ struct Formation<'a> {
 }
 
 impl Formation<'_> {
-    /// Starts all processes, waits for the verdict and stops them again.
-    fn form(&self) -> Result<(serde_json::Value, Course), Failure> {
+    /// Starts all processes, waits for the verdict and stops them again. Whatever came of it, what was seen on the way
+    /// comes with it.
+    ///
+    /// # Errors
+    /// Says what could not be started.
+    fn form(&self) -> Result<(Result<serde_json::Value, Failure>, Course), Failure> {
         let mut supervisor = Supervisor::new(&[SIGINT, SIGTERM, SIGHUP])
             .context("cannot handle signals")
             .map_err(Failure::Failed)?;
@@ -129,8 +142,8 @@ impl Formation<'_> {
             ));
         }
         let (end, course) = ended?;
-        match end {
-            End::Judged(verdict) => Ok((verdict, course)),
+        let verdict = match end {
+            End::Judged(verdict) => Ok(verdict),
             End::ProcessEnded(process, status) => Err(died(&supervisor, process, status)),
             End::Interrupted(signal) => Err(Failure::Failed(anyhow!(
                 "interrupted by {}; every process was stopped",
@@ -141,7 +154,8 @@ impl Formation<'_> {
                 self.arguments.timeout.as_secs_f64(),
                 progress.standstill()
             ))),
-        }
+        };
+        Ok((verdict, course))
     }
 
     fn module_count(&self) -> usize {
@@ -162,7 +176,13 @@ impl Formation<'_> {
             "verifier",
             "verifier".to_owned(),
             &[
-                &["--progress", "--json", "--time-limit-s", &timeout],
+                &[
+                    "--progress",
+                    "--chronicle",
+                    "--json",
+                    "--time-limit-s",
+                    &timeout,
+                ],
                 plan_only,
             ]
             .concat(),

@@ -3,6 +3,7 @@
 use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
 
+use formation::chronicle::Entry;
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Deserialize;
 
@@ -119,6 +120,9 @@ impl Display {
             }
         }
     }
+
+    /// Takes in something that happened.
+    pub fn hear(&mut self, _entry: &Entry) {}
 
     /// Says something beside the progress.
     pub fn note(&self, line: &str) {

@@ -5,6 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::{Context, anyhow};
 use formation::id::{ModuleId, SpotId};
 use formation::statistics::Assignment;
+use formation_report::Fact;
 use serde::Deserialize;
 use serde_json::{Value, json};
 
@@ -53,7 +54,8 @@ struct Taken {
 pub struct RunReport {
     verdict: Verdict,
     differences: Vec<String>,
-    timings: String,
+    /// What took how many milliseconds.
+    timings: Vec<(&'static str, u64)>,
     json: Value,
 }
 
@@ -97,9 +99,8 @@ impl RunReport {
             ("acted", seen.acting_ms),
         ]
         .into_iter()
-        .filter_map(|(what, time)| Some(format!("{what} in {} ms", time?)))
-        .collect::<Vec<_>>()
-        .join(", ");
+        .filter_map(|(what, time)| Some((what, time?)))
+        .collect();
         Ok(Self {
             differences: differences(&plan.statistics.assignments, &seen.assignments),
             verdict: seen,
@@ -119,8 +120,13 @@ impl RunReport {
         if self.verdict.outcome != Outcome::Failed && self.differences.is_empty() {
             lines.push(plan.text(name));
         }
-        if !self.timings.is_empty() {
-            lines.push(self.timings.clone());
+        let timings: Vec<String> = self
+            .timings
+            .iter()
+            .map(|(what, time)| format!("{what} in {time} ms"))
+            .collect();
+        if !timings.is_empty() {
+            lines.push(timings.join(", "));
         }
         for (what, sentences) in [
             ("violation", &self.verdict.violations),
@@ -132,17 +138,61 @@ impl RunReport {
                     .map(|sentence| format!("{what}: {sentence}")),
             );
         }
+        lines.push(self.outcome_text());
+        lines.join("\n")
+    }
+
+    /// The verdict in one line.
+    pub fn outcome_text(&self) -> String {
         let filled = self.verdict.filled_spots;
         let spots = filled + self.verdict.open_spots.len();
-        lines.push(match self.verdict.outcome {
+        match self.verdict.outcome {
             Outcome::Complete => format!("COMPLETE: all {spots} spots are filled, hole-free"),
             Outcome::Partial => format!(
                 "PARTIAL: {filled} of {spots} spots are filled, as many as there are modules, hole-free"
             ),
             Outcome::Agreed => "AGREED: all modules hold the same plan; none has moved".to_owned(),
             Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
-        });
-        lines.join("\n")
+        }
+    }
+
+    /// Whether the modules were only to agree.
+    pub fn nothing_moved(&self) -> bool {
+        self.verdict.outcome == Outcome::Agreed
+    }
+
+    /// Who settled where, as the verifier saw it.
+    pub fn assignments(&self) -> impl Iterator<Item = (ModuleId, SpotId)> + '_ {
+        let taken = self.verdict.assignments.iter();
+        taken.map(|taken| (taken.module, taken.spot))
+    }
+
+    /// How long everything took.
+    pub fn facts(&self) -> Vec<Fact> {
+        let name = |what| match what {
+            "joined" => "all joined after",
+            "planned" => "from the roster to the last claim",
+            _ => "from the first motion to the end",
+        };
+        self.timings
+            .iter()
+            .map(|&(what, time)| Fact::new(name(what), format!("{time} ms")))
+            .collect()
+    }
+
+    /// All that is wrong, one sentence each.
+    pub fn reproaches(&self) -> impl Iterator<Item = String> + '_ {
+        let verdict = &self.verdict;
+        let differences = self
+            .differences
+            .iter()
+            .map(|difference| format!("other than in the offline plan, {difference}"));
+        verdict
+            .violations
+            .iter()
+            .chain(&verdict.missing)
+            .cloned()
+            .chain(differences)
     }
 
     /// Whether all is well.
