@@ -212,3 +212,52 @@ fn a_bad_scenario_is_refused_before_planning() {
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert_eq!(stderr, "error: no/such/file.yaml: there is no such file\n");
 }
+
+#[test]
+fn a_report_is_the_same_each_time_and_made_of_four_files() {
+    let directory = tempfile::tempdir().unwrap();
+    let written = |name: &str| {
+        let report = directory.path().join(name).join("deeper");
+        plan("figure1_ladder17", &["--report", report.to_str().unwrap()]);
+        let read = |file: &str| fs::read_to_string(report.join(file)).unwrap();
+        let json: Value = serde_json::from_str(&read("report.json")).unwrap();
+        assert_eq!(json["kept_links"], 12);
+        (read("before.svg"), read("after.svg"), read("report.html"))
+    };
+    let (one, other) = (written("one"), written("other"));
+    assert_eq!((&one.0, &one.1), (&other.0, &other.1));
+    // How long the planning took is a number of its own each time.
+    let without_time = |page: &str| -> Vec<String> {
+        let parts = page.split("planned offline in");
+        parts
+            .map(|part| {
+                part.split_once("</td>")
+                    .map_or(part, |(_, rest)| rest)
+                    .to_owned()
+            })
+            .collect()
+    };
+    assert_eq!(without_time(&one.2), without_time(&other.2));
+    assert_eq!(
+        fs::read_dir(directory.path().join("one/deeper"))
+            .unwrap()
+            .count(),
+        4
+    );
+}
+
+#[test]
+fn a_report_that_cannot_be_written_is_bad_input() {
+    let output = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(["plan", "--report", "/dev/null/report"])
+        .arg(scenario("undersupply"))
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(2));
+    assert!(output.stdout.is_empty());
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(
+        stderr.contains("/dev/null/report: cannot be created"),
+        "{stderr}"
+    );
+}

@@ -203,6 +203,12 @@ fn every_process_is_told_its_part_and_stopped_in_the_end() {
     let written: Value =
         serde_json::from_str(&fs::read_to_string(report.join("report.json")).unwrap()).unwrap();
     assert_eq!(written, json);
+    for name in ["before.svg", "after.svg", "report.html"] {
+        assert!(
+            fs::metadata(report.join(name)).unwrap().len() > 1_000,
+            "{name}"
+        );
+    }
     let started = stage.started();
     let programs: Vec<&str> = started
         .iter()
@@ -264,6 +270,39 @@ fn several_modules_share_a_process() {
         started[1..]
             .iter()
             .all(|(program, ..)| program != "module_agent")
+    );
+}
+
+/// The film of a page that a run wrote.
+fn film(page: &str) -> Value {
+    let (_, rest) = page.split_once("id=\"film\">").unwrap();
+    serde_json::from_str(rest.split_once("</script>").unwrap().0).unwrap()
+}
+
+#[test]
+fn a_run_that_broke_off_still_shows_what_was_seen() {
+    let stage = Stage::new(
+        r#"
+echo '{"entry":{"at_ms":5,"state":{"module":7,"phase":"LISTENING","pose":{"x":0,"y":1000000,"theta":0},"links":[],"spot":null,"unit":null}}}'
+echo '{"entry":{"at_ms":9,"pose":{"module":7,"pose":{"x":500000,"y":1000000,"theta":0}}}}'
+echo '{"entry":{"at_ms":10,"something":"new"}}'
+exec sleep 60"#,
+    );
+    let report = stage.path("report");
+    let finished = stage.run(&["--timeout", "1", "--report", report.to_str().unwrap()]);
+    assert_eq!(finished.status, Some(1));
+    assert!(!report.join("report.json").exists(), "there is no result");
+    let page = fs::read_to_string(report.join("report.html")).unwrap();
+    assert!(page.contains("Broken off: no verdict within 1 s"), "{page}");
+    let film = film(&page);
+    assert_eq!(film["modules"][0]["phases"][0][1], "LISTENING");
+    assert_eq!(film["modules"][1]["phases"], serde_json::json!([]));
+    assert!(
+        finished
+            .stderr
+            .contains("the verifier wrote a line that cannot be read"),
+        "{}",
+        finished.stderr
     );
 }
 

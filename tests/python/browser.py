@@ -104,9 +104,10 @@ class Browser:
         element = self._ask("POST", "/element", {"using": "css selector", "value": selector})
         self._ask("POST", f"/element/{element[ELEMENT]}/click", {})
 
-    def screenshot(self):
-        """The visible part of the page as PNG."""
-        return base64.b64decode(self._ask("GET", "/screenshot"))
+    def screenshot(self, left, top, width, height, scale=1.0):
+        """A part of the page as PNG."""
+        clip = {"x": left, "y": top, "width": width, "height": height, "scale": scale}
+        return base64.b64decode(self._devtools("Page.captureScreenshot", format="png", clip=clip)["data"])
 
     def logged(self):
         """What the console said since the last call."""

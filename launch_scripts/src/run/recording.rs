@@ -113,7 +113,7 @@ impl Recording {
         Summary {
             outcome: report
                 .map(RunReport::outcome_text)
-                .or_else(|| failure.map(|failure| format!("No verdict: {failure}")))
+                .or_else(|| failure.map(|failure| format!("Broken off: {failure}")))
                 .unwrap_or_default(),
             tone: match report {
                 Some(report) if report.conclusion().is_err() => Tone::Bad,

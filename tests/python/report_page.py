@@ -1,0 +1,335 @@
+"""Opens reports in a real browser, headless, and uses them as people do: by mouse, by keyboard and on a phone.
+
+Reads a JSON list of cases from the standard input, each with the `directory` of a report, its `title`, how many
+`modules` and `spots` it has and how many of these are `filled` in the end, and whether its film is to be `played`.
+"""
+
+import json
+import struct
+import sys
+import time
+import xml.etree.ElementTree as xml
+import zlib
+from pathlib import Path
+
+from browser import Browser, Missing
+
+# A picture as large as this is seen whole, so that a screenshot shows all of it.
+DESKTOP = (1280, 1500)
+PHONE = (360, 740)
+PATIENCE_S = 60
+# Pixels are told apart one by one, so a screenshot is taken at half its size.
+SHRUNK = 0.5
+
+STATES = """
+return [...document.querySelectorAll('.target [data-spot]')].map((spot) => spot.dataset.state)
+"""
+# Where everything is and what it does, as far as a person sees it.
+PICTURE = """
+return JSON.stringify([
+  [...document.querySelectorAll('#modules [data-module]')].map((module) => [
+    module.dataset.module, module.dataset.phase, module.getAttribute('transform'),
+    module.querySelector('.body').getAttribute('transform')]),
+  [...document.querySelectorAll('.target [data-spot]')].map((spot) => spot.dataset.state),
+  [...document.querySelectorAll('#links line')].map((line) => line.getAttribute('display')),
+  document.getElementById('now').textContent, document.getElementById('stage').textContent,
+])
+"""
+# For each filled spot: how far the nearest module is, its colour, and points of its square on the screen.
+FILLED = """
+const centre = (element) => {
+  const box = element.getBoundingClientRect();
+  return [box.x + box.width / 2, box.y + box.height / 2];
+};
+const modules = [...document.querySelectorAll('#modules [data-module]')].map((module) => {
+  const square = module.querySelector('.body rect');
+  return {id: module.dataset.module, at: centre(square), fill: square.getAttribute('fill')};
+});
+return [...document.querySelectorAll('.target [data-state="filled"]')].map((spot) => {
+  const square = spot.querySelector('rect');
+  const [x, y] = centre(square);
+  const distance = ({at}) => Math.hypot(at[0] - x, at[1] - y);
+  const nearest = modules.reduce((one, other) => (distance(one) <= distance(other) ? one : other));
+  const side = square.getBoundingClientRect().width;
+  const points = [];
+  for (const across of [-0.3, 0.3]) {
+    for (const down of [-0.3, 0.3]) points.push([x + across * side, y + down * side]);
+  }
+  return {spot: spot.dataset.spot, module: nearest.id, apart: distance(nearest), fill: nearest.fill, points};
+});
+"""
+NAMELESS = """
+return [...document.querySelectorAll('button, input, select, [tabindex], figure svg')].filter((element) => {
+  const labelled = element.getAttribute('aria-labelledby');
+  return !(element.getAttribute('aria-label') || element.textContent.trim() || element.labels?.length
+    || (labelled && document.getElementById(labelled)));
+}).map((element) => element.outerHTML)
+"""
+FOCUSED = "return document.activeElement.id || document.activeElement.className || document.activeElement.tagName"
+OVERFLOWING = """
+return [...document.querySelectorAll('body *')].filter((element) => {
+  const box = element.getBoundingClientRect();
+  return box.width && (box.right > innerWidth + 0.5 || box.left < -0.5)
+    && !element.closest('.scroll, .skip, #picture');
+}).map((element) => element.outerHTML.slice(0, 120))
+"""
+SMALL = """
+return [...document.querySelectorAll('#player button, #player select')].filter((element) => {
+  const box = element.getBoundingClientRect();
+  return Math.min(box.width, box.height) < 40;
+}).map((element) => element.id)
+"""
+
+
+def check(condition, message):
+    if not condition:
+        raise AssertionError(message)
+
+
+def pixels_of(png):
+    """Width, height and rows of RGB triples of a PNG of 8 bits a channel without interlacing (ISO/IEC 15948)."""
+    position, data = 8, b""
+    while position < len(png):
+        length, kind = struct.unpack(">I4s", png[position:position + 8])
+        body = png[position + 8:position + 8 + length]
+        if kind == b"IHDR":
+            width, height, depth, colour, _, _, interlace = struct.unpack(">IIBBBBB", body)
+            check(depth == 8 and colour in (2, 6) and not interlace, "a screenshot of an unknown sort")
+            channels = 3 if colour == 2 else 4
+        elif kind == b"IDAT":
+            data += body
+        position += 12 + length
+    raw, stride, rows, above = zlib.decompress(data), width * channels, [], bytearray(width * channels)
+    for row in range(height):
+        start = row * (stride + 1)
+        line, filtering = bytearray(raw[start + 1:start + 1 + stride]), raw[start]
+        for index in range(stride):
+            left = line[index - channels] if index >= channels else 0
+            up, corner = above[index], above[index - channels] if index >= channels else 0
+            if filtering == 1:
+                predicted = left
+            elif filtering == 2:
+                predicted = up
+            elif filtering == 3:
+                predicted = (left + up) // 2
+            elif filtering == 4:
+                distances = [(abs(left + up - corner - value), order) for order, value in
+                             enumerate((left, up, corner))]
+                predicted = (left, up, corner)[min(distances)[1]]
+            else:
+                predicted = 0
+            line[index] = (line[index] + predicted) & 0xFF
+        rows.append([tuple(line[index:index + 3]) for index in range(0, stride, channels)])
+        above = line
+    return width, height, rows
+
+
+def rgb(colour):
+    return tuple(int(colour[start:start + 2], 16) for start in (1, 3, 5))
+
+
+def is_of_colour(seen, wanted):
+    """Whether a pixel has a colour, or the colour under a black pattern that covers less than a third of it."""
+    share = sum(seen) / sum(wanted)
+    return 0.65 <= share <= 1.02 and all(abs(a - share * b) <= 5 for a, b in zip(seen, wanted))
+
+
+class Page:
+    def __init__(self, browser, case):
+        self.browser, self.case = browser, case
+        browser.logged(), browser.requested()
+        browser.open(Path(case["directory"]) / "report.html")
+
+    def length(self):
+        return float(self.browser.run("return document.getElementById('scrub').max"))
+
+    def time(self):
+        return float(self.browser.run("return document.getElementById('player').dataset.time"))
+
+    def plays(self):
+        return self.browser.run("return document.body.classList.contains('playing')")
+
+    def focus(self, identifier):
+        self.browser.run("document.getElementById(arguments[0]).focus()", identifier)
+
+    def scrub_to(self, share):
+        self.browser.run("""
+            const scrub = document.getElementById('scrub');
+            scrub.value = arguments[0] * Number(scrub.max);
+            scrub.dispatchEvent(new Event('input', {bubbles: true}));
+        """, share)
+        return self.browser.run(PICTURE)
+
+    def is_loaded(self):
+        said = self.browser.logged()
+        check(not said, f"the console says: {said}")
+        others = [url for url in self.browser.requested()
+                  if url.startswith(("http", "ws", "ftp")) or (url.startswith("file:") and "report.html" not in url)]
+        check(not others, f"the page asked for {others}")
+        check(self.browser.run("return document.querySelector('h1').textContent") == self.case["title"],
+              "the heading is not the name of the formation")
+        check(self.browser.run("return window.hostile") is None, "text of the scenario was run as a script")
+        nameless = self.browser.run(NAMELESS)
+        check(not nameless, f"controls without a name: {nameless}")
+
+    def plays_to_the_end(self):
+        self.browser.run("document.getElementById('speed').value = '16'")
+        self.scrub_to(0)
+        self.browser.click("#play")
+        check(self.plays(), "a click on play does not play")
+        deadline = time.monotonic() + PATIENCE_S
+        while self.plays():
+            check(time.monotonic() < deadline, f"the film stands at {self.time()} of {self.length()} s")
+            time.sleep(0.05)
+        check(abs(self.time() - self.length()) < 0.01, "the film stops before its end")
+
+    def ends_with_every_spot_filled(self):
+        """Not by what the page says of itself alone: by where squares are, and by what colour the screen has there."""
+        states = self.browser.run(STATES)
+        check(len(states) == self.case["spots"], f"{len(states)} spots are drawn")
+        check(states.count("filled") == self.case["filled"], f"in the end the spots are {states}")
+        self.browser.run("scrollTo(0, 0)")
+        filled = self.browser.run(FILLED)
+        check(len({one["module"] for one in filled}) == self.case["filled"], "a module stands on two spots")
+        picture = self.browser.run("""
+            const box = document.getElementById('picture').getBoundingClientRect();
+            return [box.left, box.top, box.width, box.height];
+        """)
+        left, top = picture[:2]
+        width, height, rows = pixels_of(self.browser.screenshot(*picture, SHRUNK))
+        for one in filled:
+            check(one["apart"] < 1.0, f"module {one['module']} is {one['apart']} pixels off spot {one['spot']}")
+            points = [(int((x - left) * SHRUNK), int((y - top) * SHRUNK)) for x, y in one["points"]]
+            check(all(0 <= x < width and 0 <= y < height for x, y in points), f"spot {one['spot']} is out of sight")
+            colours = [rows[y][x] for x, y in points]
+            wanted = rgb(one["fill"])
+            alike = sum(is_of_colour(colour, wanted) for colour in colours)
+            check(alike >= 2, f"on the screen, spot {one['spot']} is {colours} instead of {wanted}")
+
+    def scrubs_back_and_forth(self):
+        shares = [0, 0.2, 0.45, 0.7, 0.9, 1]
+        forth = [self.scrub_to(share) for share in shares]
+        back = [self.scrub_to(share) for share in reversed(shares)]
+        check(forth == back[::-1], "the picture depends on the way to it")
+        check(len(set(forth)) == len(shares), "scrubbing changes nothing")
+        check(json.loads(forth[0])[1].count("filled") == 0, "a spot is filled at the start")
+
+    def is_used_by_keyboard(self):
+        self.browser.run("document.querySelector('a, button, input, select, summary, [tabindex]').focus()")
+        order = [self.browser.run(FOCUSED)]
+        for _ in range(7):
+            self.browser.press("Tab")
+            order.append(self.browser.run(FOCUSED))
+        check(order == ["skip", "scrub", "start", "back", "play", "forward", "finish", "speed"],
+              f"Tab goes along {order}")
+        self.focus("scrub")
+        self.browser.press("Home")
+        check(self.time() == 0, "Home does not go to the start")
+        self.browser.press("Right")
+        first = self.time()
+        self.browser.press("Right")
+        second = self.time()
+        check(0 < first < second, f"the steps go to {first} and {second}")
+        self.browser.press("Left")
+        check(self.time() == first, "a step back is not the way of the step on")
+        self.browser.press("Space")
+        check(self.plays(), "Space does not play")
+        check(self.browser.run("return document.getElementById('play').getAttribute('aria-label')") == "Pause",
+              "the button still says that it plays")
+        deadline = time.monotonic() + PATIENCE_S
+        while self.time() <= first:
+            check(time.monotonic() < deadline, "the film does not move")
+        self.browser.press("Space")
+        check(not self.plays(), "Space does not pause")
+        self.focus("play")
+        self.browser.press("Space")
+        check(self.plays(), "Space does not press the button under the focus")
+        self.browser.press("End")
+        check(abs(self.time() - self.length()) < 0.01, "End does not go to the end")
+        self.browser.run("document.querySelector('.pick').focus()")
+        self.browser.press("Enter")
+        check(self.browser.run("return document.querySelectorAll('.ring.picked').length") == 1,
+              "a module is not pointed out")
+        self.browser.press("Enter")
+
+    def fits_a_phone(self):
+        self.browser.view(*PHONE)
+        self.scrub_to(0.5)
+        self.browser.run("for (const box of document.querySelectorAll('details')) box.open = true")
+        wide = self.browser.run("return document.documentElement.scrollWidth")
+        check(wide <= PHONE[0], f"the page is {wide} pixels wide on a screen of {PHONE[0]}")
+        overflowing = self.browser.run(OVERFLOWING)
+        check(not overflowing, f"these leave the screen: {overflowing}")
+        small = self.browser.run(SMALL)
+        check(not small, f"too small for a finger: {small}")
+        self.browser.view(*DESKTOP)
+
+    def has_a_dark_face(self):
+        paper = "return getComputedStyle(document.body).backgroundColor"
+        light = self.browser.run(paper)
+        self.browser.view(*DESKTOP, dark=True)
+        dark = self.browser.run(paper)
+        self.browser.view(*DESKTOP)
+        brightness = [sum(map(int, colour[4:-1].split(","))) for colour in (light, dark)]
+        check(brightness[0] > 700 and brightness[1] < 100, f"light is {light} and dark is {dark}")
+
+
+def pictures_are_sound(browser, case):
+    for name in ("before.svg", "after.svg"):
+        path = Path(case["directory"]) / name
+        root = xml.parse(path).getroot()
+        modules = [element for element in root.iter() if "data-module" in element.attrib]
+        check(len(modules) == case["modules"], f"{name} shows {len(modules)} modules")
+        browser.logged()
+        browser.open(path)
+        check(browser.run("return document.documentElement.localName") == "svg", f"{name} is not shown")
+        said = browser.logged()
+        check(not said, f"{name}: the console says: {said}")
+        outside = browser.run("""
+            const paper = document.querySelector('.paper').getBoundingClientRect();
+            return [...document.querySelectorAll('text, line, rect, path')].filter((element) => {
+              const box = element.getBoundingClientRect();
+              return !element.closest('defs') && (box.right > paper.right + 1 || box.left < paper.left - 1
+                || box.bottom > paper.bottom + 1 || box.top < paper.top - 1);
+            }).map((element) => element.outerHTML)
+        """)
+        check(not outside, f"{name}: outside of the picture: {outside}")
+        overlapping = browser.run("""
+            const boxes = [...document.querySelectorAll('.legend text, .grid text, .title, .subtitle')]
+              .map((text) => [text.textContent, text.getBoundingClientRect()]);
+            return boxes.flatMap(([one, a], index) => boxes.slice(index + 1)
+              .filter(([, b]) => a.left < b.right && b.left < a.right && a.top < b.bottom && b.top < a.bottom)
+              .map(([other]) => `${one} / ${other}`));
+        """)
+        check(not overlapping, f"{name}: texts lie upon each other: {overlapping}")
+
+
+def main():
+    cases = json.load(sys.stdin)
+    with Browser(*DESKTOP) as browser:
+        for case in cases:
+            began = time.monotonic()
+            try:
+                page = Page(browser, case)
+                page.is_loaded()
+                page.scrubs_back_and_forth()
+                if case["played"]:
+                    page.plays_to_the_end()
+                else:
+                    page.scrub_to(1)
+                page.ends_with_every_spot_filled()
+                page.is_used_by_keyboard()
+                page.fits_a_phone()
+                page.has_a_dark_face()
+                check(not browser.logged(), "the console says something in the end")
+                pictures_are_sound(browser, case)
+            except AssertionError as error:
+                sys.exit(f"{case['directory']}: {error}")
+            print(f"{case['title']}: {time.monotonic() - began:.1f} s")
+
+
+if __name__ == "__main__":
+    try:
+        main()
+    except Missing as missing:
+        sys.exit(str(missing))

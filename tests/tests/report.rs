@@ -1,0 +1,128 @@
+//! Reports as people look at them: in a browser, with the mouse, by keyboard and on a phone.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::fs;
+use std::io::Write;
+use std::path::{Path, PathBuf};
+use std::process::Stdio;
+use std::time::Duration;
+
+use formation_tests::{Python, Running, alone, scenario_path};
+use serde_json::{Value, json};
+
+const PATIENCE: Duration = Duration::from_secs(120);
+
+/// A page of 100 modules is no larger than this.
+const PAGE_BYTES_MAX: u64 = 2_000_000;
+
+/// A name that would break out of every place into which it is written.
+const HOSTILE_NAME: &str = "</script><script>window.hostile=1</script><img src=x onerror='window.hostile=2'> {{film}} & \"q\" ]]>";
+
+fn launch(arguments: &[&str]) -> formation_tests::Finished {
+    let finished = Running::start("formation", "40", arguments).finish(PATIENCE);
+    assert_eq!(finished.status, 0, "{arguments:?}: {}", finished.stderr);
+    finished
+}
+
+/// Has a report written and says what the browser is to find in it.
+fn case(command: &str, scenario: &Path, directory: PathBuf, title: &str, played: bool) -> Value {
+    let mut arguments = vec![
+        command,
+        scenario.to_str().unwrap(),
+        "--json",
+        "--report",
+        directory.to_str().unwrap(),
+    ];
+    if command == "run" {
+        arguments.extend(["--domain", "40", "--modules-per-process", "2"]);
+    }
+    let json = launch(&arguments).json();
+    let written = fs::read_to_string(directory.join("report.json")).unwrap();
+    assert_eq!(serde_json::from_str::<Value>(&written).unwrap(), json);
+    let count = |key: &str| json[key].as_array().unwrap().len();
+    let filled = count("assignments");
+    json!({
+        "directory": directory,
+        "title": title,
+        "modules": filled + count("unassigned"),
+        "spots": filled + count("open_spots"),
+        "filled": filled,
+        "played": played,
+    })
+}
+
+#[test]
+fn reports_are_watched_in_a_browser() {
+    let _alone = alone();
+    let Some(python) = Python::find("no report was opened in a browser") else {
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let place = |name: &str| directory.path().join(name);
+    let hundred = place("hundred.yaml");
+    let generated = launch(&[
+        "generate",
+        "--modules",
+        "100",
+        "--spots",
+        "100",
+        "--configuration-size",
+        "4",
+        "--seed",
+        "7",
+    ]);
+    fs::write(&hundred, generated.stdout).unwrap();
+    let hostile = place("hostile.yaml");
+    let scenario = fs::read_to_string(scenario_path("undersupply")).unwrap();
+    let name = serde_json::to_string(HOSTILE_NAME).unwrap();
+    fs::write(
+        &hostile,
+        scenario.replace("name: undersupply", &format!("name: {name}")),
+    )
+    .unwrap();
+    let cases = [
+        case(
+            "plan",
+            &scenario_path("figure1_ladder17"),
+            place("figure1"),
+            "figure1-ladder17",
+            true,
+        ),
+        case(
+            "plan",
+            &hundred,
+            place("hundred"),
+            "100-modules-100-spots-configurations-of-4-seed-7",
+            true,
+        ),
+        case("plan", &hostile, place("hostile"), HOSTILE_NAME, false),
+        case(
+            "run",
+            &scenario_path("mcs_detach"),
+            place("run"),
+            "mcs-detach",
+            true,
+        ),
+    ];
+    let size = fs::metadata(place("hundred").join("report.html"))
+        .unwrap()
+        .len();
+    assert!(size < PAGE_BYTES_MAX, "the page has {size} bytes");
+    let mut child = python.start("tests/python/report_page.py", &[], Stdio::piped());
+    let mut input = child.stdin.take().unwrap();
+    writeln!(input, "{}", json!(cases)).unwrap();
+    drop(input);
+    let output = child.wait_with_output().unwrap();
+    assert!(
+        output.status.success(),
+        "{}{}",
+        String::from_utf8_lossy(&output.stdout),
+        String::from_utf8_lossy(&output.stderr)
+    );
+    print!("{}", String::from_utf8_lossy(&output.stdout));
+}
