@@ -8,7 +8,7 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -30,7 +30,7 @@ fn launch(arguments: &[&str]) -> formation_tests::Finished {
 }
 
 /// Has a report written and says what the browser is to find in it.
-fn case(command: &str, scenario: &Path, directory: PathBuf, title: &str, played: bool) -> Value {
+fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: bool) -> Value {
     let mut arguments = vec![
         command,
         scenario.to_str().unwrap(),
@@ -89,22 +89,22 @@ fn reports_are_watched_in_a_browser() {
         case(
             "plan",
             &scenario_path("figure1_ladder17"),
-            place("figure1"),
+            &place("figure1"),
             "figure1-ladder17",
             true,
         ),
         case(
             "plan",
             &hundred,
-            place("hundred"),
+            &place("hundred"),
             "100-modules-100-spots-configurations-of-4-seed-7",
             true,
         ),
-        case("plan", &hostile, place("hostile"), HOSTILE_NAME, false),
+        case("plan", &hostile, &place("hostile"), HOSTILE_NAME, false),
         case(
             "run",
             &scenario_path("mcs_detach"),
-            place("run"),
+            &place("run"),
             "mcs-detach",
             true,
         ),
