@@ -1,0 +1,270 @@
+"use strict";
+// Plays the film that stands in the page. All that is shown follows from one number, the time in the film, so that
+// playing, stepping and scrubbing show the same.
+(() => {
+  const SVG = "http://www.w3.org/2000/svg";
+  const byId = (id) => document.getElementById(id);
+  const film = JSON.parse(byId("film").textContent);
+  const player = byId("player");
+  const scrub = byId("scrub");
+  const speed = byId("speed");
+
+  const PHASES = {
+    ABSENT: "not heard yet", LISTENING: "listening", GATHERED: "gathered", PLANNING: "planning", AGREEING: "agreeing",
+    WAITING: "waiting", MOVING: "moving", SETTLED: "settled", SPARE: "spare", WAITING_FOR_QUORUM: "waiting for quorum",
+  };
+
+  const make = (name, parent, className) => {
+    const element = document.createElementNS(SVG, name);
+    if (className) element.setAttribute("class", className);
+    parent.append(element);
+    return element;
+  };
+
+  // Position of the last entry whose time is not after the given one; -1 before all.
+  const lastAt = (list, time, timeOf) => {
+    let low = 0;
+    let high = list.length;
+    while (low < high) {
+      const middle = (low + high) >> 1;
+      if (timeOf(list[middle]) <= time) low = middle + 1;
+      else high = middle;
+    }
+    return low - 1;
+  };
+  const first = (entry) => entry[0];
+  const at = (entry) => entry.at;
+  const valueAt = (list, time, otherwise) => {
+    const index = lastAt(list, time, first);
+    return index < 0 ? otherwise : list[index][1];
+  };
+
+  const between = (from, to, share) => from + (to - from) * share;
+  // By the shorter way around.
+  const angleBetween = (from, to, share) => from + ((((to - from) % 360) + 540) % 360 - 180) * share;
+
+  const poseAt = (track, time) => {
+    const index = Math.max(lastAt(track, time, first), 0);
+    const [t0, x0, y0, turn0] = track[index];
+    const next = track[index + 1];
+    if (!next || time <= t0) return [x0, y0, turn0];
+    const share = (time - t0) / (next[0] - t0);
+    return [between(x0, next[1], share), between(y0, next[2], share), angleBetween(turn0, next[3], share)];
+  };
+
+  const recordedAt = (time) => {
+    const index = Math.max(lastAt(film.clock, time, first), 0);
+    const [t0, ms0] = film.clock[index];
+    const next = film.clock[index + 1];
+    return next ? between(ms0, next[1], (time - t0) / (next[0] - t0)) : ms0;
+  };
+
+  // What is drawn, by position.
+  const moduleElements = film.modules.map(({ id }) => document.querySelector(`#modules [data-module="${id}"]`));
+  const bodies = moduleElements.map((element) => element.querySelector(".body"));
+  const phaseCells = film.modules.map(({ id }) => document.querySelector(`[data-row="${id}"] .phase`));
+  const spotElements = film.spots.map(({ id }) => document.querySelector(`.target [data-spot="${id}"]`));
+  const goals = film.spots.map(() => make("line", byId("goals"), "goal"));
+  const links = film.links.map(([one, other, fate, from, until]) => ({
+    one, other, from, until: until ?? Infinity, line: make("line", byId("links"), `link ${fate}`),
+    cross: fate === "broken" ? make("path", byId("crosses"), "cross") : null,
+  }));
+  const arm = film.side * 0.15;
+  for (const { cross } of links) cross?.setAttribute("d", `M-${arm} -${arm}L${arm} ${arm}M-${arm} ${arm}L${arm} -${arm}`);
+  const picked = new Set();
+
+  const show = (element, visible) => {
+    if (visible) element.removeAttribute("display");
+    else element.setAttribute("display", "none");
+  };
+  const setText = (element, text) => {
+    if (element.textContent !== text) element.textContent = text;
+  };
+  const setAttribute = (element, name, value) => {
+    if (element.getAttribute(name) !== value) element.setAttribute(name, value);
+  };
+  const draw = (line, x1, y1, x2, y2) => {
+    line.setAttribute("x1", x1);
+    line.setAttribute("y1", y1);
+    line.setAttribute("x2", x2);
+    line.setAttribute("y2", y2);
+  };
+
+  // Up to the edge of the spot, so that its number can be read.
+  const drawGoal = (line, [x, y], spot) => {
+    const length = Math.hypot(spot.x - x, spot.y - y);
+    const share = Math.max(length - film.side * 0.6, 0) / Math.max(length, 1e-9);
+    draw(line, x, y, between(x, spot.x, share), between(y, spot.y, share));
+  };
+
+  const stepButtons = film.steps.map((step) => {
+    const item = document.createElement("li");
+    const button = document.createElement("button");
+    button.type = "button";
+    button.textContent = step.text;
+    button.addEventListener("click", () => seek(step.at));
+    item.append(button);
+    byId("steps").append(item);
+    return button;
+  });
+
+  let time = 0;
+  let playing = false;
+  let shownStep = -1;
+
+  const drawRings = (poses, step) => {
+    const marks = byId("marks");
+    const wanted = [];
+    for (const module of step?.acting ?? []) wanted.push([module, "ring acting"]);
+    for (const module of step?.evicted ?? []) wanted.push([module, "ring evicted"]);
+    for (const module of picked) wanted.push([module, "ring picked"]);
+    while (marks.childElementCount > wanted.length) marks.lastElementChild.remove();
+    while (marks.childElementCount < wanted.length) make("circle", marks);
+    wanted.forEach(([module, className], index) => {
+      const ring = marks.children[index];
+      setAttribute(ring, "class", className);
+      ring.setAttribute("cx", poses[module][0]);
+      ring.setAttribute("cy", poses[module][1]);
+      ring.setAttribute("r", film.side * (className.endsWith("picked") ? 1.05 : 0.82));
+    });
+  };
+
+  const render = () => {
+    const poses = film.modules.map(({ track }) => poseAt(track, time));
+    const phases = film.modules.map((module) => valueAt(module.phases, time, "ABSENT"));
+    const spotOf = new Map();
+    film.spots.forEach((spot, index) => {
+      const holder = valueAt(spot.holders, time, null);
+      const state = holder === null ? "free" : phases[holder] === "SETTLED" ? "filled" : "claimed";
+      setAttribute(spotElements[index], "data-state", state);
+      show(goals[index], state === "claimed");
+      if (holder !== null) spotOf.set(holder, spot.id);
+      if (state === "claimed") drawGoal(goals[index], poses[holder], spot);
+    });
+    film.modules.forEach((_, index) => {
+      const [x, y, turn] = poses[index];
+      setAttribute(moduleElements[index], "transform", `translate(${x.toFixed(2)} ${y.toFixed(2)})`);
+      setAttribute(bodies[index], "transform", `rotate(${turn.toFixed(1)})`);
+      setAttribute(moduleElements[index], "data-phase", phases[index]);
+      const spot = spotOf.get(index);
+      setText(phaseCells[index], PHASES[phases[index]] + (spot === undefined ? "" : `, spot ${spot}`));
+    });
+    for (const link of links) {
+      const visible = link.from <= time && time < link.until;
+      show(link.line, visible);
+      if (link.cross) show(link.cross, visible);
+      if (!visible) continue;
+      const [[x1, y1], [x2, y2]] = [poses[link.one], poses[link.other]];
+      draw(link.line, x1, y1, x2, y2);
+      link.cross?.setAttribute("transform", `translate(${(x1 + x2) / 2} ${(y1 + y2) / 2})`);
+    }
+    const count = film.modules.length;
+    setText(byId("joined"), `${phases.filter((phase) => phase !== "ABSENT").length} of ${count}`);
+    setText(byId("placed"), `${spotOf.size} of ${count}`);
+    setText(byId("settled"), `${phases.filter((phase) => phase === "SETTLED").length} of ${count}`);
+    setText(byId("stage"), valueAt(film.stages, time, ""));
+    setText(byId("clock"), `${(recordedAt(time) / 1000).toFixed(2)} s`);
+    const step = lastAt(film.steps, time, at);
+    const text = film.steps[step]?.text ?? "";
+    setText(byId("now"), text);
+    setText(byId("step"), `${step + 1} of ${film.steps.length}`);
+    if (step !== shownStep) {
+      stepButtons[shownStep]?.removeAttribute("aria-current");
+      stepButtons[step]?.setAttribute("aria-current", "step");
+      if (byId("steps-box").open) reveal(stepButtons[step]);
+      shownStep = step;
+    }
+    drawRings(poses, film.steps[step]);
+    scrub.value = time;
+    scrub.setAttribute("aria-valuetext", `step ${step + 1} of ${film.steps.length}: ${text}`);
+    player.dataset.time = time;
+  };
+
+  // Scrolls the list of steps and nothing else.
+  const reveal = (button) => {
+    if (!button) return;
+    const list = byId("steps");
+    const offset = button.getBoundingClientRect().top - list.getBoundingClientRect().top;
+    if (offset < 0 || offset > list.clientHeight - button.offsetHeight) {
+      list.scrollTop += offset - list.clientHeight / 2;
+    }
+  };
+
+  const setPlaying = (wanted) => {
+    playing = wanted;
+    document.body.classList.toggle("playing", playing);
+    byId("play").setAttribute("aria-label", playing ? "Pause" : "Play");
+    // A voice that reads every step would never come to an end while the film runs.
+    byId("now").setAttribute("aria-live", playing ? "off" : "polite");
+    if (playing) {
+      if (time >= film.length) time = 0;
+      previous = undefined;
+      requestAnimationFrame(tick);
+    }
+  };
+
+  let previous;
+  const tick = (now) => {
+    if (!playing) return;
+    // After a pause of the browser, the film goes on where it was.
+    const passed = previous === undefined ? 0 : Math.min((now - previous) / 1000, 0.25);
+    previous = now;
+    time = Math.min(time + passed * Number(speed.value), film.length);
+    render();
+    if (time >= film.length) setPlaying(false);
+    else requestAnimationFrame(tick);
+  };
+
+  const seek = (wanted) => {
+    time = Math.min(Math.max(wanted, 0), film.length);
+    render();
+  };
+  const goStep = (direction) => {
+    setPlaying(false);
+    const times = film.steps.map(at);
+    const target = direction > 0
+      ? times.find((step) => step > time + 1e-6) ?? film.length
+      : times.findLast((step) => step < time - 1e-6) ?? 0;
+    seek(target);
+  };
+
+  byId("play").addEventListener("click", () => setPlaying(!playing));
+  byId("start").addEventListener("click", () => seek(0));
+  byId("finish").addEventListener("click", () => seek(film.length));
+  byId("back").addEventListener("click", () => goStep(-1));
+  byId("forward").addEventListener("click", () => goStep(1));
+  scrub.addEventListener("input", () => {
+    setPlaying(false);
+    seek(Number(scrub.value));
+  });
+  for (const button of document.querySelectorAll(".pick")) {
+    button.addEventListener("click", () => {
+      const module = film.modules.findIndex(({ id }) => id === Number(button.textContent));
+      const chosen = !picked.delete(module);
+      if (chosen) picked.add(module);
+      button.setAttribute("aria-pressed", String(chosen));
+      render();
+    });
+  }
+  byId("steps-box").addEventListener("toggle", () => reveal(stepButtons[shownStep]));
+
+  document.addEventListener("keydown", (event) => {
+    if (event.ctrlKey || event.metaKey || event.altKey) return;
+    const target = event.target;
+    // Keys that a control under the focus has a use for are its own.
+    const pressesButton = target.closest("button, summary, a");
+    const scrolls = target.closest("select, .scroll, #steps");
+    if (event.key === " " && !pressesButton && !target.closest("select")) setPlaying(!playing);
+    else if (scrolls) return;
+    else if (event.key === "ArrowRight") goStep(1);
+    else if (event.key === "ArrowLeft") goStep(-1);
+    else if (event.key === "Home") seek(0);
+    else if (event.key === "End") seek(film.length);
+    else return;
+    event.preventDefault();
+  });
+
+  scrub.max = film.length;
+  for (const id of ["player", "counters", "steps-box"]) byId(id).hidden = false;
+  render();
+})();

@@ -1,0 +1,112 @@
+//! From when until when two modules are docked. Only links that both ends name count.
+
+use std::collections::{BTreeMap, BTreeSet};
+
+use formation::chronicle::Told;
+use formation::id::ModuleId;
+use serde::Serialize;
+
+use super::track::time;
+use crate::subject::Subject;
+
+/// More spans than these are not shown; only ports that go on and off without end make so many.
+const SPANS_MAX: usize = 60_000;
+
+/// What becomes of a link.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+#[serde(rename_all = "snake_case")]
+enum Fate {
+    Kept,
+    Broken,
+    New,
+}
+
+/// Two modules, what becomes of their link, and from when until when it is there.
+#[derive(Clone, Debug, Serialize)]
+pub(super) struct Span(usize, usize, Fate, f64, Option<f64>);
+
+/// The links of the film so far.
+pub(super) struct Links {
+    fates: BTreeMap<(usize, usize), Fate>,
+    docked: BTreeMap<(usize, usize), f64>,
+    /// The links that were broken once; docked again, they are new.
+    broken: BTreeSet<(usize, usize)>,
+    spans: Vec<Span>,
+}
+
+impl Links {
+    pub(super) fn new(subject: &Subject) -> Self {
+        let fate = |kept| if kept { Fate::Kept } else { Fate::Broken };
+        Self {
+            fates: subject
+                .links
+                .iter()
+                .map(|link| (link.ends, fate(link.kept)))
+                .collect(),
+            docked: BTreeMap::new(),
+            broken: BTreeSet::new(),
+            spans: Vec::new(),
+        }
+    }
+
+    /// A module no longer names some links.
+    pub(super) fn leave(
+        &mut self,
+        now: f64,
+        module: usize,
+        before: &BTreeSet<ModuleId>,
+        told: &Told,
+        subject: &Subject,
+    ) {
+        for gone in before.difference(&told.links) {
+            if let Some(other) = subject.position_of(*gone) {
+                let ends = (module.min(other), module.max(other));
+                if let Some(since) = self.docked.remove(&ends) {
+                    self.add(ends, since, Some(now));
+                }
+            }
+        }
+    }
+
+    /// A module names links; those that the other end names as well are there from now on.
+    pub(super) fn meet(
+        &mut self,
+        now: f64,
+        module: usize,
+        told: &Told,
+        all: &[Option<Told>],
+        subject: &Subject,
+    ) {
+        for name in &told.links {
+            let Some(other) = subject.position_of(*name).filter(|&other| other != module) else {
+                continue;
+            };
+            let is_mutual = all[other]
+                .as_ref()
+                .is_some_and(|other| other.links.contains(&told.module));
+            if is_mutual {
+                self.docked
+                    .entry((module.min(other), module.max(other)))
+                    .or_insert(now);
+            }
+        }
+    }
+
+    fn add(&mut self, ends: (usize, usize), since: f64, until: Option<f64>) {
+        if self.spans.len() >= SPANS_MAX {
+            return;
+        }
+        let fate = self.fates.get(&ends).copied().unwrap_or(Fate::New);
+        let was_broken = fate == Fate::Broken && !self.broken.insert(ends);
+        let fate = if was_broken { Fate::New } else { fate };
+        self.spans
+            .push(Span(ends.0, ends.1, fate, time(since), until.map(time)));
+    }
+
+    pub(super) fn finish(mut self) -> Vec<Span> {
+        for (ends, since) in std::mem::take(&mut self.docked) {
+            self.add(ends, since, None);
+        }
+        self.spans
+    }
+}

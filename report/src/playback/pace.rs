@@ -1,0 +1,115 @@
+//! From recorded time to the time of the film.
+
+use std::collections::BTreeSet;
+
+use formation::chronicle::{Entry, Event};
+use formation::message::ModulePhase;
+
+use super::track::time;
+
+/// All turns together take about this long, seconds.
+const TURNS_S: f64 = 24.0;
+/// One turn takes at least and at most so long.
+const TURN_MIN_S: f64 = 0.1;
+const TURN_MAX_S: f64 = 1.0;
+/// All motions together take at most this long; faster ones keep their own time.
+const MOTIONS_MAX_S: f64 = 60.0;
+/// While nothing moves, a wait is cut to this.
+const WAIT_MAX_S: f64 = 0.4;
+/// The first and the last picture stand for so long.
+const STAND_S: f64 = 0.6;
+/// Entries of the clock are no closer than this.
+const CLOCK_GAP_S: f64 = 0.05;
+
+/// How fast the film goes.
+pub(super) struct Pace {
+    turn_s: f64,
+    motion_scale: f64,
+    now: f64,
+    recorded_ms: u64,
+    after_claim: bool,
+    clock: Vec<(f64, u64)>,
+}
+
+impl Pace {
+    pub(super) fn of(course: &[Entry]) -> Self {
+        let turns = course
+            .iter()
+            .filter(|entry| matches!(entry.event, Event::Claim { .. }))
+            .count();
+        let first_ms = course.first().map_or(0, |entry| entry.at_ms);
+        let motions_s = seconds(moving_ms(course));
+        #[expect(clippy::cast_precision_loss, reason = "a number of turns")]
+        let turn_s = (TURNS_S / turns.max(1) as f64).clamp(TURN_MIN_S, TURN_MAX_S);
+        Self {
+            turn_s,
+            motion_scale: (MOTIONS_MAX_S / motions_s.max(0.001)).min(1.0),
+            now: 0.0,
+            recorded_ms: first_ms,
+            after_claim: false,
+            clock: vec![(0.0, first_ms)],
+        }
+    }
+
+    /// The time of the film at an entry; `moving` is whether anything moved since the last one.
+    pub(super) fn advance(&mut self, entry: &Entry, moving: bool) -> f64 {
+        let passed_s = seconds(entry.at_ms.saturating_sub(self.recorded_ms));
+        self.recorded_ms = self.recorded_ms.max(entry.at_ms);
+        let mut step_s = if moving {
+            passed_s * self.motion_scale
+        } else {
+            passed_s.min(WAIT_MAX_S)
+        };
+        let is_claim = matches!(entry.event, Event::Claim { .. });
+        if is_claim || self.after_claim {
+            step_s = step_s.max(self.turn_s);
+        }
+        if matches!(entry.event, Event::Roster { .. }) {
+            step_s = step_s.max(STAND_S);
+        }
+        self.after_claim = is_claim;
+        self.now += step_s;
+        let last = self.clock.last().map_or(0.0, |&(at, _)| at);
+        if self.now >= last + CLOCK_GAP_S {
+            self.clock.push((time(self.now), self.recorded_ms));
+        }
+        self.now
+    }
+
+    /// The end of the film.
+    pub(super) fn end(&mut self) -> f64 {
+        self.clock.push((time(self.now), self.recorded_ms));
+        self.now += STAND_S;
+        self.now
+    }
+
+    pub(super) fn clock(self) -> Vec<(f64, u64)> {
+        self.clock
+    }
+}
+
+/// For how long anything moved, at least one module at a time.
+fn moving_ms(course: &[Entry]) -> u64 {
+    let mut moving = BTreeSet::new();
+    let mut last_ms = 0;
+    let mut sum_ms = 0;
+    for entry in course {
+        if !moving.is_empty() {
+            sum_ms += entry.at_ms.saturating_sub(last_ms);
+        }
+        last_ms = entry.at_ms;
+        if let Event::State(told) = &entry.event {
+            if told.phase == ModulePhase::Moving {
+                moving.insert(told.module);
+            } else {
+                moving.remove(&told.module);
+            }
+        }
+    }
+    sum_ms
+}
+
+#[expect(clippy::cast_precision_loss, reason = "a few hours at most")]
+fn seconds(millis: u64) -> f64 {
+    millis as f64 / 1_000.0
+}

@@ -1,0 +1,122 @@
+//! The way of one module through the film.
+
+use formation::geometry::Pose;
+use formation::message::ModulePhase;
+use serde::Serialize;
+
+use crate::frame::Frame;
+
+/// A keyframe between two others is left out if it lies no further off the straight line than this, in pixels.
+const STRAIGHT: f64 = 0.5;
+/// Before a pose that nobody announced, the module stood until so long ago, seconds.
+const JUMP_S: f64 = 0.3;
+
+/// Time, x, y and turn: seconds, pixels and degrees.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Keyframe(pub f64, pub f64, pub f64, pub f64);
+
+/// Keyframes in the order of time.
+pub(super) struct Track {
+    frames: Vec<Keyframe>,
+    most: usize,
+}
+
+impl Track {
+    /// A module that stands at a pose from the beginning.
+    pub(super) fn new(frame: &Frame, pose: &Pose, most: usize) -> Self {
+        Self {
+            frames: vec![keyframe(0.0, frame, pose)],
+            most,
+        }
+    }
+
+    /// Takes the pose of a state, before which the module was in phase `was`.
+    pub(super) fn stand_or_go(
+        &mut self,
+        now: f64,
+        frame: &Frame,
+        pose: &Pose,
+        was: Option<ModulePhase>,
+    ) {
+        let next = keyframe(now, frame, pose);
+        let Some(&last) = self.frames.last() else {
+            return;
+        };
+        let stands = is_same_place(&last, &next);
+        if was != Some(ModulePhase::Moving) && !stands && now - JUMP_S > last.0 {
+            self.frames
+                .push(Keyframe(time(now - JUMP_S), last.1, last.2, last.3));
+        }
+        // Where a motion begins and ends there is a keyframe, whether or not the module is seen to go.
+        self.push(next, was == Some(ModulePhase::Moving) && !stands);
+    }
+
+    /// Takes a pose on the way.
+    pub(super) fn go_on(&mut self, now: f64, frame: &Frame, pose: &Pose) {
+        self.push(keyframe(now, frame, pose), true);
+    }
+
+    fn push(&mut self, next: Keyframe, on_the_way: bool) {
+        if let [.., before, last] = self.frames.as_slice()
+            && (on_the_way && is_between(before, last, &next)
+                || is_same_place(before, last) && is_same_place(last, &next))
+        {
+            self.frames.pop();
+        }
+        self.frames.push(next);
+        if self.frames.len() > self.most {
+            self.thin();
+        }
+    }
+
+    /// Drops every other keyframe between the first and the last two.
+    fn thin(&mut self) {
+        let last = self.frames.len().saturating_sub(2);
+        let mut index = 0;
+        self.frames.retain(|_| {
+            index += 1;
+            index % 2 == 1 || index > last
+        });
+    }
+
+    pub(super) fn keyframes(self) -> Vec<Keyframe> {
+        self.frames
+    }
+}
+
+fn keyframe(now: f64, frame: &Frame, pose: &Pose) -> Keyframe {
+    Keyframe(
+        time(now),
+        pixel(frame.x(pose)),
+        pixel(frame.y(pose)),
+        pixel(Frame::turn(pose)),
+    )
+}
+
+fn is_same_place(one: &Keyframe, other: &Keyframe) -> bool {
+    (one.1 - other.1).abs().max((one.2 - other.2).abs()) < 0.05 && (one.3 - other.3).abs() < 0.05
+}
+
+/// Whether a keyframe says nothing that those around it do not.
+fn is_between(before: &Keyframe, middle: &Keyframe, after: &Keyframe) -> bool {
+    let whole = after.0 - before.0;
+    if whole <= 0.0 {
+        return false;
+    }
+    let share = (middle.0 - before.0) / whole;
+    let off = |from: f64, at: f64, to: f64| (from + (to - from) * share - at).abs();
+    off(before.1, middle.1, after.1) <= STRAIGHT
+        && off(before.2, middle.2, after.2) <= STRAIGHT
+        && off(before.3, middle.3, after.3) <= 2.0
+}
+
+/// A time with as many digits as a film needs.
+pub(super) fn time(seconds: f64) -> f64 {
+    (seconds * 1_000.0).round() / 1_000.0
+}
+
+/// A place or an angle with as many digits as a picture needs.
+pub(super) fn pixel(pixels: f64) -> f64 {
+    // Adding zero keeps the sign off it.
+    (pixels * 10.0).round() / 10.0 + 0.0
+}

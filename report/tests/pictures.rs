@@ -1,0 +1,98 @@
+//! What is in the pictures of formations whose plans are known.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+mod support;
+
+use formation_report::{after, before};
+use support::Formed;
+
+fn count(text: &str, part: &str) -> usize {
+    text.matches(part).count()
+}
+
+#[test]
+fn every_module_spot_and_link_is_drawn_as_what_it_is() {
+    for name in [
+        "figure1_ladder17",
+        "mcs_detach",
+        "oversupply",
+        "singletons_10",
+        "undersupply",
+    ] {
+        let formed = Formed::shipped(name);
+        let subject = formed.subject();
+        let statistics = formed.statistics();
+        let spots = formed.problem().target().spots().len();
+        let (before, after) = (before(&subject), after(&subject));
+        for picture in [&before, &after] {
+            assert_eq!(
+                count(picture, "data-module="),
+                formed.problem().modules().len(),
+                "{name}"
+            );
+            assert_eq!(count(picture, "data-spot="), spots, "{name}");
+            // One of each more stands in the legend, if there are any.
+            let with_legend = |number: usize| number + usize::from(number > 0);
+            assert_eq!(
+                count(picture, "class=\"link kept\""),
+                with_legend(statistics.kept_links),
+                "{name}"
+            );
+            assert_eq!(
+                count(picture, "class=\"cross\""),
+                with_legend(statistics.broken_links),
+                "{name}"
+            );
+        }
+        assert_eq!(count(&before, "spot open"), 0);
+        let open = statistics.open_spots.len();
+        assert_eq!(count(&after, "spot open"), open + usize::from(open > 0));
+        assert!(after.contains(&format!("after: {} of {spots} spots filled", spots - open)));
+    }
+}
+
+#[test]
+fn configurations_differ_in_colour_and_are_named() {
+    let picture = before(&Formed::shipped("figure1_ladder17").subject());
+    for (colour, name) in [
+        ("#56b4e9", "configuration 1, 8 modules"),
+        ("#e69f00", "configuration 2, 6 modules"),
+        ("#009e73", "configuration 3, 2 modules"),
+        ("#d4d4d4", "1 single module"),
+    ] {
+        assert!(picture.contains(&format!(">{name}<")), "{name}");
+        assert!(picture.contains(&format!("fill=\"{colour}\"")), "{colour}");
+    }
+}
+
+#[test]
+fn a_name_stays_a_name() {
+    let formed = Formed::of(
+        r#"
+name: "<script>alert(1)</script>\u0007 & co"
+target: {spots: [{id: 1, x: 0.0, y: 0.0}]}
+singletons: [{id: 7, x: 0.0, y: 1.0}]
+"#,
+    );
+    let picture = after(&formed.subject());
+    assert!(!picture.contains("<script"));
+    assert!(!picture.contains('\u{7}'));
+    assert!(picture.contains("&lt;script&gt;alert(1)&lt;/script&gt;\u{fffd} &amp; co"));
+}
+
+#[test]
+fn things_far_apart_and_many_configurations_still_make_a_picture() {
+    let formed = Formed::of(
+        "
+target: {spots: [{id: 1, x: 0.0, y: 0.0}, {id: 4000000000, x: 1.0, y: 0.0}], edges: [[1, 4000000000]]}
+singletons: [{id: 7, x: -1000000.0, y: 1000000.0}, {id: 8, x: 1000000.0, y: 0.0}]
+",
+    );
+    let picture = before(&formed.subject());
+    assert!(picture.contains("Modules are drawn larger than they are."));
+    assert!(!picture.contains("NaN") && !picture.contains("inf"));
+}

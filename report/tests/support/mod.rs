@@ -1,0 +1,43 @@
+//! Scenarios and their plans.
+
+use std::fs;
+use std::sync::Arc;
+
+use formation::planning::{PlanOutcome, plan};
+use formation::problem::PlanningProblem;
+use formation::scenario::Scenario;
+use formation::statistics::Statistics;
+use formation_report::Subject;
+
+/// A scenario with its plan.
+pub struct Formed {
+    scenario: Scenario,
+    pub outcome: PlanOutcome,
+}
+
+impl Formed {
+    pub fn of(yaml: &str) -> Self {
+        let scenario = Scenario::from_yaml(yaml).unwrap();
+        let outcome = plan(Arc::new(scenario.problem().clone()));
+        Self { scenario, outcome }
+    }
+
+    pub fn shipped(name: &str) -> Self {
+        let directory = env!("CARGO_MANIFEST_DIR");
+        let path = format!("{directory}/../launch_scripts/scenarios/{name}.yaml");
+        Self::of(&fs::read_to_string(path).unwrap())
+    }
+
+    pub fn problem(&self) -> &PlanningProblem {
+        self.scenario.problem()
+    }
+
+    pub fn subject(&self) -> Subject {
+        Subject::planned(self.scenario.name(), self.problem(), &self.outcome)
+    }
+
+    #[allow(dead_code, reason = "not every test counts")]
+    pub fn statistics(&self) -> Statistics {
+        Statistics::of(self.problem(), &self.outcome)
+    }
+}
