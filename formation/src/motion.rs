@@ -1,4 +1,10 @@
-//! Simulated motion: a module travels straight to its goal at a set speed.
+//! Motion, simulated or left to a driver outside. Simulated, a module travels straight to its goal at a set speed.
+
+mod docking;
+mod external;
+
+pub use docking::{DockingAction, DockingRequest, DockingResult};
+pub use external::{DriveCommand, DriveFault, ExternalDrive, ExternalParameters};
 
 use std::time::Duration;
 

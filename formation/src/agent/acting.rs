@@ -606,7 +606,9 @@ impl Agent {
             self.voice.state_changed = true;
         } else if lagging.is_empty() {
             for link in unwanted {
-                self.outputs.push_back(Output::Undock(link));
+                if self.body.ports_busy.insert(link) {
+                    self.outputs.push_back(Output::Undock(link));
+                }
             }
         }
     }
@@ -629,6 +631,7 @@ impl Agent {
         self.voice.state_changed = true;
         self.emit(Event::MotionBegun(place.spot));
         for link in broken {
+            self.body.ports_busy.insert(link);
             self.outputs.push_back(Output::Undock(link));
         }
         self.advance_acting();
@@ -708,6 +711,7 @@ impl Agent {
             .collect();
         for module in ready {
             acting.asked_to_dock.insert(module);
+            self.body.ports_busy.insert(module);
             self.outputs.push_back(Output::Dock(module));
         }
     }

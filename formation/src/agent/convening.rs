@@ -493,7 +493,7 @@ impl Agent {
             .filter_map(|(_, peer)| peer.state.clone())
             .filter(|state| state.epoch == Some(epoch) && state.phase == ModulePhase::Gathered)
             .collect();
-        let count = frozen.len() + usize::from(!self.body.moving);
+        let count = frozen.len() + usize::from(self.body.is_at_rest());
         let living = self.living();
         let first = !self.quorum.has_agreed();
         let expected = self.expected();
@@ -526,7 +526,7 @@ impl Agent {
             self.wake_at(limit_at);
             return;
         }
-        if self.body.moving {
+        if !self.body.is_at_rest() {
             return;
         }
         for state in &frozen {

@@ -75,6 +75,15 @@ struct Body {
     settled_on: Option<SettledOn>,
     /// Whether a drive has been sent off and has not reported a halt or its arrival.
     moving: bool,
+    /// The modules to which it was asked to dock, or from which to undock, and that it was not told of since.
+    ports_busy: BTreeSet<ModuleId>,
+}
+
+impl Body {
+    /// Whether its pose and links are as they will be until it is told to do something.
+    fn is_at_rest(&self) -> bool {
+        !self.moving && self.ports_busy.is_empty()
+    }
 }
 
 /// When what was published last, and what is due.
@@ -130,6 +139,7 @@ impl Agent {
                 links: identity.links.clone(),
                 settled_on: None,
                 moving: false,
+                ports_busy: BTreeSet::new(),
             },
             identity,
             service: Service::Active,
@@ -355,15 +365,18 @@ impl Agent {
                 self.voice.state_changed = true;
             }
             MotionReport::Docked(module) => {
+                self.body.ports_busy.remove(&module);
                 self.body.links.insert(module);
                 self.voice.state_changed = true;
             }
             MotionReport::Undocked(module) => {
+                self.body.ports_busy.remove(&module);
                 self.body.links.remove(&module);
                 self.voice.state_changed = true;
             }
             MotionReport::Failed => {
                 self.body.moving = false;
+                self.body.ports_busy.clear();
                 self.fail_motion();
             }
         }
@@ -397,8 +410,8 @@ impl Agent {
     fn speak(&mut self) {
         let standing_back = self.standing_back_until.is_some();
         let may_tell = match &self.stage {
-            // A gathered state counts as frozen, so it is told only once the module stands.
-            Stage::Gathering(_) => !self.body.moving,
+            // A gathered state counts as frozen, so it is told only once the module stands and no port works.
+            Stage::Gathering(_) => self.body.is_at_rest(),
             _ => true,
         };
         if self.voice.state_changed && may_tell && !standing_back {

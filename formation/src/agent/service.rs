@@ -87,7 +87,9 @@ impl Agent {
             return;
         }
         for &link in &self.body.links {
-            self.outputs.push_back(Output::Undock(link));
+            if self.body.ports_busy.insert(link) {
+                self.outputs.push_back(Output::Undock(link));
+            }
         }
     }
 }
