@@ -16,3 +16,5 @@ pub const NAME_BYTES_MAX: usize = formation::NAME_BYTES_MAX;
 pub const VIOLATIONS_MAX: usize = 256;
 /// Bytes of one violation.
 pub const VIOLATION_BYTES_MAX: usize = 1024;
+/// Bytes of the reason for a refusal.
+pub const REASON_BYTES_MAX: usize = 1024;

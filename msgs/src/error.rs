@@ -93,6 +93,17 @@ pub enum Fault {
     /// Two fields contradict each other.
     #[error("{0}")]
     Contradiction(&'static str),
+    /// Four numbers do not make a rotation.
+    #[error("is no rotation: its length must be 1, got {0}")]
+    NoRotation(f64),
+    /// A pose is given in another frame than all others.
+    #[error("must be `{wanted}`, the frame of all poses, got `{given}`")]
+    WrongFrame {
+        /// The frame that it is given in.
+        given: String,
+        /// The frame that is needed.
+        wanted: String,
+    },
     /// The target is wrong; the text begins with its field.
     #[error(transparent)]
     Target(#[from] TargetError),

@@ -11,8 +11,11 @@
 pub mod bounds;
 mod check;
 mod claim;
+mod docking;
+mod driver_pose;
 mod epoch;
 mod error;
+pub mod foreign;
 mod heartbeat;
 mod module_state;
 mod roster;
@@ -22,6 +25,8 @@ pub mod topic;
 mod verdict;
 
 pub use claim::{Eviction, EvictionRecord, SpotClaim, SpotSelection};
+pub use docking::{DockingRequest, DockingResult};
+pub use driver_pose::DriverPose;
 pub use epoch::{Epoch, QuorumBasis};
 pub use error::{Fault, MessageError};
 pub use heartbeat::{Heartbeat, ModuleHeartbeat};
@@ -56,6 +61,8 @@ interface_types!("std_msgs": Header);
 interface_types!(
     "formation_msgs":
     CausalMark,
+    DockingRequest,
+    DockingResult,
     Edge,
     Epoch,
     Eviction,
@@ -74,3 +81,35 @@ interface_types!(
     TargetConfiguration,
     Verdict,
 );
+
+mod foreign_types {
+    use super::InterfaceType;
+    use super::foreign::geometry_msgs::{
+        Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped,
+        Twist, TwistWithCovariance, Vector3,
+    };
+    use super::foreign::nav_msgs::Odometry;
+    use super::foreign::sensor_msgs::CompressedImage;
+    use super::foreign::std_msgs::ColorRGBA;
+    use super::foreign::tf2_msgs::TFMessage;
+    use super::foreign::visualization_msgs::{Marker, MarkerArray, MeshFile, UVCoordinate};
+
+    interface_types!(
+        "geometry_msgs":
+        Point,
+        Pose,
+        PoseStamped,
+        PoseWithCovariance,
+        Quaternion,
+        Transform,
+        TransformStamped,
+        Twist,
+        TwistWithCovariance,
+        Vector3,
+    );
+    interface_types!("nav_msgs": Odometry);
+    interface_types!("sensor_msgs": CompressedImage);
+    interface_types!("std_msgs": ColorRGBA);
+    interface_types!("tf2_msgs": TFMessage);
+    interface_types!("visualization_msgs": Marker, MarkerArray, MeshFile, UVCoordinate);
+}

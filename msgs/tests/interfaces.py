@@ -1,9 +1,11 @@
 """Reads the .msg files with rosbags and speaks CDR for the test beside this file.
 
 Usage:
-    interfaces.py definitions          prints one JSON object: what rosbags understands of each .msg file
-    interfaces.py produce SEED COUNT   prints COUNT random values of each type, one JSON object a line
-    interfaces.py consume              reads lines of {type, bytes}, prints {value, bytes} for each
+    interfaces.py definitions [TYPE...]          prints one JSON object: what rosbags understands of each .msg file
+    interfaces.py produce SEED COUNT [TYPE...]   prints COUNT random values of each type, one JSON object a line
+    interfaces.py consume                        reads lines of {type, bytes}, prints {value, bytes} for each
+
+TYPE names types that come with ROS 2 itself, such as std_msgs/msg/Header, to be taken instead of this package's.
 """
 
 import dataclasses
@@ -57,6 +59,9 @@ def describe(node):
         if list_bound is not None:
             raise ValueError("a list of lists is no ROS 2 type")
         return [name + "[]", bound or None, string_bound]
+    if kind.name == "ARRAY":
+        element, length = content
+        return [f"{describe(element)[0]}[{length}]", None, None]
     raise ValueError(f"unexpected kind of field: {kind.name}")
 
 
@@ -77,6 +82,8 @@ def random_base(name, bound, source):
     if name == "string":
         text = "".join(source.choice(ALPHABET) for _ in range(source.randrange(9)))
         return text[:bound] if bound else text
+    if name == "float32":
+        return float(numpy.float32(source.choice([0.0, 1.0, 0.1, source.uniform(-1e6, 1e6)])))
     if name == "float64":
         return source.choice([*FLOATS, source.uniform(-1e6, 1e6)])
     bits, signed = INTEGERS[name]
@@ -92,7 +99,10 @@ def random_value(node, store, source, longest):
     if kind.name == "NAME":
         return random_message(content, store, source, longest)
     element, bound = content
-    length = source.randint(0, min(longest, bound or longest))
+    if kind.name == "ARRAY":
+        length = bound
+    else:
+        length = source.randint(0, min(longest, bound or longest))
     values = [random_value(element, store, source, longest) for _ in range(length)]
     if element[0].name == "BASE" and element[1][0] != "string":
         return numpy.array(values, dtype=element[1][0])
@@ -147,11 +157,15 @@ def consume(store):
 
 def main(arguments):
     ours, store = load()
+
+    def chosen(names):
+        return {name: store.fielddefs[name] for name in names} if names else ours
+
     match arguments:
-        case ["definitions"]:
-            print_definitions(ours)
-        case ["produce", seed, count]:
-            produce(ours, store, int(seed), int(count))
+        case ["definitions", *names]:
+            print_definitions(chosen(names))
+        case ["produce", seed, count, *names]:
+            produce(chosen(names), store, int(seed), int(count))
         case ["consume"]:
             consume(store)
         case _:

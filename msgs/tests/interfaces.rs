@@ -157,6 +157,7 @@ fn constants_agree() {
         .filter(|(_, constants)| !constants.is_empty())
         .collect();
     let of_rust = constants! {
+        DockingRequest: ACTION_DOCK, ACTION_UNDOCK;
         EvictionRecord: NONE;
         ModuleState:
             NONE, PHASE_LISTENING, PHASE_GATHERED, PHASE_PLANNING, PHASE_AGREEING, PHASE_WAITING,
@@ -208,6 +209,11 @@ fn bounds_agree() {
         list("Verdict.assignments", bounds::SPOTS_MAX),
         list("Verdict.open_spots", bounds::SPOTS_MAX),
         list("Verdict.unassigned_modules", bounds::MODULES_MAX),
+        (
+            "DockingResult.reason".to_owned(),
+            None,
+            Some(bounds::REASON_BYTES_MAX),
+        ),
         (
             "TargetConfiguration.name".to_owned(),
             None,

@@ -10,9 +10,7 @@ use crate::fixed::MicroUnits;
 use crate::geometry::Pose;
 use crate::id::ModuleId;
 
-use super::docking::{
-    DockingAction, DockingFault, DockingQueue, DockingRequest, DockingResult,
-};
+use super::docking::{DockingAction, DockingFault, DockingQueue, DockingRequest, DockingResult};
 
 /// A full turn in micro-radians.
 const FULL_TURN: i64 = 6_283_185;
@@ -168,7 +166,8 @@ impl ExternalDrive {
 
     /// Sends a goal on; to be called again and again while it holds.
     pub fn go(&mut self, now: Duration, goal: &MotionGoal) {
-        let same = matches!(self.errand, Errand::Travelling { goal: present, .. } if present == goal.pose);
+        let same =
+            matches!(self.errand, Errand::Travelling { goal: present, .. } if present == goal.pose);
         if !same {
             self.errand = Errand::Travelling {
                 goal: goal.pose,
@@ -389,10 +388,7 @@ mod tests {
         // Noise of a standing module is no news, but being carried off is.
         drive.hear_pose(at(9_000), pose(2.02, -0.02));
         drive.hear_pose(at(9_100), pose(2.5, -0.02));
-        assert_eq!(
-            reports(&mut drive),
-            [MotionReport::Pose(pose(2.5, -0.02))]
-        );
+        assert_eq!(reports(&mut drive), [MotionReport::Pose(pose(2.5, -0.02))]);
         assert_eq!(drive.poll_timeout(), None);
     }
 
@@ -430,15 +426,15 @@ mod tests {
         drive.go(at(0), &goal(5.0));
         drive.halt(at(1_000));
         for step in 0..10_u32 {
-            drive.hear_pose(at(1_000 + u64::from(step) * 100), pose(f64::from(step) * 0.1, 0.0));
+            drive.hear_pose(
+                at(1_000 + u64::from(step) * 100),
+                pose(f64::from(step) * 0.1, 0.0),
+            );
         }
         assert_eq!(reports(&mut drive), [], "it rolls on");
         drive.hear_pose(at(2_000), pose(0.901, 0.0));
         drive.hear_pose(at(2_400), pose(0.9, 0.0));
-        assert_eq!(
-            reports(&mut drive),
-            [MotionReport::Halted(pose(0.9, 0.0))]
-        );
+        assert_eq!(reports(&mut drive), [MotionReport::Halted(pose(0.9, 0.0))]);
     }
 
     #[test]
@@ -479,7 +475,10 @@ mod tests {
         drive.advance(at(500));
         assert_eq!(
             commands(&mut drive),
-            [asked(100, DockingAction::Undock), asked(100, DockingAction::Undock)]
+            [
+                asked(100, DockingAction::Undock),
+                asked(100, DockingAction::Undock)
+            ]
         );
         drive.hear_docking_result(at(600), answer(101, Ok(())));
         assert_eq!(reports(&mut drive), [], "that one was not sent yet");
@@ -503,7 +502,9 @@ mod tests {
         assert_eq!(reports(&mut drive), [MotionReport::Failed]);
         assert_eq!(
             faults(&mut drive),
-            ["its driver did not answer the request to dock to module 7 within docking_limit_s (30 s)"]
+            [
+                "its driver did not answer the request to dock to module 7 within docking_limit_s (30 s)"
+            ]
         );
         drive.ask(at(40_000), DockingAction::Undock, OTHER);
         drive.hear_docking_result(at(40_100), answer(102, Err("latch jammed".to_owned())));

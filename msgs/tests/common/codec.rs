@@ -3,7 +3,8 @@
 use std::fmt::Debug;
 
 use byteorder::{BigEndian, LittleEndian};
-use formation::message;
+use formation::id::ModuleId;
+use formation::{message, motion};
 use formation_msgs as wire;
 use formation_msgs::InterfaceType;
 use serde::Serialize;
@@ -122,8 +123,8 @@ where
     }
 }
 
-/// A type that only ever travels within another one.
-fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
+/// A type that only ever travels within another one, or only goes out.
+pub fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
     codec::<T, T>()
 }
 
@@ -131,6 +132,8 @@ fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
 pub fn all() -> Vec<Codec> {
     vec![
         part::<wire::CausalMark>(),
+        part::<wire::DockingRequest>(),
+        codec::<wire::DockingResult, (ModuleId, motion::DockingResult)>(),
         part::<wire::Edge>(),
         part::<wire::Epoch>(),
         codec::<wire::Eviction, message::EvictionNotice>(),

@@ -109,6 +109,30 @@ fn verdict() -> impl Strategy<Value = wire::Verdict> {
         )
 }
 
+fn docking_request() -> impl Strategy<Value = wire::DockingRequest> {
+    (header(), any::<(u32, u64, u8, u32)>()).prop_map(
+        |(header, (module_id, request, action, other_module_id))| wire::DockingRequest {
+            header,
+            module_id,
+            request,
+            action,
+            other_module_id,
+        },
+    )
+}
+
+fn docking_result() -> impl Strategy<Value = wire::DockingResult> {
+    (header(), any::<(u32, u64, bool)>(), "\\PC{0,12}").prop_map(
+        |(header, (module_id, request, success), reason)| wire::DockingResult {
+            header,
+            module_id,
+            request,
+            success,
+            reason,
+        },
+    )
+}
+
 /// The same values on every run: `count` of each topic, and their parts as values of their own.
 pub fn samples(count: usize) -> Vec<Sample> {
     let mut runner = TestRunner::new_with_rng(
@@ -137,6 +161,8 @@ pub fn samples(count: usize) -> Vec<Sample> {
         samples.add_all(&heartbeat.modules);
         samples.add(&heartbeat);
         samples.add(&draw(&mut runner, &verdict()));
+        samples.add(&draw(&mut runner, &docking_request()));
+        samples.add(&draw(&mut runner, &docking_result()));
     }
     samples.0
 }

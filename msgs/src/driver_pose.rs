@@ -1,0 +1,52 @@
+//! The poses that drivers tell, in either of two message types.
+
+use formation::geometry;
+
+use crate::check::{self, Checked, FieldError};
+use crate::error::{Fault, MessageError};
+use crate::foreign::geometry_msgs::PoseStamped;
+use crate::foreign::nav_msgs::Odometry;
+use crate::standard::Header;
+use crate::topic;
+
+/// A message that tells where a module stands.
+pub trait DriverPose {
+    /// The pose in the plane, given in `frame_id`.
+    ///
+    /// # Errors
+    /// The pose is given in another frame, is no number, or lies too far away.
+    fn in_frame(&self, frame_id: &str) -> Result<geometry::Pose, MessageError>;
+}
+
+impl DriverPose for PoseStamped {
+    fn in_frame(&self, frame_id: &str) -> Result<geometry::Pose, MessageError> {
+        same_frame(&self.header, frame_id)
+            .and_then(|()| self.pose.in_plane().map_err(|error| error.within("pose")))
+            .map_err(|error| error.on(topic::POSE))
+    }
+}
+
+impl DriverPose for Odometry {
+    fn in_frame(&self, frame_id: &str) -> Result<geometry::Pose, MessageError> {
+        same_frame(&self.header, frame_id)
+            .and_then(|()| {
+                let pose = self.pose.pose.in_plane();
+                pose.map_err(|error| error.within("pose.pose"))
+            })
+            .map_err(|error| error.on(topic::ODOMETRY))
+    }
+}
+
+fn same_frame(header: &Header, wanted: &str) -> Checked<()> {
+    check::name("header.frame_id", &header.frame_id)?;
+    if header.frame_id == wanted {
+        return Ok(());
+    }
+    Err(FieldError::new(
+        "header.frame_id",
+        Fault::WrongFrame {
+            given: header.frame_id.clone(),
+            wanted: wanted.to_owned(),
+        },
+    ))
+}
