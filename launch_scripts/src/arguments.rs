@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
+use formation_node::arguments::MotionMode;
 use formation_node::environment::Domain;
 use formation_sim::FaultKind;
 
@@ -81,6 +82,15 @@ pub struct RunArguments {
     /// The speed of simulated modules, in units a second.
     #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
     pub speed: f64,
+    /// Who moves the modules [default: simulated; external with --driver]
+    #[arg(long, value_name = "MODE", value_enum)]
+    pub motion: Option<MotionMode>,
+    /// A shell command that drives all modules; it is started with the run and stopped with it.
+    #[arg(long, value_name = "COMMAND")]
+    pub driver: Option<String>,
+    /// Hand this on to every module's process, for example --module-option=--motion-limit-s=30; may be repeated.
+    #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
+    pub module_option: Vec<String>,
     /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
@@ -90,6 +100,17 @@ pub struct RunArguments {
     /// Set by the launcher itself when it runs in a network namespace of its own.
     #[arg(long, hide = true)]
     pub private_network: bool,
+}
+
+impl RunArguments {
+    /// Who moves the modules.
+    pub fn motion_mode(&self) -> MotionMode {
+        let default = match self.driver {
+            Some(_) => MotionMode::External,
+            None => MotionMode::Simulated,
+        };
+        self.motion.unwrap_or(default)
+    }
 }
 
 fn modules_per_process(text: &str) -> Result<usize, String> {

@@ -365,6 +365,49 @@ fn the_process_that_failed_is_named_with_its_last_lines() {
 }
 
 #[test]
+fn a_driver_is_told_where_to_speak_and_stopped_with_the_run() {
+    let stage = Stage::new(&verdict_after(4, "COMPLETE", [1, 2]));
+    stage.program(
+        "my_driver",
+        "echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE > $0.told; exec sleep 60",
+    );
+    let driver = format!("{} --all", stage.path("my_driver").display());
+    let finished = stage.run(&[
+        "--domain",
+        "9",
+        "--driver",
+        &driver,
+        "--module-option=--pose-source=odom",
+    ]);
+    assert_eq!(finished.status, Some(0), "{}", finished.stderr);
+    let told = fs::read_to_string(stage.path("my_driver.told")).unwrap();
+    assert_eq!(told.trim(), "9 LOCALHOST");
+    for (program, _, arguments) in stage.started() {
+        let external = arguments.contains("--motion external --pose-source=odom");
+        assert_eq!(external, program == "module_agent", "{program} {arguments}");
+    }
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn what_processes_log_as_errors_is_shown() {
+    let stage = Stage::new(&verdict("FAILED", [1, 2]));
+    stage.program(
+        "module_agent",
+        "case \"$*\" in *'--module 8 '*) echo 'now ERROR wheel lost module=8' >&2;; esac; exec sleep 60",
+    );
+    let finished = stage.run(&["--json"]);
+    assert_eq!(finished.status, Some(1));
+    assert!(
+        finished
+            .stderr
+            .contains("module_agent of module 8: now ERROR wheel lost module=8\n"),
+        "{}",
+        finished.stderr
+    );
+}
+
+#[test]
 fn signals_stop_everything() {
     for signal in ["INT", "TERM", "HUP"] {
         let stage = Stage::new(POLITE);

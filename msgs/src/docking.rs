@@ -64,6 +64,12 @@ impl TryFrom<DockingResult> for (ModuleId, motion::DockingResult) {
 }
 
 impl DockingResult {
+    /// The refusal of a result that came on another module's topic.
+    #[must_use]
+    pub fn of_another(named: ModuleId) -> MessageError {
+        FieldError::new("module_id", Fault::WrongModule(named)).on(topic::DOCKING_RESULT)
+    }
+
     fn validated(self) -> Checked<(ModuleId, motion::DockingResult)> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let (bytes, limit) = (self.reason.len(), REASON_BYTES_MAX);

@@ -1,7 +1,7 @@
 //! What can be wrong with a message.
 
 use formation::fixed::{MICRO_PER_UNIT, QuantiseError};
-use formation::id::{NO_ID, SpotId};
+use formation::id::{ModuleId, NO_ID, SpotId};
 use formation::parameters::{CutPriceError, WeightsError};
 use formation::problem::ProblemError;
 use formation::target::TargetError;
@@ -93,6 +93,9 @@ pub enum Fault {
     /// Two fields contradict each other.
     #[error("{0}")]
     Contradiction(&'static str),
+    /// The topic belongs to another module.
+    #[error("{0} has a topic of its own")]
+    WrongModule(ModuleId),
     /// Four numbers do not make a rotation.
     #[error("is no rotation: its length must be 1, got {0}")]
     NoRotation(f64),

@@ -4,10 +4,14 @@ use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::agent::{AgentParameters, Identity};
+use formation::id::ModuleId;
 use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
+use futures::StreamExt;
 use ros2_client::Publisher;
 
-use crate::host::{Host, MotionParameters, Outgoing};
+use crate::drive::MotionParameters;
+use crate::drivers::{DriverInlets, DriverOutlets, DriverWord, ExternalMotion};
+use crate::host::{Host, Outgoing};
 use crate::inbox::{Inbox, Wake};
 use crate::inlet::{Delivery, Inlet};
 use crate::outlet::Outlet;
@@ -42,11 +46,34 @@ impl ModuleProcess {
     /// Hosts the modules until `stop` yields, then leaves the graph.
     ///
     /// # Errors
-    /// The ROS 2 graph could not be joined.
-    pub fn run(self, stop: Receiver<()>) -> Result<(), SessionError> {
+    /// The ROS 2 graph could not be joined, or no driver told where its module stands.
+    pub fn run(mut self, stop: Receiver<()>) -> Result<(), SessionError> {
         let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
         let mut session = Session::open(&self.settings, &node_name(&ids))?;
+        let mut traffic = Traffic::default();
+        let drivers = match &self.motion {
+            MotionParameters::Simulated { .. } => None,
+            MotionParameters::External(motion) => {
+                let drivers = Drivers::open(&mut session, &self.modules, motion, &self.frame_id)?;
+                let present = drivers.wait_for_poses(
+                    &session,
+                    motion,
+                    std::mem::take(&mut self.modules),
+                    stop.clone(),
+                    &mut traffic,
+                )?;
+                let Some(present) = present else {
+                    return Ok(());
+                };
+                self.modules = present;
+                Some(drivers)
+            }
+        };
+        let (driver_inlets, driver_outlets) = drivers
+            .map(|drivers| (drivers.inlets, drivers.outlets))
+            .unzip();
         let inlets = Inlets {
+            drivers: driver_inlets,
             target: Inlet::open(&mut session, &topics::TARGET)?,
             states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
             roster: Inlet::open(&mut session, &topics::ROSTER)?,
@@ -59,14 +86,20 @@ impl ModuleProcess {
             heartbeats: Outlet::open(&mut session, &topics::HEARTBEATS)?,
             roster: None,
             evictions: None,
+            drivers: driver_outlets,
         };
-        let host = Host::new(session.source(), self.modules, self.parameters, self.motion);
+        let host = Host::new(
+            session.source(),
+            self.modules,
+            self.parameters,
+            &self.motion,
+        );
         let mut process = Running {
             start: Instant::now(),
             session,
             outlets,
             host,
-            traffic: Traffic::default(),
+            traffic,
             frame_id: self.frame_id,
         };
         let result = async_io::block_on(process.turn_until_stopped(&inlets, stop));
@@ -82,7 +115,71 @@ impl ModuleProcess {
     }
 }
 
+/// Both ways of talking with drivers outside.
+struct Drivers {
+    inlets: DriverInlets,
+    outlets: DriverOutlets,
+}
+
+impl Drivers {
+    fn open(
+        session: &mut Session,
+        modules: &[Identity],
+        motion: &ExternalMotion,
+        target_frame: &str,
+    ) -> Result<Self, SessionError> {
+        let modules: Vec<ModuleId> = modules.iter().map(|module| module.module).collect();
+        let frame_id = motion.frame_id.as_deref().unwrap_or(target_frame);
+        Ok(Self {
+            inlets: DriverInlets::open(session, &modules, motion.pose_source, frame_id)?,
+            outlets: DriverOutlets::open(session, &modules, frame_id)?,
+        })
+    }
+
+    /// The modules whose drivers are there, as they stand; `None` when the process is to end. Those that are not are
+    /// left out, and named: they can be started again, and are newcomers then.
+    fn wait_for_poses(
+        &self,
+        session: &Session,
+        motion: &ExternalMotion,
+        modules: Vec<Identity>,
+        stop: Receiver<()>,
+        traffic: &mut Traffic,
+    ) -> Result<Option<Vec<Identity>>, SessionError> {
+        let limit = motion.first_pose_limit;
+        let waiting = self.inlets.first_poses(modules, limit, stop, traffic);
+        let Some((present, absent)) = async_io::block_on(waiting) else {
+            return Ok(None);
+        };
+        let told = absent
+            .iter()
+            .map(|module| {
+                let topic = session.topic_name(&motion.pose_source.topic_of(*module))?;
+                Ok(format!(
+                    "{module} does not take part: its driver told no pose on `{topic}` within first_pose_limit_s \
+                     ({} s)",
+                    limit.as_secs_f64()
+                ))
+            })
+            .collect::<Result<Vec<String>, SessionError>>()?;
+        if present.is_empty() {
+            return Err(SessionError::Drivers(told.join("; ")));
+        }
+        for line in told {
+            tracing::error!("{line}");
+        }
+        Ok(Some(present))
+    }
+}
+
+/// What comes in: messages of other processes, and what drivers say.
+enum Arrival {
+    Message(Delivery),
+    Driver(DriverWord),
+}
+
 struct Inlets {
+    drivers: Option<DriverInlets>,
     target: Inlet<TargetConfiguration>,
     states: Inlet<ModuleStates>,
     roster: Inlet<Roster>,
@@ -99,6 +196,7 @@ struct Outlets {
     /// Made when first needed, as few processes ever convene or evict, and reliable writers are dear.
     roster: Option<Wire<Roster>>,
     evictions: Option<Wire<Eviction>>,
+    drivers: Option<DriverOutlets>,
 }
 
 impl Outlets {
@@ -112,6 +210,9 @@ impl Outlets {
         if let Some(evictions) = &mut self.evictions {
             evictions.flush(traffic);
         }
+        if let Some(drivers) = &mut self.drivers {
+            drivers.flush(traffic);
+        }
     }
 
     fn is_waiting(&self) -> bool {
@@ -120,6 +221,7 @@ impl Outlets {
             || self.heartbeats.is_waiting()
             || self.roster.as_ref().is_some_and(Outlet::is_waiting)
             || self.evictions.as_ref().is_some_and(Outlet::is_waiting)
+            || self.drivers.as_ref().is_some_and(DriverOutlets::is_waiting)
     }
 }
 
@@ -139,14 +241,19 @@ impl Running {
         inlets: &Inlets,
         stop: Receiver<()>,
     ) -> Result<(), SessionError> {
+        let messages = [
+            inlets.target.deliveries(),
+            inlets.states.deliveries(),
+            inlets.roster.deliveries(),
+            inlets.claims.deliveries(),
+            inlets.heartbeats.deliveries(),
+        ];
+        let drivers = inlets.drivers.iter().flat_map(DriverInlets::words);
         let mut inbox = Inbox::new(
-            [
-                inlets.target.deliveries(),
-                inlets.states.deliveries(),
-                inlets.roster.deliveries(),
-                inlets.claims.deliveries(),
-                inlets.heartbeats.deliveries(),
-            ],
+            messages
+                .into_iter()
+                .map(|stream| stream.map(Arrival::Message).boxed_local())
+                .chain(drivers.map(|stream| stream.map(Arrival::Driver).boxed_local())),
             stop,
         );
         loop {
@@ -155,10 +262,10 @@ impl Running {
             match inbox.wait(self.due()).await {
                 Wake::Stop => return Ok(()),
                 Wake::Due => {}
-                Wake::Arrival(delivery) => {
-                    self.take_in(delivery);
-                    for delivery in std::iter::from_fn(|| inbox.ready()).take(SAMPLES_PER_TURN) {
-                        self.take_in(delivery);
+                Wake::Arrival(arrival) => {
+                    self.take_in(arrival);
+                    for arrival in std::iter::from_fn(|| inbox.ready()).take(SAMPLES_PER_TURN) {
+                        self.take_in(arrival);
                     }
                 }
             }
@@ -174,7 +281,16 @@ impl Running {
         [retry, host].into_iter().flatten().min()
     }
 
-    fn take_in(&mut self, delivery: Delivery) {
+    fn take_in(&mut self, arrival: Arrival) {
+        let delivery = match arrival {
+            Arrival::Message(delivery) => delivery,
+            Arrival::Driver(word) => {
+                if let Some((module, news)) = word.accept(&mut self.traffic) {
+                    self.host.hear_driver(self.start.elapsed(), module, news);
+                }
+                return;
+            }
+        };
         let own = self.session.source();
         let Some((source, messages)) = delivery.accept(own, &mut self.traffic) else {
             return;
@@ -214,6 +330,11 @@ impl Running {
                         none => none.insert(Outlet::open(session, &topics::ROSTER)?),
                     };
                     outlet.publish((&roster).into(), traffic);
+                }
+                Outgoing::Drive(module, command) => {
+                    if let Some(drivers) = &mut outlets.drivers {
+                        drivers.tell(module, command, traffic);
+                    }
                 }
                 Outgoing::Eviction(notice) => {
                     let outlet = match &mut outlets.evictions {

@@ -5,18 +5,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::agent::{
-    Agent, AgentParameters, Event, Identity, Input, MotionReport, Output, Severity, SourceId,
+    Agent, AgentParameters, Event, Identity, Input, Output, Severity, SourceId,
 };
 use formation::id::ModuleId;
 use formation::message::{
     EvictionNotice, Heartbeat, Message, ModuleState, RosterMessage, SpotClaim,
 };
-use formation::motion::SimulatedDrive;
+use formation::motion::{DockingAction, DriveCommand};
 
+use crate::drive::{Drive, MotionParameters};
+use crate::drivers::DriverNews;
 use crate::traffic::worth_a_line;
-
-/// Between two looks at a drive that is on its way.
-const DRIVE_INTERVAL: Duration = Duration::from_millis(100);
 
 /// A message between two hosted modules is handed over at once, but after so many the loop turns to the network
 /// again, so that modules in endless talk with each other cannot cut it off.
@@ -35,20 +34,14 @@ pub(crate) enum Outgoing {
     Claim(Arc<SpotClaim>),
     /// An eviction, for those who watch.
     Eviction(EvictionNotice),
-}
-
-/// How the hosted modules move.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct MotionParameters {
-    /// The speed of a simulated module, in units a second.
-    pub speed_units_per_s: f64,
+    /// What a module's driver is to do.
+    Drive(ModuleId, DriveCommand),
 }
 
 struct Seat {
     module: ModuleId,
     agent: Agent,
-    drive: SimulatedDrive,
-    drive_due: Option<Duration>,
+    drive: Drive,
     /// The state that the next sample will carry for this module.
     state: Option<Arc<ModuleState>>,
     /// Whether no sample carried that state yet.
@@ -72,19 +65,14 @@ impl Host {
         source: SourceId,
         identities: impl IntoIterator<Item = Identity>,
         parameters: AgentParameters,
-        motion: MotionParameters,
+        motion: &MotionParameters,
     ) -> Self {
         let seats = identities
             .into_iter()
             .map(|identity| Seat {
                 module: identity.module,
-                drive: SimulatedDrive::new(
-                    identity.pose,
-                    motion.speed_units_per_s,
-                    parameters.lease,
-                ),
+                drive: Drive::new(&identity, motion, parameters.lease),
                 agent: Agent::new(identity, parameters, Duration::ZERO),
-                drive_due: None,
                 state: None,
                 state_is_new: false,
                 heartbeat: None,
@@ -113,15 +101,21 @@ impl Host {
         }
     }
 
+    /// Hands what a driver says to its module.
+    pub(crate) fn hear_driver(&mut self, now: Duration, module: ModuleId, news: DriverNews) {
+        let Some(seat) = self.seats.iter().position(|seat| seat.module == module) else {
+            return;
+        };
+        self.seats[seat].drive.hear(now, news);
+        self.tell_reports(seat, now);
+    }
+
     /// Lets time pass: timeouts, drives, and what the hosted modules have to tell each other.
     pub(crate) fn advance(&mut self, now: Duration) {
         for seat in 0..self.seats.len() {
-            if self.seats[seat].drive_due.is_some_and(|due| due <= now) {
-                let report = self.seats[seat].drive.advance(now);
-                self.schedule_drive(seat, now);
-                if let Some(report) = report {
-                    self.tell(seat, now, Input::Motion(report));
-                }
+            if self.seats[seat].drive.due().is_some_and(|due| due <= now) {
+                self.seats[seat].drive.advance(now);
+                self.tell_reports(seat, now);
             }
             if self.seats[seat].agent.poll_timeout() <= now {
                 self.tell(seat, now, Input::Timeout);
@@ -151,7 +145,7 @@ impl Host {
         }
         self.seats
             .iter()
-            .flat_map(|seat| [Some(seat.agent.poll_timeout()), seat.drive_due])
+            .flat_map(|seat| [Some(seat.agent.poll_timeout()), seat.drive.due()])
             .flatten()
             .min()
     }
@@ -187,37 +181,39 @@ impl Host {
     }
 
     fn tell(&mut self, seat: usize, now: Duration, input: Input) {
-        let mut reports = VecDeque::from([input]);
-        while let Some(input) = reports.pop_front() {
-            self.seats[seat].agent.handle(now, input);
-            while let Some(output) = self.seats[seat].agent.poll_output() {
-                match output {
-                    Output::Publish(message) => self.publish(seat, message),
-                    Output::Move(goal) => {
-                        self.seats[seat].drive.go(now, goal);
-                        self.schedule_drive(seat, now);
-                    }
-                    Output::Halt => {
-                        let report = self.seats[seat].drive.halt(now);
-                        self.schedule_drive(seat, now);
-                        reports.push_back(Input::Motion(report));
-                    }
-                    // Simulated ports couple and let go without delay.
-                    Output::Dock(other) => {
-                        reports.push_back(Input::Motion(MotionReport::Docked(other)));
-                    }
-                    Output::Undock(other) => {
-                        reports.push_back(Input::Motion(MotionReport::Undocked(other)));
-                    }
-                    Output::Event(event) => self.note(seat, &event),
-                }
-            }
+        self.seats[seat].agent.handle(now, input);
+        self.obey(seat, now);
+        self.tell_reports(seat, now);
+    }
+
+    /// Tells the agent whatever its drive reports, until the two have nothing more to say to each other.
+    fn tell_reports(&mut self, seat: usize, now: Duration) {
+        while let Some(report) = self.seats[seat].drive.take_report() {
+            self.seats[seat].agent.handle(now, Input::Motion(report));
+            self.obey(seat, now);
+        }
+        let Seat { module, drive, .. } = &mut self.seats[seat];
+        while let Some(fault) = drive.take_fault() {
+            tracing::error!(module = module.0, "{fault}");
+        }
+        while let Some(command) = drive.take_command() {
+            self.outgoing.push(Outgoing::Drive(*module, command));
         }
     }
 
-    fn schedule_drive(&mut self, seat: usize, now: Duration) {
-        let seat = &mut self.seats[seat];
-        seat.drive_due = seat.drive.is_moving().then(|| now + DRIVE_INTERVAL);
+    /// Does what the agent wants done.
+    fn obey(&mut self, seat: usize, now: Duration) {
+        while let Some(output) = self.seats[seat].agent.poll_output() {
+            let drive = &mut self.seats[seat].drive;
+            match output {
+                Output::Publish(message) => self.publish(seat, message),
+                Output::Move(goal) => drive.go(now, goal),
+                Output::Halt => drive.halt(now),
+                Output::Dock(other) => drive.ask(now, DockingAction::Dock, other),
+                Output::Undock(other) => drive.ask(now, DockingAction::Undock, other),
+                Output::Event(event) => self.note(seat, &event),
+            }
+        }
     }
 
     fn publish(&mut self, seat: usize, message: Message) {
@@ -302,10 +298,10 @@ singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
                 leader: module.leader,
             });
         let source = SourceId(u128::from(modules[0]) + 100);
-        let motion = MotionParameters {
+        let motion = MotionParameters::Simulated {
             speed_units_per_s: 5.0,
         };
-        let host = Host::new(source, identities, AgentParameters::default(), motion);
+        let host = Host::new(source, identities, AgentParameters::default(), &motion);
         let target = Message::Target(Arc::new(TargetAnnouncement {
             revision: 1,
             name: String::new(),
@@ -352,6 +348,7 @@ singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
             Outgoing::Roster(roster) => vec![Message::Roster(roster)],
             Outgoing::Claim(claim) => vec![Message::Claim(claim)],
             Outgoing::Eviction(notice) => vec![Message::Eviction(notice)],
+            Outgoing::Drive(..) => Vec::new(),
         }
     }
 

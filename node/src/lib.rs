@@ -7,6 +7,8 @@
 pub mod agents;
 pub mod announcer;
 pub mod arguments;
+mod drive;
+mod drivers;
 pub mod environment;
 mod host;
 mod inbox;
@@ -26,4 +28,5 @@ pub mod traffic;
 pub mod verdict_report;
 pub mod verification;
 
-pub use host::MotionParameters;
+pub use drive::MotionParameters;
+pub use drivers::{ExternalMotion, PoseSource};

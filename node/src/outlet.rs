@@ -55,7 +55,7 @@ impl<M: Serialize + InterfaceType> Outlet<M, Publisher<M>> {
 impl<M, S: Sink<M>> Outlet<M, S> {
     pub(crate) fn new(topic: &Topic<M>, sink: S) -> Self {
         let (capacity, replaces) = match topic.quality() {
-            Quality::Latched { depth } => (depth.max(1), depth <= 1),
+            Quality::Latched { depth } | Quality::Prompt { depth } => (depth.max(1), depth <= 1),
             Quality::Fleeting => (1, true),
         };
         Self {

@@ -52,6 +52,9 @@ pub enum SessionError {
     /// Processes on this machine would not find each other.
     #[error("{0}")]
     Discovery(String),
+    /// No driver told where its module stands.
+    #[error("{0}")]
+    Drivers(String),
     /// The DDS library refused.
     #[error("cannot {what} in domain {domain}: {reason}")]
     Library {
@@ -145,7 +148,7 @@ impl Session {
         let dds_topic = self.dds_topic(topic, &topic.publisher_qos())?;
         self.node
             .create_publisher(&dds_topic, Some(topic.publisher_qos()))
-            .map_err(|error| self.library(format!("publish `{}`", topic.name()), &error))
+            .map_err(|error| self.library(format!("publish `{}`", topic.path()), &error))
     }
 
     pub(crate) fn subscription<M: InterfaceType + 'static>(
@@ -155,7 +158,7 @@ impl Session {
         let dds_topic = self.dds_topic(topic, &topic.subscription_qos())?;
         self.node
             .create_subscription(&dds_topic, Some(topic.subscription_qos()))
-            .map_err(|error| self.library(format!("subscribe `{}`", topic.name()), &error))
+            .map_err(|error| self.library(format!("subscribe `{}`", topic.path()), &error))
     }
 
     fn dds_topic<M: InterfaceType>(
@@ -163,11 +166,16 @@ impl Session {
         topic: &Topic<M>,
         qos: &ros2_client::qos::QosProfile,
     ) -> Result<rustdds::Topic, SessionError> {
-        let resolved = self.resolve(Resource::Topic, topic.name())?;
+        let resolved = self.resolve(Resource::Topic, &topic.path())?;
         let name = Name::parse(&resolved).map_err(|error| bad_name(&resolved, &error))?;
         self.node
             .create_topic(&name, MessageTypeName::new(M::PACKAGE, M::NAME), qos)
-            .map_err(|error| self.library(format!("create topic `{}`", topic.name()), &error))
+            .map_err(|error| self.library(format!("create topic `{}`", topic.path()), &error))
+    }
+
+    /// The fully qualified name of a topic.
+    pub(crate) fn topic_name(&self, name: &str) -> Result<String, SessionError> {
+        self.resolve(Resource::Topic, name)
     }
 
     /// The serving end of a service with this fully qualified name.

@@ -2,14 +2,20 @@
 
 use std::marker::PhantomData;
 
+use formation::id::ModuleId;
+use formation_msgs::foreign::geometry_msgs::PoseStamped;
+use formation_msgs::foreign::nav_msgs::Odometry;
 use formation_msgs::{
-    Eviction, Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration, Verdict, topic,
+    DockingRequest, DockingResult, Eviction, Heartbeat, ModuleStates, Roster, SpotClaim,
+    TargetConfiguration, Verdict, topic,
 };
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 
 /// A topic that carries samples of type `M`.
 #[derive(Debug)]
 pub struct Topic<M> {
+    /// Whose topic it is, where each module has one.
+    module: Option<ModuleId>,
     name: &'static str,
     quality: Quality,
     message: PhantomData<fn() -> M>,
@@ -25,6 +31,11 @@ pub enum Quality {
     },
     /// Best effort and volatile: a sample that is lost is replaced by the next.
     Fleeting,
+    /// Reliable and volatile: whoever is there gets it, as ROS 2 nodes expect by default, and nobody gets an old one.
+    Prompt {
+        /// How many samples wait for a slow subscriber.
+        depth: usize,
+    },
 }
 
 /// The target that all modules are to form.
@@ -48,6 +59,36 @@ pub fn claims(modules: usize) -> Topic<SpotClaim> {
     Topic::latched(topic::CLAIMS, modules.saturating_mul(4).clamp(16, 8_192))
 }
 
+/// Where a module's driver is to go; repeated while the goal holds.
+#[must_use]
+pub fn goal_pose(module: ModuleId) -> Topic<PoseStamped> {
+    Topic::of_module(module, topic::GOAL_POSE, Quality::Prompt { depth: 1 })
+}
+
+/// What a module's driver is to do with its ports; repeated until it is answered.
+#[must_use]
+pub fn docking(module: ModuleId) -> Topic<DockingRequest> {
+    Topic::of_module(module, topic::DOCKING, Quality::Prompt { depth: 1 })
+}
+
+/// Where a module's driver says that it stands. A best-effort subscription matches whatever the driver offers.
+#[must_use]
+pub fn driver_pose(module: ModuleId) -> Topic<PoseStamped> {
+    Topic::of_module(module, topic::POSE, Quality::Fleeting)
+}
+
+/// The same as odometry.
+#[must_use]
+pub fn driver_odometry(module: ModuleId) -> Topic<Odometry> {
+    Topic::of_module(module, topic::ODOMETRY, Quality::Fleeting)
+}
+
+/// What a module's driver answers. Requests repeat, so an answer that is lost comes again.
+#[must_use]
+pub fn docking_result(module: ModuleId) -> Topic<DockingResult> {
+    Topic::of_module(module, topic::DOCKING_RESULT, Quality::Fleeting)
+}
+
 /// So many samples of a topic wait for the process to take them, over all publishers together.
 ///
 /// RustDDS keeps one store a topic and drops the oldest samples of a full one even when they are reliable and were
@@ -58,6 +99,7 @@ const SUBSCRIPTION_DEPTH: usize = 4_096;
 impl<M> Topic<M> {
     const fn latched(name: &'static str, depth: usize) -> Self {
         Self {
+            module: None,
             name,
             quality: Quality::Latched { depth },
             message: PhantomData,
@@ -66,16 +108,35 @@ impl<M> Topic<M> {
 
     const fn fleeting(name: &'static str) -> Self {
         Self {
+            module: None,
             name,
             quality: Quality::Fleeting,
             message: PhantomData,
         }
     }
 
-    /// The name, relative to the namespace of the nodes.
+    const fn of_module(module: ModuleId, name: &'static str, quality: Quality) -> Self {
+        Self {
+            module: Some(module),
+            name,
+            quality,
+            message: PhantomData,
+        }
+    }
+
+    /// The last part of the name, under which its traffic is counted.
     #[must_use]
     pub fn name(&self) -> &'static str {
         self.name
+    }
+
+    /// The whole name, relative to the namespace of the nodes.
+    #[must_use]
+    pub fn path(&self) -> String {
+        self.module.map_or_else(
+            || self.name.to_owned(),
+            |module| topic::of_module(module, self.name),
+        )
     }
 
     /// What it promises.
@@ -88,6 +149,7 @@ impl<M> Topic<M> {
         match self.quality {
             Quality::Latched { depth } => latched(depth),
             Quality::Fleeting => fleeting(1),
+            Quality::Prompt { depth } => prompt(depth),
         }
     }
 
@@ -95,6 +157,7 @@ impl<M> Topic<M> {
         match self.quality {
             Quality::Latched { .. } => latched(SUBSCRIPTION_DEPTH),
             Quality::Fleeting => fleeting(SUBSCRIPTION_DEPTH),
+            Quality::Prompt { .. } => prompt(SUBSCRIPTION_DEPTH),
         }
     }
 }
@@ -107,6 +170,10 @@ fn latched(depth: usize) -> QosProfile {
         })
         .durability(Durability::TransientLocal)
         .history(History::KeepLast { depth })
+}
+
+fn prompt(depth: usize) -> QosProfile {
+    latched(depth).durability(Durability::Volatile)
 }
 
 fn fleeting(depth: usize) -> QosProfile {
@@ -137,6 +204,17 @@ mod tests {
         let beats = HEARTBEATS.subscription_qos();
         assert_eq!(beats.reliability, Reliability::BestEffort);
         assert_eq!(beats.durability, Durability::Volatile);
+    }
+
+    #[test]
+    fn each_module_has_topics_of_its_own() {
+        let topic = goal_pose(ModuleId(4));
+        assert_eq!(
+            (topic.name(), topic.path()),
+            ("goal_pose", "module_4/goal_pose".to_owned())
+        );
+        assert_eq!(topic.publisher_qos().durability, Durability::Volatile);
+        assert_eq!(TARGET.path(), "target");
     }
 
     #[test]

@@ -55,11 +55,13 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E
 
 BASES = {
     "bool": bool,
+    "int8": types.int8,
     "uint8": types.uint8,
     "uint32": types.uint32,
     "uint64": types.uint64,
     "int32": types.int32,
     "int64": types.int64,
+    "float32": types.float32,
     "float64": types.float64,
     "string": str,
 }
@@ -92,6 +94,8 @@ class Types:
             return self.get(content)
         if kind.name == "SEQUENCE":
             return types.sequence[self.field(content[0])]
+        if kind.name == "ARRAY":
+            return types.array[self.field(content[0]), content[1]]
         raise ValueError(f"unexpected kind of field: {kind.name}")
 
     def value(self, name, raw):
@@ -105,10 +109,12 @@ class Types:
     def field_value(self, node, raw):
         kind, content = node
         if kind.name == "BASE":
-            zero = {"bool": False, "string": "", "float64": 0.0}.get(content[0], 0)
+            zero = {"bool": False, "string": "", "float32": 0.0, "float64": 0.0}.get(content[0], 0)
             return zero if raw is None else raw
         if kind.name == "NAME":
             return self.value(content, raw or {})
+        if kind.name == "ARRAY":
+            return [self.field_value(content[0], entry) for entry in raw or [None] * content[1]]
         return [self.field_value(content[0], entry) for entry in raw or []]
 
 
@@ -136,6 +142,21 @@ class Session:
 
     def writer(self, name):
         topic, qos = self.topic(name)
+        return DataWriter(self.participant, topic, qos=qos)
+
+    def other_topic(self, path, type_name, latched=False):
+        """A topic that is not in `TOPICS`, with the quality that ROS 2 has by default, or latched."""
+        durability = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
+        qos = Qos(Policy.Reliability.Reliable(duration(seconds=1)), durability, Policy.History.KeepLast(1000))
+        path = path if path.startswith("/") else f"{self.namespace}/{path}"
+        return Topic(self.participant, f"rt{path}", self.types.get(type_name), qos=qos), qos
+
+    def other_reader(self, path, type_name, latched=False):
+        topic, qos = self.other_topic(path, type_name, latched)
+        return DataReader(self.participant, topic, qos=qos)
+
+    def other_writer(self, path, type_name, latched=False):
+        topic, qos = self.other_topic(path, type_name, latched)
         return DataWriter(self.participant, topic, qos=qos)
 
     def message(self, name, raw):

@@ -32,6 +32,13 @@ impl Python {
         Some(Self { path })
     }
 
+    /// A shell command that runs a script of the repository, named as seen from its root.
+    #[must_use]
+    pub fn command(&self, script: &str) -> String {
+        let quoted = |path: &std::path::Path| format!("'{}'", path.display());
+        format!("{} {}", quoted(&self.path), quoted(&root().join(script)))
+    }
+
     /// Starts a script of the repository, named as seen from its root, with input and output piped.
     #[must_use]
     pub fn start(&self, script: &str, arguments: &[&str], stderr: Stdio) -> Child {

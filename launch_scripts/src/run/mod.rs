@@ -10,11 +10,13 @@ mod report;
 mod supervisor;
 mod tail;
 
-use std::process::ExitStatus;
+use std::os::unix::process::CommandExt;
+use std::process::{Command, ExitStatus};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use formation::scenario::Scenario;
+use formation_node::arguments::MotionMode;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::arguments::RunArguments;
@@ -135,6 +137,9 @@ impl Formation<'_> {
         });
         display.finish();
         let killed = supervisor.stop(STOP_GRACE);
+        for (name, line) in supervisor.errors() {
+            console::note(&format!("{name}: {line}"));
+        }
         if !killed.is_empty() {
             console::note(&format!(
                 "warning: had to be killed, as SIGTERM did not end it: {}",
@@ -188,7 +193,20 @@ impl Formation<'_> {
             .concat(),
             Output::Results,
         )?;
+        if let Some(driver) = &self.arguments.driver {
+            self.start_driver(supervisor, driver)?;
+        }
         let speed = self.arguments.speed.to_string();
+        let motion: &[&str] = match self.arguments.motion_mode() {
+            MotionMode::Simulated => &["--motion", "simulated"],
+            MotionMode::External => &["--motion", "external"],
+        };
+        let options: Vec<&str> = self
+            .arguments
+            .module_option
+            .iter()
+            .map(String::as_str)
+            .collect();
         for host in self.hosts {
             let list = id_list(&host.modules);
             let modules: &[&str] = match host.modules.as_slice() {
@@ -199,7 +217,7 @@ impl Formation<'_> {
                 supervisor,
                 host.program(),
                 host.name(),
-                &[modules, &["--speed", &speed], plan_only].concat(),
+                &[modules, &["--speed", &speed], motion, &options, plan_only].concat(),
                 Output::Discarded,
             )?;
         }
@@ -211,6 +229,25 @@ impl Formation<'_> {
             Output::Discarded,
         )?;
         Ok(verifier)
+    }
+
+    /// Starts what drives the modules, told like any ROS 2 node where to speak.
+    fn start_driver(&self, supervisor: &mut Supervisor, driver: &str) -> Result<(), Failure> {
+        let mut command = Command::new("sh");
+        command
+            // Replaced by what it runs, so that the driver itself is asked to end.
+            .args(["-c", &format!("exec {driver}")])
+            .env("ROS_DOMAIN_ID", self.surroundings.domain.to_string())
+            .env(
+                "ROS_AUTOMATIC_DISCOVERY_RANGE",
+                self.surroundings.range.to_string(),
+            )
+            .process_group(0);
+        supervisor
+            .start("driver".to_owned(), &mut command, Output::Discarded)
+            .with_context(|| format!("cannot start the driver `{driver}`"))
+            .map_err(Failure::Failed)
+            .map(drop)
     }
 
     fn start(

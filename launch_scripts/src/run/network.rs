@@ -60,7 +60,7 @@ pub fn settle(
         env::var_os(name).map(|value| value.to_string_lossy().into_owned())
     })?;
     let surroundings = Surroundings { domain, range };
-    let participants = hosts + OTHER_PROCESSES;
+    let participants = hosts + OTHER_PROCESSES + usize::from(arguments.driver.is_some());
     if arguments.private_network {
         check_room(participants, 0)?;
         return Ok(surroundings);

@@ -26,6 +26,9 @@ const LAST_WORDS: Duration = Duration::from_millis(500);
 /// After SIGKILL, so long the kernel is given to end a process.
 const KILL_WAIT: Duration = Duration::from_secs(2);
 
+/// How our programs mark errors in their log.
+const ERROR_LEVEL: &str = " ERROR ";
+
 /// Which process, in the order in which they were started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ProcessId(usize);
@@ -68,6 +71,8 @@ struct Supervised {
     name: String,
     child: Child,
     tail: Tail,
+    /// The lines that it logged as errors.
+    errors: Tail,
     open_streams: usize,
     exit: Option<(ExitStatus, Instant)>,
     reported: bool,
@@ -140,6 +145,7 @@ impl Supervisor {
             name,
             child,
             tail: Tail::default(),
+            errors: Tail::default(),
             open_streams: 0,
             exit: None,
             reported: false,
@@ -186,6 +192,14 @@ impl Supervisor {
         self.processes[process.0].tail.lines()
     }
 
+    /// What the processes logged as errors, by name: what a person has to mend.
+    pub fn errors(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.processes.iter().flat_map(|process| {
+            let lines = process.errors.lines();
+            lines.map(|line| (process.name.as_str(), line))
+        })
+    }
+
     /// Waits for the next thing to happen, at most until `deadline`.
     pub fn next(&mut self, deadline: Instant) -> Happening {
         loop {
@@ -217,7 +231,11 @@ impl Supervisor {
                 self.pending.push_back(Happening::Result(process, line));
             }
             Event::Line(process, Stream::Errors, line) => {
-                self.processes[process.0].tail.push(line);
+                let supervised = &mut self.processes[process.0];
+                if line.contains(ERROR_LEVEL) {
+                    supervised.errors.push(line.clone());
+                }
+                supervised.tail.push(line);
             }
             Event::Closed(process) => self.processes[process.0].open_streams -= 1,
             Event::Signal(SIGCHLD) => self.reap(),

@@ -3,6 +3,7 @@
 mod command_line;
 mod judging;
 mod modules;
+mod motion;
 mod network;
 mod ros;
 mod scenario;
@@ -12,10 +13,11 @@ mod timing;
 pub use command_line::parse;
 pub use judging::JudgingArguments;
 pub use modules::{HostedModules, ModuleArguments, ModuleList, require_leader};
+pub use motion::{MotionArguments, MotionMode};
 pub use network::NetworkArguments;
 pub use ros::{
     ArgumentError, Assignment, LogArguments, LogLevel, NameError, NodeIdentity, Origin,
     ParameterAssignments, RemapError, RemapRule, RemapRules, Resource, RosArguments,
 };
 pub use scenario::read_scenario;
-pub use timing::{MotionArguments, Seconds, TimingArguments};
+pub use timing::{Seconds, TimingArguments};

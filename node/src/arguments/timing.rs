@@ -1,4 +1,4 @@
-//! How long agents wait, and how fast simulated modules move.
+//! How long agents wait.
 
 use std::fmt;
 use std::str::FromStr;
@@ -7,7 +7,6 @@ use std::time::Duration;
 use clap::Args;
 use formation::agent::AgentParameters;
 
-use crate::host::MotionParameters;
 use crate::outcome::Failure;
 
 /// The longest time that an argument may name: a week.
@@ -94,33 +93,6 @@ timing_arguments! {
     pose_interval_s => pose_interval,
 }
 
-/// How the modules move.
-#[derive(Clone, Copy, Debug, Args)]
-#[command(next_help_heading = "Motion")]
-pub struct MotionArguments {
-    /// Speed of simulated motion in units a second
-    #[arg(long, value_name = "UNITS_PER_S", default_value_t = 1.0, value_parser = speed)]
-    pub speed: f64,
-}
-
-impl MotionArguments {
-    /// The motion parameters.
-    #[must_use]
-    pub fn parameters(&self) -> MotionParameters {
-        MotionParameters {
-            speed_units_per_s: self.speed,
-        }
-    }
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    text.trim()
-        .parse::<f64>()
-        .ok()
-        .filter(|speed| (0.001..=1.0e6).contains(speed))
-        .ok_or_else(|| format!("must be a speed from 0.001 to 1000000, got `{text}`"))
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -131,6 +103,5 @@ mod tests {
         for bad in ["0", "-1", "inf", "NaN", "1e9", "soon", ""] {
             assert!(bad.parse::<Seconds>().is_err(), "{bad}");
         }
-        assert!(speed("2.5").is_ok() && speed("0").is_err() && speed("inf").is_err());
     }
 }

@@ -1,0 +1,89 @@
+"""The driver of launch_scripts/examples/drive_modules.py without ROS: the same robots, carried by CycloneDDS.
+
+Usage:
+    drive_modules.py --scenario FILE [--domain D] [--pose-source pose|odom] [--speed UNITS_PER_S]
+                     [--deaf MODULE...] [--undockable MODULE...]
+
+A deaf module tells its pose and never goes anywhere; an undockable one never answers docking requests.
+"""
+
+import argparse
+import math
+import os
+import pathlib
+import sys
+import time
+
+from formation_dds import Session
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "launch_scripts" / "examples"))
+
+from robot_model import Pose, Robot, start_poses  # noqa: E402
+
+INTERVAL_S = 0.05
+
+
+class Driver:
+    def __init__(self, session, module, robot, source):
+        self.session, self.module, self.robot = session, module, robot
+        self.pose_type = "nav_msgs/msg/Odometry" if source == "odom" else "geometry_msgs/msg/PoseStamped"
+        topic = f"module_{module}"
+        self.poses = session.other_writer(f"{topic}/{source}", self.pose_type)
+        self.results = session.other_writer(f"{topic}/docking_result", "formation_msgs/msg/DockingResult")
+        self.goals = session.other_reader(f"{topic}/goal_pose", "geometry_msgs/msg/PoseStamped")
+        self.requests = session.other_reader(f"{topic}/docking", "formation_msgs/msg/DockingRequest")
+
+    def listen(self, now, is_deaf, is_undockable):
+        for goal in self.goals.take(N=16):
+            if goal.sample_info.valid_data and not is_deaf:
+                position, orientation = goal.pose.position, goal.pose.orientation
+                heading = 2.0 * math.atan2(orientation.z, orientation.w)
+                self.robot.hear_goal(now, Pose(position.x, position.y, heading))
+        for request in self.requests.take(N=16):
+            if not request.sample_info.valid_data or is_undockable:
+                continue
+            if self.robot.is_docked(now, request.request):
+                answer = {"module_id": self.module, "request": request.request, "success": True}
+                self.results.write(self.session.types.value("formation_msgs/msg/DockingResult", answer))
+
+    def tell(self):
+        pose = {
+            "position": {"x": self.robot.pose.x, "y": self.robot.pose.y},
+            "orientation": {
+                "z": math.sin(self.robot.pose.theta / 2.0),
+                "w": math.cos(self.robot.pose.theta / 2.0),
+            },
+        }
+        if self.pose_type == "nav_msgs/msg/Odometry":
+            pose = {"pose": pose}
+        message = {"header": {"frame_id": "map"}, "pose": pose}
+        self.poses.write(self.session.types.value(self.pose_type, message))
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", required=True)
+    parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
+    parser.add_argument("--pose-source", choices=["pose", "odom"], default="pose")
+    parser.add_argument("--speed", type=float, default=10.0)
+    parser.add_argument("--deaf", type=int, nargs="*", default=[])
+    parser.add_argument("--undockable", type=int, nargs="*", default=[])
+    options = parser.parse_args()
+    session = Session(options.domain)
+    drivers = [
+        Driver(session, module, Robot(pose, speed=options.speed, turn_rate=20.0), options.pose_source)
+        for module, pose in sorted(start_poses(options.scenario).items())
+    ]
+    last = time.monotonic()
+    while True:
+        time.sleep(INTERVAL_S)
+        now = time.monotonic()
+        for driver in drivers:
+            driver.listen(now, driver.module in options.deaf, driver.module in options.undockable)
+            driver.robot.step(now, now - last)
+            driver.tell()
+        last = now
+
+
+if __name__ == "__main__":
+    main()
