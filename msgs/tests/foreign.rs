@@ -227,7 +227,7 @@ fn stamped(frame_id: &str, pose: Pose) -> PoseStamped {
 
 #[test]
 fn poses_survive_the_way_out_and_in() {
-    for theta in [0.0, 1.0, -1.0, 3.1, -3.1, 1.570_796] {
+    for theta in [0.0, 1.0, -1.0, 3.1, -3.1, 1.5] {
         let pose = geometry::Pose::from_units(-3.25, 1e6, theta).unwrap();
         let back = stamped("map", (&pose).into()).in_frame("map").unwrap();
         assert_eq!((back.x, back.y), (pose.x, pose.y));

@@ -27,6 +27,7 @@ pub mod topics;
 pub mod traffic;
 pub mod verdict_report;
 pub mod verification;
+pub mod visualisation;
 
 pub use drive::MotionParameters;
 pub use drivers::{ExternalMotion, PoseSource};

@@ -5,6 +5,8 @@ use std::marker::PhantomData;
 use formation::id::ModuleId;
 use formation_msgs::foreign::geometry_msgs::PoseStamped;
 use formation_msgs::foreign::nav_msgs::Odometry;
+use formation_msgs::foreign::tf2_msgs::TFMessage;
+use formation_msgs::foreign::visualization_msgs::MarkerArray;
 use formation_msgs::{
     DockingRequest, DockingResult, Eviction, Heartbeat, ModuleStates, Roster, SpotClaim,
     TargetConfiguration, Verdict, topic,
@@ -50,6 +52,13 @@ pub const EVICTIONS: Topic<Eviction> = Topic::latched(topic::EVICTIONS, 100);
 pub const HEARTBEATS: Topic<Heartbeat> = Topic::fleeting(topic::HEARTBEATS);
 /// What the verifier found.
 pub const VERDICT: Topic<Verdict> = Topic::latched(topic::VERDICT, 1);
+
+/// The formation as shapes, whole.
+pub const MARKERS: Topic<MarkerArray> = Topic::latched("markers", 1);
+/// Where modules stand, for all of ROS 2.
+pub const TRANSFORMS: Topic<TFMessage> = Topic::prompt("/tf", 1);
+/// Where spots lie, for all of ROS 2.
+pub const FIXED_TRANSFORMS: Topic<TFMessage> = Topic::latched("/tf_static", 1);
 
 /// What units decide in their turns, kept for the whole of an epoch by a process that hosts `modules` modules.
 ///
@@ -111,6 +120,15 @@ impl<M> Topic<M> {
             module: None,
             name,
             quality: Quality::Fleeting,
+            message: PhantomData,
+        }
+    }
+
+    const fn prompt(name: &'static str, depth: usize) -> Self {
+        Self {
+            module: None,
+            name,
+            quality: Quality::Prompt { depth },
             message: PhantomData,
         }
     }

@@ -4,7 +4,8 @@ The types are made from the .msg files, as any other ROS 2 party would make them
 line, with the field names of the .msg files.
 
 Usage:
-    formation_dds.py take TOPIC [--domain D] [--count N] [--timeout S]   prints samples as they come
+    formation_dds.py take TOPIC [--type TYPE [--latched]] [--domain D] [--count N] [--timeout S]
+                                                                         prints samples as they come
     formation_dds.py put TOPIC [--domain D]                              publishes lines of its input until that ends
     formation_dds.py garble TOPIC [--domain D]                           publishes bytes that are no sample, likewise
 """
@@ -177,7 +178,11 @@ def samples(reader, timeout):
 def take(arguments):
     session = Session(arguments.domain)
     left = arguments.count
-    for sample in samples(session.reader(arguments.topic), arguments.timeout):
+    if arguments.type:
+        reader = session.other_reader(arguments.topic, arguments.type, arguments.latched)
+    else:
+        reader = session.reader(arguments.topic)
+    for sample in samples(reader, arguments.timeout):
         print(json.dumps(dataclasses.asdict(sample)), flush=True)
         left -= 1
         if left == 0:
@@ -209,11 +214,15 @@ def garble(arguments):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("command", choices=["take", "put", "garble"])
-    parser.add_argument("topic", choices=sorted(TOPICS))
+    parser.add_argument("topic", help=f"one of {', '.join(sorted(TOPICS))}, or any other together with --type")
+    parser.add_argument("--type", help="such as std_msgs/msg/String, for a topic of no fixed type")
+    parser.add_argument("--latched", action="store_true", help="take only from publishers that keep their last samples")
     parser.add_argument("--domain", type=int, default=0)
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=30.0)
     arguments = parser.parse_args()
+    if arguments.type is None and arguments.topic not in TOPICS:
+        parser.error(f"{arguments.topic} needs its --type")
     return {"take": take, "put": put, "garble": garble}[arguments.command](arguments)
 
 

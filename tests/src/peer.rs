@@ -19,13 +19,21 @@ impl Peer {
     /// Python.
     #[must_use]
     pub fn start(command: &str, topic: &str, domain: &str) -> Option<Self> {
+        Self::start_with(&[command, topic, "--domain", domain])
+    }
+
+    /// Takes samples of a topic of any type that ROS 2 knows, such as `tf2_msgs/msg/TFMessage`.
+    #[must_use]
+    pub fn take(topic: &str, type_name: &str, latched: bool, domain: &str) -> Option<Self> {
+        let mut arguments = vec!["take", topic, "--type", type_name, "--domain", domain];
+        arguments.extend(["--count", "0"]);
+        arguments.extend(latched.then_some("--latched"));
+        Self::start_with(&arguments)
+    }
+
+    fn start_with(arguments: &[&str]) -> Option<Self> {
         let python = Python::find("CycloneDDS was not talked to")?;
-        let arguments = [command, topic, "--domain", domain];
-        let mut child = python.start(
-            "tests/python/formation_dds.py",
-            &arguments,
-            Stdio::inherit(),
-        );
+        let mut child = python.start("tests/python/formation_dds.py", arguments, Stdio::inherit());
         let output = BufReader::new(child.stdout.take().unwrap());
         Some(Self {
             child,

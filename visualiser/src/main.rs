@@ -1,0 +1,58 @@
+//! Draws a formation for RViz, Foxglove and their like.
+
+use std::process::ExitCode;
+use std::time::Duration;
+
+use clap::Parser;
+use formation_node::arguments::{self, NetworkArguments, Seconds};
+use formation_node::lifetime::stop_requested;
+use formation_node::outcome::{Failure, STATUS_DONE, conclude};
+use formation_node::visualisation::{VisualisationParameters, VisualiserProcess};
+
+/// Publishes what is on the formation's topics as markers and transforms, until it is told to stop.
+///
+/// `markers` carries modules, links, target spots, claims and trails; `/tf` the frames `module_N` and `/tf_static` the
+/// frames `spot_N`. It takes no part in the formation.
+#[derive(Parser)]
+#[command(version)]
+struct Arguments {
+    /// At most so many pictures a second, and only when something changed
+    #[arg(long, value_name = "NUMBER", default_value_t = 5.0, value_parser = rate)]
+    rate: f64,
+    /// A module that was not heard for so long is drawn grey
+    #[arg(long, value_name = "SECONDS", default_value = "5")]
+    suspicion_s: Seconds,
+    /// Leave out the numbers of modules and spots
+    #[arg(long)]
+    no_labels: bool,
+    #[command(flatten)]
+    network: NetworkArguments,
+}
+
+fn main() -> ExitCode {
+    conclude(run())
+}
+
+fn run() -> Result<u8, Failure> {
+    let (arguments, ros) = arguments::parse::<Arguments>()?;
+    let settings = arguments.network.start(ros)?;
+    let stop = stop_requested()?;
+    VisualiserProcess {
+        settings,
+        parameters: VisualisationParameters {
+            interval: Duration::from_secs_f64(1.0 / arguments.rate),
+            suspicion: arguments.suspicion_s.0,
+            labels: !arguments.no_labels,
+        },
+    }
+    .run(stop)?;
+    Ok(STATUS_DONE)
+}
+
+fn rate(text: &str) -> Result<f64, String> {
+    text.trim()
+        .parse::<f64>()
+        .ok()
+        .filter(|rate| (0.1..=100.0).contains(rate))
+        .ok_or_else(|| format!("must be a number from 0.1 to 100, got `{text}`"))
+}
