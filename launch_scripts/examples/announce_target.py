@@ -1,0 +1,66 @@
+#!/usr/bin/env python3
+"""Announces the target of a scenario, as `target_publisher` does, and keeps it for whoever comes late.
+
+    python3 announce_target.py --scenario figure1_ladder17.yaml
+"""
+
+import argparse
+import pathlib
+import sys
+import time
+
+import rclpy
+import yaml
+from formation_msgs.msg import Edge, Spot, TargetConfiguration
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def announcement(scenario, expected_modules):
+    """The message for a scenario; what it leaves out of the planner's parameters has its default in the message."""
+    target = scenario["target"]
+    message = TargetConfiguration(name=scenario.get("name", ""), expected_modules=expected_modules)
+    message.header.frame_id = target.get("frame_id", "map")
+    # The highest revision holds, so later announcements outweigh this one.
+    message.revision = int(time.time() * 1000)
+    message.spots = [
+        Spot(id=spot["id"], x=float(spot["x"]), y=float(spot["y"]), theta=float(spot.get("theta", 0.0)))
+        for spot in target["spots"]
+    ]
+    message.edges = [Edge(first=first, second=second) for first, second in target.get("edges", [])]
+    return message
+
+
+class Announcer(Node):
+    """Publishes one target, once."""
+
+    def __init__(self, options):
+        super().__init__("announce_target", namespace=options.namespace)
+        scenario = yaml.safe_load(pathlib.Path(options.scenario).read_text(encoding="utf-8"))
+        message = announcement(scenario, options.expected_modules)
+        message.header.stamp = self.get_clock().now().to_msg()
+        self.publisher = self.create_publisher(TargetConfiguration, "target", LATCHED)
+        self.publisher.publish(message)
+        self.get_logger().info(f"announced `{message.name}` with {len(message.spots)} spots; Ctrl-C ends")
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--scenario", required=True)
+    parser.add_argument("--expected-modules", type=int, default=0, help="how many modules take part; 0: not known")
+    parser.add_argument("--namespace", default="/formation")
+    options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
+    rclpy.init(args=sys.argv)
+    try:
+        rclpy.spin(Announcer(options))
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

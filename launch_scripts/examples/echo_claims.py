@@ -1,0 +1,51 @@
+#!/usr/bin/env python3
+"""Prints who claims which spot, and who loses it, turn by turn.
+
+    python3 echo_claims.py
+"""
+
+import sys
+
+import rclpy
+from formation_msgs.msg import EvictionRecord, SpotClaim
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+# Claims made before this was started come as well.
+LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def described(claim):
+    """One line for a claim."""
+    pairs = ", ".join(f"module {pair.module_id} -> spot {pair.spot_id}" for pair in claim.selections)
+    line = f"epoch {claim.epoch.number} turn {claim.turn}: module {claim.claimant_id} claims {pairs or 'nothing'}"
+    for eviction in claim.evictions:
+        dropped = eviction.to_spot_id == EvictionRecord.NONE
+        where = "no spot" if dropped else f"spot {eviction.to_spot_id}"
+        line += f"; module {eviction.evicted_module_id} leaves spot {eviction.from_spot_id} for {where}"
+    if claim.detached:
+        line += f"; detached: {', '.join(str(module) for module in claim.detached)}"
+    return line
+
+
+class ClaimEcho(Node):
+    """Listens to claims."""
+
+    def __init__(self):
+        super().__init__("echo_claims", namespace="/formation")
+        self.create_subscription(SpotClaim, "claims", lambda claim: print(described(claim), flush=True), LATCHED)
+
+
+def main():
+    rclpy.init(args=sys.argv)
+    try:
+        rclpy.spin(ClaimEcho())
+    except (KeyboardInterrupt, ExternalShutdownException):
+        pass
+    finally:
+        rclpy.try_shutdown()
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,82 @@
+#!/usr/bin/env python3
+"""Follows a formation until the verifier has judged it: how many modules are in which phase, then the verdict.
+
+Ends with status 0 when the formation is complete, or as complete as the number of modules allows.
+
+    python3 follow_progress.py
+"""
+
+import collections
+import sys
+
+import rclpy
+from formation_msgs.msg import ModuleState, ModuleStates, Verdict
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile
+
+LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+PHASES = {
+    ModuleState.PHASE_LISTENING: "listening",
+    ModuleState.PHASE_GATHERED: "gathered",
+    ModuleState.PHASE_PLANNING: "planning",
+    ModuleState.PHASE_AGREEING: "agreeing",
+    ModuleState.PHASE_WAITING: "waiting",
+    ModuleState.PHASE_MOVING: "moving",
+    ModuleState.PHASE_SETTLED: "settled",
+    ModuleState.PHASE_SPARE: "spare",
+    ModuleState.PHASE_WAITING_FOR_QUORUM: "waiting for a quorum",
+}
+OUTCOMES = {
+    Verdict.OUTCOME_COMPLETE: "COMPLETE",
+    Verdict.OUTCOME_PARTIAL: "PARTIAL",
+    Verdict.OUTCOME_FAILED: "FAILED",
+}
+
+
+class Follower(Node):
+    """Keeps the latest state of every module."""
+
+    def __init__(self):
+        super().__init__("follow_progress", namespace="/formation")
+        self.states = {}
+        self.shown = None
+        self.verdict = None
+        self.create_subscription(ModuleStates, "module_states", self.hear_states, LATCHED)
+        self.create_subscription(Verdict, "verdict", self.hear_verdict, LATCHED)
+
+    def hear_states(self, sample):
+        for state in sample.modules:
+            known = self.states.get(state.module_id)
+            # Latched samples may come late: the latest run's latest word holds.
+            if known is None or (state.incarnation, state.sequence) > (known.incarnation, known.sequence):
+                self.states[state.module_id] = state
+        counts = collections.Counter(PHASES.get(state.phase, "?") for state in self.states.values())
+        line = ", ".join(f"{count} {phase}" for phase, count in sorted(counts.items()))
+        if line != self.shown:
+            self.shown = line
+            print(line, flush=True)
+
+    def hear_verdict(self, verdict):
+        print(f"{OUTCOMES.get(verdict.outcome, '?')}: {verdict.filled_spots} of {verdict.spots} spots are filled")
+        for violation in verdict.violations:
+            print(f"  {violation}")
+        self.verdict = verdict
+
+
+def main():
+    rclpy.init(args=sys.argv)
+    follower = Follower()
+    try:
+        while follower.verdict is None:
+            rclpy.spin_once(follower)
+    except (KeyboardInterrupt, ExternalShutdownException):
+        return 130
+    finally:
+        rclpy.try_shutdown()
+    return 1 if follower.verdict.outcome == Verdict.OUTCOME_FAILED else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,33 @@
+"""Starts a scenario whose modules are moved by drivers, and the example driver that plays their robots.
+
+    ros2 launch formation_launch driven.launch.py scenario:=mcs_detach
+"""
+
+import os
+
+from ament_index_python.packages import get_package_share_directory
+from launch import LaunchDescription
+from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, OpaqueFunction
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+from launch.substitutions import LaunchConfiguration
+
+PACKAGE = "formation_launch"
+
+
+def launch_setup(context):
+    share = get_package_share_directory(PACKAGE)
+    name = LaunchConfiguration("scenario").perform(context)
+    path = name if os.path.isfile(name) else os.path.join(share, "scenarios", f"{name}.yaml")
+    formation = PythonLaunchDescriptionSource(os.path.join(share, "launch", "formation.launch.py"))
+    driver = os.path.join(share, "examples", "drive_modules.py")
+    return [
+        IncludeLaunchDescription(formation, launch_arguments={"scenario": path, "motion": "external"}.items()),
+        ExecuteProcess(cmd=["python3", driver, "--scenario", path], output="screen"),
+    ]
+
+
+def generate_launch_description():
+    scenario = DeclareLaunchArgument(
+        "scenario", default_value="mcs_detach", description="name of a scenario of the package, or the path of a file"
+    )
+    return LaunchDescription([scenario, OpaqueFunction(function=launch_setup)])

@@ -1,0 +1,99 @@
+//! The Python of the repository: it compiles, passes a linter, and uses only interfaces that exist; and what the packages
+//! install is there.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::collections::BTreeSet;
+use std::fs;
+use std::process::Stdio;
+
+use formation_tests::{Python, root};
+
+/// Runs `check_python.py`; returns what it printed.
+fn checked(arguments: &[&str]) -> Option<String> {
+    let python = Python::find("no Python file was checked")?;
+    let child = python.start("tests/python/check_python.py", arguments, Stdio::piped());
+    let output = child.wait_with_output().unwrap();
+    assert!(
+        output.status.success(),
+        "{}\nif a Python package is missing, {}",
+        String::from_utf8_lossy(&output.stderr),
+        python.advice()
+    );
+    Some(String::from_utf8(output.stdout).unwrap())
+}
+
+#[test]
+fn all_python_compiles_passes_the_linter_and_uses_interfaces_that_exist() {
+    let Some(told) = checked(&[]) else {
+        return;
+    };
+    let numbers: Vec<usize> = told
+        .split_whitespace()
+        .filter_map(|word| word.parse().ok())
+        .collect();
+    assert!(numbers[0] >= 13 && numbers[1] >= 8, "{told}");
+}
+
+#[test]
+fn the_check_finds_fields_constants_messages_and_topics_that_do_not_exist() {
+    checked(&["--self-test"]);
+}
+
+fn entries(folder: &str) -> BTreeSet<String> {
+    fs::read_dir(root().join(folder))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect()
+}
+
+#[test]
+fn the_launch_package_installs_programs_and_folders_that_exist() {
+    let build = fs::read_to_string(root().join("launch_scripts/CMakeLists.txt")).unwrap();
+    let listed = |start: &str, end: &str| -> BTreeSet<String> {
+        let (_, rest) = build.split_once(start).unwrap();
+        let (words, _) = rest.split_once(end).unwrap();
+        words.split_whitespace().map(str::to_owned).collect()
+    };
+    let workspace = fs::read_to_string(root().join("Cargo.toml")).unwrap();
+    for program in listed("set(PROGRAMS ", ")") {
+        let package = if program == "formation" {
+            "launch_scripts"
+        } else {
+            &program
+        };
+        assert!(workspace.contains(&format!("\"{package}\"")), "{program}");
+        assert!(build.contains(&format!("-p {package}")), "{program} is not built");
+        assert!(root().join(package).join("src/main.rs").is_file(), "{program}");
+    }
+    let there = entries("launch_scripts");
+    let folders = listed("install(DIRECTORY ", "DESTINATION");
+    assert!(
+        folders.is_subset(&there),
+        "{folders:?} are installed, {there:?} are there"
+    );
+}
+
+#[test]
+fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_have() {
+    let launch = fs::read_to_string(root().join("launch_scripts/launch/formation.launch.py")).unwrap();
+    for (program, options) in [
+        ("module_agent", ["--module", "--modules", "--motion", "--speed", "--scenario"].as_slice()),
+        ("leader_agent", ["--module", "--motion", "--speed", "--scenario"].as_slice()),
+        ("target_publisher", ["--expected-modules", "--scenario"].as_slice()),
+        ("verifier", ["--time-limit-s"].as_slice()),
+    ] {
+        assert!(launch.contains(&format!("\"{program}\"")), "{program}");
+        let help = formation_tests::Running::start(program, "95", &["--help"])
+            .finish(std::time::Duration::from_secs(20))
+            .stdout;
+        for option in options.iter().chain(&["--log-level"]) {
+            assert!(launch.contains(&format!("\"{option}\"")), "{option}");
+            assert!(help.contains(&format!("{option} ")), "{program} {option}: {help}");
+        }
+    }
+}
