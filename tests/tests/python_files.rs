@@ -67,8 +67,14 @@ fn the_launch_package_installs_programs_and_folders_that_exist() {
             &program
         };
         assert!(workspace.contains(&format!("\"{package}\"")), "{program}");
-        assert!(build.contains(&format!("-p {package}")), "{program} is not built");
-        assert!(root().join(package).join("src/main.rs").is_file(), "{program}");
+        assert!(
+            build.contains(&format!("-p {package}")),
+            "{program} is not built"
+        );
+        assert!(
+            root().join(package).join("src/main.rs").is_file(),
+            "{program}"
+        );
     }
     let there = entries("launch_scripts");
     let folders = listed("install(DIRECTORY ", "DESTINATION");
@@ -80,11 +86,21 @@ fn the_launch_package_installs_programs_and_folders_that_exist() {
 
 #[test]
 fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_have() {
-    let launch = fs::read_to_string(root().join("launch_scripts/launch/formation.launch.py")).unwrap();
+    let launch =
+        fs::read_to_string(root().join("launch_scripts/launch/formation.launch.py")).unwrap();
     for (program, options) in [
-        ("module_agent", ["--module", "--modules", "--motion", "--speed", "--scenario"].as_slice()),
-        ("leader_agent", ["--module", "--motion", "--speed", "--scenario"].as_slice()),
-        ("target_publisher", ["--expected-modules", "--scenario"].as_slice()),
+        (
+            "module_agent",
+            ["--module", "--modules", "--motion", "--speed", "--scenario"].as_slice(),
+        ),
+        (
+            "leader_agent",
+            ["--module", "--motion", "--speed", "--scenario"].as_slice(),
+        ),
+        (
+            "target_publisher",
+            ["--expected-modules", "--scenario"].as_slice(),
+        ),
         ("verifier", ["--time-limit-s"].as_slice()),
     ] {
         assert!(launch.contains(&format!("\"{program}\"")), "{program}");
@@ -93,7 +109,10 @@ fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_hav
             .stdout;
         for option in options.iter().chain(&["--log-level"]) {
             assert!(launch.contains(&format!("\"{option}\"")), "{option}");
-            assert!(help.contains(&format!("{option} ")), "{program} {option}: {help}");
+            assert!(
+                help.contains(&format!("{option} ")),
+                "{program} {option}: {help}"
+            );
         }
     }
 }

@@ -184,7 +184,8 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 pub(super) mod tests {
     use formation::id::ConfigurationId;
     use formation::message::{
-        Decision, EvictionRecord, Heartbeat, ModulePhase, SpotSelection, TargetAnnouncement,
+        Decision, EvictionRecord, Heartbeat, ModulePhase, Service, SpotSelection,
+        TargetAnnouncement,
     };
     use formation::scenario::Scenario;
 
@@ -202,6 +203,7 @@ pub(super) mod tests {
             epoch: None,
             digest: None,
             phase: ModulePhase::Moving,
+            service: Service::Active,
             pose,
             links: [ModuleId(module ^ 1)].into(),
             configuration: Some(ConfigurationId(1)),
