@@ -1,5 +1,7 @@
 //! What can be wrong with a plan or a formation, and what can be missing from one.
 
+use std::time::Duration;
+
 use thiserror::Error;
 
 use crate::fixed::MicroUnits;
@@ -258,6 +260,9 @@ pub enum Missing {
         spot: SpotId,
         phase: Option<ModulePhase>,
     },
+    /// A member fell silent, so what it said last says nothing about now.
+    #[error("{module} was not heard for {} s", silence.as_secs_f64())]
+    Silent { module: ModuleId, silence: Duration },
     /// A module without a spot does not say that it is a spare.
     #[error("{module} has no spot but does not say that it is a spare{}", in_phase(*phase))]
     Spare {

@@ -43,6 +43,8 @@ pub struct ObserverParameters {
     /// How long an end state that is reached, but not yet right, may take to become right: messages that prove it may
     /// still be on their way. As long, an end state with fewer modules than expected waits for more of them.
     pub grace: Duration,
+    /// A member that was not heard for so long does not count as living, so no formation is done that relies on it.
+    pub silence: Duration,
     /// The modules that are to take part, where they are known beforehand, so that absent ones can be named.
     pub expected: BTreeSet<ModuleId>,
 }
@@ -54,6 +56,7 @@ impl Default for ObserverParameters {
             heading_tolerance: MicroUnits(50_000),
             time_limit: Duration::from_secs(120),
             grace: Duration::from_secs(3),
+            silence: Duration::from_secs(5),
             expected: BTreeSet::new(),
         }
     }
@@ -62,7 +65,7 @@ impl Default for ObserverParameters {
 /// Listens to all topics and judges the formation.
 ///
 /// Call [`Self::handle`] for each message, then, as often as you like and when [`Self::poll_timeout`] is due,
-/// [`Self::verdict`]. A verdict, once given, stands.
+/// [`Self::verdict`]. A verdict, once given, stands, unless it is asked to [`Self::review`] it.
 #[derive(Clone, Debug)]
 pub struct Observer {
     parameters: ObserverParameters,
@@ -75,8 +78,14 @@ pub struct Observer {
     dropped: u64,
     /// Since when the end state is reached without a break.
     reached_since: Option<Duration>,
+    /// Since when an end state that was reached and judged is no longer there.
+    broken_since: Option<Duration>,
     verdict: Option<Verdict>,
 }
+
+/// An end state must be gone for so long before a verdict on it is taken back: a second process with a living module's
+/// identifier may hide that module until its next heartbeat comes.
+const RETRACTION_DELAY: Duration = Duration::from_secs(1);
 
 /// How many violations are listed; more say nothing new.
 const VIOLATIONS_MAX: usize = 256;
@@ -94,6 +103,7 @@ impl Observer {
             messages: 0,
             dropped: 0,
             reached_since: None,
+            broken_since: None,
             verdict: None,
         }
     }
@@ -192,6 +202,36 @@ impl Observer {
             self.verdict = self.judge(now);
         }
         self.verdict.as_ref()
+    }
+
+    /// Looks again at a verdict that was given; `None` while it still holds.
+    ///
+    /// A formation that was done and is not any more, because a member fell silent or a new plan is under way, is
+    /// FAILED until it is done again.
+    pub fn review(&mut self, now: Duration) -> Option<&Verdict> {
+        let Some(known) = self.verdict.take() else {
+            return self.verdict(now);
+        };
+        let fresh = match self.judge(now) {
+            Some(verdict) => Some(verdict),
+            // Done, but not right yet, which it may still become.
+            None if self.reached_since.is_some() => None,
+            None => {
+                let since = *self.broken_since.get_or_insert(now);
+                (now >= since.saturating_add(RETRACTION_DELAY))
+                    .then(|| self.report(self.missing(now), None))
+            }
+        };
+        if self.reached_since.is_some() {
+            self.broken_since = None;
+        }
+        match fresh.filter(|fresh| !fresh.says_the_same_as(&known)) {
+            Some(fresh) => Some(self.verdict.insert(fresh)),
+            None => {
+                self.verdict = Some(known);
+                None
+            }
+        }
     }
 
     /// How far the formation has come.
@@ -307,7 +347,7 @@ impl Observer {
 
     fn judge(&mut self, now: Duration) -> Option<Verdict> {
         let is_late = now >= self.parameters.time_limit;
-        let missing = self.missing();
+        let missing = self.missing(now);
         if missing.is_empty() {
             self.reached_since.get_or_insert(now);
         } else {
@@ -331,7 +371,7 @@ impl Observer {
     }
 
     /// What the newest target still waits for.
-    fn missing(&self) -> Vec<Missing> {
+    fn missing(&self, now: Duration) -> Vec<Missing> {
         let newest = self
             .newest()
             .filter(|(_, _, heard, _)| !self.is_outdated(heard));
@@ -340,10 +380,24 @@ impl Observer {
         };
         let claimed = replay_claims(epoch, record, heard, problem);
         let mut missing = EndState::new(self, epoch, record, heard, problem, &claimed).missing();
+        missing.extend(self.silent(now, heard));
         if !missing.is_empty() {
             missing.extend(self.never_heard().map(|module| Missing::Module { module }));
         }
         missing
+    }
+
+    /// The members that were heard before, but not lately.
+    fn silent(&self, now: Duration, heard: &HeardRoster) -> impl Iterator<Item = Missing> {
+        let silence = self.parameters.silence;
+        heard.roster.members.iter().filter_map(move |member| {
+            let module = member.module.id;
+            let last = self
+                .modules
+                .get(&module)?
+                .heartbeat_of(member.incarnation)?;
+            (now.saturating_sub(last) > silence).then_some(Missing::Silent { module, silence })
+        })
     }
 
     fn missing_roster(&self) -> Vec<Missing> {
@@ -444,6 +498,17 @@ impl Observer {
 }
 
 impl Verdict {
+    /// Whether nobody needs to be told of the other after this one; what is still missing changes all the time.
+    fn says_the_same_as(&self, other: &Self) -> bool {
+        let unfinished = self.outcome == Outcome::Failed;
+        self.outcome == other.outcome
+            && self.violations == other.violations
+            && (unfinished
+                || (self.epoch == other.epoch
+                    && self.assignments == other.assignments
+                    && self.unassigned == other.unassigned))
+    }
+
     fn report_on(
         &mut self,
         epoch: Epoch,

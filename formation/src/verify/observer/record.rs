@@ -72,6 +72,12 @@ impl ModuleRecord {
         }
     }
 
+    /// When the latest heartbeat of a run came.
+    pub(super) fn heartbeat_of(&self, incarnation: Incarnation) -> Option<Duration> {
+        let (_, heard) = self.runs.get(&incarnation)?.last_heartbeat?;
+        Some(heard)
+    }
+
     /// The latest state of the member's run, unless a later run has taken the module over.
     ///
     /// A second process with the identifier of a living module is refused, so the member's run still stands while

@@ -33,7 +33,7 @@ fn neither_the_order_of_arrival_nor_repetition_matters() {
         let mut messages = run.messages();
         messages.extend(run.messages());
         random.shuffle(&mut messages);
-        let mut observer = observe(&messages, ObserverParameters::default());
+        let mut observer = observe(&messages, patient());
         let verdict = observer.verdict(Duration::from_secs(1)).unwrap();
         assert_eq!(verdict.outcome, Outcome::Complete, "seed {seed}");
         assert_eq!(verdict.assignments.len(), 4);
@@ -45,7 +45,7 @@ fn no_verdict_comes_before_the_last_message() {
     let mut messages = good_run().messages();
     for seed in 0..50 {
         Random::from_seed(seed).shuffle(&mut messages);
-        let mut observer = Observer::new(ObserverParameters::default());
+        let mut observer = Observer::new(patient());
         for message in &messages {
             if let Some(verdict) = observer.verdict(Duration::from_secs(1)) {
                 assert_eq!(verdict.outcome, Outcome::Complete);
@@ -68,7 +68,7 @@ fn states_that_were_missed_are_not_held_against_the_modules() {
 #[test]
 fn progress_follows_the_run() {
     let run = good_run();
-    let mut observer = Observer::new(ObserverParameters::default());
+    let mut observer = Observer::new(patient());
     assert_eq!(observer.progress().stage, Stage::WaitingForTarget);
     let mut stages = Vec::new();
     for message in run.messages() {
@@ -104,7 +104,7 @@ fn progress_follows_the_run() {
 #[test]
 fn an_agreement_needs_every_claim_and_every_member() {
     let run = good_run();
-    let mut observer = Observer::new(ObserverParameters::default());
+    let mut observer = Observer::new(patient());
     let mut agreed_since = None;
     for message in run.messages() {
         observer.handle(Duration::ZERO, &message);

@@ -1,6 +1,7 @@
 //! Hand-made message sequences: the good case in any order, what is missing at the time limit, and each violation.
 
 mod good_runs;
+mod review;
 mod time_limit;
 mod violations;
 
@@ -279,7 +280,7 @@ impl Run {
     }
 
     fn observe(&self) -> Observer {
-        observe(&self.messages(), ObserverParameters::default())
+        observe(&self.messages(), patient())
     }
 
     /// The verdict once every wait is over.
@@ -303,7 +304,7 @@ impl Run {
         );
         let mut messages = self.messages();
         Random::from_seed(5).shuffle(&mut messages);
-        let mut observer = observe(&messages, ObserverParameters::default());
+        let mut observer = observe(&messages, patient());
         observer.verdict(Duration::from_secs(1));
         let due = observer.poll_timeout().unwrap();
         let violations = &observer.verdict(due).unwrap().violations;
@@ -316,6 +317,14 @@ impl Run {
         assert_eq!(verdict.outcome, Outcome::Failed);
         assert_eq!(verdict.missing, expected);
         assert_eq!(verdict.violations, []);
+    }
+}
+
+/// The hand-made messages all come in the first instant, and nothing that follows means that somebody fell silent.
+fn patient() -> ObserverParameters {
+    ObserverParameters {
+        silence: Duration::MAX,
+        ..ObserverParameters::default()
     }
 }
 

@@ -8,7 +8,7 @@ fn silence_is_named() {
         &[],
         ObserverParameters {
             expected: modules(&[4, 7]),
-            ..ObserverParameters::default()
+            ..patient()
         },
     );
     assert_eq!(observer.verdict(Duration::from_secs(119)), None);

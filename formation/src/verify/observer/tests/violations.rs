@@ -130,7 +130,7 @@ fn of_rosters() {
     // The announcement of the same revision that comes first stands.
     let mut messages = vec![Message::Target(Arc::new(announced))];
     messages.extend(run.messages());
-    let mut observer = observe(&messages, ObserverParameters::default());
+    let mut observer = observe(&messages, patient());
     observer.verdict(Duration::from_secs(1));
     let verdict = observer.verdict(Duration::from_secs(9)).unwrap();
     assert_eq!(

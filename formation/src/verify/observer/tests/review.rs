@@ -1,0 +1,122 @@
+//! A verdict that is looked at again: formations break, and are mended.
+
+use super::*;
+
+const SILENCE: Duration = Duration::from_secs(5);
+
+fn at(seconds: u64) -> Duration {
+    Duration::from_secs(seconds)
+}
+
+/// The heartbeats that follow those of the good run, one of each of these modules.
+fn beat(observer: &mut Observer, now: Duration, modules: impl IntoIterator<Item = u32>) {
+    for module in modules {
+        let sequence = 100 + now.as_secs();
+        let heartbeat = heartbeat(module, sequence, 10);
+        observer.handle(now, &Message::Heartbeat(heartbeat));
+    }
+}
+
+fn outcome(verdict: Option<&Verdict>) -> Option<Outcome> {
+    verdict.map(|verdict| verdict.outcome)
+}
+
+#[test]
+fn a_formation_is_not_done_while_a_member_is_silent() {
+    let mut observer = observe(&good_run().messages(), ObserverParameters::default());
+    beat(&mut observer, at(20), [1, 2, 4, 5]);
+    assert_eq!(observer.verdict(at(20)), None);
+    beat(&mut observer, at(21), [3]);
+    assert_eq!(
+        outcome(observer.verdict(at(21))),
+        Some(Outcome::Complete),
+        "it is heard again"
+    );
+}
+
+#[test]
+fn the_end_of_the_time_names_who_is_silent() {
+    let parameters = ObserverParameters {
+        time_limit: at(30),
+        ..ObserverParameters::default()
+    };
+    let mut observer = observe(&good_run().messages(), parameters);
+    beat(&mut observer, at(30), [1, 2, 4, 5]);
+    let verdict = observer.verdict(at(30)).unwrap();
+    assert_eq!(verdict.outcome, Outcome::Failed);
+    assert_eq!(
+        verdict.missing,
+        [Missing::Silent {
+            module: ModuleId(3),
+            silence: SILENCE
+        }]
+    );
+    assert_eq!(
+        verdict.missing[0].to_string(),
+        "module 3 was not heard for 5 s"
+    );
+}
+
+#[test]
+fn a_death_breaks_the_verdict_and_a_new_plan_mends_it() {
+    let mut observer = observe(&good_run().messages(), ObserverParameters::default());
+    assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
+    assert_eq!(outcome(observer.review(at(2))), None, "nothing changed");
+    // The spare falls silent: who stands where is as it was, but the plan counted on it.
+    for now in 2..9 {
+        beat(&mut observer, at(now), 1..=4);
+    }
+    assert_eq!(outcome(observer.review(at(8))), None, "it may be heard yet");
+    let broken = observer.review(at(9)).unwrap();
+    assert_eq!(broken.outcome, Outcome::Failed);
+    assert_eq!(broken.missing.len(), 1);
+    assert_eq!(outcome(observer.review(at(10))), None, "told once");
+
+    // The others make a new plan without it, in which all stay where they are.
+    let epoch = Epoch {
+        number: 2,
+        convener: ModuleId(1),
+    };
+    let mut run = good_run();
+    let pins = [(1, 2), (2, 3), (3, 1), (4, 4)];
+    run.members.truncate(4);
+    for (member, (_, spot)) in run.members.iter_mut().zip(pins) {
+        member.module.pin = Some(SpotId(spot));
+        let settled = run.states.iter().rev();
+        let settled = settled
+            .clone()
+            .find(|state| state.module == member.module.id)
+            .unwrap();
+        member.module.pose = settled.pose;
+        member.module.links = settled.links.clone();
+    }
+    let mut roster = run.roster();
+    roster.epoch = epoch;
+    observer.handle(
+        at(10),
+        &Message::Roster(RosterMessage::Plan(Arc::new(roster))),
+    );
+    assert_eq!(outcome(observer.review(at(10))), None, "not mended yet");
+    for (module, spot) in pins {
+        let mut beat = heartbeat(module, 200, 200);
+        beat.epoch = Some(epoch);
+        beat.digest = Some(Digest(2));
+        beat.applied_turns = 0;
+        observer.handle(at(11), &Message::Heartbeat(beat));
+        let mut stays = run.state(module, 3).clone();
+        stays.sequence = 9;
+        stays.epoch = Some(epoch);
+        stays.digest = Some(Digest(2));
+        stays.unit = Some(ModuleId(module));
+        stays.spot = Some(SpotId(spot));
+        stays.settled_since = 9;
+        stays.waited_for.clear();
+        stays.agreed_on.clear();
+        observer.handle(at(11), &Message::ModuleState(Arc::new(stays)));
+    }
+    let mended = observer.review(at(11)).unwrap();
+    assert_eq!(mended.violations, []);
+    assert_eq!(mended.outcome, Outcome::Complete);
+    assert_eq!(mended.epoch, Some(epoch));
+    assert_eq!(mended.unassigned, [], "it counts the living only");
+}
