@@ -46,6 +46,8 @@ pub(super) struct Convening {
     /// The least time between epochs at present.
     interval: Duration,
     highest: Option<Epoch>,
+    /// Whether all expected modules were gathered once: who is absent later may be gone for good.
+    number_was_met: bool,
     lacks_quorum: bool,
     told_shortfall: Option<(usize, usize)>,
     /// Whether an epoch was opened for unequal digests already.
@@ -62,6 +64,7 @@ impl Convening {
             last_opened: None,
             interval,
             highest: None,
+            number_was_met: false,
             lacks_quorum: false,
             told_shortfall: None,
             mismatch_retried: false,
@@ -76,7 +79,7 @@ impl Convening {
         }
     }
 
-    fn is_plausible(&self, epoch: Epoch) -> bool {
+    pub fn is_plausible(&self, epoch: Epoch) -> bool {
         let known = self.highest.map_or(0, |highest| highest.number);
         epoch.number <= known.saturating_add(EPOCH_STEP_MAX)
     }
@@ -411,6 +414,12 @@ impl Agent {
             if self.service != Service::Active {
                 announced.module.pin = mine.module.pin;
             }
+            if mine.incarnation > self.incarnation {
+                // The others have let a later run of this module take its place.
+                self.succeeded_by = self.succeeded_by.max(Some(mine.incarnation));
+                self.stand_back();
+                return self.refuse(Some(epoch.convener), Refusal::DuplicateModule);
+            }
             if mine.incarnation < self.incarnation {
                 // It lists an earlier run of this module; the others will notice that it started anew.
                 return self.refuse(Some(epoch.convener), Refusal::StaleIncarnation);
@@ -495,7 +504,7 @@ impl Agent {
             .collect();
         let count = frozen.len() + usize::from(self.body.is_at_rest());
         let living = self.living();
-        let first = !self.quorum.has_agreed();
+        let waits_for_number = !self.convening.number_was_met && !self.quorum.has_agreed();
         let expected = self.expected();
         let Stage::Gathering(Gathering {
             collection: Some(collection),
@@ -512,7 +521,7 @@ impl Agent {
         let limit_at = since + self.parameters.gather_limit;
         let everyone = match expected {
             // Only the first roster waits for a number; later ones replace members that may be gone for good.
-            Some(expected) if first => count >= expected as usize,
+            Some(expected) if waits_for_number => count >= expected as usize,
             _ => count >= living.len() || self.now >= quiet_at,
         };
         let time_is_up = self.now >= limit_at;
@@ -607,6 +616,9 @@ impl Agent {
     pub(super) fn begin_turns(&mut self, roster: Arc<Roster>) {
         let members = roster.members.len();
         let epoch = roster.epoch;
+        let expected = roster.target.expected_modules;
+        self.convening.number_was_met |=
+            expected.is_some_and(|expected| members >= expected as usize);
         match Turns::new(roster, self.now) {
             Some(turns) => {
                 self.stage = Stage::Planning(Box::new(turns));

@@ -124,6 +124,8 @@ pub struct Agent {
     voice: Voice,
     /// Until when it stands back because another process runs under its identifier.
     standing_back_until: Option<Duration>,
+    /// The later run of this module by which the others have replaced this one.
+    succeeded_by: Option<Incarnation>,
     duplicate_told: Option<Incarnation>,
 }
 
@@ -163,6 +165,7 @@ impl Agent {
                 ..Voice::default()
             },
             standing_back_until: None,
+            succeeded_by: None,
             duplicate_told: None,
         }
     }
@@ -286,6 +289,7 @@ impl Agent {
             self.stage = Stage::Idle;
             self.voice.state_changed = true;
         }
+        self.peers.expect(announcement.expected_modules);
         self.announcement = Some(announcement);
     }
 
@@ -326,21 +330,31 @@ impl Agent {
     }
 
     /// Another process speaks as this module: the later one stands back until the earlier falls silent.
+    ///
+    /// Unless the earlier one had been silent for long enough already: then the others have let the later one take its
+    /// place, and believe only that. An earlier one that goes on after having been stopped must not push it out again.
     fn hear_namesake(&mut self, incarnation: Incarnation) {
         if incarnation == self.incarnation {
             self.refuse(Some(self.module), Refusal::WrongSource);
             return;
         }
-        if incarnation < self.incarnation {
-            self.standing_back_until = Some(self.now + self.parameters.suspicion);
-            self.stand_still();
-            self.stage = Stage::Idle;
+        let listened = self.now.saturating_sub(self.started) > self.parameters.suspicion;
+        let has_succeeded = listened && self.standing_back_until.is_none();
+        let is_succeeded = self.succeeded_by.is_some_and(|later| incarnation >= later);
+        if (incarnation < self.incarnation && !has_succeeded) || is_succeeded {
+            self.stand_back();
         }
         self.refusals.add(Refusal::DuplicateModule);
         if self.duplicate_told != Some(incarnation) {
             self.duplicate_told = Some(incarnation);
             self.emit(Event::DuplicateModule(self.module));
         }
+    }
+
+    fn stand_back(&mut self) {
+        self.standing_back_until = Some(self.now + self.parameters.suspicion);
+        self.stand_still();
+        self.stage = Stage::Idle;
     }
 
     fn hear_motion(&mut self, report: MotionReport) {

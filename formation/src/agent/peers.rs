@@ -11,6 +11,9 @@ use crate::message::{Heartbeat, ModuleState};
 use super::io::SourceId;
 use super::refusal::Refusal;
 
+/// So many modules are known at least, and up to four times as many as are expected: more are taken for invented.
+const PEERS_MIN: usize = 1_024;
+
 /// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
 const DRIFT_DIVISOR: u32 = 1_000;
 
@@ -81,12 +84,44 @@ pub(super) enum Hearing {
 }
 
 /// All other modules that were heard.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub(super) struct Peers {
     peers: BTreeMap<ModuleId, Peer>,
+    /// At most so many are kept.
+    room: usize,
+}
+
+impl Default for Peers {
+    fn default() -> Self {
+        Self {
+            peers: BTreeMap::new(),
+            room: MODULES_MAX,
+        }
+    }
 }
 
 impl Peers {
+    /// So many modules are expected, where that is known.
+    pub fn expect(&mut self, expected: Option<u32>) {
+        let expected = expected.and_then(|count| usize::try_from(count).ok());
+        self.room = expected.map_or(MODULES_MAX, |count| {
+            PEERS_MIN.max(count.saturating_mul(4)).min(MODULES_MAX)
+        });
+    }
+
+    /// Whether there is room for one more, if need be in the place of one that has long been silent.
+    fn make_room(&mut self, now: Duration, suspicion: Duration) -> bool {
+        if self.peers.len() < self.room {
+            return true;
+        }
+        let last_heard = |peer: &Peer| peer.alive_at.unwrap_or(peer.first_heard);
+        let quietest = self.peers.iter().min_by_key(|(_, peer)| last_heard(peer));
+        let gone = quietest
+            .filter(|(_, peer)| now.saturating_sub(last_heard(peer)) > suspicion)
+            .map(|(&module, _)| module);
+        gone.is_some_and(|module| self.peers.remove(&module).is_some())
+    }
+
     pub fn get(&self, module: ModuleId) -> Option<&Peer> {
         self.peers.get(&module)
     }
@@ -126,7 +161,7 @@ impl Peers {
         source: Option<SourceId>,
     ) -> Result<&mut Peer, Refusal> {
         self.check_source(module, incarnation, source)?;
-        if self.peers.len() >= MODULES_MAX && !self.peers.contains_key(&module) {
+        if !self.peers.contains_key(&module) && !self.make_room(now, suspicion) {
             return Err(Refusal::TooManyModules);
         }
         let peer = self
@@ -187,7 +222,7 @@ impl Peers {
         {
             return Ok(false);
         }
-        peer.state = Some(state);
+        peer.state = Some(without_proofs(state));
         Ok(true)
     }
 
@@ -213,6 +248,17 @@ impl Peers {
             peer.excluded_until = peer.excluded_until.max(until);
         }
     }
+}
+
+/// What a state waited for is for observers; to keep it would let anyone fill this module's memory.
+fn without_proofs(state: Arc<ModuleState>) -> Arc<ModuleState> {
+    if state.waited_for.is_empty() && state.agreed_on.is_empty() {
+        return state;
+    }
+    let mut state = ModuleState::clone(&state);
+    state.waited_for = Vec::new();
+    state.agreed_on = Vec::new();
+    Arc::new(state)
 }
 
 #[cfg(test)]
@@ -256,6 +302,26 @@ mod tests {
             .hear_heartbeat(at(30), SUSPICION, heartbeat(1, 3, 21), None)
             .unwrap();
         assert!(peers.is_live(at(30), SUSPICION, ModuleId(1)));
+    }
+
+    #[test]
+    fn invented_modules_take_no_more_room_than_there_is() {
+        let mut peers = Peers::default();
+        peers.expect(Some(8));
+        let mut hear = |now, module| {
+            let mut heartbeat = heartbeat(1, now, now);
+            heartbeat.module = ModuleId(module);
+            peers
+                .hear_heartbeat(at(now), SUSPICION, heartbeat, None)
+                .map(|_| ())
+        };
+        for module in 0..1_024 {
+            assert_eq!(hear(1, module), Ok(()));
+        }
+        assert_eq!(hear(2, 5_000), Err(Refusal::TooManyModules));
+        assert_eq!(hear(3, 7), Ok(()), "who is known stays known");
+        assert_eq!(hear(7, 5_000), Ok(()), "the silent make room");
+        assert!(peers.get(ModuleId(7)).is_some());
     }
 
     #[test]

@@ -115,8 +115,24 @@ impl RefusalCounts {
         self.0.get(&refusal).copied().unwrap_or_default()
     }
 
+    /// How many were refused in all.
+    #[must_use]
+    pub fn total(&self) -> u64 {
+        self.0.values().sum()
+    }
+
     /// The kinds that occurred, with their counts.
     pub fn iter(&self) -> impl Iterator<Item = (Refusal, u64)> + '_ {
         self.0.iter().map(|(&refusal, &count)| (refusal, count))
+    }
+}
+
+impl fmt::Display for RefusalCounts {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        for (index, (refusal, count)) in self.iter().enumerate() {
+            let separator = if index > 0 { ", " } else { "" };
+            write!(formatter, "{separator}{} {count}", refusal.name())?;
+        }
+        Ok(())
     }
 }

@@ -17,6 +17,8 @@ use super::{Agent, Stage};
 
 /// At most this many claims are kept that came before their turn.
 const EARLY_CLAIMS_MAX: usize = 16_384;
+/// At most this many spots, evictions and modules are named in all claims that are kept.
+const EARLY_ENTRIES_MAX: usize = 1 << 17;
 /// At most this many claims are kept for one turn; only one of them can be right.
 const CLAIMS_PER_TURN_MAX: usize = 8;
 
@@ -25,11 +27,18 @@ const CLAIMS_PER_TURN_MAX: usize = 8;
 pub(super) struct EarlyClaims {
     claims: BTreeMap<(Epoch, u32), Vec<Arc<SpotClaim>>>,
     count: usize,
+    entries: usize,
+}
+
+fn entries_of(claim: &SpotClaim) -> usize {
+    let decision = &claim.decision;
+    decision.selections.len() + decision.evictions.len() + decision.detached.len()
 }
 
 impl EarlyClaims {
     fn keep(&mut self, claim: Arc<SpotClaim>) -> Result<(), Refusal> {
-        if self.count >= EARLY_CLAIMS_MAX {
+        let entries = entries_of(&claim);
+        if self.count >= EARLY_CLAIMS_MAX || self.entries + entries > EARLY_ENTRIES_MAX {
             return Err(Refusal::BufferFull);
         }
         let same_turn = self.claims.entry((claim.epoch, claim.turn)).or_default();
@@ -41,18 +50,22 @@ impl EarlyClaims {
         }
         same_turn.push(claim);
         self.count += 1;
+        self.entries += entries;
         Ok(())
     }
 
     fn take(&mut self, epoch: Epoch, turn: u32) -> Vec<Arc<SpotClaim>> {
         let claims = self.claims.remove(&(epoch, turn)).unwrap_or_default();
         self.count -= claims.len();
+        self.entries -= claims.iter().map(|claim| entries_of(claim)).sum::<usize>();
         claims
     }
 
     pub fn forget_before(&mut self, epoch: Epoch) {
         self.claims = self.claims.split_off(&(epoch, 0));
-        self.count = self.claims.values().map(Vec::len).sum();
+        let kept = self.claims.values().flatten();
+        self.count = kept.clone().count();
+        self.entries = kept.map(|claim| entries_of(claim)).sum();
     }
 }
 
@@ -130,25 +143,31 @@ impl Agent {
         if self.epoch.is_some_and(|current| claim.epoch < current) {
             return self.refuse(Some(claimant), Refusal::StaleEpoch);
         }
-        if self.epoch == Some(claim.epoch) {
-            match &self.stage {
-                Stage::Planning(turns) => {
-                    let member = turns
-                        .roster
-                        .members
-                        .iter()
-                        .find(|member| member.module.id == claimant);
-                    if member.is_none_or(|member| member.incarnation != claim.incarnation) {
-                        return self.refuse(Some(claimant), Refusal::UnknownModule);
-                    }
-                    if claim.turn < turns.applied() {
-                        return self.refuse(Some(claimant), Refusal::StaleEpoch);
-                    }
+        if self.epoch != Some(claim.epoch) {
+            // Nobody can claim before the roster, and the roster lists only who has halted for its epoch: in this one
+            // this module has no part.
+            if !self.convening.is_plausible(claim.epoch) {
+                self.refuse(Some(claimant), Refusal::ImplausibleEpoch);
+            }
+            return;
+        }
+        match &self.stage {
+            Stage::Planning(turns) => {
+                let member = turns
+                    .roster
+                    .members
+                    .iter()
+                    .find(|member| member.module.id == claimant);
+                if member.is_none_or(|member| member.incarnation != claim.incarnation) {
+                    return self.refuse(Some(claimant), Refusal::UnknownModule);
                 }
-                Stage::Gathering(_) => {}
-                Stage::Acting(_) | Stage::Outsider(_) | Stage::Idle => {
+                if claim.turn < turns.applied() {
                     return self.refuse(Some(claimant), Refusal::StaleEpoch);
                 }
+            }
+            Stage::Gathering(_) => {}
+            Stage::Acting(_) | Stage::Outsider(_) | Stage::Idle => {
+                return self.refuse(Some(claimant), Refusal::StaleEpoch);
             }
         }
         if let Err(refusal) = self.early_claims.keep(claim) {

@@ -1,0 +1,103 @@
+//! Two runs of one module's process, as the later one sees it.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::agent::{Agent, AgentParameters, Identity, Input, Output, SourceId};
+use formation::id::{Incarnation, ModuleId};
+use formation::message::{Heartbeat, Message, ModulePhase, TargetAnnouncement};
+use formation::scenario::Scenario;
+
+const SCENARIO: &str = "
+target: {spots: [{id: 1, x: 5.0, y: 5.0}], edges: []}
+singletons: [{id: 4, x: 1.0, y: 2.0}]
+";
+
+fn at(seconds: u64) -> Duration {
+    Duration::from_secs(seconds)
+}
+
+/// The later run of module 4, alone with a target, after so long.
+fn successor(now: Duration) -> Agent {
+    let scenario = Scenario::from_yaml(SCENARIO).unwrap();
+    let problem = scenario.problem();
+    let module = &problem.modules()[0];
+    let identity = Identity {
+        module: module.id,
+        incarnation: Incarnation(2),
+        pose: module.pose,
+        links: BTreeSet::new(),
+        configuration: None,
+        leader: None,
+    };
+    let mut agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
+    let target = Message::Target(Arc::new(TargetAnnouncement {
+        revision: 1,
+        name: String::new(),
+        target: Some(Arc::clone(problem.target())),
+        parameters: *problem.parameters(),
+        expected_modules: Some(1),
+    }));
+    tell(&mut agent, Duration::ZERO, target);
+    let mut time = Duration::ZERO;
+    while time < now {
+        time = agent.poll_timeout().max(time + Duration::from_millis(1));
+        agent.handle(time.min(now), Input::Timeout);
+        while agent.poll_output().is_some() {}
+    }
+    agent
+}
+
+fn tell(agent: &mut Agent, now: Duration, message: Message) -> Vec<String> {
+    let source = Some(SourceId(7));
+    agent.handle(now, Input::Message { source, message });
+    let mut told = Vec::new();
+    while let Some(output) = agent.poll_output() {
+        if let Output::Event(event) = output {
+            told.push(event.to_string());
+        }
+    }
+    told
+}
+
+fn heartbeat_of_the_earlier_run() -> Message {
+    Message::Heartbeat(Heartbeat {
+        module: ModuleId(4),
+        incarnation: Incarnation(1),
+        sequence: 100,
+        uptime: at(500),
+        epoch: None,
+        digest: None,
+        digest_since: 0,
+        applied_turns: 0,
+        phase: ModulePhase::Listening,
+    })
+}
+
+#[test]
+fn a_later_run_stands_back_while_the_earlier_one_is_heard() {
+    let mut agent = successor(at(1));
+    assert!(agent.epoch().is_some(), "alone it has begun");
+    let told = tell(&mut agent, at(1), heartbeat_of_the_earlier_run());
+    assert!(
+        told.iter()
+            .any(|line| line.contains("a second process runs as module 4"))
+    );
+    assert_eq!(agent.phase(), ModulePhase::Listening);
+}
+
+#[test]
+fn an_earlier_run_that_wakes_does_not_push_its_successor_out() {
+    let mut agent = successor(at(6));
+    let phase = agent.phase();
+    assert_ne!(phase, ModulePhase::Listening);
+    let told = tell(&mut agent, at(6), heartbeat_of_the_earlier_run());
+    assert!(
+        told.iter()
+            .any(|line| line.contains("a second process runs as module 4"))
+    );
+    assert_eq!(agent.phase(), phase);
+}
