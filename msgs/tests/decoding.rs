@@ -4,6 +4,7 @@ mod common;
 
 use std::sync::LazyLock;
 
+use common::cases;
 use common::codec::{self, Codec};
 use common::samples::{longest_of, samples};
 use proptest::collection::vec;
@@ -36,7 +37,7 @@ fn try_all(codec: &Codec, bytes: &[u8]) {
 }
 
 proptest! {
-    #![proptest_config(ProptestConfig::with_cases(2_000))]
+    #![proptest_config(cases(2_000))]
 
     #[test]
     fn arbitrary_bytes(mut bytes in vec(any::<u8>(), 0..400), little_endian in any::<bool>()) {

@@ -35,7 +35,7 @@ fn another_vendor_decodes_the_markers_and_transforms_of_a_run() {
     let _alone = alone();
     let domain = "94";
     let visualiser = Running::start("visualiser", domain, &["--rate", "20"]);
-    let (Some(mut markers), Some(mut transforms), Some(mut fixed)) = (
+    let (Some(markers), Some(transforms), Some(fixed)) = (
         Peer::take(
             "markers",
             "visualization_msgs/msg/MarkerArray",

@@ -12,5 +12,15 @@
 
 pub mod codec;
 pub mod core_values;
+pub mod hostile;
 pub mod python;
 pub mod samples;
+
+use proptest::prelude::ProptestConfig;
+
+/// How many cases a test tries: `FORMATION_FUZZ_CASES` of them where that is set, as `tests/soak_fuzz.sh` does.
+pub fn cases(usual: u32) -> ProptestConfig {
+    let cases = std::env::var("FORMATION_FUZZ_CASES").ok();
+    let cases = cases.map_or(usual, |cases| cases.parse().unwrap());
+    ProptestConfig::with_cases(cases)
+}
