@@ -44,6 +44,6 @@ fn run() -> Result<u8, Failure> {
         motion: arguments.motion.parameters(),
         frame_id: hosted.frame_id,
     }
-    .run(stop)?;
+    .run(&stop)?;
     Ok(STATUS_DONE)
 }

@@ -45,9 +45,20 @@ pub struct ModuleProcess {
 impl ModuleProcess {
     /// Hosts the modules until `stop` yields, then leaves the graph.
     ///
+    /// When the DDS library stops listening, the modules start anew where they stand, as if the process had.
+    ///
     /// # Errors
     /// The ROS 2 graph could not be joined, or no driver told where its module stands.
-    pub fn run(mut self, stop: Receiver<()>) -> Result<(), SessionError> {
+    pub fn run(mut self, stop: &Receiver<()>) -> Result<(), SessionError> {
+        loop {
+            match self.take_part(stop) {
+                Err(deaf @ SessionError::Deaf) => tracing::warn!("{deaf}; joining anew"),
+                end => return end,
+            }
+        }
+    }
+
+    fn take_part(&mut self, stop: &Receiver<()>) -> Result<(), SessionError> {
         let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
         let mut session = Session::open(&self.settings, &node_name(&ids))?;
         let mut traffic = Traffic::default();
@@ -90,7 +101,7 @@ impl ModuleProcess {
         };
         let host = Host::new(
             session.source(),
-            self.modules,
+            self.modules.iter().cloned(),
             self.parameters,
             &self.motion,
         );
@@ -100,14 +111,18 @@ impl ModuleProcess {
             outlets,
             host,
             traffic,
-            frame_id: self.frame_id,
+            frame_id: self.frame_id.clone(),
         };
         let result = async_io::block_on(process.turn_until_stopped(&inlets, stop));
         tracing::info!("traffic: {}", process.traffic);
-        for (module, refused) in process.host.refused() {
-            if refused > 0 {
-                tracing::info!(module = module.0, refused, "messages refused in all");
+        for (module, refusals) in process.host.refusals() {
+            if refusals.total() > 0 {
+                tracing::info!(module = module.0, "refused: {refusals}");
             }
+        }
+        for identity in &mut self.modules {
+            process.host.bring_up_to_date(identity);
+            identity.incarnation = stamp::incarnation();
         }
         drop(inlets);
         drop(process);
@@ -239,7 +254,7 @@ impl Running {
     async fn turn_until_stopped(
         &mut self,
         inlets: &Inlets,
-        stop: Receiver<()>,
+        stop: &Receiver<()>,
     ) -> Result<(), SessionError> {
         let messages = [
             inlets.target.deliveries(),
@@ -254,11 +269,12 @@ impl Running {
                 .into_iter()
                 .map(|stream| stream.map(Arrival::Message).boxed_local())
                 .chain(drivers.map(|stream| stream.map(Arrival::Driver).boxed_local())),
-            stop,
+            stop.clone(),
         );
         loop {
             self.host.advance(self.start.elapsed());
             self.publish()?;
+            self.session.check_hearing()?;
             match inbox.wait(self.due()).await {
                 Wake::Stop => return Ok(()),
                 Wake::Due => {}

@@ -16,6 +16,9 @@ use crate::traffic::Traffic;
 
 const RETRY_AFTER: Duration = Duration::from_millis(20);
 
+/// With nothing else to do, it looks this often whether the DDS library still works.
+const HEARING_INTERVAL: Duration = Duration::from_secs(1);
+
 /// A process that announces a target, and keeps it for whoever comes late.
 #[derive(Clone, Debug)]
 pub struct TargetProcess {
@@ -30,7 +33,16 @@ impl TargetProcess {
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined.
-    pub fn run(self, stop: Receiver<()>) -> Result<(), SessionError> {
+    pub fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
+        loop {
+            match self.announce(stop) {
+                Err(deaf @ SessionError::Deaf) => tracing::warn!("{deaf}; joining anew"),
+                end => return end,
+            }
+        }
+    }
+
+    fn announce(&self, stop: &Receiver<()>) -> Result<(), SessionError> {
         let mut session = Session::open(&self.settings, "target_publisher")?;
         let mut outlet = Outlet::open(&mut session, &topics::TARGET)?;
         let mut traffic = Traffic::default();
@@ -47,16 +59,20 @@ impl TargetProcess {
                 .map_or(0, |target| target.spots().len()),
             "announced the target"
         );
-        let mut inbox = Inbox::<std::convert::Infallible>::new([], stop);
+        let mut inbox = Inbox::<std::convert::Infallible>::new([], stop.clone());
         async_io::block_on(async {
             loop {
-                let retry = outlet.is_waiting().then(|| Instant::now() + RETRY_AFTER);
-                match inbox.wait(retry).await {
-                    Wake::Stop => break,
+                let wait = if outlet.is_waiting() {
+                    RETRY_AFTER
+                } else {
+                    HEARING_INTERVAL
+                };
+                match inbox.wait(Some(Instant::now() + wait)).await {
+                    Wake::Stop => return Ok(()),
                     Wake::Due | Wake::Arrival(_) => outlet.flush(&mut traffic),
                 }
+                session.check_hearing()?;
             }
-        });
-        Ok(())
+        })
     }
 }

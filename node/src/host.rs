@@ -1,11 +1,11 @@
 //! The modules that one process hosts: their agents, their drives, and what they have to say together.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::agent::{
-    Agent, AgentParameters, Event, Identity, Input, Output, Severity, SourceId,
+    Agent, AgentParameters, Event, Identity, Input, Output, RefusalCounts, Severity, SourceId,
 };
 use formation::id::ModuleId;
 use formation::message::{
@@ -47,7 +47,9 @@ struct Seat {
     /// Whether no sample carried that state yet.
     state_is_new: bool,
     heartbeat: Option<Heartbeat>,
-    refused: u64,
+    /// How many refusals the agent thought worth telling.
+    refusals_told: u64,
+    duplicates_told: u64,
 }
 
 /// The agents of a process, and what they say, gathered into as few samples as possible.
@@ -76,7 +78,8 @@ impl Host {
                 state: None,
                 state_is_new: false,
                 heartbeat: None,
-                refused: 0,
+                refusals_told: 0,
+                duplicates_told: 0,
             })
             .collect();
         Self {
@@ -242,12 +245,17 @@ impl Host {
     fn note(&mut self, seat: usize, event: &Event) {
         let seat = &mut self.seats[seat];
         let module = seat.module.0;
-        if matches!(event, Event::Refused { .. }) {
-            seat.refused += 1;
-            if worth_a_line(seat.refused) {
-                tracing::warn!(module, count = seat.refused, "{event}");
+        // What others can cause at will must not flood the log.
+        let told = match event {
+            Event::Refused { .. } => Some(&mut seat.refusals_told),
+            Event::DuplicateModule(_) => Some(&mut seat.duplicates_told),
+            _ => None,
+        };
+        if let Some(told) = told {
+            *told += 1;
+            if !worth_a_line(*told) {
+                return;
             }
-            return;
         }
         match event.severity() {
             Severity::Info => tracing::info!(module, "{event}"),
@@ -256,17 +264,29 @@ impl Host {
         }
     }
 
-    /// How many messages of others each hosted module refused.
-    pub(crate) fn refused(&self) -> BTreeMap<ModuleId, u64> {
-        self.seats
+    /// Where a hosted module stands by now, and what it is docked to.
+    pub(crate) fn bring_up_to_date(&self, identity: &mut Identity) {
+        if let Some(seat) = self
+            .seats
             .iter()
-            .map(|seat| (seat.module, seat.refused))
-            .collect()
+            .find(|seat| seat.module == identity.module)
+        {
+            identity.pose = seat.agent.pose();
+            identity.links = seat.agent.links().clone();
+        }
+    }
+
+    /// How many messages of others each hosted module refused, by kind.
+    pub(crate) fn refusals(&self) -> impl Iterator<Item = (ModuleId, &RefusalCounts)> {
+        let seats = self.seats.iter();
+        seats.map(|seat| (seat.module, seat.agent.refusals()))
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use formation::id::Incarnation;
     use formation::message::{ModulePhase, TargetAnnouncement};
     use formation::scenario::Scenario;
@@ -436,10 +456,8 @@ singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
         let mut other = announcement.as_ref().clone();
         other.expected_modules = Some(9);
         host.receive(now, OTHER_PROCESS, &Message::Target(Arc::new(other)));
-        assert_eq!(
-            host.refused(),
-            [(ModuleId(4), 1), (ModuleId(5), 1)].into(),
-            "the same revision with other content"
-        );
+        for (module, refusals) in host.refusals() {
+            assert_eq!(refusals.to_string(), "contradicting_target 1", "{module}");
+        }
     }
 }

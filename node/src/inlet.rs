@@ -51,6 +51,11 @@ pub(crate) struct Delivery {
 }
 
 impl Delivery {
+    /// The topic on which it came.
+    pub(crate) fn topic(&self) -> &'static str {
+        self.topic
+    }
+
     /// The messages and their sender; nothing of a sample that is refused, and nothing of one's own.
     ///
     /// A process hands messages between the modules that it hosts by itself, so what it hears of itself is no news.

@@ -43,7 +43,9 @@ impl From<SessionError> for Failure {
     fn from(error: SessionError) -> Self {
         match error {
             SessionError::Name { .. } | SessionError::Discovery(_) => Self::BadInput(error.into()),
-            SessionError::Drivers(_) | SessionError::Library { .. } => Self::Failed(error.into()),
+            SessionError::Drivers(_) | SessionError::Library { .. } | SessionError::Deaf => {
+                Self::Failed(error.into())
+            }
         }
     }
 }

@@ -15,6 +15,7 @@ use thiserror::Error;
 use crate::arguments::{NodeIdentity, RemapRules, Resource};
 use crate::environment::DiscoveryRange;
 use crate::interfaces::{discovery_obstacle, interfaces};
+use crate::pulse::Pulse;
 use crate::service::{ServiceType, service_qos};
 use crate::service_mapping::ServiceMapping;
 use crate::settings::Settings;
@@ -33,6 +34,7 @@ pub struct Session {
     #[expect(dead_code, reason = "held for what its end does")]
     context: Context,
     participant: DomainParticipant,
+    pulse: Pulse,
     identity: NodeIdentity,
     remaps: RemapRules,
     service_mapping: ServiceMapping,
@@ -55,6 +57,11 @@ pub enum SessionError {
     /// No driver told where its module stands.
     #[error("{0}")]
     Drivers(String),
+    /// The DDS library has ended its threads, as it does when the process was stopped for a while.
+    #[error(
+        "the DDS library has stopped listening, as it does when a process is stopped and goes on"
+    )]
+    Deaf,
     /// The DDS library refused.
     #[error("cannot {what} in domain {domain}: {reason}")]
     Library {
@@ -92,6 +99,7 @@ impl Session {
             DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
             DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
         };
+        let pulse = Pulse::before_start();
         let participant = builder
             .build()
             .map_err(|error| library("create a DDS participant", &error))?;
@@ -107,6 +115,7 @@ impl Session {
         let node = context
             .new_node(node_name, options)
             .map_err(|error| library("create a ROS 2 node", &error))?;
+        pulse.started();
         tracing::info!(
             node = node.fully_qualified_name(),
             domain,
@@ -118,10 +127,23 @@ impl Session {
             node,
             context,
             participant,
+            pulse,
             identity,
             remaps: settings.ros.remaps.clone(),
             service_mapping: settings.service_mapping,
         })
+    }
+
+    /// Fails once the DDS library has stopped listening; only a new session will hear anything then.
+    ///
+    /// # Errors
+    /// [`SessionError::Deaf`].
+    pub(crate) fn check_hearing(&self) -> Result<(), SessionError> {
+        if self.pulse.is_there() {
+            Ok(())
+        } else {
+            Err(SessionError::Deaf)
+        }
     }
 
     /// What the node is called, and where.

@@ -10,6 +10,8 @@ pub enum RefusalKind {
     Malformed,
     /// It decodes, but contradicts itself or its bounds.
     Invalid,
+    /// It speaks for a module that another process speaks for.
+    Misattributed,
 }
 
 impl fmt::Display for RefusalKind {
@@ -17,6 +19,7 @@ impl fmt::Display for RefusalKind {
         formatter.write_str(match self {
             Self::Malformed => "malformed",
             Self::Invalid => "invalid",
+            Self::Misattributed => "misattributed",
         })
     }
 }

@@ -13,12 +13,16 @@ use crate::inlet::{Delivery, Inlet};
 use crate::outlet::Outlet;
 use crate::session::{Session, SessionError};
 use crate::settings::Settings;
+use crate::speakers::Speakers;
 use crate::stamp;
 use crate::topics;
-use crate::traffic::Traffic;
+use crate::traffic::{RefusalKind, Traffic};
 
 /// However much comes in, the state of things is judged at most this often.
 const JUDGE_INTERVAL: Duration = Duration::from_millis(50);
+
+/// Looks this often whether somebody fell silent, and whether it can still hear itself.
+const REVIEW_INTERVAL: Duration = Duration::from_secs(1);
 
 /// After so many samples the loop turns to judging.
 const SAMPLES_PER_TURN: usize = 256;
@@ -34,6 +38,8 @@ pub struct VerifierProcess {
     pub plan_only: bool,
     /// Whether to tell of everything that happens, and not only how far the formation has come.
     pub chronicle: bool,
+    /// Whether it stays after the first verdict, and gives another whenever things change, until it is told to end.
+    pub keep_watching: bool,
     /// After the verdict, the process stays so long, so that subscribers can take it.
     pub linger: Duration,
 }
@@ -42,14 +48,29 @@ impl VerifierProcess {
     /// Watches until there is an end, publishes the verdict, if that is what there is, and leaves the graph.
     ///
     /// `told` hears of progress whenever it changes, of what happens if that is asked for, and of the end as soon as
-    /// there is one.
+    /// there is one; of each that takes the place of an earlier one, if the process keeps watching.
+    ///
+    /// When the DDS library stops listening, it begins anew with what is still to be heard.
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined.
     pub fn run(
         self,
-        stop: Receiver<()>,
+        stop: &Receiver<()>,
         mut told: impl FnMut(News<'_>),
+    ) -> Result<Judgement, SessionError> {
+        loop {
+            match self.judge(stop, &mut told) {
+                Err(deaf @ SessionError::Deaf) => tracing::warn!("{deaf}; joining anew"),
+                end => return end,
+            }
+        }
+    }
+
+    fn judge(
+        &self,
+        stop: &Receiver<()>,
+        told: &mut impl FnMut(News<'_>),
     ) -> Result<Judgement, SessionError> {
         let mut session = Session::open(&self.settings, "verifier")?;
         let inlets = Inlets {
@@ -69,28 +90,27 @@ impl VerifierProcess {
                 inlets.claims.deliveries(),
                 inlets.heartbeats.deliveries(),
             ],
-            stop,
+            stop.clone(),
         );
         let mut watch = Watch {
             start: Instant::now(),
-            observer: Observer::new(self.parameters),
+            observer: Observer::new(self.parameters.clone()),
             plan_only: self.plan_only,
             chronicler: self.chronicle.then(Chronicler::default),
+            keep_watching: self.keep_watching,
             inbox,
             outlet,
             session: &session,
+            speakers: Speakers::default(),
             traffic: Traffic::default(),
         };
         let end = async_io::block_on(async {
-            let end = watch.until_the_end(&mut told).await;
-            if let Some(end) = &end {
-                told(News::End(end));
+            let end = watch.until_the_end(told).await?;
+            if let Some(End::Judged(_)) = &end {
+                watch.linger(self.linger).await;
             }
-            if let Some(End::Judged(verdict)) = &end {
-                watch.publish(verdict, self.linger).await;
-            }
-            end
-        });
+            Ok(end)
+        })?;
         let traffic = watch.traffic;
         tracing::info!("traffic: {traffic}");
         Ok(Judgement { end, traffic })
@@ -100,7 +120,7 @@ impl VerifierProcess {
 /// How watching ended.
 #[derive(Clone, Debug)]
 pub enum End {
-    /// With a verdict on the formation.
+    /// With a verdict on the formation; the last, if the process kept watching.
     Judged(Verdict),
     /// With a plan that all members agree on, where no more was asked for.
     Agreed(Agreement),
@@ -140,15 +160,21 @@ struct Watch<'a> {
     plan_only: bool,
     /// Where everything that happens is to be told.
     chronicler: Option<Chronicler>,
+    keep_watching: bool,
     inbox: Inbox<'a, Delivery>,
     outlet: Outlet<formation_msgs::Verdict, Publisher<formation_msgs::Verdict>>,
     session: &'a Session,
+    speakers: Speakers,
     traffic: Traffic,
 }
 
 impl Watch<'_> {
-    async fn until_the_end(&mut self, told: &mut impl FnMut(News<'_>)) -> Option<End> {
+    async fn until_the_end(
+        &mut self,
+        told: &mut impl FnMut(News<'_>),
+    ) -> Result<Option<End>, SessionError> {
         let mut shown = None;
+        let mut last = None;
         // When to judge next, if anything came in since.
         let mut judge_at = Some(Instant::now());
         loop {
@@ -160,31 +186,34 @@ impl Watch<'_> {
                     shown = Some(progress);
                 }
                 if let Some(end) = self.end() {
-                    return Some(end);
+                    told(News::End(&end));
+                    if let End::Judged(verdict) = &end {
+                        self.publish(verdict);
+                    }
+                    if !self.keep_watching {
+                        return Ok(Some(end));
+                    }
+                    last = Some(end);
+                }
+                if self.keep_watching {
+                    judge_at = Some(Instant::now() + REVIEW_INTERVAL);
                 }
             }
+            self.outlet.flush(&mut self.traffic);
+            self.session.check_hearing()?;
             let timeout = self.observer.poll_timeout().map(|due| self.start + due);
-            let due = [judge_at, timeout].into_iter().flatten().min();
+            let look_at = Some(Instant::now() + REVIEW_INTERVAL);
+            let due = [judge_at, timeout, look_at].into_iter().flatten().min();
             match self.inbox.wait(due).await {
-                Wake::Stop => return None,
+                Wake::Stop => return Ok(last),
                 Wake::Due => {}
                 Wake::Arrival(delivery) => {
                     let mut next = Some(delivery);
                     for _ in 0..SAMPLES_PER_TURN {
                         let Some(delivery) = next else { break };
-                        if let Some((_, messages)) =
-                            delivery.accept(self.session.source(), &mut self.traffic)
-                        {
-                            let now = self.start.elapsed();
-                            for message in &messages {
-                                self.observer.handle(now, message);
-                                if let Some(chronicler) = &mut self.chronicler {
-                                    for entry in chronicler.hear(now, message) {
-                                        told(News::Entry(&entry));
-                                    }
-                                }
-                            }
-                            judge_at.get_or_insert_with(|| Instant::now() + JUDGE_INTERVAL);
+                        if self.take_in(delivery, told) {
+                            let soon = Instant::now() + JUDGE_INTERVAL;
+                            judge_at = Some(judge_at.map_or(soon, |at| at.min(soon)));
                         }
                         next = self.inbox.ready();
                     }
@@ -193,13 +222,43 @@ impl Watch<'_> {
         }
     }
 
+    /// Whether there was anything in a delivery to judge by.
+    fn take_in(&mut self, delivery: Delivery, told: &mut impl FnMut(News<'_>)) -> bool {
+        let topic = delivery.topic();
+        let Some((source, messages)) = delivery.accept(self.session.source(), &mut self.traffic)
+        else {
+            return false;
+        };
+        let now = self.start.elapsed();
+        for message in &messages {
+            if !self.speakers.admit(source, message) {
+                let reason = "another process speaks for that module";
+                self.traffic
+                    .refuse(topic, RefusalKind::Misattributed, &reason);
+                continue;
+            }
+            self.observer.handle(now, message);
+            if let Some(chronicler) = &mut self.chronicler {
+                for entry in chronicler.hear(now, message) {
+                    told(News::Entry(&entry));
+                }
+            }
+        }
+        true
+    }
+
     fn end(&mut self) -> Option<End> {
         if self.plan_only
             && let Some(agreement) = self.observer.agreement()
         {
             return Some(End::Agreed(agreement));
         }
-        let verdict = self.observer.verdict(self.start.elapsed())?;
+        let now = self.start.elapsed();
+        let verdict = if self.keep_watching {
+            self.observer.review(now)
+        } else {
+            self.observer.verdict(now)
+        }?;
         Some(End::Judged(verdict.clone()))
     }
 
@@ -209,11 +268,14 @@ impl Watch<'_> {
             .is_some_and(|due| due <= self.start.elapsed())
     }
 
-    /// Publishes the verdict and stays for a while, unless the process is to end.
-    async fn publish(&mut self, verdict: &Verdict, linger: Duration) {
+    fn publish(&mut self, verdict: &Verdict) {
         let mut sample = formation_msgs::Verdict::from(verdict);
         sample.header = stamp::header("");
         self.outlet.publish(sample, &mut self.traffic);
+    }
+
+    /// Stays for a while, so that subscribers can take what was published, unless the process is to end.
+    async fn linger(&mut self, linger: Duration) {
         let end = Instant::now() + linger;
         while Instant::now() < end {
             if let Wake::Stop = self.inbox.wait(Some(end)).await {

@@ -55,7 +55,7 @@ fn announcer(domain: &str) -> (Sender<()>, thread::JoinHandle<()>) {
         },
     };
     let (stop, stopped) = bounded(1);
-    let running = thread::spawn(move || process.run(stopped).unwrap());
+    let running = thread::spawn(move || process.run(&stopped).unwrap());
     (stop, running)
 }
 
@@ -65,7 +65,7 @@ fn a_late_subscriber_of_another_vendor_gets_the_target() {
     let domain = "71";
     let (stop, running) = announcer(domain);
     // Whether it is late or not, it must come.
-    let Some(mut peer) = Peer::start("take", "target", domain) else {
+    let Some(peer) = Peer::start("take", "target", domain) else {
         return;
     };
     let target = peer.taken();
@@ -95,7 +95,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
     };
     let mut garbler = Peer::start("garble", "module_states", domain).unwrap();
     let mut liar = Peer::start("put", "heartbeats", domain).unwrap();
-    let mut reader = Peer::start("take", "verdict", domain).unwrap();
+    let reader = Peer::start("take", "verdict", domain).unwrap();
     let process = VerifierProcess {
         settings: settings(domain),
         parameters: ObserverParameters {
@@ -104,12 +104,13 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
         },
         plan_only: false,
         chronicle: false,
+        keep_watching: false,
         linger: Duration::from_secs(1),
     };
     let (_stop, stopped) = bounded(1);
     let watching = thread::spawn(move || {
         let mut stages = BTreeSet::new();
-        let judgement = process.run(stopped, |news| {
+        let judgement = process.run(&stopped, |news| {
             if let News::Progress(progress) = news {
                 stages.insert(progress.stage);
             }

@@ -53,6 +53,6 @@ fn run() -> Result<u8, Failure> {
         settings,
         announcement,
     }
-    .run(stop)?;
+    .run(&stop)?;
     Ok(STATUS_DONE)
 }

@@ -30,6 +30,10 @@ struct Arguments {
     /// Be content as soon as all members agree on a plan, print it as {"agreement": ...}, and do not wait for motion
     #[arg(long)]
     plan_only: bool,
+    /// Stay after the verdict, and give another one whenever it changes, as when a module falls silent; the exit status
+    /// is that of the last
+    #[arg(long, conflicts_with = "plan_only")]
+    keep_watching: bool,
     #[command(flatten)]
     judging: JudgingArguments,
     #[command(flatten)]
@@ -50,9 +54,10 @@ fn run() -> Result<u8, Failure> {
         parameters,
         plan_only: arguments.plan_only,
         chronicle: arguments.chronicle,
+        keep_watching: arguments.keep_watching,
         linger: LINGER,
     };
-    let judgement = process.run(stop, |news| match news {
+    let judgement = process.run(&stop, |news| match news {
         News::Progress(progress) if arguments.progress => print(&JsonLine::Progress(progress)),
         News::Progress(_) => {}
         News::Entry(entry) => print(&JsonLine::Entry(entry)),
@@ -61,6 +66,9 @@ fn run() -> Result<u8, Failure> {
                 print(&JsonLine::End(end));
             } else {
                 print(&end_text(end));
+            }
+            if arguments.keep_watching {
+                return;
             }
             limit_exit(LINGER + EXIT_GRACE, end_status(end));
         }

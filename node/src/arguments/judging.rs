@@ -29,6 +29,9 @@ pub struct JudgingArguments {
     /// What is reached but not yet right may take so long to become right
     #[arg(long, value_name = "SECONDS", default_value_t = Seconds(Duration::from_secs(3)))]
     pub grace_s: Seconds,
+    /// A member that was not heard for so long does not count as living; the suspicion of the agents
+    #[arg(long, value_name = "SECONDS", default_value_t = Seconds(Duration::from_secs(5)))]
+    pub silence_s: Seconds,
 }
 
 impl JudgingArguments {
@@ -55,6 +58,7 @@ impl JudgingArguments {
             heading_tolerance: micro("--heading-tolerance", self.heading_tolerance)?,
             time_limit: self.time_limit_s.0,
             grace: self.grace_s.0,
+            silence: self.silence_s.0,
             expected,
         })
     }
