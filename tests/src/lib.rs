@@ -8,10 +8,18 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
+mod fleet;
+mod namespaces;
 mod peer;
 mod programs;
 mod python;
+mod scenario_file;
+mod transcript;
 
+pub use fleet::{Fleet, Judge, Judged, Timing};
+pub use namespaces::{Namespace, Network};
 pub use peer::Peer;
 pub use programs::{Finished, Running, alone, root, scenario_path};
 pub use python::Python;
+pub use scenario_file::ScenarioFile;
+pub use transcript::{Line, Transcript};

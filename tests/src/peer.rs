@@ -1,16 +1,24 @@
 //! CycloneDDS for Python: a DDS implementation that shares nothing with ours.
 
-use std::io::{BufRead, BufReader, Write};
-use std::process::{Child, ChildStdout, Stdio};
+use std::cell::Cell;
+use std::io::Write;
+use std::process::{Child, Stdio};
+use std::time::{Duration, Instant};
 
 use serde_json::Value;
 
 use crate::python::Python;
+use crate::transcript::Transcript;
+
+/// A peer that waits longer than this for a sample waits for nothing.
+const PATIENCE: Duration = Duration::from_secs(60);
 
 /// CycloneDDS for Python at work on one topic; it ends with its input, and at the latest with this value.
 pub struct Peer {
     child: Child,
-    output: BufReader<ChildStdout>,
+    output: Transcript,
+    /// How many samples were looked at.
+    taken: Cell<usize>,
     python: Python,
 }
 
@@ -19,7 +27,11 @@ impl Peer {
     /// Python.
     #[must_use]
     pub fn start(command: &str, topic: &str, domain: &str) -> Option<Self> {
-        Self::start_with(&[command, topic, "--domain", domain])
+        let mut arguments = vec![command, topic, "--domain", domain];
+        if command == "take" {
+            arguments.extend(["--count", "0", "--timeout", "3600"]);
+        }
+        Self::start_with(&arguments)
     }
 
     /// Takes samples of a topic of any type that ROS 2 knows, such as `tf2_msgs/msg/TFMessage`.
@@ -34,10 +46,11 @@ impl Peer {
     fn start_with(arguments: &[&str]) -> Option<Self> {
         let python = Python::find("CycloneDDS was not talked to")?;
         let mut child = python.start("tests/python/formation_dds.py", arguments, Stdio::inherit());
-        let output = BufReader::new(child.stdout.take().unwrap());
+        let output = Transcript::of(child.stdout.take().unwrap());
         Some(Self {
             child,
             output,
+            taken: Cell::new(0),
             python,
         })
     }
@@ -50,15 +63,32 @@ impl Peer {
     }
 
     /// Waits for the next sample that it took.
-    pub fn taken(&mut self) -> Value {
-        let mut line = String::new();
-        self.output.read_line(&mut line).unwrap();
-        assert!(
-            !line.is_empty(),
-            "CycloneDDS took nothing; {}",
-            self.missing_package()
-        );
-        serde_json::from_str(&line).unwrap()
+    #[must_use]
+    pub fn taken(&self) -> Value {
+        let next = self.taken.get();
+        let text = self
+            .output
+            .wait_for(next, PATIENCE, |line| Some(line.text.clone()));
+        let text = text.unwrap_or_else(|| {
+            panic!("CycloneDDS took nothing; {}", self.missing_package());
+        });
+        self.taken.set(next + 1);
+        serde_json::from_str(&text).unwrap()
+    }
+
+    /// Every pose of a module among the samples of `module_states` so far, and when it came.
+    #[must_use]
+    pub fn poses_of(&self, module: u32) -> Vec<(Instant, (f64, f64))> {
+        let mut poses = Vec::new();
+        for line in self.output.since(0) {
+            let sample: Value = serde_json::from_str(&line.text).unwrap();
+            let states = sample["modules"].as_array().unwrap().iter();
+            for state in states.filter(|state| state["module_id"] == module) {
+                let coordinate = |name: &str| state[name].as_f64().unwrap();
+                poses.push((line.at, (coordinate("x"), coordinate("y"))));
+            }
+        }
+        poses
     }
 
     fn missing_package(&self) -> String {

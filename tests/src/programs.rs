@@ -1,13 +1,15 @@
 //! Our programs as processes, each ended by its own id.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::sync::{Mutex, MutexGuard, PoisonError};
-use std::thread::{self, JoinHandle};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use serde_json::Value;
+
+use crate::namespaces::Namespace;
+use crate::transcript::{Line, Transcript};
 
 /// Tests with several processes do not run beside each other.
 pub fn alone() -> MutexGuard<'static, ()> {
@@ -46,8 +48,8 @@ fn program(name: &str) -> PathBuf {
 pub struct Running {
     child: Child,
     name: String,
-    stdout: Option<JoinHandle<String>>,
-    stderr: Option<JoinHandle<String>>,
+    stdout: Option<Transcript>,
+    stderr: Option<Transcript>,
 }
 
 /// How a program ended.
@@ -78,22 +80,38 @@ impl Finished {
     }
 }
 
-fn reader(mut stream: impl Read + Send + 'static) -> JoinHandle<String> {
-    thread::spawn(move || {
-        let mut text = String::new();
-        let _ = stream.read_to_string(&mut text);
-        text
-    })
-}
-
 impl Running {
     /// Starts a program on a domain of loopback.
     #[must_use]
     pub fn start(name: &str, domain: &str, arguments: &[&str]) -> Self {
-        let mut child = Command::new(program(name))
+        Self::spawn(
+            Command::new(program(name)),
+            name,
+            domain,
+            arguments,
+            "LOCALHOST",
+        )
+    }
+
+    /// Starts a program on a domain of a network of its own.
+    #[must_use]
+    pub fn start_within(network: &Namespace, name: &str, domain: &str, arguments: &[&str]) -> Self {
+        let mut command = network.command();
+        command.arg(program(name));
+        Self::spawn(command, name, domain, arguments, "SUBNET")
+    }
+
+    fn spawn(
+        mut command: Command,
+        name: &str,
+        domain: &str,
+        arguments: &[&str],
+        range: &str,
+    ) -> Self {
+        let mut child = command
             .args(arguments)
             .env("ROS_DOMAIN_ID", domain)
-            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", range)
             .env_remove("ROS_LOCALHOST_ONLY")
             .env_remove("ROS_NAMESPACE")
             .env_remove("RMW_IMPLEMENTATION")
@@ -102,14 +120,63 @@ impl Running {
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();
-        let stdout = child.stdout.take().map(reader);
-        let stderr = child.stderr.take().map(reader);
+        let stdout = child.stdout.take().map(Transcript::of);
+        let stderr = child.stderr.take().map(Transcript::of);
         Self {
             child,
             name: format!("{name} {}", arguments.join(" ")),
             stdout,
             stderr,
         }
+    }
+
+    /// How many lines it logged so far.
+    #[must_use]
+    pub fn logged(&self) -> usize {
+        self.stderr.as_ref().map_or(0, Transcript::len)
+    }
+
+    /// What it logged after the `from`th line.
+    #[must_use]
+    pub fn log_since(&self, from: usize) -> Vec<Line> {
+        let stderr = self.stderr.as_ref();
+        stderr.map(|log| log.since(from)).unwrap_or_default()
+    }
+
+    /// Waits until it logs a line with `text` after the `from`th; when that was, or `None` when the time is up or the
+    /// program ended.
+    #[must_use]
+    pub fn wait_for_log(&self, from: usize, text: &str, limit: Duration) -> Option<Instant> {
+        self.stderr.as_ref()?.wait_for(from, limit, |line| {
+            line.text.contains(text).then_some(line.at)
+        })
+    }
+
+    /// How many lines it printed so far.
+    #[must_use]
+    pub fn printed(&self) -> usize {
+        self.stdout.as_ref().map_or(0, Transcript::len)
+    }
+
+    /// Waits until `find` yields something from a line that it printed after the `from`th; `None` when the time is up or
+    /// the program ended.
+    pub fn wait_for_line<T>(
+        &self,
+        from: usize,
+        limit: Duration,
+        find: impl FnMut(&Line) -> Option<T>,
+    ) -> Option<T> {
+        self.stdout.as_ref()?.wait_for(from, limit, find)
+    }
+
+    /// The most memory that it held so far, in kilobytes, as the kernel counts it (`VmHWM`).
+    #[must_use]
+    pub fn peak_memory_kb(&self) -> u64 {
+        let status = format!("/proc/{}/status", self.child.id());
+        let status = std::fs::read_to_string(status).unwrap();
+        let peak = status.lines().find_map(|line| line.strip_prefix("VmHWM:"));
+        let peak = peak.and_then(|peak| peak.split_whitespace().next());
+        peak.unwrap().parse().unwrap()
     }
 
     /// The process.
@@ -161,18 +228,20 @@ impl Running {
     }
 
     fn texts(&mut self) -> (String, String) {
-        let text = |handle: Option<JoinHandle<String>>| {
-            handle
-                .map(|handle| handle.join().unwrap())
-                .unwrap_or_default()
-        };
+        let text =
+            |stream: Option<Transcript>| stream.map(Transcript::into_text).unwrap_or_default();
         (text(self.stdout.take()), text(self.stderr.take()))
+    }
+
+    /// Kills the program without a word of warning, as `kill -9` does.
+    pub fn kill(&mut self) {
+        let _ = self.child.kill();
+        let _ = self.child.wait();
     }
 }
 
 impl Drop for Running {
     fn drop(&mut self) {
-        let _ = self.child.kill();
-        let _ = self.child.wait();
+        self.kill();
     }
 }

@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation::scenario::Scenario;
-use formation_tests::{Finished, Peer, Running, alone, scenario_path};
+use formation_tests::{Finished, Peer, Running, ScenarioFile, alone, scenario_path};
 use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -122,28 +122,6 @@ singletons:
   - {id: 8, x: 4, y: 3}
 ";
 
-/// A scenario file of this test run, removed with this value.
-struct ScenarioFile(std::path::PathBuf);
-
-impl ScenarioFile {
-    fn new(name: &str, text: &str) -> Self {
-        let path =
-            std::env::temp_dir().join(format!("formation-{}-{name}.yaml", std::process::id()));
-        std::fs::write(&path, text).unwrap();
-        Self(path)
-    }
-
-    fn path(&self) -> &str {
-        self.0.to_str().unwrap()
-    }
-}
-
-impl Drop for ScenarioFile {
-    fn drop(&mut self) {
-        let _ = std::fs::remove_file(&self.0);
-    }
-}
-
 /// Eight agents, each a process of its own; module 2 leads its configuration.
 fn start_eight(file: &ScenarioFile, domain: &str) -> Vec<Running> {
     (1..=8)
@@ -210,7 +188,7 @@ fn another_vendor_announces_the_target_and_reads_the_formation() {
     let _alone = alone();
     let domain = "66";
     let file = ScenarioFile::new("driven", EIGHT);
-    let (Some(mut announcer), Some(mut claims), Some(mut verdicts), Some(mut states)) = (
+    let (Some(mut announcer), Some(claims), Some(verdicts), Some(states)) = (
         Peer::start("put", "target", domain),
         Peer::start("take", "claims", domain),
         Peer::start("take", "verdict", domain),

@@ -1,0 +1,148 @@
+//! A peer of another vendor that lies and floods.
+
+use std::collections::BTreeMap;
+use std::process::Stdio;
+
+use formation_tests::{Finished, Python, Running, ScenarioFile, Transcript, alone};
+use serde_json::Value;
+
+use super::{PATIENCE, tell};
+
+const DOMAIN: &str = "78";
+
+/// Eight spots for eight modules; modules 1, 2 and 3 are docked.
+const EIGHT: &str = "
+name: eight
+target:
+  frame_id: map
+  spots:
+    - {id: 1, x: 5, y: 5}
+    - {id: 2, x: 6, y: 5}
+    - {id: 3, x: 7, y: 5}
+    - {id: 4, x: 8, y: 5}
+    - {id: 5, x: 5, y: 6}
+    - {id: 6, x: 6, y: 6}
+    - {id: 7, x: 7, y: 6}
+    - {id: 8, x: 8, y: 6}
+  edges: [[1, 2], [2, 3], [3, 4], [1, 5], [2, 6], [3, 7], [4, 8]]
+configurations:
+  - id: 1
+    leader: 2
+    modules: [{id: 1, x: 1, y: 1}, {id: 2, x: 2, y: 1}, {id: 3, x: 3, y: 1}]
+    edges: [[1, 2], [2, 3]]
+singletons:
+  - {id: 4, x: 9, y: 2}
+  - {id: 5, x: 2, y: 9, theta: 1.0}
+  - {id: 6, x: 9, y: 9}
+  - {id: 7, x: 6, y: 2}
+  - {id: 8, x: 4, y: 3}
+";
+
+/// What came of a run of eight modules in two processes.
+struct Outcome {
+    agents: Vec<Finished>,
+    peak_memory_kb: u64,
+    lies: Option<Value>,
+}
+
+/// Forms with two processes of four modules each; with a liar among them, who begins once he has heard who lives.
+fn form(liar: Option<&Python>) -> Outcome {
+    let file = ScenarioFile::new("lied-to", EIGHT);
+    // Slow enough that the modules are on their way while the lies come.
+    let agents = ["1-4", "5-8"].map(|modules| {
+        let scenario = file.path();
+        let arguments = ["--modules", modules, "--scenario", scenario, "--speed", "2"];
+        Running::start("module_agent", DOMAIN, &arguments)
+    });
+    let announce = ["--scenario", file.path(), "--expected-modules", "8"];
+    let _announcer = Running::start("target_publisher", DOMAIN, &announce);
+    let judge = ["--json", "--time-limit-s", "80"];
+    let verifier = Running::start("verifier", DOMAIN, &judge);
+    let lies = liar.map(|python| {
+        let arguments = ["--domain", DOMAIN, "--messages", "10000", "--rate", "1000"];
+        let script = "tests/python/hostile_peer.py";
+        let mut child = python.start(script, &arguments, Stdio::inherit());
+        let said = Transcript::of(child.stdout.take().unwrap());
+        let told = said.wait_for(0, PATIENCE, |line| {
+            let told: Value = serde_json::from_str(&line.text).unwrap();
+            told.get("sent").is_some().then_some(told)
+        });
+        let _ = child.wait();
+        told.unwrap_or_else(|| panic!("the liar failed, as is said above; {}", python.advice()))
+    });
+    let judged = verifier.finish(PATIENCE);
+    assert_eq!(judged.status, 0, "{}{}", judged.stdout, judged.stderr);
+    let verdict = &judged.last_json()["verdict"];
+    assert_eq!(verdict["outcome"], "COMPLETE", "{verdict}");
+    assert_eq!(verdict["filled_spots"], 8, "{verdict}");
+    let peak_memory_kb = agents.iter().map(Running::peak_memory_kb).max().unwrap();
+    Outcome {
+        agents: agents.map(Running::stop).into(),
+        peak_memory_kb,
+        lies,
+    }
+}
+
+/// How often each kind of refusal was counted, over all modules; what the log tells at the end of a process.
+fn refusals(agents: &[Finished]) -> BTreeMap<String, u64> {
+    let mut counts: BTreeMap<String, u64> = BTreeMap::new();
+    for agent in agents {
+        let told = agent.stderr.lines().filter_map(|line| {
+            let counts = line.split_once("refused: ").map(|(_, counts)| counts);
+            counts.or_else(|| line.split_once("traffic: ").map(|(_, counts)| counts))
+        });
+        for entry in told.flat_map(|counts| counts.split([',', ';', ':'])) {
+            let words: Vec<&str> = entry.split_whitespace().collect();
+            // Kinds stand before their counts where an agent refused, and behind them where the border did.
+            let pair = match words[..] {
+                [kind, count, ..] if count.parse::<u64>().is_ok() => Some((kind, count)),
+                [count, kind, ..] if count.parse::<u64>().is_ok() => Some((kind, count)),
+                _ => None,
+            };
+            if let Some((kind, count)) = pair {
+                *counts.entry(kind.to_owned()).or_default() += count.parse::<u64>().unwrap();
+            }
+        }
+    }
+    counts
+}
+
+#[test]
+fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
+    let _alone = alone();
+    let Some(python) = Python::find("no peer lied to a formation") else {
+        return;
+    };
+    let quiet = form(None);
+    let lied_to = form(Some(&python));
+    let sent = lied_to.lies.unwrap();
+    assert_eq!(sent["total"], 10_000, "{sent}");
+    let counts = refusals(&lied_to.agents);
+    tell(&format!(
+        "sent {} lies in {} s; refused {counts:?}; peak memory {} kB, quiet {} kB",
+        sent["total"], sent["seconds"], lied_to.peak_memory_kb, quiet.peak_memory_kb
+    ));
+    for kind in [
+        // Claims, states, heartbeats and rosters in the name of the living.
+        "wrong_source",
+        "duplicate_module",
+        "stale_incarnation",
+        // Epochs that are over, and one too far away to be true.
+        "stale_epoch",
+        "implausible_epoch",
+        // Another target under a known revision.
+        "contradicting_target",
+        // Lists too long, and poses that are no number.
+        "invalid",
+    ] {
+        assert!(counts.contains_key(kind), "{kind} is not in {counts:?}");
+    }
+    let ordinary = refusals(&quiet.agents);
+    assert!(!ordinary.contains_key("wrong_source"), "{ordinary:?}");
+    assert!(
+        lied_to.peak_memory_kb <= 2 * quiet.peak_memory_kb,
+        "{} kB are more than twice {} kB",
+        lied_to.peak_memory_kb,
+        quiet.peak_memory_kb
+    );
+}

@@ -1,0 +1,185 @@
+//! Processes that come back: started anew, twice at once, or stopped for a while.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::thread;
+use std::time::{Duration, Instant};
+
+use formation::planning;
+use formation::scenario::Scenario;
+use formation_tests::{Fleet, Peer, Timing, alone};
+
+use super::{PATIENCE, SPARES};
+
+/// As many modules as spots, so that all are needed; modules 1 and 2 are docked.
+const NO_SPARES: &str = "
+name: no-spares
+target:
+  frame_id: map
+  spots:
+    - {id: 1, x: 5, y: 5}
+    - {id: 2, x: 6, y: 5}
+    - {id: 3, x: 7, y: 5}
+    - {id: 4, x: 8, y: 5}
+  edges: [[1, 2], [2, 3], [3, 4]]
+configurations:
+  - id: 1
+    leader: 2
+    modules: [{id: 1, x: 1, y: 1}, {id: 2, x: 2, y: 1}]
+    edges: [[1, 2]]
+singletons:
+  - {id: 3, x: 9, y: 2}
+  - {id: 4, x: 2, y: 9, theta: 1.0}
+";
+
+const DUPLICATE: &str = "a second process runs as module";
+
+#[test]
+fn a_module_that_is_started_anew_takes_its_part_again() {
+    let _alone = alone();
+    let mut fleet = Fleet::new("restart", NO_SPARES, "73", Timing::Quick);
+    let judge = fleet.judge(None);
+    let _announcer = fleet.announce(None);
+    let began = Instant::now();
+    fleet.start_all();
+    fleet.wait_until_whole(&judge, began, PATIENCE);
+    // The leader of the configuration comes back at once, undocked and where it stood at the start.
+    let died = fleet.kill(2);
+    fleet.start(2, None);
+    fleet.wait_until_whole(&judge, died, PATIENCE);
+    // Another comes back only when the rest have made do without it.
+    let died = fleet.kill(4);
+    let broken = judge.wait_until(died, PATIENCE, |judged| judged.outcome == "FAILED");
+    let broken = broken.unwrap();
+    assert!(
+        !broken.missing.is_empty(),
+        "the verifier takes its word back and says why"
+    );
+    let partial = judge.wait_until(died, PATIENCE, |judged| judged.outcome == "PARTIAL");
+    assert_eq!(partial.unwrap().modules(), BTreeSet::from([1, 2, 3]));
+    fleet.start(4, None);
+    fleet.wait_until_whole(&judge, died, PATIENCE);
+}
+
+#[test]
+fn a_second_process_with_a_living_id_is_refused_and_both_are_told() {
+    let _alone = alone();
+    let mut fleet = Fleet::new("duplicate", NO_SPARES, "74", Timing::Quick);
+    let judge = fleet.judge(None);
+    let _announcer = fleet.announce(None);
+    let began = Instant::now();
+    fleet.start_all();
+    fleet.wait_until_whole(&judge, began, PATIENCE);
+    let before = judge.verdicts().len();
+    let mark = fleet.agent(3).logged();
+    let second = fleet.start_second(3);
+    assert!(second.wait_for_log(0, DUPLICATE, PATIENCE).is_some());
+    assert!(
+        fleet
+            .agent(3)
+            .wait_for_log(mark, DUPLICATE, PATIENCE)
+            .is_some(),
+        "{}",
+        fleet.story()
+    );
+    thread::sleep(Timing::Quick.suspicion() * 2);
+    assert_eq!(judge.verdicts().len(), before, "the formation stands");
+    // When the first is gone, the second takes its place.
+    let died = fleet.replace(3, second);
+    fleet.wait_until_whole(&judge, died, PATIENCE);
+}
+
+#[test]
+fn a_process_that_wakes_after_another_took_its_place_disturbs_nothing() {
+    let _alone = alone();
+    let mut fleet = Fleet::new("succeeded", NO_SPARES, "75", Timing::Quick);
+    let judge = fleet.judge(None);
+    let _announcer = fleet.announce(None);
+    let began = Instant::now();
+    fleet.start_all();
+    fleet.wait_until_whole(&judge, began, PATIENCE);
+    fleet.agent(3).signal("STOP");
+    let stopped = Instant::now();
+    let sleeper = fleet.succeed(3);
+    fleet.wait_until_whole(&judge, stopped, PATIENCE);
+    let before = judge.verdicts().len();
+    let mark = sleeper.logged();
+    sleeper.signal("CONT");
+    assert!(sleeper.wait_for_log(mark, DUPLICATE, PATIENCE).is_some());
+    thread::sleep(Timing::Quick.suspicion() * 3);
+    let verdicts = judge.verdicts();
+    assert_eq!(
+        verdicts.len(),
+        before,
+        "the formation stands: {:?}\n{}",
+        verdicts.last(),
+        fleet.story()
+    );
+    for line in sleeper.log_since(mark) {
+        assert!(!line.text.contains("moving to"), "{}", line.text);
+    }
+}
+
+/// A module that travels alone in the plan, far enough to be stopped on its way.
+fn lone_traveller() -> u32 {
+    let problem = Scenario::from_yaml(SPARES).unwrap().problem().clone();
+    let plan = planning::plan(Arc::new(problem.clone())).plan;
+    let mut alone = plan
+        .assignments
+        .keys()
+        .copied()
+        .filter(|&module| problem.module(module).unwrap().links.is_empty());
+    alone.next_back().unwrap().0
+}
+
+#[test]
+fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
+    const SPEED: f64 = 0.25;
+    let _alone = alone();
+    let domain = "76";
+    let sleeper = lone_traveller();
+    let mut fleet = Fleet::new("stopped", SPARES, domain, Timing::Quick);
+    let judge = fleet.judge(None);
+    let _announcer = fleet.announce(None);
+    let states = Peer::start("take", "module_states", domain);
+    for module in fleet.modules().to_vec() {
+        let speed = if module == sleeper { SPEED } else { 10.0 };
+        fleet.start_at_speed(module, speed);
+    }
+    let moving = fleet.agent(sleeper).wait_for_log(0, "moving to", PATIENCE);
+    assert!(moving.is_some(), "{}", fleet.story());
+    thread::sleep(Duration::from_secs(1));
+    fleet.agent(sleeper).signal("STOP");
+    let stopped = Instant::now();
+    let mut others = fleet.living();
+    others.remove(&sleeper);
+    let whole = judge.wait_until(stopped, PATIENCE, |judged| {
+        judged.is_whole() && judged.modules() == others
+    });
+    let whole = whole.unwrap_or_else(|last| panic!("{last:?}\n{}", fleet.story()));
+    assert!(whole.at.duration_since(stopped) > Timing::Quick.suspicion());
+    let mark = fleet.agent(sleeper).logged();
+    let verdicts = judge.verdicts().len();
+    fleet.agent(sleeper).signal("CONT");
+    let woken = Instant::now();
+    thread::sleep(Timing::Quick.suspicion() * 2);
+    for line in fleet.agent(sleeper).log_since(mark) {
+        for deed in ["moving to", "settled on", "convened"] {
+            assert!(!line.text.contains(deed), "{}", line.text);
+        }
+    }
+    assert_eq!(judge.verdicts().len(), verdicts, "the formation stands");
+    // Where it stood and stands, as another vendor's DDS heard it.
+    if let Some(states) = states {
+        let poses = states.poses_of(sleeper);
+        let (before, after): (Vec<_>, Vec<_>) = poses.iter().partition(|(at, _)| *at < woken);
+        let &(_, (x, y)) = before.last().unwrap();
+        assert!(!after.is_empty(), "it was heard after it woke");
+        // A drive that is not told its goal again goes on for one lease, which is half the suspicion.
+        let way = SPEED * Timing::Quick.suspicion().as_secs_f64();
+        for (_, (later_x, later_y)) in after {
+            let distance = (later_x - x).hypot(later_y - y);
+            assert!(distance <= way, "it went on for {distance} units");
+        }
+    }
+}
