@@ -55,11 +55,12 @@ pub fn conduct(
     modules: usize,
     start: Instant,
     deadline: Instant,
-    display: &mut Display,
+    display: &mut Display<'_>,
 ) -> (End, Course) {
     let mut course = Course::default();
     loop {
-        match supervisor.next(deadline) {
+        let wake = display.due().map_or(deadline, |due| due.min(deadline));
+        match supervisor.next(wake) {
             Happening::Result(process, line) if process == verifier => {
                 match serde_json::from_str(&line) {
                     Ok(Line::Progress(progress)) => {
@@ -79,10 +80,12 @@ pub fn conduct(
                     }
                     Ok(Line::Agreement(mut agreement)) => {
                         agreement["outcome"] = "AGREED".into();
+                        display.refresh();
                         let end = linger(supervisor, verifier, agreement);
                         return (end, course);
                     }
                     Ok(Line::Verdict(verdict)) => {
+                        display.refresh();
                         let end = linger(supervisor, verifier, verdict);
                         return (end, course);
                     }
@@ -96,6 +99,7 @@ pub fn conduct(
                 return (End::ProcessEnded(process, status), course);
             }
             Happening::Interrupted(signal) => return (End::Interrupted(signal), course),
+            Happening::TimedOut if Instant::now() < deadline => display.refresh(),
             Happening::TimedOut => {
                 return (End::TimedOut(course.progress.clone()), course);
             }

@@ -9,6 +9,7 @@ mod recording;
 mod report;
 mod supervisor;
 mod tail;
+mod view;
 
 use std::os::unix::process::CommandExt;
 use std::process::{Command, ExitStatus};
@@ -71,6 +72,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let formation = Formation {
         arguments,
         scenario: &scenario,
+        plan: &plan,
         programs: &programs,
         hosts: &hosts,
         surroundings,
@@ -107,6 +109,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
 struct Formation<'a> {
     arguments: &'a RunArguments,
     scenario: &'a Scenario,
+    plan: &'a CheckedPlan,
     programs: &'a Programs,
     hosts: &'a [Host],
     surroundings: Surroundings,
@@ -122,7 +125,7 @@ impl Formation<'_> {
         let mut supervisor = Supervisor::new(&[SIGINT, SIGTERM, SIGHUP])
             .context("cannot handle signals")
             .map_err(Failure::Failed)?;
-        let mut display = Display::start();
+        let mut display = Display::start(self.scenario.name(), self.plan);
         let start = Instant::now();
         let deadline = start + self.arguments.timeout + VERDICT_MARGIN;
         let ended = self.start_all(&mut supervisor).map(|verifier| {

@@ -1,13 +1,13 @@
 //! How far the formation has come: read from the verifier, shown to people.
 
-use std::io::{IsTerminal, stderr};
 use std::time::{Duration, Instant};
 
 use formation::chronicle::Entry;
-use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Deserialize;
 
+use super::view::View;
 use crate::console;
+use crate::plan::CheckedPlan;
 
 /// Without a terminal, a line is written at most this often within one phase.
 const LINE_INTERVAL: Duration = Duration::from_secs(1);
@@ -82,37 +82,27 @@ impl Progress {
     }
 }
 
-/// Shows progress on the standard error output: a moving bar on a terminal, plain lines elsewhere.
-pub enum Display {
+/// Shows a run on the standard error output: a view that moves on a terminal, plain lines elsewhere.
+pub enum Display<'a> {
     /// On a terminal.
-    Bar(ProgressBar),
+    View(Box<View<'a>>),
     /// Elsewhere.
     Lines(LineThrottle),
 }
 
-impl Display {
-    /// Begins to show.
-    pub fn start() -> Self {
-        if !stderr().is_terminal() {
-            return Self::Lines(LineThrottle::default());
-        }
-        let bar = ProgressBar::with_draw_target(Some(1), ProgressDrawTarget::stderr());
-        // A template that does not parse would only change the looks.
-        if let Ok(style) = ProgressStyle::with_template("{spinner} {bar:24} {msg} ({elapsed})") {
-            bar.set_style(style);
-        }
-        bar.enable_steady_tick(Duration::from_millis(120));
-        Self::Bar(bar)
+impl<'a> Display<'a> {
+    /// Begins to show a run that is to go as planned.
+    pub fn start(name: &'a str, plan: &'a CheckedPlan) -> Self {
+        View::on_terminal(name, plan).map_or_else(
+            || Self::Lines(LineThrottle::default()),
+            |view| Self::View(Box::new(view)),
+        )
     }
 
     /// Shows new numbers.
     pub fn show(&mut self, progress: &Progress) {
         match self {
-            Self::Bar(bar) => {
-                bar.set_length(progress.expected.max(1) as u64 * 3);
-                bar.set_position((progress.joined + progress.planned + progress.settled) as u64);
-                bar.set_message(progress.standstill());
-            }
+            Self::View(view) => view.show(progress),
             Self::Lines(throttle) => {
                 if throttle.lets_pass(progress, Instant::now()) {
                     console::note(&progress.standstill());
@@ -122,20 +112,39 @@ impl Display {
     }
 
     /// Takes in something that happened.
-    pub fn hear(&mut self, _entry: &Entry) {}
+    pub fn hear(&mut self, entry: &Entry) {
+        if let Self::View(view) = self {
+            view.hear(entry);
+        }
+    }
+
+    /// When something has to be drawn though nothing happens.
+    pub fn due(&self) -> Option<Instant> {
+        match self {
+            Self::View(view) => Some(view.due()),
+            Self::Lines(_) => None,
+        }
+    }
+
+    /// Draws all that is known.
+    pub fn refresh(&mut self) {
+        if let Self::View(view) = self {
+            view.draw();
+        }
+    }
 
     /// Says something beside the progress.
-    pub fn note(&self, line: &str) {
+    pub fn note(&mut self, line: &str) {
         match self {
-            Self::Bar(bar) => bar.suspend(|| console::note(line)),
+            Self::View(view) => view.suspend(|| console::note(line)),
             Self::Lines(_) => console::note(line),
         }
     }
 
     /// Ends showing, and leaves the terminal clean.
-    pub fn finish(&self) {
-        if let Self::Bar(bar) = self {
-            bar.finish_and_clear();
+    pub fn finish(&mut self) {
+        if let Self::View(view) = self {
+            view.finish();
         }
     }
 }

@@ -1,0 +1,205 @@
+use ::console::{measure_text_width, strip_ansi_codes};
+use formation::chronicle::{Entry, Event, Told};
+use formation::geometry::Pose;
+use formation::id::{Epoch, SpotId};
+use formation::message::ModulePhase;
+use formation::scenario::Scenario;
+use formation_report::course_of_plan;
+
+use super::super::super::progress::Progress;
+use super::*;
+use crate::plan::CheckedPlan;
+
+const PLAIN: Style = Style {
+    colours: false,
+    unicode: true,
+};
+const LARGE: Size = Size {
+    columns: 80,
+    rows: 40,
+};
+
+/// Modules 1 and 2 are docked and fit onto spots 1 and 2; module 3 takes spot 3.
+const SCENARIO: &str = "
+target:
+  spots: [{id: 1, x: 0.0, y: 0.0}, {id: 2, x: 1.0, y: 0.0}, {id: 3, x: 1.0, y: 1.0}]
+  edges: [[1, 2], [2, 3]]
+configurations:
+  - {id: 1, leader: 1, modules: [{id: 1, x: 0.0, y: -3.0}, {id: 2, x: 1.0, y: -3.0}], edges: [[1, 2]]}
+singletons: [{id: 3, x: 4.0, y: 1.0}]
+";
+
+fn plan() -> CheckedPlan {
+    CheckedPlan::of(&Scenario::from_yaml(SCENARIO).unwrap()).unwrap()
+}
+
+fn drawn(watched: &Watched<'_>, size: Size) -> String {
+    frame(watched, Duration::from_millis(12_300), size, PLAIN).join("\n")
+}
+
+/// A run that goes as planned, after so many of its entries.
+fn after<'a>(plan: &'a CheckedPlan, entries: &[Entry], count: usize) -> Watched<'a> {
+    let mut watched = Watched::new("three", plan);
+    for entry in &entries[..count] {
+        watched.hear(entry);
+    }
+    watched
+}
+
+fn is_moving(entry: &Entry) -> bool {
+    matches!(&entry.event, Event::State(told) if told.phase == ModulePhase::Moving)
+}
+
+#[test]
+fn it_tells_whose_turn_it_is_and_who_waits_for_whom() {
+    let plan = plan();
+    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let roster = entries
+        .iter()
+        .position(|entry| matches!(entry.event, Event::Roster { .. }))
+        .unwrap();
+    let (first, second) = match plan.outcome.decisions[0].0.claimant.0 {
+        3 => ("3 decides", "1-2 wait for 3"),
+        _ => ("1-2 decide", "3 waits for 1-2"),
+    };
+    let text = drawn(&after(&plan, &entries, roster + 1), LARGE);
+    assert!(text.contains(&format!("now   {first}")), "{text}");
+    assert!(text.contains(&format!("next  {second}")), "{text}");
+    assert!(text.contains("the roster has 3 modules"), "{text}");
+
+    let text = drawn(&after(&plan, &entries, roster + 2), LARGE);
+    assert!(text.contains("turn 1 of 2"), "{text}");
+    assert!(text.contains("turn 1: "), "{text}");
+
+    let units = &plan.outcome.plan.assembly.units;
+    let first_motion = entries.iter().position(is_moving).unwrap();
+    let text = drawn(&after(&plan, &entries, first_motion + 1), LARGE);
+    let (now, next) = match units[0].placements.len() {
+        1 => ("3 goes to spot 3", "1-2 wait for 3"),
+        _ => ("1-2 go to spots 1-2", "3 waits for 1-2"),
+    };
+    assert!(text.contains(&format!("now   {now}")), "{text}");
+    assert!(text.contains(&format!("next  {next}")), "{text}");
+}
+
+#[test]
+fn the_map_shows_what_is_filled_moving_claimed_and_free() {
+    let plan = plan();
+    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let start = drawn(&after(&plan, &entries, 0), LARGE);
+    assert!(
+        start.contains("\n      · \n   ·  · \n".trim_end()),
+        "{start}"
+    );
+    let end = drawn(&after(&plan, &entries, entries.len()), LARGE);
+    assert!(
+        end.contains("\n     [3]\n  [1][2]\n") || end.contains("\n     [3]\n  [2][1]\n"),
+        "{end}"
+    );
+    assert!(!end.contains("now "), "nobody is left to wait for: {end}");
+    let moving = entries.iter().rposition(is_moving).unwrap();
+    let text = drawn(&after(&plan, &entries, moving + 1), LARGE);
+    assert!(text.contains('>'), "{text}");
+}
+
+#[test]
+fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
+    let plan = plan();
+    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let mut watched = after(&plan, &entries, entries.len());
+    watched.hear(&Entry {
+        at_ms: 9_000,
+        event: Event::Gathering(Epoch {
+            number: 2,
+            convener: ModuleId(1),
+        }),
+    });
+    watched.show(&Progress {
+        phase: "gathering".to_owned(),
+        joined: 2,
+        expected: 3,
+        waiting_for: vec![3],
+        ..Progress::default()
+    });
+    let text = drawn(&watched, LARGE);
+    for part in [
+        "three  12.3 s, epoch 2",
+        "[gathering] → planning",
+        "  2/3",
+        "waiting for 3",
+        "9.0 s  epoch 2: all gather anew",
+    ] {
+        assert!(text.contains(part), "{part}: {text}");
+    }
+    assert_eq!(
+        watched.spot(SpotId(1)),
+        super::super::watched::SpotStatus::Free
+    );
+}
+
+#[test]
+fn no_frame_is_larger_than_its_terminal() {
+    let plan = plan();
+    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let mut watched = after(&plan, &entries, entries.len());
+    watched.name = "a name\u{1b}[31m that is\nlonger than any terminal is wide, 模块化机器人 模块化机器人 模块化机器人";
+    let colourful = Style {
+        colours: true,
+        unicode: false,
+    };
+    for columns in [1, 10, 39, 80, 300] {
+        for rows in [1, 2, 7, 12, 24, 90] {
+            let size = Size { columns, rows };
+            let lines = frame(&watched, Duration::from_secs(1), size, colourful);
+            assert!(lines.len() <= rows.max(1), "{size:?}");
+            for line in &lines {
+                assert!(
+                    measure_text_width(line) < columns.max(2),
+                    "{size:?}: {line}"
+                );
+                assert!(
+                    !strip_ansi_codes(line).contains(char::is_control),
+                    "{line:?}"
+                );
+            }
+        }
+    }
+}
+
+#[test]
+fn colours_add_nothing_but_colour() {
+    let plan = plan();
+    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let colourful = Style {
+        colours: true,
+        unicode: true,
+    };
+    for count in 0..=entries.len() {
+        let watched = after(&plan, &entries, count);
+        let plain = frame(&watched, Duration::ZERO, LARGE, PLAIN);
+        assert!(plain.iter().all(|line| !line.contains('\u{1b}')));
+        let stripped: Vec<String> = frame(&watched, Duration::ZERO, LARGE, colourful)
+            .iter()
+            .map(|line| strip_ansi_codes(line).into_owned())
+            .collect();
+        assert_eq!(plain, stripped);
+    }
+}
+
+#[test]
+fn a_module_that_only_settles_is_no_news() {
+    let plan = plan();
+    let mut watched = Watched::new("three", &plan);
+    watched.hear(&Entry {
+        at_ms: 1,
+        event: Event::State(Told {
+            module: ModuleId(3),
+            phase: ModulePhase::Settled,
+            pose: Pose::default(),
+            links: [].into(),
+            spot: Some(SpotId(3)),
+            unit: None,
+        }),
+    });
+    assert_eq!(watched.log().len(), 0);
+}
