@@ -19,7 +19,7 @@ mod transcript;
 pub use fleet::{Fleet, Judge, Judged, Timing};
 pub use namespaces::{Namespace, Network};
 pub use peer::Peer;
-pub use programs::{Finished, Running, alone, root, scenario_path};
+pub use programs::{Finished, Running, alone, program, root, scenario_path};
 pub use python::Python;
 pub use scenario_file::ScenarioFile;
 pub use transcript::{Line, Transcript};

@@ -33,7 +33,8 @@ pub fn scenario_path(name: &str) -> PathBuf {
 }
 
 /// A program that cargo has built beside this test.
-fn program(name: &str) -> PathBuf {
+#[must_use]
+pub fn program(name: &str) -> PathBuf {
     let test = std::env::current_exe().unwrap();
     let built = test.ancestors().nth(2).unwrap().join(name);
     assert!(
