@@ -116,7 +116,11 @@ pub fn frame(watched: &Watched<'_>, elapsed: Duration, size: Size, style: Style)
         }
     }
     lines.truncate(rows);
-    let tail = if style.unicode { "…" } else { "..." };
+    let tail = match style.unicode {
+        true => "…",
+        false if columns > 10 => "...",
+        false => "",
+    };
     lines
         .iter()
         .map(|line| truncate_str(line, columns, tail).into_owned())
