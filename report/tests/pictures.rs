@@ -85,7 +85,7 @@ singletons: [{id: 7, x: 0.0, y: 1.0}]
 }
 
 #[test]
-fn things_far_apart_and_many_configurations_still_make_a_picture() {
+fn things_far_apart_still_make_a_picture() {
     let formed = Formed::of(
         "
 target: {spots: [{id: 1, x: 0.0, y: 0.0}, {id: 4000000000, x: 1.0, y: 0.0}], edges: [[1, 4000000000]]}
