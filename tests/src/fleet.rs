@@ -45,6 +45,8 @@ impl Timing {
                 "0.5",
                 "--gather-s",
                 "1",
+                "--gather-limit-s",
+                "8",
                 "--epoch-interval-s",
                 "0.5",
             ],
