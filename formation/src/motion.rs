@@ -41,15 +41,16 @@ impl SimulatedDrive {
     pub fn new(pose: Pose, speed_units_per_s: f64, patience: Duration) -> Self {
         Self {
             pose,
-            speed_units_per_s: if speed_units_per_s.is_finite() {
-                speed_units_per_s.max(0.001)
-            } else {
-                1.0
-            },
+            speed_units_per_s: possible(speed_units_per_s),
             patience,
             journey: None,
             unfinished: None,
         }
+    }
+
+    /// Goes at another speed from the next goal on.
+    pub fn set_speed(&mut self, speed_units_per_s: f64) {
+        self.speed_units_per_s = possible(speed_units_per_s);
     }
 
     /// Where it stands.
@@ -131,6 +132,15 @@ impl SimulatedDrive {
             return Some(MotionReport::Halted(self.pose));
         }
         Some(MotionReport::Pose(self.pose))
+    }
+}
+
+/// A speed at which something moves at all.
+fn possible(speed_units_per_s: f64) -> f64 {
+    if speed_units_per_s.is_finite() {
+        speed_units_per_s.max(0.001)
+    } else {
+        1.0
     }
 }
 

@@ -9,12 +9,18 @@ use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim, Targe
 use futures::StreamExt;
 use ros2_client::Publisher;
 
+use crate::arguments::{
+    agent_declarations, agent_parameters, motion_declarations, motion_parameters,
+};
+use crate::diagnostics::traffic_report;
 use crate::drive::MotionParameters;
 use crate::drivers::{DriverInlets, DriverOutlets, DriverWord, ExternalMotion};
+use crate::facilities::{Facilities, FacilityArrival, FacilityInlets};
 use crate::host::{Host, Outgoing};
 use crate::inbox::{Inbox, Wake};
 use crate::inlet::{Delivery, Inlet};
 use crate::outlet::Outlet;
+use crate::parameters::{Declaration, ParameterError, Values};
 use crate::session::{Session, SessionError};
 use crate::settings::Settings;
 use crate::stamp;
@@ -60,9 +66,13 @@ impl ModuleProcess {
 
     fn take_part(&mut self, stop: &Receiver<()>) -> Result<(), SessionError> {
         let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
-        let mut session = Session::open(&self.settings, &node_name(&ids))?;
+        let name = node_name(&ids);
+        let declarations = declarations(&self.parameters, &self.motion);
+        let parameters = self.settings.declare(&name, declarations)?;
+        let (agents, motion) = tunables(parameters.values())?;
+        let mut session = Session::open(&self.settings, &name, parameters)?;
         let mut traffic = Traffic::default();
-        let drivers = match &self.motion {
+        let drivers = match &motion {
             MotionParameters::Simulated { .. } => None,
             MotionParameters::External(motion) => {
                 let drivers = Drivers::open(&mut session, &self.modules, motion, &self.frame_id)?;
@@ -90,6 +100,7 @@ impl ModuleProcess {
             roster: Inlet::open(&mut session, &topics::ROSTER)?,
             claims: Inlet::open(&mut session, &topics::claims(ids.len()))?,
             heartbeats: Inlet::open(&mut session, &topics::HEARTBEATS)?,
+            facilities: FacilityInlets::open(&self.settings, &mut session)?,
         };
         let outlets = Outlets {
             states: Outlet::open(&mut session, &topics::MODULE_STATES)?,
@@ -99,16 +110,18 @@ impl ModuleProcess {
             evictions: None,
             drivers: driver_outlets,
         };
+        let facilities = Facilities::open(&self.settings, &mut session)?;
         let host = Host::new(
             session.source(),
             self.modules.iter().cloned(),
-            self.parameters,
-            &self.motion,
+            agents,
+            &motion,
         );
         let mut process = Running {
             start: Instant::now(),
             session,
             outlets,
+            facilities,
             host,
             traffic,
             frame_id: self.frame_id.clone(),
@@ -187,10 +200,11 @@ impl Drivers {
     }
 }
 
-/// What comes in: messages of other processes, and what drivers say.
+/// What comes in: messages of other processes, what drivers say, and what the facilities of the node deal with.
 enum Arrival {
     Message(Delivery),
     Driver(DriverWord),
+    Facility(FacilityArrival),
 }
 
 struct Inlets {
@@ -200,6 +214,7 @@ struct Inlets {
     roster: Inlet<Roster>,
     claims: Inlet<SpotClaim>,
     heartbeats: Inlet<Heartbeat>,
+    facilities: FacilityInlets,
 }
 
 type Wire<M> = Outlet<M, Publisher<M>>;
@@ -244,6 +259,7 @@ struct Running {
     start: Instant,
     // The outlets must go before the session in which they were made.
     outlets: Outlets,
+    facilities: Facilities,
     session: Session,
     host: Host,
     traffic: Traffic,
@@ -264,24 +280,27 @@ impl Running {
             inlets.heartbeats.deliveries(),
         ];
         let drivers = inlets.drivers.iter().flat_map(DriverInlets::words);
+        let facilities = inlets.facilities.arrivals().into_iter();
         let mut inbox = Inbox::new(
             messages
                 .into_iter()
                 .map(|stream| stream.map(Arrival::Message).boxed_local())
-                .chain(drivers.map(|stream| stream.map(Arrival::Driver).boxed_local())),
+                .chain(drivers.map(|stream| stream.map(Arrival::Driver).boxed_local()))
+                .chain(facilities.map(|stream| stream.map(Arrival::Facility).boxed_local())),
             stop.clone(),
         );
         loop {
             self.host.advance(self.start.elapsed());
             self.publish()?;
             self.session.check_hearing()?;
+            self.report()?;
             match inbox.wait(self.due()).await {
                 Wake::Stop => return Ok(()),
                 Wake::Due => {}
                 Wake::Arrival(arrival) => {
-                    self.take_in(arrival);
+                    self.take_in(arrival, inlets);
                     for arrival in std::iter::from_fn(|| inbox.ready()).take(SAMPLES_PER_TURN) {
-                        self.take_in(arrival);
+                        self.take_in(arrival, inlets);
                     }
                 }
             }
@@ -294,16 +313,35 @@ impl Running {
             .is_waiting()
             .then(|| Instant::now() + RETRY_AFTER);
         let host = self.host.due().map(|due| self.start + due);
-        [retry, host].into_iter().flatten().min()
+        [retry, host, self.facilities.due()]
+            .into_iter()
+            .flatten()
+            .min()
     }
 
-    fn take_in(&mut self, arrival: Arrival) {
+    fn take_in(&mut self, arrival: Arrival, inlets: &Inlets) {
         let delivery = match arrival {
             Arrival::Message(delivery) => delivery,
             Arrival::Driver(word) => {
                 if let Some((module, news)) = word.accept(&mut self.traffic) {
                     self.host.hear_driver(self.start.elapsed(), module, news);
                 }
+                return;
+            }
+            Arrival::Facility(arrival) => {
+                let now = self.start.elapsed();
+                let host = &mut self.host;
+                self.facilities.attend(
+                    &inlets.facilities,
+                    arrival,
+                    &mut self.session,
+                    &mut self.traffic,
+                    &mut |values| {
+                        let (agents, motion) = tunables(values)?;
+                        host.set_parameters(now, agents, &motion);
+                        Ok(())
+                    },
+                );
                 return;
             }
         };
@@ -315,6 +353,17 @@ impl Running {
         for message in &messages {
             self.host.receive(now, source, message);
         }
+    }
+
+    fn report(&mut self) -> Result<(), SessionError> {
+        let now = self.start.elapsed();
+        let host = &self.host;
+        self.facilities
+            .report(&mut self.session, &mut self.traffic, |traffic| {
+                let mut reports = host.reports(now);
+                reports.push(traffic_report(traffic));
+                reports
+            })
     }
 
     fn publish(&mut self) -> Result<(), SessionError> {
@@ -363,6 +412,20 @@ impl Running {
         }
         Ok(())
     }
+}
+
+/// What can be tuned of agents and drives.
+pub(crate) fn declarations(
+    agents: &AgentParameters,
+    motion: &MotionParameters,
+) -> Vec<Declaration> {
+    let mut declarations = agent_declarations(agents);
+    declarations.extend(motion_declarations(motion));
+    declarations
+}
+
+fn tunables(values: &Values) -> Result<(AgentParameters, MotionParameters), ParameterError> {
+    Ok((agent_parameters(values)?, motion_parameters(values)?))
 }
 
 /// What the node of a process is called that hosts these modules, in ascending order.

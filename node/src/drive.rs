@@ -24,6 +24,14 @@ pub enum MotionParameters {
     External(ExternalMotion),
 }
 
+impl Default for MotionParameters {
+    fn default() -> Self {
+        Self::Simulated {
+            speed_units_per_s: 1.0,
+        }
+    }
+}
+
 enum Kind {
     Simulated {
         drive: SimulatedDrive,
@@ -60,6 +68,15 @@ impl Drive {
         Self {
             kind,
             reports: VecDeque::new(),
+        }
+    }
+
+    /// Goes by other parameters from the next goal on; only the speed of a simulation can change.
+    pub(crate) fn set_parameters(&mut self, parameters: &MotionParameters) {
+        if let (Kind::Simulated { drive, .. }, MotionParameters::Simulated { speed_units_per_s }) =
+            (&mut self.kind, parameters)
+        {
+            drive.set_speed(*speed_units_per_s);
         }
     }
 

@@ -58,6 +58,17 @@ pub struct ExternalMotion {
     pub drive: ExternalParameters,
 }
 
+impl Default for ExternalMotion {
+    fn default() -> Self {
+        Self {
+            pose_source: PoseSource::default(),
+            frame_id: None,
+            first_pose_limit: Duration::from_secs(30),
+            drive: ExternalParameters::default(),
+        }
+    }
+}
+
 /// What a driver says.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum DriverNews {

@@ -13,8 +13,10 @@ use formation::message::{
 };
 use formation::motion::{DockingAction, DriveCommand};
 
+use crate::diagnostics::Report;
 use crate::drive::{Drive, MotionParameters};
 use crate::drivers::DriverNews;
+use crate::tally::Tally;
 use crate::traffic::worth_a_line;
 
 /// A message between two hosted modules is handed over at once, but after so many the loop turns to the network
@@ -50,6 +52,7 @@ struct Seat {
     /// How many refusals the agent thought worth telling.
     refusals_told: u64,
     duplicates_told: u64,
+    tally: Tally,
 }
 
 /// The agents of a process, and what they say, gathered into as few samples as possible.
@@ -80,6 +83,7 @@ impl Host {
                 heartbeat: None,
                 refusals_told: 0,
                 duplicates_told: 0,
+                tally: Tally::default(),
             })
             .collect();
         Self {
@@ -183,7 +187,33 @@ impl Host {
         self.outgoing.push(Outgoing::ModuleStates(states));
     }
 
+    /// Waits and moves by other parameters from now on.
+    pub(crate) fn set_parameters(
+        &mut self,
+        now: Duration,
+        parameters: AgentParameters,
+        motion: &MotionParameters,
+    ) {
+        for seat in 0..self.seats.len() {
+            self.seats[seat].agent.set_parameters(parameters);
+            self.seats[seat].drive.set_parameters(motion);
+            // What is due may be due earlier now.
+            self.tell(seat, now, Input::Timeout);
+        }
+    }
+
+    /// How each hosted module is doing.
+    pub(crate) fn reports(&self, now: Duration) -> Vec<Report> {
+        self.seats
+            .iter()
+            .map(|seat| seat.tally.report(now, &seat.agent, seat.state.as_deref()))
+            .collect()
+    }
+
     fn tell(&mut self, seat: usize, now: Duration, input: Input) {
+        if let Input::Message { .. } = input {
+            self.seats[seat].tally.received += 1;
+        }
         self.seats[seat].agent.handle(now, input);
         self.obey(seat, now);
         self.tell_reports(seat, now);
@@ -217,9 +247,12 @@ impl Host {
                 Output::Event(event) => self.note(seat, &event),
             }
         }
+        let seat = &mut self.seats[seat];
+        seat.tally.observe_phase(now, seat.agent.phase());
     }
 
     fn publish(&mut self, seat: usize, message: Message) {
+        self.seats[seat].tally.count_sent(&message);
         match &message {
             Message::ModuleState(state) => {
                 // Each state goes out, even when two follow each other at once: observers judge the order of
@@ -244,6 +277,7 @@ impl Host {
 
     fn note(&mut self, seat: usize, event: &Event) {
         let seat = &mut self.seats[seat];
+        seat.tally.note(event);
         let module = seat.module.0;
         // What others can cause at will must not flood the log.
         let told = match event {

@@ -42,7 +42,9 @@ impl From<EnvironmentError> for Failure {
 impl From<SessionError> for Failure {
     fn from(error: SessionError) -> Self {
         match error {
-            SessionError::Name { .. } | SessionError::Discovery(_) => Self::BadInput(error.into()),
+            SessionError::Name { .. } | SessionError::Parameter(_) | SessionError::Discovery(_) => {
+                Self::BadInput(error.into())
+            }
             SessionError::Drivers(_) | SessionError::Library { .. } | SessionError::Deaf => {
                 Self::Failed(error.into())
             }

@@ -31,6 +31,10 @@ const CLIENT_WAIT: Duration = Duration::from_secs(1);
 /// Between two looks for it.
 const CLIENT_INTERVAL: Duration = Duration::from_millis(10);
 
+/// A client's request and reply ends belong to one participant. Its number begins an endpoint's identifier, but of that
+/// CycloneDDS leaves us only so many bytes, and puts a number of its own into the rest.
+const CLIENT_BYTES: usize = 8;
+
 /// Which request a reply answers.
 pub type RequestId = RmwRequestId;
 
@@ -113,13 +117,12 @@ impl<S: ServiceType> ServiceServer<S> {
     }
 
     fn knows_client(&self, id: RequestId) -> bool {
-        // The client's request and reply ends belong to one participant, which the first twelve bytes name.
-        let client = &id.writer_gid.to_bytes16()[..12];
-        let is_own = self.participant.guid().to_bytes()[..12] == *client;
+        let client = &id.writer_gid.to_bytes16()[..CLIENT_BYTES];
+        let is_own = self.participant.guid().to_bytes()[..CLIENT_BYTES] == *client;
         is_own
             || self.participant.discovered_readers().iter().any(|reader| {
                 let guid: GUID = reader.reader_proxy.remote_reader_guid;
-                guid.to_bytes()[..12] == *client
+                guid.to_bytes()[..CLIENT_BYTES] == *client
                     && *reader.subscription_topic_data.topic_name() == self.reply_topic
             })
     }

@@ -15,6 +15,10 @@ use thiserror::Error;
 use crate::arguments::{NodeIdentity, RemapRules, Resource};
 use crate::environment::DiscoveryRange;
 use crate::interfaces::{discovery_obstacle, interfaces};
+use crate::logging;
+use crate::parameters::{
+    NodeWide, ParameterError, ParameterRequest, ParameterServices, Parameters, Values, shown,
+};
 use crate::pulse::Pulse;
 use crate::service::{ServiceType, service_qos};
 use crate::service_mapping::ServiceMapping;
@@ -38,6 +42,7 @@ pub struct Session {
     identity: NodeIdentity,
     remaps: RemapRules,
     service_mapping: ServiceMapping,
+    parameters: Parameters,
 }
 
 /// Why a process could not join the ROS 2 graph.
@@ -51,6 +56,9 @@ pub enum SessionError {
         /// What is wrong with it.
         reason: String,
     },
+    /// A parameter cannot be used.
+    #[error(transparent)]
+    Parameter(#[from] ParameterError),
     /// Processes on this machine would not find each other.
     #[error("{0}")]
     Discovery(String),
@@ -80,9 +88,17 @@ impl Session {
     /// # Errors
     /// Refuses names that ROS 2 does not take, and a machine on which the processes cannot find each other; passes
     /// on what the DDS library refuses, such as a domain that is full.
-    pub fn open(settings: &Settings, name: &str) -> Result<Self, SessionError> {
+    pub fn open(
+        settings: &Settings,
+        name: &str,
+        parameters: Parameters,
+    ) -> Result<Self, SessionError> {
         let environment = &settings.environment;
-        let identity = settings.ros.remaps.identity(name, &settings.namespace);
+        let identity = settings.identity(name);
+        logging::follow(&identity.logger(), &settings.ros.log);
+        let service_mapping = NodeWide::of(parameters.values())?
+            .service_mapping
+            .unwrap_or(settings.service_mapping);
         let node_name = NodeName::new(identity.namespace.as_str(), &identity.name)
             .map_err(|error| bad_name(&identity.fully_qualified(), &error))?;
         let domain = environment.domain.number();
@@ -109,9 +125,14 @@ impl Session {
         }
         let context = Context::from_domain_participant(participant.clone())
             .map_err(|error| library("create a ROS 2 context", &error))?;
-        let options = NodeOptions::new()
+        // The library's own parameter services know one mapping only, and its log no bounds.
+        let mut options = NodeOptions::new()
             .enable_rosout(false)
             .start_parameter_services(false);
+        // Its store of parameters is what publishes `/parameter_events`, by an endpoint that it makes anyway.
+        for (name, value) in parameters.values().iter() {
+            options = options.declare_parameter(name, value.clone());
+        }
         let node = context
             .new_node(node_name, options)
             .map_err(|error| library("create a ROS 2 node", &error))?;
@@ -120,6 +141,7 @@ impl Session {
             node = node.fully_qualified_name(),
             domain,
             range = %environment.range,
+            services = %service_mapping,
             participant = participant.participant_id(),
             "joined the ROS 2 graph"
         );
@@ -130,7 +152,8 @@ impl Session {
             pulse,
             identity,
             remaps: settings.ros.remaps.clone(),
-            service_mapping: settings.service_mapping,
+            service_mapping,
+            parameters,
         })
     }
 
@@ -143,6 +166,26 @@ impl Session {
             Ok(())
         } else {
             Err(SessionError::Deaf)
+        }
+    }
+
+    /// The node's parameters.
+    pub(crate) fn parameters(&self) -> &Parameters {
+        &self.parameters
+    }
+
+    /// Answers a request to a parameter service and tells `/parameter_events` what it changed.
+    pub(crate) fn answer(
+        &mut self,
+        services: &ParameterServices,
+        request: ParameterRequest,
+        apply: &mut dyn FnMut(&Values) -> Result<(), String>,
+    ) {
+        for (name, value) in services.answer(request, &mut self.parameters, apply) {
+            tracing::info!("parameter {name} is now {}", shown(&value));
+            if let Err(reason) = self.node.set_parameter(name, value) {
+                tracing::warn!("could not tell of the change of parameter {name}: {reason}");
+            }
         }
     }
 

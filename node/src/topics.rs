@@ -13,6 +13,9 @@ use formation_msgs::{
 };
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 
+use crate::diagnostics::DiagnosticArray;
+use crate::rosout::Log;
+
 /// A topic that carries samples of type `M`.
 #[derive(Debug)]
 pub struct Topic<M> {
@@ -53,6 +56,10 @@ pub const HEARTBEATS: Topic<Heartbeat> = Topic::fleeting(topic::HEARTBEATS);
 /// What the verifier found.
 pub const VERDICT: Topic<Verdict> = Topic::latched(topic::VERDICT, 1);
 
+/// Log lines, in the quality that ROS 2 gives them, but not as deep: writers do not forget what nobody reads.
+pub(crate) const ROSOUT: Topic<Log> = Topic::latched("/rosout", 100);
+/// How nodes are doing.
+pub(crate) const DIAGNOSTICS: Topic<DiagnosticArray> = Topic::prompt("/diagnostics", 1);
 /// The formation as shapes, whole.
 pub const MARKERS: Topic<MarkerArray> = Topic::latched("markers", 1);
 /// Where modules stand, for all of ROS 2.

@@ -8,15 +8,21 @@ use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdi
 use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;
 
+use crate::arguments::{judging_declarations, judging_parameters};
+use crate::diagnostics::traffic_report;
+use crate::facilities::{Arrival, Facilities, FacilityInlets, arrivals};
 use crate::inbox::{Inbox, Wake};
-use crate::inlet::{Delivery, Inlet};
+use crate::inlet::Inlet;
 use crate::outlet::Outlet;
+use crate::parameters::Values;
 use crate::session::{Session, SessionError};
 use crate::settings::Settings;
 use crate::speakers::Speakers;
 use crate::stamp;
 use crate::topics;
 use crate::traffic::{RefusalKind, Traffic};
+
+const NODE_NAME: &str = "verifier";
 
 /// However much comes in, the state of things is judged at most this often.
 const JUDGE_INTERVAL: Duration = Duration::from_millis(50);
@@ -72,35 +78,40 @@ impl VerifierProcess {
         stop: &Receiver<()>,
         told: &mut impl FnMut(News<'_>),
     ) -> Result<Judgement, SessionError> {
-        let mut session = Session::open(&self.settings, "verifier")?;
+        let declarations = judging_declarations(&self.parameters);
+        let parameters = self.settings.declare(NODE_NAME, declarations)?;
+        let judging = judging_parameters(parameters.values(), self.parameters.clone())?;
+        let mut session = Session::open(&self.settings, NODE_NAME, parameters)?;
         let inlets = Inlets {
             target: Inlet::open(&mut session, &topics::TARGET)?,
             states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
             roster: Inlet::open(&mut session, &topics::ROSTER)?,
             claims: Inlet::open(&mut session, &topics::claims(1))?,
             heartbeats: Inlet::open(&mut session, &topics::HEARTBEATS)?,
+            facilities: FacilityInlets::open(&self.settings, &mut session)?,
         };
+        let facilities = Facilities::open(&self.settings, &mut session)?;
         // Made at the start, so that subscribers are matched by the time there is something to say.
         let outlet = Outlet::open(&mut session, &topics::VERDICT)?;
-        let inbox = Inbox::new(
-            [
-                inlets.target.deliveries(),
-                inlets.states.deliveries(),
-                inlets.roster.deliveries(),
-                inlets.claims.deliveries(),
-                inlets.heartbeats.deliveries(),
-            ],
-            stop.clone(),
-        );
+        let samples = [
+            inlets.target.deliveries(),
+            inlets.states.deliveries(),
+            inlets.roster.deliveries(),
+            inlets.claims.deliveries(),
+            inlets.heartbeats.deliveries(),
+        ];
+        let inbox = Inbox::new(arrivals(samples, &inlets.facilities), stop.clone());
         let mut watch = Watch {
             start: Instant::now(),
-            observer: Observer::new(self.parameters.clone()),
+            observer: Observer::new(judging),
             plan_only: self.plan_only,
             chronicler: self.chronicle.then(Chronicler::default),
             keep_watching: self.keep_watching,
             inbox,
+            inlets: &inlets.facilities,
             outlet,
-            session: &session,
+            facilities,
+            session: &mut session,
             speakers: Speakers::default(),
             traffic: Traffic::default(),
         };
@@ -109,7 +120,7 @@ impl VerifierProcess {
             if let Some(End::Judged(_)) = &end {
                 watch.linger(self.linger).await;
             }
-            Ok(end)
+            Ok::<_, SessionError>(end)
         })?;
         let traffic = watch.traffic;
         tracing::info!("traffic: {traffic}");
@@ -152,6 +163,7 @@ struct Inlets {
     roster: Inlet<Roster>,
     claims: Inlet<SpotClaim>,
     heartbeats: Inlet<Heartbeat>,
+    facilities: FacilityInlets,
 }
 
 struct Watch<'a> {
@@ -161,9 +173,11 @@ struct Watch<'a> {
     /// Where everything that happens is to be told.
     chronicler: Option<Chronicler>,
     keep_watching: bool,
-    inbox: Inbox<'a, Delivery>,
+    inbox: Inbox<'a, Arrival>,
+    inlets: &'a FacilityInlets,
     outlet: Outlet<formation_msgs::Verdict, Publisher<formation_msgs::Verdict>>,
-    session: &'a Session,
+    facilities: Facilities,
+    session: &'a mut Session,
     speakers: Speakers,
     traffic: Traffic,
 }
@@ -201,17 +215,21 @@ impl Watch<'_> {
             }
             self.outlet.flush(&mut self.traffic);
             self.session.check_hearing()?;
+            self.report()?;
             let timeout = self.observer.poll_timeout().map(|due| self.start + due);
             let look_at = Some(Instant::now() + REVIEW_INTERVAL);
-            let due = [judge_at, timeout, look_at].into_iter().flatten().min();
+            let due = [judge_at, timeout, look_at, self.facilities.due()]
+                .into_iter()
+                .flatten()
+                .min();
             match self.inbox.wait(due).await {
                 Wake::Stop => return Ok(last),
                 Wake::Due => {}
-                Wake::Arrival(delivery) => {
-                    let mut next = Some(delivery);
+                Wake::Arrival(arrival) => {
+                    let mut next = Some(arrival);
                     for _ in 0..SAMPLES_PER_TURN {
-                        let Some(delivery) = next else { break };
-                        if self.take_in(delivery, told) {
+                        let Some(arrival) = next else { break };
+                        if self.take_in(arrival, told) {
                             let soon = Instant::now() + JUDGE_INTERVAL;
                             judge_at = Some(judge_at.map_or(soon, |at| at.min(soon)));
                         }
@@ -222,8 +240,23 @@ impl Watch<'_> {
         }
     }
 
-    /// Whether there was anything in a delivery to judge by.
-    fn take_in(&mut self, delivery: Delivery, told: &mut impl FnMut(News<'_>)) -> bool {
+    /// Takes something in; returns whether there is something new to judge.
+    fn take_in(&mut self, arrival: Arrival, told: &mut impl FnMut(News<'_>)) -> bool {
+        let delivery = match arrival {
+            Arrival::Sample(delivery) => delivery,
+            Arrival::Facility(arrival) => {
+                // How a formation is judged is settled when watching begins.
+                let apply = &mut |_: &Values| Ok(());
+                self.facilities.attend(
+                    self.inlets,
+                    arrival,
+                    self.session,
+                    &mut self.traffic,
+                    apply,
+                );
+                return false;
+            }
+        };
         let topic = delivery.topic();
         let Some((source, messages)) = delivery.accept(self.session.source(), &mut self.traffic)
         else {
@@ -245,6 +278,13 @@ impl Watch<'_> {
             }
         }
         true
+    }
+
+    fn report(&mut self) -> Result<(), SessionError> {
+        self.facilities
+            .report(self.session, &mut self.traffic, |traffic| {
+                vec![traffic_report(traffic)]
+            })
     }
 
     fn end(&mut self) -> Option<End> {

@@ -7,7 +7,9 @@ use clap::Parser;
 use formation_node::arguments::{self, NetworkArguments, Seconds};
 use formation_node::lifetime::stop_requested;
 use formation_node::outcome::{Failure, STATUS_DONE, conclude};
-use formation_node::visualisation::{VisualisationParameters, VisualiserProcess};
+use formation_node::visualisation::{
+    RATE_MAX, RATE_MIN, VisualisationParameters, VisualiserProcess,
+};
 
 /// Publishes what is on the formation's topics as markers and transforms, until it is told to stop.
 ///
@@ -53,6 +55,6 @@ fn rate(text: &str) -> Result<f64, String> {
     text.trim()
         .parse::<f64>()
         .ok()
-        .filter(|rate| (0.1..=100.0).contains(rate))
-        .ok_or_else(|| format!("must be a number from 0.1 to 100, got `{text}`"))
+        .filter(|rate| (RATE_MIN..=RATE_MAX).contains(rate))
+        .ok_or_else(|| format!("must be a number from {RATE_MIN} to {RATE_MAX}, got `{text}`"))
 }

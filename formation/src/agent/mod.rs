@@ -254,6 +254,22 @@ impl Agent {
         &self.body.links
     }
 
+    /// How many turns of its epoch it has applied.
+    #[must_use]
+    pub fn applied_turns(&self) -> u32 {
+        match &self.stage {
+            Stage::Planning(turns) => turns.applied(),
+            Stage::Acting(acting) => acting.turns(),
+            _ => 0,
+        }
+    }
+
+    /// Waits by other limits from the next input on. The caller has them validated, and leaves `lease`, `suspicion`
+    /// and `heartbeat` as all members have them.
+    pub fn set_parameters(&mut self, parameters: AgentParameters) {
+        self.parameters = parameters;
+    }
+
     /// How many messages it refused, by kind.
     #[must_use]
     pub fn refusals(&self) -> &RefusalCounts {
@@ -496,11 +512,7 @@ impl Agent {
             epoch: self.epoch,
             digest,
             digest_since,
-            applied_turns: match &self.stage {
-                Stage::Planning(turns) => turns.applied(),
-                Stage::Acting(acting) => acting.turns(),
-                _ => 0,
-            },
+            applied_turns: self.applied_turns(),
             phase: self.phase(),
         }
     }

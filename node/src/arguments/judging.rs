@@ -6,9 +6,12 @@ use std::time::Duration;
 use clap::Args;
 use formation::fixed::MicroUnits;
 use formation::verify::ObserverParameters;
+use ros2_client::ParameterValue;
 
+use super::timing::SECONDS;
 use super::{Seconds, read_scenario};
 use crate::outcome::Failure;
+use crate::parameters::{Change, Declaration, ParameterError, Range, Values};
 
 /// How a formation is judged.
 #[derive(Clone, Debug, Args)]
@@ -64,10 +67,76 @@ impl JudgingArguments {
     }
 }
 
+const TIME_LIMIT: &str = "time_limit_s";
+const GRACE: &str = "grace_s";
+const TOLERANCE: &str = "tolerance";
+const HEADING_TOLERANCE: &str = "heading_tolerance";
+const TOLERANCE_MAX: f64 = 1.0e3;
+const SETTLED: Change = Change::AtStart("a formation is judged by what held when watching began");
+
+/// Declares how a formation is judged, for ROS 2, with these values unless something is assigned.
+pub(crate) fn judging_declarations(values: &ObserverParameters) -> Vec<Declaration> {
+    let tolerance = Range::Double {
+        from: 0.0,
+        to: TOLERANCE_MAX,
+    };
+    let declaration = |name, description, value, range| Declaration {
+        name,
+        description,
+        value: ParameterValue::Double(value),
+        range,
+        change: SETTLED,
+    };
+    vec![
+        declaration(
+            TIME_LIMIT,
+            "A formation that is not done after so many seconds has failed",
+            values.time_limit.as_secs_f64(),
+            SECONDS,
+        ),
+        declaration(
+            GRACE,
+            "What is reached but not yet right may take so many seconds to become right",
+            values.grace.as_secs_f64(),
+            SECONDS,
+        ),
+        declaration(
+            TOLERANCE,
+            "How far a settled module may stand from its spot, in units",
+            values.position_tolerance.to_units(),
+            tolerance.clone(),
+        ),
+        declaration(
+            HEADING_TOLERANCE,
+            "By how much its heading may differ, in radians",
+            values.heading_tolerance.to_units(),
+            tolerance,
+        ),
+    ]
+}
+
+/// How a formation is judged, as ROS 2 has it.
+pub(crate) fn judging_parameters(
+    values: &Values,
+    given: ObserverParameters,
+) -> Result<ObserverParameters, ParameterError> {
+    let micro = |name| {
+        MicroUnits::from_units(values.double(name)?)
+            .map_err(|error| ParameterError::new(name, error.to_string()))
+    };
+    Ok(ObserverParameters {
+        position_tolerance: micro(TOLERANCE)?,
+        heading_tolerance: micro(HEADING_TOLERANCE)?,
+        time_limit: values.seconds(TIME_LIMIT)?,
+        grace: values.seconds(GRACE)?,
+        ..given
+    })
+}
+
 fn tolerance(text: &str) -> Result<f64, String> {
     text.trim()
         .parse::<f64>()
         .ok()
-        .filter(|tolerance| (0.0..=1.0e3).contains(tolerance))
-        .ok_or_else(|| format!("must be a number from 0 to 1000, got `{text}`"))
+        .filter(|tolerance| (0.0..=TOLERANCE_MAX).contains(tolerance))
+        .ok_or_else(|| format!("must be a number from 0 to {TOLERANCE_MAX}, got `{text}`"))
 }

@@ -12,12 +12,16 @@ mod timing;
 
 pub use command_line::parse;
 pub use judging::JudgingArguments;
+pub(crate) use judging::{judging_declarations, judging_parameters};
 pub use modules::{HostedModules, ModuleArguments, ModuleList, require_leader};
 pub use motion::{MotionArguments, MotionMode};
+pub(crate) use motion::{motion_declarations, motion_parameters};
 pub use network::NetworkArguments;
+pub(crate) use ros::suggestion;
 pub use ros::{
     ArgumentError, Assignment, LogArguments, LogLevel, NameError, NodeIdentity, Origin,
     ParameterAssignments, RemapError, RemapRule, RemapRules, Resource, RosArguments,
 };
 pub use scenario::read_scenario;
+pub(crate) use timing::{SECONDS, agent_declarations, agent_parameters};
 pub use timing::{Seconds, TimingArguments};

@@ -42,7 +42,7 @@ impl NetworkArguments {
     /// # Errors
     /// Names the environment variable that cannot be used.
     pub fn start(&self, ros: RosArguments) -> Result<Settings, Failure> {
-        logging::start(ros.log.level.unwrap_or(self.log_level));
+        let log = logging::start(ros.log.level.unwrap_or(self.log_level), &ros.log);
         lifetime::end_on_panic();
         if self.stop_with_parent {
             lifetime::end_with_parent()?;
@@ -72,6 +72,7 @@ impl NetworkArguments {
             namespace,
             service_mapping,
             ros,
+            log,
         })
     }
 }

@@ -5,12 +5,15 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::Args;
-use formation::agent::AgentParameters;
+use formation::agent::{AgentParameters, ParametersError};
+use ros2_client::ParameterValue;
 
 use crate::outcome::Failure;
+use crate::parameters::{Change, Declaration, ParameterError, Range, Values};
 
 /// The longest time that an argument may name: a week.
 const SECONDS_MAX: f64 = 604_800.0;
+const SECONDS_MIN: f64 = 0.001;
 
 /// A time in seconds, greater than zero.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -23,9 +26,11 @@ impl FromStr for Seconds {
         text.trim()
             .parse::<f64>()
             .ok()
-            .filter(|seconds| (0.001..=SECONDS_MAX).contains(seconds))
+            .filter(|seconds| (SECONDS_MIN..=SECONDS_MAX).contains(seconds))
             .map(|seconds| Self(Duration::from_secs_f64(seconds)))
-            .ok_or_else(|| format!("must be seconds from 0.001 to {SECONDS_MAX}, got `{text}`"))
+            .ok_or_else(|| {
+                format!("must be seconds from {SECONDS_MIN} to {SECONDS_MAX}, got `{text}`")
+            })
     }
 }
 
@@ -36,7 +41,7 @@ impl fmt::Display for Seconds {
 }
 
 macro_rules! timing_arguments {
-    ($($(#[doc = $help:literal])+ $argument:ident => $parameter:ident,)+) => {
+    ($($(#[doc = $help:literal])+ $argument:ident => $parameter:ident, $change:expr;)+) => {
         /// How long the agents wait, in seconds.
         #[derive(Clone, Copy, Debug, Args)]
         #[command(next_help_heading = "Times")]
@@ -65,37 +70,88 @@ macro_rules! timing_arguments {
                 .map_err(Failure::bad_input)
             }
         }
+
+        /// Declares the agents' parameters for ROS 2, with these values unless something is assigned.
+        pub(crate) fn agent_declarations(values: &AgentParameters) -> Vec<Declaration> {
+            vec![
+                $(Declaration {
+                    name: stringify!($argument),
+                    description: concat!("In seconds:", $($help),+),
+                    value: ParameterValue::Double(values.$parameter.as_secs_f64()),
+                    range: SECONDS,
+                    change: $change,
+                },)+
+                Declaration {
+                    name: PLAN_ONLY,
+                    description: "Agree on a plan, and do not set off",
+                    value: ParameterValue::Boolean(values.plan_only),
+                    range: Range::Any,
+                    change: Change::AtRunTime,
+                },
+            ]
+        }
+
+        /// The agents' parameters as ROS 2 has them now.
+        pub(crate) fn agent_parameters(values: &Values) -> Result<AgentParameters, ParameterError> {
+            AgentParameters {
+                $($parameter: values.seconds(stringify!($argument))?,)+
+                plan_only: values.boolean(PLAN_ONLY)?,
+            }
+            .validated()
+            // The error names the limits; as parameters they end in their unit.
+            .map_err(|ParametersError::Order { longer, longer_value, shorter, shorter_value }| {
+                ParameterError::new(
+                    &format!("{longer}_s"),
+                    format!("must be greater than {shorter}_s ({shorter_value:?}), got {longer_value:?}"),
+                )
+            })
+        }
     };
 }
 
+const PLAN_ONLY: &str = "plan_only";
+
+pub(crate) const SECONDS: Range = Range::Double {
+    from: SECONDS_MIN,
+    to: SECONDS_MAX,
+};
+
+/// Whether a module may move rests on how old the others' heartbeats can be.
+const ALIKE: Change = Change::AtStart(
+    "whoever takes part relies on the others having the same, so restart all processes with the new value",
+);
+
 timing_arguments! {
     /// Between two heartbeats
-    heartbeat_s => heartbeat,
+    heartbeat_s => heartbeat, ALIKE;
     /// A module that was not heard for so long is taken for dead; a process that starts listens for so long
-    suspicion_s => suspicion,
+    suspicion_s => suspicion, ALIKE;
     /// A module moves only while every member was heard within this; less than the suspicion
-    lease_s => lease,
+    lease_s => lease, ALIKE;
     /// The k-th lowest live module steps in as convener after k times this
-    convene_s => convene,
+    convene_s => convene, Change::AtRunTime;
     /// Without a known number of modules, a gathering ends when nothing new came for so long
-    gather_s => gather,
+    gather_s => gather, Change::AtRunTime;
     /// A gathering that lacks modules ends after this, with those that are there
-    gather_limit_s => gather_limit,
+    gather_limit_s => gather_limit, Change::AtRunTime;
     /// A claimant, or a member that owes agreement, is taken for dead after so long without progress
-    stuck_s => stuck,
+    stuck_s => stuck, Change::AtRunTime;
     /// A unit must reach its spots within this time of starting to move
-    motion_limit_s => motion_limit,
+    motion_limit_s => motion_limit, Change::AtRunTime;
     /// The least time between two epochs; it doubles with every epoch that does not agree
-    epoch_interval_s => epoch_interval,
+    epoch_interval_s => epoch_interval, Change::AtRunTime;
     /// The greatest time between two epochs
-    epoch_interval_limit_s => epoch_interval_limit,
+    epoch_interval_limit_s => epoch_interval_limit, Change::AtRunTime;
     /// The least time between two announcements of the pose on the way
-    pose_interval_s => pose_interval,
+    pose_interval_s => pose_interval, Change::AtRunTime;
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
+
     use super::*;
+    use crate::parameters::Parameters;
 
     #[test]
     fn times_are_finite_and_positive() {
@@ -103,5 +159,28 @@ mod tests {
         for bad in ["0", "-1", "inf", "NaN", "1e9", "soon", ""] {
             assert!(bad.parse::<Seconds>().is_err(), "{bad}");
         }
+    }
+
+    #[test]
+    fn parameters_of_ros_2_and_of_the_agents_are_the_same() {
+        let given = AgentParameters {
+            gather: Duration::from_millis(1_234),
+            plan_only: true,
+            ..AgentParameters::default()
+        };
+        let of = |values: &AgentParameters| {
+            let (parameters, _) =
+                Parameters::declare(agent_declarations(values), &BTreeMap::new()).unwrap();
+            agent_parameters(parameters.values()).map_err(|error| error.to_string())
+        };
+        assert_eq!(of(&given), Ok(given));
+        let unsafe_lease = AgentParameters {
+            lease: Duration::from_secs(6),
+            ..given
+        };
+        assert_eq!(
+            of(&unsafe_lease).unwrap_err(),
+            "parameter `suspicion_s`: must be greater than lease_s (6s), got 5s"
+        );
     }
 }

@@ -11,11 +11,15 @@ use formation::message::Message;
 use formation_msgs::foreign::tf2_msgs::TFMessage;
 use formation_msgs::foreign::visualization_msgs::MarkerArray;
 use formation_msgs::{Heartbeat, ModuleStates, SpotClaim, TargetConfiguration};
-use ros2_client::Publisher;
+use ros2_client::{ParameterValue, Publisher};
 
+use crate::arguments::SECONDS;
+use crate::diagnostics::traffic_report;
+use crate::facilities::{Arrival, Facilities, FacilityInlets, arrivals};
 use crate::inbox::{Inbox, Wake};
-use crate::inlet::{Delivery, Inlet};
+use crate::inlet::Inlet;
 use crate::outlet::Outlet;
+use crate::parameters::{Change, Declaration, ParameterError, Range, Values};
 use crate::session::{Session, SessionError};
 use crate::settings::Settings;
 use crate::stamp;
@@ -29,6 +33,16 @@ const TRANSFORM_INTERVAL: Duration = Duration::from_secs(1);
 /// After so many samples the loop turns to drawing.
 const SAMPLES_PER_TURN: usize = 256;
 
+const NODE_NAME: &str = "visualiser";
+
+const RATE: &str = "rate";
+const SUSPICION: &str = "suspicion_s";
+const LABELS: &str = "labels";
+/// The fewest pictures a second.
+pub const RATE_MIN: f64 = 0.1;
+/// The most pictures a second.
+pub const RATE_MAX: f64 = 100.0;
+
 /// What a picture shows, and how often it is drawn.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct VisualisationParameters {
@@ -38,6 +52,54 @@ pub struct VisualisationParameters {
     pub suspicion: Duration,
     /// Whether modules and spots carry their numbers.
     pub labels: bool,
+}
+
+impl Default for VisualisationParameters {
+    fn default() -> Self {
+        Self {
+            interval: Duration::from_millis(200),
+            suspicion: Duration::from_secs(5),
+            labels: true,
+        }
+    }
+}
+
+/// Declares what a picture shows, for ROS 2, with these values unless something is assigned.
+pub(crate) fn visualisation_declarations(values: &VisualisationParameters) -> Vec<Declaration> {
+    vec![
+        Declaration {
+            name: RATE,
+            description: "At most so many pictures a second, and only when something changed",
+            value: ParameterValue::Double(1.0 / values.interval.as_secs_f64()),
+            range: Range::Double {
+                from: RATE_MIN,
+                to: RATE_MAX,
+            },
+            change: Change::AtRunTime,
+        },
+        Declaration {
+            name: SUSPICION,
+            description: "A module that was not heard for so many seconds is drawn grey",
+            value: ParameterValue::Double(values.suspicion.as_secs_f64()),
+            range: SECONDS,
+            change: Change::AtStart("it goes with the suspicion_s of the agents"),
+        },
+        Declaration {
+            name: LABELS,
+            description: "Whether modules and spots carry their numbers",
+            value: ParameterValue::Boolean(values.labels),
+            range: Range::Any,
+            change: Change::AtRunTime,
+        },
+    ]
+}
+
+fn visualisation_parameters(values: &Values) -> Result<VisualisationParameters, ParameterError> {
+    Ok(VisualisationParameters {
+        interval: Duration::from_secs_f64(1.0 / values.double(RATE)?.clamp(RATE_MIN, RATE_MAX)),
+        suspicion: values.seconds(SUSPICION)?,
+        labels: values.boolean(LABELS)?,
+    })
 }
 
 /// A process that draws what is on the topics.
@@ -55,35 +117,39 @@ impl VisualiserProcess {
     /// # Errors
     /// The ROS 2 graph could not be joined.
     pub fn run(self, stop: Receiver<()>) -> Result<(), SessionError> {
-        let mut session = Session::open(&self.settings, "visualiser")?;
+        let declarations = visualisation_declarations(&self.parameters);
+        let parameters = self.settings.declare(NODE_NAME, declarations)?;
+        let shown = visualisation_parameters(parameters.values())?;
+        let mut session = Session::open(&self.settings, NODE_NAME, parameters)?;
+        let facilities = FacilityInlets::open(&self.settings, &mut session)?;
         let target: Inlet<TargetConfiguration> = Inlet::open(&mut session, &topics::TARGET)?;
         let states: Inlet<ModuleStates> = Inlet::open(&mut session, &topics::MODULE_STATES)?;
         let claims: Inlet<SpotClaim> = Inlet::open(&mut session, &topics::claims(1))?;
         let heartbeats: Inlet<Heartbeat> = Inlet::open(&mut session, &topics::HEARTBEATS)?;
-        let inbox = Inbox::new(
-            [
-                target.deliveries(),
-                states.deliveries(),
-                claims.deliveries(),
-                heartbeats.deliveries(),
-            ],
-            stop,
-        );
+        let samples = [
+            target.deliveries(),
+            states.deliveries(),
+            claims.deliveries(),
+            heartbeats.deliveries(),
+        ];
+        let inbox = Inbox::new(arrivals(samples, &facilities), stop);
         let mut easel = Easel {
             start: Instant::now(),
             markers: Outlet::open(&mut session, &topics::MARKERS)?,
             transforms: Outlet::open(&mut session, &topics::TRANSFORMS)?,
             fixed_transforms: Outlet::open(&mut session, &topics::FIXED_TRANSFORMS)?,
-            session: &session,
-            parameters: self.parameters,
-            scene: Scene::new(self.parameters.suspicion),
+            inlets: &facilities,
+            facilities: Facilities::open(&self.settings, &mut session)?,
+            session: &mut session,
+            parameters: shown,
+            scene: Scene::new(shown.suspicion),
             traffic: Traffic::default(),
             drawn: None,
             transformed: None,
         };
-        async_io::block_on(easel.draw_until_stopped(inbox));
+        let result = async_io::block_on(easel.draw_until_stopped(inbox));
         tracing::info!("traffic: {}", easel.traffic);
-        Ok(())
+        result
     }
 }
 
@@ -92,7 +158,9 @@ struct Easel<'a> {
     markers: Outlet<MarkerArray, Publisher<MarkerArray>>,
     transforms: Outlet<TFMessage, Publisher<TFMessage>>,
     fixed_transforms: Outlet<TFMessage, Publisher<TFMessage>>,
-    session: &'a Session,
+    inlets: &'a FacilityInlets,
+    facilities: Facilities,
+    session: &'a mut Session,
     parameters: VisualisationParameters,
     scene: Scene,
     traffic: Traffic,
@@ -103,23 +171,47 @@ struct Easel<'a> {
 }
 
 impl Easel<'_> {
-    async fn draw_until_stopped(&mut self, mut inbox: Inbox<'_, Delivery>) {
+    async fn draw_until_stopped(
+        &mut self,
+        mut inbox: Inbox<'_, Arrival>,
+    ) -> Result<(), SessionError> {
         loop {
             self.draw();
+            self.facilities
+                .report(self.session, &mut self.traffic, |traffic| {
+                    vec![traffic_report(traffic)]
+                })?;
             match inbox.wait(Some(self.due())).await {
-                Wake::Stop => return,
+                Wake::Stop => return Ok(()),
                 Wake::Due => {}
-                Wake::Arrival(delivery) => {
-                    self.take_in(delivery);
-                    for delivery in std::iter::from_fn(|| inbox.ready()).take(SAMPLES_PER_TURN) {
-                        self.take_in(delivery);
+                Wake::Arrival(arrival) => {
+                    self.take_in(arrival);
+                    for arrival in std::iter::from_fn(|| inbox.ready()).take(SAMPLES_PER_TURN) {
+                        self.take_in(arrival);
                     }
                 }
             }
         }
     }
 
-    fn take_in(&mut self, delivery: Delivery) {
+    fn take_in(&mut self, arrival: Arrival) {
+        let delivery = match arrival {
+            Arrival::Sample(delivery) => delivery,
+            Arrival::Facility(arrival) => {
+                let shown = &mut self.parameters;
+                self.facilities.attend(
+                    self.inlets,
+                    arrival,
+                    self.session,
+                    &mut self.traffic,
+                    &mut |values| {
+                        *shown = visualisation_parameters(values)?;
+                        Ok(())
+                    },
+                );
+                return;
+            }
+        };
         let own = self.session.source();
         if let Some((_, messages)) = delivery.accept(own, &mut self.traffic) {
             let now = self.start.elapsed();
@@ -167,6 +259,9 @@ impl Easel<'_> {
     }
 
     fn due(&self) -> Instant {
-        Instant::now() + self.parameters.interval.min(TRANSFORM_INTERVAL)
+        let drawing = Instant::now() + self.parameters.interval.min(TRANSFORM_INTERVAL);
+        self.facilities
+            .due()
+            .map_or(drawing, |report| report.min(drawing))
     }
 }

@@ -24,6 +24,14 @@ impl NodeIdentity {
     pub fn fully_qualified(&self) -> String {
         join(self.namespace.as_str(), &self.name)
     }
+
+    /// The name of its logger, such as `formation.module_4`.
+    #[must_use]
+    pub fn logger(&self) -> String {
+        self.fully_qualified()
+            .trim_start_matches('/')
+            .replace('/', ".")
+    }
 }
 
 /// What is wrong with a name.
