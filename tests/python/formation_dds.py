@@ -56,6 +56,8 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E
 
 BASES = {
     "bool": bool,
+    "byte": types.uint8,
+    "char": types.uint8,
     "int8": types.int8,
     "uint8": types.uint8,
     "uint32": types.uint32,

@@ -1,0 +1,549 @@
+//! What users of ROS 2 do by habit, done to our processes by CycloneDDS, another vendor's DDS.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::io::{BufRead, BufReader, Read, Write};
+use std::process::{Child, Stdio};
+use std::time::Duration;
+
+use formation_tests::{Python, Running, alone, scenario_path};
+use serde_json::{Value, json};
+
+const SCRIPT: &str = "tests/python/ros_tools.py";
+
+/// The script at work; it is ended at the latest with this value.
+struct Tool {
+    child: Child,
+    output: BufReader<std::process::ChildStdout>,
+    advice: String,
+}
+
+impl Tool {
+    fn start(arguments: &[&str]) -> Option<Self> {
+        let python = Python::find("`ros2` tools were not stood in for")?;
+        let mut child = python.start(SCRIPT, arguments, Stdio::inherit());
+        let output = BufReader::new(child.stdout.take().unwrap());
+        let advice = python.advice();
+        Some(Self {
+            child,
+            output,
+            advice,
+        })
+    }
+
+    /// The next line that it prints.
+    fn next(&mut self) -> Value {
+        let mut line = String::new();
+        self.output.read_line(&mut line).unwrap();
+        assert!(
+            !line.is_empty(),
+            "nothing came; if a Python package is missing, as is said above, {}",
+            self.advice
+        );
+        serde_json::from_str(&line).unwrap()
+    }
+
+    /// Calls a service and waits for the answer.
+    fn call(&mut self, service: &str, name: &str, request: &Value) -> Value {
+        let order = json!({"service": service, "type": format!("rcl_interfaces/srv/{name}"), "request": request});
+        writeln!(self.child.stdin.as_mut().unwrap(), "{order}").unwrap();
+        self.next()
+    }
+
+    /// Everything that it prints until its end, which must be a good one.
+    fn finish(mut self) -> String {
+        drop(self.child.stdin.take());
+        let mut text = String::new();
+        self.output.read_to_string(&mut text).unwrap();
+        assert!(self.child.wait().unwrap().success(), "{}", self.advice);
+        text
+    }
+}
+
+impl Drop for Tool {
+    fn drop(&mut self) {
+        // It may have ended by itself, which leaves nothing to kill.
+        let _ = self.child.kill();
+        let _ = self.child.wait();
+    }
+}
+
+fn module(domain: &str, ros: &[&str]) -> Running {
+    let own = [
+        "--module",
+        "4",
+        "--x",
+        "1",
+        "--y",
+        "2",
+        "--service-mapping",
+        "cyclone",
+    ];
+    Running::start(
+        "module_agent",
+        domain,
+        &[&own, ["--ros-args"].as_slice(), ros].concat(),
+    )
+}
+
+#[test]
+fn tools_see_the_names_types_and_owners_of_all_endpoints() {
+    let _alone = alone();
+    let domain = "80";
+    let remaps = [
+        "-r",
+        "__ns:=/fleet",
+        "-r",
+        "__node:=scout",
+        "-r",
+        "claims:=/decisions",
+        "-r",
+        "**/heartbeats:=\\1/beats",
+        "-r",
+        "rosservice://~/get_parameters:=~/parameters",
+    ];
+    let module = module(domain, &remaps);
+    let Some(mut tool) = Tool::start(&["graph", "/fleet/scout", "--domain", domain]) else {
+        return;
+    };
+    let graph = tool.next();
+    assert_eq!(
+        graph["ownerless"],
+        json!([]),
+        "every endpoint belongs to the node"
+    );
+    let endpoints = graph["endpoints"].as_array().unwrap();
+    let found: BTreeMap<(&str, &str), &Value> = endpoints
+        .iter()
+        .map(|endpoint| {
+            let text = |key: &str| endpoint[key].as_str().unwrap();
+            ((text("kind"), text("topic")), endpoint)
+        })
+        .collect();
+    let quality = |endpoint: &Value| {
+        (
+            endpoint["reliable"].as_bool().unwrap(),
+            endpoint["transient_local"].as_bool().unwrap(),
+        )
+    };
+    let latched = (true, true);
+    for (topic, kinds, base, expected) in [
+        (
+            "target",
+            "s",
+            "formation_msgs::msg::dds_::TargetConfiguration_",
+            latched,
+        ),
+        (
+            "module_states",
+            "sp",
+            "formation_msgs::msg::dds_::ModuleStates_",
+            latched,
+        ),
+        ("roster", "s", "formation_msgs::msg::dds_::Roster_", latched),
+        (
+            "/decisions",
+            "sp",
+            "formation_msgs::msg::dds_::SpotClaim_",
+            latched,
+        ),
+        (
+            "beats",
+            "sp",
+            "formation_msgs::msg::dds_::Heartbeat_",
+            (false, false),
+        ),
+        ("/rosout", "p", "rcl_interfaces::msg::dds_::Log_", latched),
+        (
+            "/diagnostics",
+            "p",
+            "diagnostic_msgs::msg::dds_::DiagnosticArray_",
+            (true, false),
+        ),
+        (
+            "/parameter_events",
+            "p",
+            "rcl_interfaces::msg::dds_::ParameterEvent_",
+            latched,
+        ),
+    ] {
+        let name = match topic.strip_prefix('/') {
+            Some(absolute) => format!("rt/{absolute}"),
+            None => format!("rt/fleet/{topic}"),
+        };
+        for (letter, kind) in [('s', "subscription"), ('p', "publisher")] {
+            let endpoint = found.get(&(kind, name.as_str()));
+            assert_eq!(
+                endpoint.is_some(),
+                kinds.contains(letter),
+                "{kind} of {name} in {found:#?}"
+            );
+            if let Some(endpoint) = endpoint {
+                assert_eq!(endpoint["type"], base, "{name}");
+                assert_eq!(quality(endpoint), expected, "{name}");
+            }
+        }
+    }
+    let services: BTreeSet<&str> = found
+        .keys()
+        .filter_map(|(_, topic)| {
+            topic
+                .strip_prefix("rq/fleet/scout/")?
+                .strip_suffix("Request")
+        })
+        .collect();
+    let expected = [
+        "describe_parameters",
+        "get_parameter_types",
+        "list_parameters",
+        "parameters",
+        "set_parameters",
+        "set_parameters_atomically",
+    ];
+    assert_eq!(services, expected.into());
+    for service in services {
+        let reply = format!("rr/fleet/scout/{service}Reply");
+        let endpoint = found[&("publisher", reply.as_str())];
+        assert_eq!(quality(endpoint), (true, false), "{reply}");
+        let name = endpoint["type"].as_str().unwrap();
+        assert!(
+            name.starts_with("rcl_interfaces::srv::dds_::") && name.ends_with("_Response_"),
+            "{name}"
+        );
+    }
+    assert_eq!(module.stop().status, 0);
+}
+
+#[test]
+fn parameters_are_listed_described_read_and_changed() {
+    let _alone = alone();
+    let domain = "81";
+    let node = "/formation/module_4";
+    let module = module(domain, &["-p", "speed:=2", "-p", "module_4:gather_s:=1.5"]);
+    let Some(mut events) = Tool::start(&[
+        "echo",
+        "/parameter_events",
+        "rcl_interfaces/msg/ParameterEvent",
+        "--domain",
+        domain,
+        "--count",
+        "2",
+    ]) else {
+        return;
+    };
+    let mut tool = Tool::start(&["call", node, "--domain", domain]).unwrap();
+    let listed = tool.call("list_parameters", "ListParameters", &json!({}));
+    let names: BTreeSet<&str> = listed["result"]["names"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|name| name.as_str().unwrap())
+        .collect();
+    for name in [
+        "speed",
+        "lease_s",
+        "plan_only",
+        "start_parameter_services",
+        "use_sim_time",
+    ] {
+        assert!(names.contains(name), "{name} in {names:?}");
+    }
+    let asked = json!({"names": ["speed", "gather_s", "nothing"]});
+    let read = tool.call("get_parameters", "GetParameters", &asked);
+    assert_eq!(read["values"][0]["double_value"], 2.0);
+    assert_eq!(read["values"][1]["double_value"], 1.5);
+    let types = tool.call("get_parameter_types", "GetParameterTypes", &asked);
+    assert_eq!(types, json!({"types": [3, 3, 0]}));
+    let described = tool.call(
+        "describe_parameters",
+        "DescribeParameters",
+        &json!({"names": ["lease_s", "speed"]}),
+    );
+    let (lease, speed) = (&described["descriptors"][0], &described["descriptors"][1]);
+    assert_eq!(
+        (&lease["read_only"], &speed["read_only"]),
+        (&json!(true), &json!(false))
+    );
+    assert_eq!(speed["floating_point_range"][0]["from_value"], 0.001);
+    assert!(
+        speed["description"]
+            .as_str()
+            .unwrap()
+            .contains("units a second")
+    );
+
+    let double =
+        |name: &str, value: f64| json!({"name": name, "value": {"type": 3, "double_value": value}});
+    let request = json!({"parameters": [double("speed", 3.5), double("lease_s", 3.0), double("speed", -1.0)]});
+    let set = tool.call("set_parameters", "SetParameters", &request);
+    let results = set["results"].as_array().unwrap();
+    let outcomes: Vec<bool> = results
+        .iter()
+        .map(|result| result["successful"].as_bool().unwrap())
+        .collect();
+    assert_eq!(outcomes, [true, false, false]);
+    assert!(
+        results[1]["reason"]
+            .as_str()
+            .unwrap()
+            .contains("restart all processes"),
+        "{set}"
+    );
+    assert!(
+        results[2]["reason"]
+            .as_str()
+            .unwrap()
+            .contains("must be from 0.001"),
+        "{set}"
+    );
+    // Each is fine by itself, but together they are not, so neither holds.
+    let request = json!({"parameters": [double("gather_s", 20.0), double("gather_limit_s", 10.0)]});
+    let set = tool.call(
+        "set_parameters_atomically",
+        "SetParametersAtomically",
+        &request,
+    );
+    assert_eq!(set["result"]["successful"], false, "{set}");
+    let request = json!({"parameters": [double("gather_limit_s", 40.0)]});
+    let set = tool.call(
+        "set_parameters_atomically",
+        "SetParametersAtomically",
+        &request,
+    );
+    assert_eq!(set["result"], json!({"successful": true, "reason": ""}));
+    let asked = json!({"names": ["speed", "gather_s", "gather_limit_s"]});
+    let read = tool.call("get_parameters", "GetParameters", &asked);
+    let values: Vec<f64> = read["values"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|value| value["double_value"].as_f64().unwrap())
+        .collect();
+    assert_eq!(values, [3.5, 1.5, 40.0]);
+    tool.finish();
+
+    // What changed is told, and what was refused is not.
+    for (name, value) in [("speed", 3.5), ("gather_limit_s", 40.0)] {
+        let event = events.next();
+        assert_eq!(event["node"], node);
+        assert_eq!(event["changed_parameters"][0]["name"], name);
+        assert_eq!(
+            event["changed_parameters"][0]["value"]["double_value"],
+            value
+        );
+    }
+    events.finish();
+    let finished = module.stop();
+    assert!(
+        finished.stderr.contains("parameter speed is now 3.5"),
+        "{}",
+        finished.stderr
+    );
+}
+
+#[test]
+fn a_node_without_parameter_services_has_none_of_them() {
+    let _alone = alone();
+    let domain = "82";
+    let quiet = [
+        "-p",
+        "start_parameter_services:=false",
+        "-p",
+        "diagnostics_period_s:=0.0",
+        "--disable-rosout-logs",
+    ];
+    let module = module(domain, &quiet);
+    let Some(mut tool) = Tool::start(&["graph", "/formation/module_4", "--domain", domain]) else {
+        return;
+    };
+    let graph = tool.next();
+    let topics: BTreeSet<&str> = graph["endpoints"]
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|endpoint| endpoint["topic"].as_str().unwrap())
+        .collect();
+    assert!(
+        topics
+            .iter()
+            .all(|topic| !topic.starts_with("rq/") && !topic.starts_with("rr/")),
+        "{topics:?}"
+    );
+    assert!(
+        !topics.contains("rt/rosout") && !topics.contains("rt/diagnostics"),
+        "{topics:?}"
+    );
+    assert_eq!(module.stop().status, 0);
+}
+
+#[test]
+fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
+    let _alone = alone();
+    let domain = "83";
+    let scenario = scenario_path("singletons_10");
+    let scenario = scenario.to_str().unwrap();
+    let Some(mut diagnostics) = Tool::start(&[
+        "echo",
+        "/diagnostics",
+        "diagnostic_msgs/msg/DiagnosticArray",
+        "--domain",
+        domain,
+        "--count",
+        "1000",
+    ]) else {
+        return;
+    };
+    let mut log = Tool::start(&[
+        "echo",
+        "/rosout",
+        "rcl_interfaces/msg/Log",
+        "--domain",
+        domain,
+        "--count",
+        "1000",
+        "--latched",
+    ])
+    .unwrap();
+    let all = ["--modules", "1-10", "--speed", "20", "--scenario", scenario];
+    let ros = [
+        "--ros-args",
+        "-p",
+        "diagnostics_period_s:=0.2",
+        "--log-level",
+        "rustdds:=error",
+    ];
+    let modules = Running::start("module_agent", domain, &[all.as_slice(), &ros].concat());
+    let verifier = Running::start("verifier", domain, &["--scenario", scenario]);
+    let publisher = Running::start(
+        "target_publisher",
+        domain,
+        &["--expected-modules", "10", "--scenario", scenario],
+    );
+    assert_eq!(verifier.finish(Duration::from_secs(60)).status, 0);
+
+    let node = "/formation/modules_1_to_10";
+    // Every part of the node, once all modules have settled.
+    let statuses = loop {
+        let sample = diagnostics.next();
+        let statuses: BTreeMap<String, Value> = sample["status"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(|status| (status["name"].as_str().unwrap().to_owned(), status.clone()))
+            .collect();
+        let settled = statuses
+            .values()
+            .filter(|status| status["message"] == "SETTLED");
+        if settled.count() == 10 {
+            break statuses;
+        }
+    };
+    let values = |part: &str| -> BTreeMap<String, String> {
+        let status = &statuses[&format!("{node}: {part}")];
+        let pair = |pair: &Value| {
+            let text = |key: &str| pair[key].as_str().unwrap().to_owned();
+            (text("key"), text("value"))
+        };
+        status["values"]
+            .as_array()
+            .unwrap()
+            .iter()
+            .map(pair)
+            .collect()
+    };
+    let module = values("module 3");
+    assert_eq!(module["phase"], "SETTLED");
+    assert_eq!(module["turn"], "10");
+    assert!(
+        module["epoch"].starts_with("epoch") || module["epoch"].contains('1'),
+        "{module:?}"
+    );
+    for key in ["messages_sent", "messages_received"] {
+        assert!(
+            module[key].parse::<u64>().unwrap() > 10,
+            "{key}: {module:?}"
+        );
+    }
+    for key in ["evictions", "evicted", "time_in_phase_s", "spot"] {
+        assert!(module.contains_key(key), "{key}: {module:?}");
+    }
+    let traffic = values("traffic");
+    assert!(
+        traffic["claims.sent"].parse::<u64>().unwrap() >= 10,
+        "{traffic:?}"
+    );
+    assert_eq!(traffic["target.received"], "1");
+
+    let line = std::iter::from_fn(|| Some(log.next()))
+        .find(|line| line["msg"].as_str().unwrap().starts_with("settled on"))
+        .unwrap();
+    assert_eq!(
+        (&line["level"], &line["name"]),
+        (&json!(20), &json!("formation.modules_1_to_10"))
+    );
+    assert_eq!(publisher.stop().status, 0);
+    assert_eq!(modules.stop().status, 0);
+}
+
+#[test]
+fn a_node_that_is_told_to_end_leaves_the_graph_at_once() {
+    let _alone = alone();
+    for (signal, domain) in [("INT", "84"), ("TERM", "85")] {
+        let module = module(domain, &[]);
+        // A node that just stops is listed for about 47 s.
+        let Some(mut tool) = Tool::start(&[
+            "gone",
+            "/formation/module_4",
+            "--domain",
+            domain,
+            "--timeout",
+            "15",
+        ]) else {
+            return;
+        };
+        assert!(tool.next()["seen"].as_u64().unwrap() > 20);
+        module.signal(signal);
+        tool.next();
+        assert_eq!(module.finish(Duration::from_secs(20)).status, 0, "{signal}");
+        tool.finish();
+    }
+}
+
+#[test]
+fn arguments_that_nobody_knows_are_refused_with_what_may_have_been_meant() {
+    for (arguments, told) in [
+        (
+            ["--ros-args", "--remp", "a:=b"].as_slice(),
+            "did you mean `--remap`?",
+        ),
+        (&["--ros-args", "-p", "sped:=2"], "did you mean `speed`?"),
+        (
+            &["--ros-args", "-p", "speed:=0"],
+            "must be from 0.001 to 1000000",
+        ),
+        (
+            &["--ros-args", "-p", "lease_s:=6.0"],
+            "`suspicion_s`: must be greater than lease_s",
+        ),
+        (
+            &["--ros-args", "-r", "claims:=two words"],
+            "must consist of letters",
+        ),
+        (&["claims:=decisions"], "must stand behind `--ros-args -r`"),
+        (&["--sped", "2"], "'--speed'"),
+    ] {
+        let own = ["--module", "4", "--x", "1", "--y", "2"];
+        let module = Running::start("module_agent", "86", &[&own, arguments].concat());
+        let finished = module.finish(Duration::from_secs(20));
+        assert_eq!(finished.status, 2, "{arguments:?}: {}", finished.stderr);
+        assert!(
+            finished.stderr.contains(told),
+            "{arguments:?}: {}",
+            finished.stderr
+        );
+    }
+}
