@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand};
+use clap::{Args, Parser, Subcommand, ValueEnum};
 use formation_node::arguments::MotionMode;
 use formation_node::environment::Domain;
 use formation_sim::FaultKind;
@@ -91,6 +91,11 @@ pub struct RunArguments {
     /// Hand this on to every module's process, for example --module-option=--motion-limit-s=30; may be repeated.
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     pub module_option: Vec<String>,
+    /// Whether the nodes serve their parameters, for `ros2 param` [default: on for up to 25 processes of modules]
+    ///
+    /// Each node needs 12 endpoints for that, which doubles the time that 40 or more processes take to find each other.
+    #[arg(long, value_name = "on|off")]
+    pub parameter_services: Option<Switch>,
     /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
@@ -111,6 +116,15 @@ impl RunArguments {
         };
         self.motion.unwrap_or(default)
     }
+}
+
+/// On or off.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum Switch {
+    /// Yes.
+    On,
+    /// No.
+    Off,
 }
 
 fn modules_per_process(text: &str) -> Result<usize, String> {

@@ -130,7 +130,11 @@ impl Caller {
     }
 }
 
-fn assert_all_six_answer(domain: &str, mapping: ServiceMapping, other: ros2_client::ServiceMapping) {
+fn assert_all_six_answer(
+    domain: &str,
+    mapping: ServiceMapping,
+    other: ros2_client::ServiceMapping,
+) {
     let _alone = alone();
     let process = process(domain, mapping);
     let (stop, stopped) = bounded(1);
@@ -155,7 +159,7 @@ fn assert_all_six_answer(domain: &str, mapping: ServiceMapping, other: ros2_clie
             names: names.clone(),
         },
     );
-    assert_eq!(read.values[0].double_value, 2.0);
+    assert_eq!(read.values[0].double_value.to_string(), "2");
     let types: GetParameterTypesResponse = caller().call(
         "get_parameter_types",
         "GetParameterTypes",
