@@ -13,6 +13,7 @@ use crate::arguments::{
     JudgingArguments, MotionArguments, RosArguments, TimingArguments, judging_declarations,
 };
 use crate::environment::Namespace;
+use crate::visualisation::{VisualisationParameters, visualisation_declarations};
 
 const FILE: &str = "../launch_scripts/config/formation.yaml";
 
@@ -45,6 +46,9 @@ fn declarations() -> Vec<Declaration> {
     ));
     declarations.extend(announcer_declarations(None));
     declarations.extend(judging_declarations(&judging));
+    declarations.extend(visualisation_declarations(
+        &VisualisationParameters::default(),
+    ));
     declarations
 }
 
