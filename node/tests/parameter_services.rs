@@ -138,7 +138,7 @@ fn assert_all_six_answer(
     let _alone = alone();
     let process = process(domain, mapping);
     let (stop, stopped) = bounded(1);
-    let running = thread::spawn(move || process.run(stopped).unwrap());
+    let running = thread::spawn(move || process.run(&stopped).unwrap());
     // The library serves one spinner a node, so every call is by a caller of its own, which also makes each the first.
     let caller = || Caller::new(domain.parse().unwrap(), other);
     let names = vec!["speed".to_owned(), "nothing".to_owned()];
