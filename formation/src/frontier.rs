@@ -16,18 +16,37 @@ use crate::instance::Instance;
 use crate::spot_tree::{BRANCH_SIZE, LEAF_SIZE};
 use crate::utility::Utilities;
 
-/// A spot by how near it is: length of the path, then spots on it, then identifier.
-pub(crate) type Nearness = (i64, u32, u32);
+/// A spot by how near it is: length of the path, then spots on it, then identifier, in one number, as these are compared
+/// more often than anything else.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+struct Nearness(u128);
 
-/// What is known of a spot in the search of that number.
+impl Nearness {
+    fn new(length: i64, hops: u32, spot: u32) -> Self {
+        // With its sign turned, a signed number is ordered as an unsigned one.
+        let length = length.cast_unsigned() ^ SIGN;
+        Self(u128::from(length) << 64 | u128::from(hops) << 32 | u128::from(spot))
+    }
+
+    #[expect(
+        clippy::cast_possible_truncation,
+        reason = "takes apart what was put together of just these"
+    )]
+    fn parts(self) -> (i64, u32, u32) {
+        let length = ((self.0 >> 64) as u64 ^ SIGN).cast_signed();
+        (length, (self.0 >> 32) as u32, self.0 as u32)
+    }
+}
+
+const SIGN: u64 = 1 << 63;
+
+/// The shortest path known to a spot.
 #[derive(Clone, Copy, Debug, Default)]
-struct Known {
+struct PathTo {
     length: i64,
-    search: u32,
     hops: u32,
-    /// The module that moves here on the shortest path.
+    /// The module that moves here.
     mover: u32,
-    reached: bool,
 }
 
 /// A module from which paths go on.
@@ -50,6 +69,9 @@ const WAY_COSTS_KEPT_MAX_ALONE: usize = 1 << 24;
 /// What a spot costs at most; more than any limit.
 const UNREACHABLE: i64 = i64::MAX / 8;
 
+/// Stands for the length of the path to a spot that was reached, which nothing shortens.
+const REACHED: i64 = i64::MIN;
+
 /// The offset of a place that no path leads to: it has no spot, or one that stays as it is.
 const CLOSED: i64 = -UNREACHABLE;
 
@@ -61,10 +83,11 @@ fn short(position: usize) -> u32 {
 /// The frontier of one search, and the bounds that outlast it.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Frontier {
-    /// Counts the searches, from 1.
-    search: u32,
-    /// By place.
-    known: Vec<Known>,
+    /// For the places of each leaf, the length of the shortest path known; [`UNREACHABLE`] if there is none, and
+    /// [`REACHED`] once there cannot be a shorter one. Apart from the rest, so that most of it stays in the cache.
+    lengths: Vec<[i64; LEAF_SIZE]>,
+    /// By place; means something where a path is known.
+    paths: Vec<PathTo>,
     /// For the places of each leaf, the net value and potential of the spot.
     offsets: Vec<[i64; LEAF_SIZE]>,
     /// How many spots of each leaf may still be reached.
@@ -87,7 +110,7 @@ pub(crate) struct Frontier {
 #[derive(Clone, Debug, Default)]
 struct Outlook {
     /// The costs of the ways to the places of each leaf; empty if they are not kept.
-    way_costs: Vec<[i64; LEAF_SIZE]>,
+    way_costs: Vec<[u32; LEAF_SIZE]>,
     /// The bound of each leaf, less the leaf's lift when it was computed.
     leaf_bounds: Vec<i64>,
     /// The same for each branch.
@@ -98,10 +121,11 @@ impl Outlook {
     fn new(instance: &Instance, module: usize, kept_max: usize) -> Self {
         let tree = &instance.spot_tree;
         let keeps_ways = instance.utilities.module_count() * tree.place_count() <= kept_max;
+        let way_costs: Option<Vec<_>> = (0..if keeps_ways { tree.leaf_count() } else { 0 })
+            .map(|leaf| shortened(ways_to_leaf(instance, module, leaf)))
+            .collect();
         Self {
-            way_costs: (0..if keeps_ways { tree.leaf_count() } else { 0 })
-                .map(|leaf| ways_to_leaf(instance, module, leaf))
-                .collect(),
+            way_costs: way_costs.unwrap_or_default(),
             leaf_bounds: vec![-UNREACHABLE; tree.leaf_count()],
             branch_bounds: vec![-UNREACHABLE; tree.branch_count()],
         }
@@ -115,6 +139,15 @@ fn ways_to_leaf(instance: &Instance, module: usize, leaf: usize) -> [i64; LEAF_S
     })
 }
 
+/// The same costs in half the memory; `None` if one is too high for that.
+fn shortened(ways: [i64; LEAF_SIZE]) -> Option<[u32; LEAF_SIZE]> {
+    let mut short = [0; LEAF_SIZE];
+    for (short, way) in short.iter_mut().zip(ways) {
+        *short = u32::try_from(way).ok()?;
+    }
+    Some(short)
+}
+
 impl Frontier {
     /// Lets the frontier take more memory for speed.
     pub(crate) fn expect_to_be_alone(&mut self) {
@@ -126,12 +159,14 @@ impl Frontier {
         let tree = &instance.spot_tree;
         let utilities = &instance.utilities;
         if self.outlooks.is_empty() {
-            self.known = vec![Known::default(); tree.place_count()];
+            self.paths = vec![PathTo::default(); tree.place_count()];
             self.leaf_lifts = vec![0; tree.leaf_count()];
             self.branch_lifts = vec![0; tree.branch_count()];
             self.outlooks = vec![Outlook::default(); utilities.module_count()];
         }
-        self.search += 1;
+        self.lengths.clear();
+        self.lengths
+            .resize(tree.leaf_count(), [UNREACHABLE; LEAF_SIZE]);
         self.queue.clear();
         self.limit = UNREACHABLE;
         self.offsets.clear();
@@ -215,12 +250,12 @@ impl Frontier {
         &mut self,
         instance: &Instance,
         module: usize,
-        way_costs: &[[i64; LEAF_SIZE]],
+        way_costs: &[[u32; LEAF_SIZE]],
         base: i64,
     ) {
         for &place in &self.free {
             let (leaf, index) = (place / LEAF_SIZE, place % LEAF_SIZE);
-            let way = way_costs.get(leaf).map(|ways| ways[index]);
+            let way = way_costs.get(leaf).map(|ways| i64::from(ways[index]));
             let way = way.unwrap_or_else(|| {
                 let pose = instance.spot_tree.pose_at(place);
                 instance.utilities.way_cost(module, pose)
@@ -235,44 +270,43 @@ impl Frontier {
         instance: &Instance,
         allocation: &Allocation,
         leaf: usize,
-        way_costs: &[[i64; LEAF_SIZE]],
+        way_costs: &[[u32; LEAF_SIZE]],
         mover: Mover,
         base: i64,
     ) -> i64 {
         let Mover { module, hops, .. } = mover;
-        let mut reduced = match way_costs.get(leaf) {
-            Some(ways) => *ways,
+        let ways = match way_costs.get(leaf) {
+            Some(ways) => ways.map(i64::from),
             None => ways_to_leaf(instance, module, leaf),
         };
-        for (reduced, offset) in reduced.iter_mut().zip(&self.offsets[leaf]) {
-            *reduced -= offset;
-        }
-        let places = leaf * LEAF_SIZE..;
-        for (&reduced, place) in reduced.iter().zip(places) {
+        let (offsets, lengths) = (&self.offsets[leaf], &mut self.lengths[leaf]);
+        let mut least = UNREACHABLE;
+        for index in 0..LEAF_SIZE {
+            let reduced = ways[index] - offsets[index];
+            least = least.min(reduced);
             let length = base + reduced;
-            if length > self.limit {
+            if length > lengths[index].min(self.limit) {
                 continue;
             }
-            let known = &mut self.known[place];
-            if known.search == self.search
-                && (known.reached || (length, hops) >= (known.length, known.hops))
-            {
+            let place = leaf * LEAF_SIZE + index;
+            let path = &mut self.paths[place];
+            if length == lengths[index] && hops >= path.hops {
                 continue;
             }
-            *known = Known {
+            lengths[index] = length;
+            *path = PathTo {
                 length,
-                search: self.search,
                 hops,
                 mover: short(module),
-                reached: false,
             };
             let spot = instance.spot_tree.spot_at(place).unwrap_or_default();
-            self.queue.push(Reverse((length, hops, short(spot))));
+            let nearness = Nearness::new(length, hops, short(spot));
+            self.queue.push(Reverse(nearness));
             if allocation.table.holder(spot) == Holder::Nobody {
                 self.limit = length;
             }
         }
-        reduced.into_iter().fold(UNREACHABLE, i64::min)
+        least
     }
 
     /// Takes the nearest spot out of the frontier if it is nearer than `end`, given as length and spots on the path.
@@ -281,16 +315,18 @@ impl Frontier {
         instance: &Instance,
         end: (i64, u32),
     ) -> Option<(i64, u32, usize)> {
-        while let Some(Reverse((length, hops, spot))) = self.queue.pop() {
+        while let Some(Reverse(nearest)) = self.queue.pop() {
+            let (length, hops, spot) = nearest.parts();
             if (length, hops) >= end {
                 return None;
             }
             let spot = spot as usize;
             let place = instance.spot_tree.place_of(spot);
-            let known = &mut self.known[place];
-            if !known.reached && (known.length, known.hops) == (length, hops) {
-                known.reached = true;
-                self.open[place / LEAF_SIZE] -= 1;
+            let leaf = place / LEAF_SIZE;
+            let known = &mut self.lengths[leaf][place % LEAF_SIZE];
+            if *known == length && self.paths[place].hops == hops {
+                *known = REACHED;
+                self.open[leaf] -= 1;
                 return Some((length, hops, spot));
             }
         }
@@ -299,12 +335,12 @@ impl Frontier {
 
     /// The module that moves to a spot on the shortest path to it.
     pub(crate) fn mover_to(&self, instance: &Instance, spot: usize) -> usize {
-        self.known[instance.spot_tree.place_of(spot)].mover as usize
+        self.paths[instance.spot_tree.place_of(spot)].mover as usize
     }
 
     /// The length of the shortest path to a spot that was reached.
     pub(crate) fn length_to(&self, instance: &Instance, spot: usize) -> i64 {
-        self.known[instance.spot_tree.place_of(spot)].length
+        self.paths[instance.spot_tree.place_of(spot)].length
     }
 
     /// Lifts the bounds of leaves and branches in which the potentials of all spots are about to fall, each by what is
@@ -319,7 +355,7 @@ impl Frontier {
                 if fall > 0 {
                     for (index, &offset) in self.offsets[leaf].iter().enumerate() {
                         if offset != CLOSED {
-                            fall = fall.min(total - self.known[leaf * LEAF_SIZE + index].length);
+                            fall = fall.min(total - self.paths[leaf * LEAF_SIZE + index].length);
                         }
                     }
                 }
