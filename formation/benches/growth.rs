@@ -1,7 +1,9 @@
 //! How the time of an allocation grows with the number of modules: `cargo bench -p formation --bench growth`.
 //!
 //! Prints a table and the growth exponent between each size and the one before it. The sizes end at 3,000; with
-//! `FORMATION_BENCH_LARGE=1` they end at 10,000, which takes minutes.
+//! `FORMATION_BENCH_LARGE=1` they end at 10,000, which takes minutes. An argument such as `singletons` runs only the
+//! groupings whose name begins with it, in a process whose peak memory is theirs alone. Processor time stands beside the
+//! time that went by, since only the latter depends on what else the machine does.
 
 #![allow(
     clippy::unwrap_used,
@@ -25,24 +27,35 @@ const ONCE_FROM: u32 = 3_000;
 
 fn main() {
     let large = std::env::var("FORMATION_BENCH_LARGE").is_ok_and(|value| value == "1");
-    println!("grouping              modules        seconds  exponent  peak memory so far");
+    // Cargo passes `--bench` on.
+    let only = std::env::args()
+        .skip(1)
+        .find(|argument| !argument.starts_with('-'))
+        .unwrap_or_default();
+    println!(
+        "grouping              modules  processor seconds  exponent  seconds gone by  peak memory so far"
+    );
     for (name, grouping) in [
         ("singletons", Grouping::Singletons),
         ("mixed", Grouping::Mixed),
         ("configurations of 10", Grouping::Configurations(10)),
     ] {
+        if !name.starts_with(&only) {
+            continue;
+        }
         let mut before: Option<(u32, f64)> = None;
         for modules in [100, 300, 1_000, 3_000, 10_000] {
             if modules > 3_000 && !large {
                 continue;
             }
-            let seconds = median_time(modules, grouping).as_secs_f64();
+            let times = median_times(modules, grouping);
+            let (seconds, gone_by) = (times.processor.as_secs_f64(), times.gone_by.as_secs_f64());
             let exponent = before.map_or(String::new(), |(fewer, less)| {
                 let ratio = f64::from(modules) / f64::from(fewer);
                 format!("{:.2}", (seconds / less).ln() / ratio.ln())
             });
             println!(
-                "{name:20}  {modules:7}  {seconds:13.6}  {exponent:>8}  {}",
+                "{name:20}  {modules:7}  {seconds:17.6}  {exponent:>8}  {gone_by:15.6}  {}",
                 peak_memory()
             );
             before = Some((modules, seconds));
@@ -50,28 +63,49 @@ fn main() {
     }
 }
 
-fn median_time(modules: u32, grouping: Grouping) -> Duration {
+/// What an allocation took; ordered by processor time.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Times {
+    processor: Duration,
+    gone_by: Duration,
+}
+
+fn median_times(modules: u32, grouping: Grouping) -> Times {
     let seeds = if modules >= ONCE_FROM { 1 } else { SEEDS };
     let count = usize::try_from(modules).unwrap();
-    let mut times: Vec<Duration> = (1..=seeds)
+    let mut times: Vec<Times> = (1..=seeds)
         .map(|seed| {
             let parameters = GeneratorParameters::new(count, count, seed).grouped(grouping);
             let scenario = Scenario::try_from(generate(&parameters).unwrap()).unwrap();
-            allocation_time(&Arc::new(scenario.problem().clone()))
+            allocation_times(&Arc::new(scenario.problem().clone()))
         })
         .collect();
     times.sort_unstable();
     times[times.len() / 2]
 }
 
-/// The time of all turns, without the acting order.
-fn allocation_time(problem: &Arc<PlanningProblem>) -> Duration {
-    let start = Instant::now();
-    let mut planning = Planning::new(Arc::clone(problem));
-    let turns = planning.take_all_turns();
-    let elapsed = start.elapsed();
-    assert!(turns.len() <= problem.modules().len() * 2);
-    elapsed
+/// The times of all turns, without the acting order: the mean of so many runs that the clock of the processor time,
+/// which may advance in steps of some milliseconds, is fine enough.
+fn allocation_times(problem: &Arc<PlanningProblem>) -> Times {
+    let modules = u32::try_from(problem.modules().len()).unwrap();
+    let runs = (1_000 / modules).pow(2).max(1);
+    let (start, before) = (Instant::now(), processor_time());
+    for _ in 0..runs {
+        let mut planning = Planning::new(Arc::clone(problem));
+        let turns = planning.take_all_turns();
+        assert!(turns.len() <= problem.modules().len() * 2);
+    }
+    Times {
+        processor: (processor_time() - before) / runs,
+        gone_by: start.elapsed() / runs,
+    }
+}
+
+/// How long this thread has been on a processor, as Linux tells it.
+fn processor_time() -> Duration {
+    let statistics = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
+    let nanoseconds = statistics.split_whitespace().next().unwrap();
+    Duration::from_nanos(nanoseconds.parse().unwrap())
 }
 
 /// The most memory that this process has held, as Linux tells it.

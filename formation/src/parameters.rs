@@ -133,6 +133,9 @@ impl CutPrice {
     /// Nothing is charged.
     pub const ZERO: Self = Self(MicroUnits::ZERO);
 
+    /// What a way of one unit costs at the default weights.
+    pub const ONE: Self = Self(MicroUnits::ONE);
+
     /// Validates and quantises a price.
     ///
     /// # Errors
@@ -153,9 +156,8 @@ impl CutPrice {
 }
 
 impl Default for CutPrice {
-    /// What a way of one unit costs.
     fn default() -> Self {
-        Self(MicroUnits::ONE)
+        Self::ONE
     }
 }
 
