@@ -13,6 +13,8 @@
     reason = "a program of its own around the core: it prints, takes the time, and a fault ends it"
 )]
 
+mod support;
+
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
@@ -20,6 +22,8 @@ use formation::generate::{GeneratorParameters, Grouping, generate};
 use formation::planning::Planning;
 use formation::problem::PlanningProblem;
 use formation::scenario::Scenario;
+
+use support::processor_time;
 
 /// Each figure is the median of this many runs, one a seed; above [`ONCE_FROM`] modules one run has to do.
 const SEEDS: u64 = 5;
@@ -84,8 +88,7 @@ fn median_times(modules: u32, grouping: Grouping) -> Times {
     times[times.len() / 2]
 }
 
-/// The times of all turns, without the acting order: the mean of so many runs that the clock of the processor time,
-/// which may advance in steps of some milliseconds, is fine enough.
+/// The times of all turns, without the acting order: a mean of more runs the fewer modules there are.
 fn allocation_times(problem: &Arc<PlanningProblem>) -> Times {
     let modules = u32::try_from(problem.modules().len()).unwrap();
     let runs = (1_000 / modules).pow(2).max(1);
@@ -99,13 +102,6 @@ fn allocation_times(problem: &Arc<PlanningProblem>) -> Times {
         processor: (processor_time() - before) / runs,
         gone_by: start.elapsed() / runs,
     }
-}
-
-/// How long this thread has been on a processor, as Linux tells it.
-fn processor_time() -> Duration {
-    let statistics = std::fs::read_to_string("/proc/thread-self/schedstat").unwrap();
-    let nanoseconds = statistics.split_whitespace().next().unwrap();
-    Duration::from_nanos(nanoseconds.parse().unwrap())
 }
 
 /// The most memory that this process has held, as Linux tells it.

@@ -6,11 +6,13 @@
     reason = "a program of its own around the core: a fault ends it"
 )]
 
+mod support;
+
 use std::hint::black_box;
 use std::sync::Arc;
 use std::time::Duration;
 
-use criterion::measurement::WallTime;
+use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{
     BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main,
 };
@@ -26,6 +28,40 @@ use pathfinding::matrix::Matrix;
 use pathfinding::prelude::kuhn_munkres;
 use petgraph::algo::subgraph_isomorphisms_iter;
 use petgraph::graph::UnGraph;
+
+use support::processor_time;
+
+/// Counts the time that the thread is on a processor.
+struct ProcessorTime;
+
+impl Measurement for ProcessorTime {
+    type Intermediate = Duration;
+    type Value = Duration;
+
+    fn start(&self) -> Duration {
+        processor_time()
+    }
+
+    fn end(&self, start: Duration) -> Duration {
+        processor_time() - start
+    }
+
+    fn add(&self, first: &Duration, second: &Duration) -> Duration {
+        *first + *second
+    }
+
+    fn zero(&self) -> Duration {
+        Duration::ZERO
+    }
+
+    fn to_f64(&self, value: &Duration) -> f64 {
+        WallTime.to_f64(value)
+    }
+
+    fn formatter(&self) -> &dyn ValueFormatter {
+        WallTime.formatter()
+    }
+}
 
 /// Whole plans are made for this many seeds by turns, so that no single instance decides a figure.
 const SEEDS: u64 = 10;
@@ -84,7 +120,7 @@ fn part_of(topology: &Topology, size: usize) -> Topology {
     Topology::new(size, &edges).unwrap()
 }
 
-fn common_subtrees(criterion: &mut Criterion) {
+fn common_subtrees(criterion: &mut Criterion<ProcessorTime>) {
     let mut group = criterion.benchmark_group("common_subtree");
     for size in [10, 20, 30, 50, 100] {
         let problem = problem(size, 100, Grouping::Configurations(size), 1);
@@ -103,7 +139,7 @@ fn common_subtrees(criterion: &mut Criterion) {
 }
 
 /// Where a whole configuration fits: any first fit by petgraph, the best one by ours, on the same pairs of trees.
-fn fits(criterion: &mut Criterion) {
+fn fits(criterion: &mut Criterion<ProcessorTime>) {
     for size in [10, 20, 30] {
         let mut group = criterion.benchmark_group(format!("fit_of_{size}_in_100"));
         let problem = problem(100, 100, Grouping::Singletons, 1);
@@ -138,7 +174,7 @@ fn fits(criterion: &mut Criterion) {
     }
 }
 
-fn plans(criterion: &mut Criterion) {
+fn plans(criterion: &mut Criterion<ProcessorTime>) {
     for (name, whole) in [("allocation_of_100", false), ("plan_of_100", true)] {
         let mut group = criterion.benchmark_group(name);
         for (label, grouping) in [
@@ -168,7 +204,7 @@ fn plans(criterion: &mut Criterion) {
 
 /// Single modules only: our turns, one after another, beside one central solution by Kuhn and Munkres' method. Ours
 /// begins at the poses; theirs gets the finished matrix for nothing.
-fn assignments(criterion: &mut Criterion) {
+fn assignments(criterion: &mut Criterion<ProcessorTime>) {
     for count in [100, 300, 1_000] {
         let mut group = criterion.benchmark_group(format!("assignment_of_{count}"));
         let problem = problem(count, count, Grouping::Singletons, 1);
@@ -186,7 +222,7 @@ fn assignments(criterion: &mut Criterion) {
 }
 
 /// Ten samples of one run each are enough where a run takes long.
-fn slow(group: &mut BenchmarkGroup<'_, WallTime>, count: usize) {
+fn slow(group: &mut BenchmarkGroup<'_, ProcessorTime>, count: usize) {
     if count >= 1_000 {
         group.sampling_mode(SamplingMode::Flat);
         group.warm_up_time(Duration::from_millis(1));
@@ -196,6 +232,7 @@ fn slow(group: &mut BenchmarkGroup<'_, WallTime>, count: usize) {
 criterion_group! {
     name = benches;
     config = Criterion::default()
+        .with_measurement(ProcessorTime)
         .sample_size(10)
         .warm_up_time(Duration::from_millis(200))
         .measurement_time(Duration::from_secs(1));
