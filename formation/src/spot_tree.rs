@@ -123,7 +123,14 @@ impl SpotTree {
             leaf_boxes,
             poses: spots
                 .iter()
-                .map(|&spot| poses.get(spot).copied().unwrap_or_default())
+                // Where there is no spot, a pose as near as any keeps costs of ways small.
+                .map(|&spot| {
+                    poses
+                        .get(spot)
+                        .or(poses.first())
+                        .copied()
+                        .unwrap_or_default()
+                })
                 .collect(),
             places,
             spots,
