@@ -15,6 +15,7 @@ use crate::cluster::{Cluster, ClusterParameters};
 use crate::faults::{Fault, FaultKind, Strike, draw};
 use crate::invariants::{Violation, Watch};
 use crate::network::NetworkParameters;
+use crate::process::AgentFactory;
 
 /// What every run of a campaign has in common.
 #[derive(Clone, Debug)]
@@ -33,6 +34,8 @@ pub struct CampaignParameters {
     pub patience: Duration,
     /// Whether to keep the readable account of each run.
     pub transcripts: bool,
+    /// How agents are made.
+    pub agents: AgentFactory,
 }
 
 impl Default for CampaignParameters {
@@ -45,6 +48,7 @@ impl Default for CampaignParameters {
             fault_span: Duration::from_secs(40),
             patience: Duration::from_secs(900),
             transcripts: false,
+            agents: AgentFactory::default(),
         }
     }
 }
@@ -168,7 +172,12 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     // A slow process gets round to what it was sent a little later still.
     let margin = network.latency_max + network.delay_max + Duration::from_millis(120);
     let mut watch = Watch::new(cluster_parameters.agent.lease, margin);
-    let mut cluster = Cluster::new(&problem, cluster_parameters, random.below(u64::MAX));
+    let mut cluster = Cluster::of_agents(
+        &problem,
+        cluster_parameters,
+        random.below(u64::MAX),
+        parameters.agents.clone(),
+    );
     if parameters.transcripts {
         cluster.keep_transcript();
     }
@@ -242,6 +251,7 @@ fn strike(
         Strike::Retire(module) => cluster.command(*module, Command::Retire),
         Strike::BreakDrive(module) => cluster.break_drive(*module, true),
         Strike::StartLate(_) => {}
+        Strike::ForgeClaims => cluster.forge_claims(),
         Strike::Withdraw => announce(cluster, None),
         Strike::Announce(seed) => {
             let target = match seed {

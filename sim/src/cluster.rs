@@ -12,12 +12,12 @@ use formation::agent::{
 use formation::generate::Random;
 use formation::geometry::Pose;
 use formation::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
-use formation::message::{Message, ModulePhase, TargetAnnouncement};
+use formation::message::{Decision, Message, ModulePhase, SpotClaim, TargetAnnouncement};
 use formation::motion::SimulatedDrive;
 use formation::problem::PlanningProblem;
 
 use crate::network::{Channel, Network, NetworkParameters, Participant, Topic};
-use crate::process::Process;
+use crate::process::{AgentFactory, Process};
 
 /// How a cluster is run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -120,6 +120,7 @@ struct Remains {
 
 /// Many agents under virtual time.
 pub struct Cluster {
+    agents: AgentFactory,
     parameters: ClusterParameters,
     now: Duration,
     order: u64,
@@ -131,6 +132,7 @@ pub struct Cluster {
     announcement: Option<Arc<TargetAnnouncement>>,
     /// The modules whose processes start later than the others.
     late: BTreeMap<ModuleId, Duration>,
+    forges_claims: bool,
     samples: u64,
     /// Samples that could not pass a cut, in the order of writing.
     held: BTreeMap<Channel, Vec<(u64, Message)>>,
@@ -144,9 +146,21 @@ impl Cluster {
     /// A cluster of the modules of a problem; nothing runs before [`Self::step`].
     #[must_use]
     pub fn new(problem: &PlanningProblem, parameters: ClusterParameters, seed: u64) -> Self {
+        Self::of_agents(problem, parameters, seed, AgentFactory::default())
+    }
+
+    /// The same, of agents made in another way.
+    #[must_use]
+    pub fn of_agents(
+        problem: &PlanningProblem,
+        parameters: ClusterParameters,
+        seed: u64,
+        agents: AgentFactory,
+    ) -> Self {
         let mut random = Random::from_seed(seed);
         let network_seed = random.below(u64::MAX);
         let mut cluster = Self {
+            agents,
             parameters,
             now: Duration::ZERO,
             order: 0,
@@ -157,6 +171,7 @@ impl Cluster {
             remains: BTreeMap::new(),
             announcement: None,
             late: BTreeMap::new(),
+            forges_claims: false,
             samples: 0,
             held: BTreeMap::new(),
             newest: BTreeMap::new(),
@@ -259,6 +274,36 @@ impl Cluster {
         }
     }
 
+    /// From now on, some claims are preceded by a forged one that claims something else for the same turn. It reaches
+    /// half of the readers, from a sender that the transport does not tell.
+    pub fn forge_claims(&mut self) {
+        self.forges_claims = true;
+        self.fault("somebody forges claims".to_owned());
+    }
+
+    fn forge(&mut self, claim: &SpotClaim) {
+        if !self.forges_claims || self.random.below(3) > 0 || claim.decision.selections.is_empty() {
+            return;
+        }
+        let forged = Arc::new(SpotClaim {
+            decision: Decision::default(),
+            ..claim.clone()
+        });
+        let readers: Vec<ModuleId> = self.processes.keys().copied().collect();
+        for reader in readers {
+            if reader != claim.claimant && self.random.below(2) == 0 {
+                let message = Message::Claim(Arc::clone(&forged));
+                self.input(
+                    reader,
+                    Input::Message {
+                        source: None,
+                        message,
+                    },
+                );
+            }
+        }
+    }
+
     /// Makes each input keep a process busy for `lag`, for a while.
     pub fn slow_down(&mut self, module: ModuleId, lag: Duration, span: Duration) {
         let until = self.now + span;
@@ -288,6 +333,14 @@ impl Cluster {
         self.processes
             .get(&module)
             .is_some_and(|process| process.knows_target)
+    }
+
+    /// The revision of the publisher's last word to this run of a module's process; 0 before any.
+    #[must_use]
+    pub fn target_revision(&self, module: ModuleId) -> u64 {
+        self.processes
+            .get(&module)
+            .map_or(0, |process| process.target_revision)
     }
 
     /// Which run of its process a module is in.
@@ -531,7 +584,9 @@ impl Cluster {
                 self.parameters.speed_units_per_s,
                 self.parameters.agent.lease,
             ),
-            agent: Agent::new(identity, self.parameters.agent, Duration::ZERO),
+            agent: self
+                .agents
+                .make(identity, self.parameters.agent, Duration::ZERO),
             incarnation,
             driven_by: None,
             clock_offset,
@@ -543,10 +598,13 @@ impl Cluster {
             waiting: VecDeque::new(),
             drive_broken: false,
             knows_target: false,
+            target_revision: 0,
             history: BTreeMap::new(),
         };
         let local = process.local(self.now);
-        process.agent = Agent::new(remains.identity.clone(), self.parameters.agent, local);
+        process.agent = self
+            .agents
+            .make(remains.identity.clone(), self.parameters.agent, local);
         self.processes.insert(module, process);
         self.catch_up(module);
         self.input(module, Input::Timeout);
@@ -617,6 +675,7 @@ impl Cluster {
             } = &input
             {
                 process.knows_target = announcement.target.is_some();
+                process.target_revision = announcement.revision;
             }
             let local = process.local(now);
             process.agent.handle(local, input);
@@ -714,6 +773,9 @@ impl Cluster {
         };
         self.observe(Observation::Published(module, message.clone()));
         self.broadcast(Participant::Module(module), topic, message);
+        if let Message::Claim(claim) = message {
+            self.forge(claim);
+        }
     }
 
     fn broadcast(&mut self, from: Participant, topic: Topic, message: &Message) {

@@ -19,7 +19,7 @@ pub enum FaultKind {
     /// The network is cut and heals.
     Partition,
     /// All that can be drawn: crashes, restarts, late starts, cuts, slow and stopped processes, broken drives,
-    /// retirements, changed targets, and a network that loses, delays and repeats.
+    /// retirements, changed targets, forged claims, and a network that loses, delays and repeats.
     Mixed,
 }
 
@@ -76,6 +76,8 @@ pub enum Strike {
     Retire(ModuleId),
     /// A drive fails whenever it is to go.
     BreakDrive(ModuleId),
+    /// A stranger forges claims from now on.
+    ForgeClaims,
     /// The target is withdrawn.
     Withdraw,
     /// A target is announced: the scenario's own, or one drawn from a seed.
@@ -212,6 +214,12 @@ fn draw_rarer(modules: &[ModuleId], end: Duration, random: &mut Random, faults: 
                 faults.push(Fault { at, strike });
             }
         }
+    }
+    if strikes_one_in(4, random) {
+        faults.push(Fault {
+            at: Duration::ZERO,
+            strike: Strike::ForgeClaims,
+        });
     }
     match random.below(10) {
         0 => {

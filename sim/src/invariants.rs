@@ -39,6 +39,14 @@ pub enum ViolationKind {
     NoEnd,
     /// They formed, but not exactly as many spots as there were modules for were filled.
     Hole,
+    /// A module returned to an epoch that it had left.
+    EpochWentBack,
+    /// Two modules of different units were on their way at once, on one plan.
+    TwoUnitsInMotion,
+    /// A module that had settled for a target froze for it without naming its spot.
+    PinForgotten,
+    /// A module plans or agrees at another place than the roster has it.
+    NotWhereFrozen,
     /// A quorum lives and can hear each other, and still waits for one.
     QuorumDenied,
     /// Two groups that cannot hear each other both hold a formation.
@@ -58,6 +66,10 @@ impl fmt::Display for ViolationKind {
             Self::TwoRostersForOneEpoch => "two rosters for one epoch",
             Self::NoEnd => "no end",
             Self::Hole => "hole",
+            Self::EpochWentBack => "epoch went back",
+            Self::TwoUnitsInMotion => "two units in motion",
+            Self::PinForgotten => "pin forgotten",
+            Self::NotWhereFrozen => "not where frozen",
             Self::QuorumDenied => "quorum denied",
             Self::TwoFormations => "two formations",
         })
@@ -90,6 +102,8 @@ type PlanKey = (Epoch, Digest);
 #[derive(Default)]
 pub(crate) struct LastWord {
     pub state: Option<Arc<ModuleState>>,
+    /// The revision of the target that had reached it when it published that.
+    pub target_revision: u64,
     pub heartbeat: Option<Heartbeat>,
     /// The latest epoch in which this run of its process saw all agree.
     pub agreed: Option<Epoch>,
@@ -105,6 +119,8 @@ pub(crate) struct Watch {
     pub shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
     /// When each module was last seen to show another epoch than this.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
+    /// On which spot of which target each run of a process has settled and not left.
+    settled_on: BTreeMap<(ModuleId, Incarnation), (SpotId, Arc<Roster>)>,
     holders: BTreeMap<(PlanKey, SpotId), ModuleId>,
     spots: BTreeMap<(PlanKey, ModuleId), SpotId>,
     begun: BTreeSet<PlanKey>,
@@ -120,6 +136,7 @@ impl Watch {
             last: BTreeMap::new(),
             shown: BTreeMap::new(),
             left: BTreeMap::new(),
+            settled_on: BTreeMap::new(),
             holders: BTreeMap::new(),
             spots: BTreeMap::new(),
             begun: BTreeSet::new(),
@@ -140,7 +157,15 @@ impl Watch {
     pub fn look(&mut self, cluster: &mut Cluster) {
         for (at, observation) in cluster.take_observations() {
             match observation {
-                Observation::Published(module, message) => self.heard(at, module, &message),
+                Observation::Published(module, message) => {
+                    self.heard(at, module, &message);
+                    if let Message::ModuleState(state) = &message {
+                        let run = (module, state.incarnation);
+                        self.last.entry(run).or_default().target_revision =
+                            cluster.target_revision(module);
+                        self.moves_alone(at, state, cluster);
+                    }
+                }
                 Observation::SetOff(module, plan) => self.set_off(at, module, plan, cluster),
                 Observation::Noted(module, Event::Agreed(epoch)) => {
                     // An event bears no incarnation; the module was running when it noted it.
@@ -187,6 +212,7 @@ impl Watch {
                     })
                     .map(|module| module.id)
                     .collect();
+                self.check_pins(at, roster);
                 let known = KnownRoster {
                     roster: Arc::clone(roster),
                     active: active().map(|member| member.module.id).collect(),
@@ -200,7 +226,14 @@ impl Watch {
             }
             Message::Heartbeat(heartbeat) => {
                 let run = (module, heartbeat.incarnation);
-                self.last.entry(run).or_default().heartbeat = Some(*heartbeat);
+                let last = self.last.entry(run).or_default();
+                let before = last.heartbeat.replace(*heartbeat);
+                if let Some(before) = before.and_then(|before| before.epoch)
+                    && heartbeat.epoch < Some(before)
+                {
+                    let detail = format!("{module} after {before}");
+                    self.violate(at, ViolationKind::EpochWentBack, detail);
+                }
                 let entry = self.left.entry(module).or_insert((heartbeat.epoch, at));
                 if entry.0 != heartbeat.epoch {
                     *entry = (heartbeat.epoch, at);
@@ -213,6 +246,7 @@ impl Watch {
             Message::ModuleState(state) => {
                 let run = (module, state.incarnation);
                 self.last.entry(run).or_default().state = Some(Arc::clone(state));
+                self.follow(at, state);
                 if let (ModulePhase::Settled, Some(epoch), Some(digest), Some(spot)) =
                     (state.phase, state.epoch, state.digest, state.spot)
                 {
@@ -240,6 +274,102 @@ impl Watch {
                 }
             }
             _ => {}
+        }
+    }
+
+    /// Compares what a state says with where the roster has its module, and with where it settled before.
+    fn follow(&mut self, at: Duration, state: &ModuleState) {
+        let run = (state.module, state.incarnation);
+        let roster = state
+            .epoch
+            .and_then(|epoch| self.rosters.get(&epoch))
+            .map(|known| Arc::clone(&known.roster));
+        match state.phase {
+            ModulePhase::Moving => {
+                self.settled_on.remove(&run);
+            }
+            ModulePhase::Settled => {
+                if let Some((spot, roster)) = state.spot.zip(roster) {
+                    self.settled_on.insert(run, (spot, roster));
+                }
+            }
+            ModulePhase::Planning | ModulePhase::Agreeing => {
+                let frozen = roster.as_ref().and_then(|roster| {
+                    let mut members = roster.members.iter();
+                    members.find(|member| member.module.id == state.module)
+                });
+                if frozen.is_some_and(|member| member.module.pose != state.pose) {
+                    let detail = format!("{}", state.module);
+                    self.violate(at, ViolationKind::NotWhereFrozen, detail);
+                }
+            }
+            _ => {}
+        }
+        if state.service != Service::Active {
+            self.settled_on.remove(&run);
+        }
+    }
+
+    /// Whoever freezes where it has settled, for the same target, says so.
+    fn check_pins(&mut self, at: Duration, roster: &Roster) {
+        let mut forgotten = Vec::new();
+        for member in &roster.members {
+            let run = (member.module.id, member.incarnation);
+            let Some((spot, before)) = self.settled_on.get(&run) else {
+                continue;
+            };
+            let last = self.last.get(&run);
+            // One that was not told of the target cannot know whether it stands on a spot of it.
+            let told = last.is_some_and(|last| last.target_revision == roster.target.revision);
+            let frozen = last.and_then(|last| last.state.as_deref());
+            let same_target = before.target.target == roster.target.target
+                && before.target.parameters == roster.target.parameters;
+            if let Some(frozen) = frozen
+                && frozen.epoch == Some(roster.epoch)
+                && frozen.phase == ModulePhase::Gathered
+                && frozen.spot != Some(*spot)
+                && same_target
+                && told
+            {
+                forgotten.push(format!(
+                    "{} of {spot} in {}",
+                    member.module.id, roster.epoch
+                ));
+            }
+        }
+        for detail in forgotten {
+            self.violate(at, ViolationKind::PinForgotten, detail);
+        }
+    }
+
+    /// While a module is on its way, all others on their way belong to its unit.
+    fn moves_alone(&mut self, at: Duration, state: &ModuleState, cluster: &Cluster) {
+        let Some(plan) = state.epoch.zip(state.digest) else {
+            return;
+        };
+        if state.phase != ModulePhase::Moving || cluster.plan_in_motion(state.module) != Some(plan)
+        {
+            return;
+        }
+        let others: Vec<ModuleId> = cluster
+            .running()
+            .into_iter()
+            .filter(|&other| other != state.module && cluster.plan_in_motion(other) == Some(plan))
+            .filter(|&other| {
+                let last = cluster
+                    .incarnation(other)
+                    .and_then(|incarnation| self.last.get(&(other, incarnation)))
+                    .and_then(|last| last.state.as_deref());
+                last.is_some_and(|last| {
+                    last.epoch == state.epoch
+                        && last.phase == ModulePhase::Moving
+                        && last.unit != state.unit
+                })
+            })
+            .collect();
+        for other in others {
+            let detail = format!("{} while {other} moves in {}", state.module, plan.0);
+            self.violate(at, ViolationKind::TwoUnitsInMotion, detail);
         }
     }
 

@@ -18,4 +18,5 @@ pub use cluster::{Cluster, ClusterParameters, Observation, Standing};
 pub use faults::{Fault, FaultKind, Strike};
 pub use invariants::{Violation, ViolationKind};
 pub use network::NetworkParameters;
+pub use process::AgentFactory;
 pub use sweep::run_seeds;

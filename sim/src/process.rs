@@ -1,14 +1,48 @@
 //! One simulated process and its clock.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::fmt;
+use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{Agent, Input};
+use formation::agent::{Agent, AgentParameters, Identity, Input};
 use formation::id::{Digest, Epoch, Incarnation};
 use formation::message::Message;
 use formation::motion::SimulatedDrive;
 
 use crate::network::Topic;
+
+/// How agents are made; tests give some of them a bug.
+#[derive(Clone)]
+pub struct AgentFactory(Arc<dyn Fn(Identity, AgentParameters, Duration) -> Agent + Send + Sync>);
+
+impl AgentFactory {
+    /// Makes agents by calling this with who they are, their time limits, and the time on their clock.
+    pub fn new(
+        make: impl Fn(Identity, AgentParameters, Duration) -> Agent + Send + Sync + 'static,
+    ) -> Self {
+        Self(Arc::new(make))
+    }
+
+    /// Makes one.
+    #[must_use]
+    pub fn make(&self, identity: Identity, parameters: AgentParameters, now: Duration) -> Agent {
+        (self.0)(identity, parameters, now)
+    }
+}
+
+impl Default for AgentFactory {
+    /// Agents as they are.
+    fn default() -> Self {
+        Self::new(Agent::new)
+    }
+}
+
+impl fmt::Debug for AgentFactory {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        formatter.write_str("AgentFactory")
+    }
+}
 
 /// One module's process: its agent, its drive, and its own clock.
 pub(crate) struct Process {
@@ -32,6 +66,8 @@ pub(crate) struct Process {
     pub drive_broken: bool,
     /// Whether the publisher's last word to it was a target.
     pub knows_target: bool,
+    /// The revision of the publisher's last word to it.
+    pub target_revision: u64,
     pub history: BTreeMap<Topic, Vec<(u64, Message)>>,
 }
 

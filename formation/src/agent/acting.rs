@@ -11,6 +11,7 @@ use crate::message::{CausalMark, ModulePhase, ModuleState, Roster, Service};
 use crate::plan::{ActingUnit, Plan};
 
 use super::io::{Event, MotionGoal, Output};
+use super::mutation::Mutation;
 use super::peers::Peers;
 use super::{Agent, SettledOn, Stage};
 
@@ -42,6 +43,7 @@ struct Place {
 }
 
 /// The acting phase of one epoch.
+#[derive(Clone)]
 pub(super) struct Acting {
     module: ModuleId,
     epoch: Epoch,
@@ -62,6 +64,7 @@ pub(super) struct Acting {
     /// The sequence number of the first state that showed it settled; 0 before.
     settled_since: u64,
     told_waiting: Vec<ModuleId>,
+    told_split: bool,
     /// Since when the unit that is to act now has been the one.
     unit_since: (usize, Duration),
 }
@@ -117,12 +120,24 @@ impl Acting {
             agreed_on: Vec::new(),
             settled_since: 0,
             told_waiting: Vec::new(),
+            told_split: false,
             unit_since: (0, now),
         }
     }
 
     pub fn roster(&self) -> &Arc<Roster> {
         &self.roster
+    }
+
+    /// Everything that changes while the plan is carried out.
+    #[cfg(feature = "mutations")]
+    pub fn progress(&self) -> impl std::fmt::Debug + '_ {
+        (
+            (&self.task, self.since, self.agreed_at, self.mismatch),
+            (&self.asked_to_dock, &self.waited_for, &self.agreed_on),
+            (self.settled_since, &self.told_waiting, self.told_split),
+            self.unit_since,
+        )
     }
 
     pub fn plan(&self) -> &Plan {
@@ -209,7 +224,9 @@ impl Acting {
                 let Some(peer) = peers.get(module) else {
                     return true;
                 };
-                let shows = peer.incarnation == incarnation
+                let same = peer.incarnation == incarnation
+                    || peers.switch.is(Mutation::DropIncarnationCheck);
+                let shows = same
                     && peer.heartbeat.is_some_and(|heartbeat| {
                         heartbeat.epoch == Some(self.epoch) && heartbeat.digest == Some(self.digest)
                     });
@@ -453,9 +470,10 @@ impl Agent {
     pub(super) fn repeat_goal(&mut self) {
         if let Stage::Acting(acting) = &self.stage
             && matches!(acting.task, Task::Moving { held: false, .. })
-            && acting
-                .lagging(&self.peers, self.now, self.parameters.lease)
-                .is_empty()
+            && (self.switch.is(Mutation::IgnoreLapse)
+                || acting
+                    .lagging(&self.peers, self.now, self.parameters.lease)
+                    .is_empty())
             && let Some(goal) = acting.goal()
         {
             self.outputs.push_back(Output::Move(goal));
@@ -472,6 +490,7 @@ impl Agent {
             && !acting.mismatch
         {
             acting.mismatch = true;
+            self.convening.mismatches += 1;
             let ours = acting.digest;
             self.emit(Event::DigestMismatch {
                 module,
@@ -480,9 +499,16 @@ impl Agent {
             });
             return;
         }
-        let lagging = acting.lagging(&self.peers, self.now, lease);
+        let mut lagging = acting.lagging(&self.peers, self.now, lease);
+        if self.switch.is(Mutation::SkipDigestBarrier) {
+            lagging.clear();
+        }
         if acting.agreed_at.is_none() {
             if !lagging.is_empty() {
+                self.tell_split();
+                let Stage::Acting(acting) = &mut self.stage else {
+                    return;
+                };
                 if acting.told_waiting != lagging && self.now > acting.since + lease {
                     acting.told_waiting.clone_from(&lagging);
                     self.emit(Event::WaitingForAgreement(lagging));
@@ -498,12 +524,49 @@ impl Agent {
             return;
         };
         // Whoever the roster left out stops within the lease, since members no longer show its epoch.
-        let first_motion = agreed_at + lease;
+        let wait = if self.switch.is(Mutation::SkipLeaseWait) {
+            Duration::ZERO
+        } else {
+            lease
+        };
+        let first_motion = agreed_at + wait;
         if self.now < first_motion {
             self.wake_at(first_motion);
             return;
         }
         self.carry_on(&lagging);
+    }
+
+    /// Says who holds which plan, when another epoch has not helped and nothing more will be tried.
+    fn tell_split(&mut self) {
+        let lasts = self.convening.mismatches > 1;
+        let Stage::Acting(acting) = &mut self.stage else {
+            return;
+        };
+        let told_at = acting.since + self.parameters.lease;
+        if !lasts || !acting.mismatch || acting.told_split {
+            return;
+        }
+        if self.now < told_at {
+            self.wake_at(told_at);
+            return;
+        }
+        acting.told_split = true;
+        let mut sides: BTreeMap<Digest, Vec<ModuleId>> = BTreeMap::new();
+        for &module in acting.incarnations.keys() {
+            let shown = if module == acting.module {
+                Some((Some(acting.epoch), Some(acting.digest)))
+            } else {
+                let heartbeat = self.peers.get(module).and_then(|peer| peer.heartbeat);
+                heartbeat.map(|heartbeat| (heartbeat.epoch, heartbeat.digest))
+            };
+            if let Some((Some(epoch), Some(digest))) = shown
+                && epoch == acting.epoch
+            {
+                sides.entry(digest).or_default().push(module);
+            }
+        }
+        self.emit(Event::PlansDiffer(sides.into_iter().collect()));
     }
 
     fn note_agreement(&mut self) {
@@ -518,7 +581,7 @@ impl Agent {
         let open = acting.open_spots();
         self.quorum.note_agreed(epoch, &basis);
         self.convening.relax(self.parameters.epoch_interval);
-        self.convening.mismatch_retried = false;
+        self.convening.mismatches = 0;
         self.voice.state_changed = true;
         self.emit(Event::Agreed(epoch));
         if spare {
@@ -555,7 +618,9 @@ impl Agent {
                     return;
                 }
                 match to_act {
-                    Some((unit, missing)) if unit < place.unit => {
+                    Some((unit, missing))
+                        if unit < place.unit && !self.switch.is(Mutation::MoveOutOfOrder) =>
+                    {
                         let told = acting.told_waiting == missing;
                         acting.told_waiting.clone_from(&missing);
                         if !told {
@@ -646,7 +711,7 @@ impl Agent {
             return;
         }
         self.wake_at(overdue_at);
-        let hold = !lagging.is_empty();
+        let hold = !lagging.is_empty() && !self.switch.is(Mutation::IgnoreLapse);
         let Stage::Acting(acting) = &mut self.stage else {
             return;
         };

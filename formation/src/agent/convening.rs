@@ -12,23 +12,29 @@ use crate::message::{
 use crate::problem::PlanningModule;
 
 use super::io::{EpochReason, Event, Output, SourceId};
+use super::mutation::Mutation;
+use super::quorum::Shortfall;
 use super::refusal::Refusal;
 use super::turns::Turns;
-use super::{Agent, Stage};
+use super::{Agent, Stage, pins};
 
 /// An epoch further ahead of every known one than this is not believed.
 const EPOCH_STEP_MAX: u64 = 1 << 20;
 
 /// An epoch whose members are being gathered.
+#[derive(Clone, Debug)]
 pub(super) struct Gathering {
     convener: ModuleId,
     convener_incarnation: Incarnation,
     since: Duration,
+    /// The revision of the target that will be planned for.
+    target_revision: u64,
     /// Present when this module is the convener.
     collection: Option<Collection>,
 }
 
 /// What a convener remembers while it collects.
+#[derive(Clone, Debug)]
 struct Collection {
     frozen: usize,
     last_new: Duration,
@@ -36,6 +42,7 @@ struct Collection {
 }
 
 /// What a module remembers about opening epochs.
+#[derive(Clone, Debug)]
 pub(super) struct Convening {
     /// Nobody convenes before having listened so long, unless all expected modules were heard.
     listening_until: Duration,
@@ -50,8 +57,8 @@ pub(super) struct Convening {
     number_was_met: bool,
     lacks_quorum: bool,
     told_shortfall: Option<(usize, usize)>,
-    /// Whether an epoch was opened for unequal digests already.
-    pub mismatch_retried: bool,
+    /// In how many epochs since the last agreement members were seen to hold different plans.
+    pub mismatches: u32,
     /// A roster whose convener was never heard yet, kept until it is.
     early_roster: Option<(Option<SourceId>, RosterMessage)>,
 }
@@ -67,7 +74,7 @@ impl Convening {
             number_was_met: false,
             lacks_quorum: false,
             told_shortfall: None,
-            mismatch_retried: false,
+            mismatches: 0,
             early_roster: None,
         }
     }
@@ -173,11 +180,18 @@ impl Agent {
             self.wake_at(due);
             return;
         }
-        let shortfall = self.quorum.shortfall(&living, self.expected());
+        let shortfall = self.shortfall(&living, self.expected());
         self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
         if shortfall.is_none() {
             self.open_epoch(reason);
         }
+    }
+
+    fn shortfall(&self, present: &[ModuleId], expected: Option<u32>) -> Option<Shortfall> {
+        if self.switch.is(Mutation::IgnoreQuorum) {
+            return None;
+        }
+        self.quorum.shortfall(present, expected)
     }
 
     fn set_lacks_quorum(&mut self, shortfall: Option<(usize, usize)>) {
@@ -222,7 +236,7 @@ impl Agent {
             })
             .map(|member| member.module.id)
             .collect();
-        if !restarted.is_empty() {
+        if !restarted.is_empty() && !self.switch.is(Mutation::DropIncarnationCheck) {
             return Some(EpochReason::Restarted(restarted));
         }
         let silent: Vec<ModuleId> = others()
@@ -252,12 +266,27 @@ impl Agent {
         }
         if let Stage::Acting(acting) = &self.stage
             && acting.holds_mismatch()
-            && !self.convening.mismatch_retried
+            && self.convening.mismatches <= 1
         {
             return Some(EpochReason::DigestMismatch);
         }
         let newcomers = self.wanted_newcomers();
         (!newcomers.is_empty()).then_some(EpochReason::Newcomers(newcomers))
+    }
+
+    /// Whether this module may say that it has frozen: it stands, no port works, and it knows for which target, since only then can it tell
+    /// whether it stands on its spot already. It does not wait long, as the target may never reach it but in the roster.
+    pub(super) fn may_tell_frozen(&mut self) -> bool {
+        let Stage::Gathering(gathering) = &self.stage else {
+            return true;
+        };
+        let known = self.announcement.as_ref().map(|known| known.revision);
+        let patience_ends = gathering.since + self.parameters.gather / 2;
+        if known < Some(gathering.target_revision) && self.now < patience_ends {
+            self.wake_at(patience_ends);
+            return false;
+        }
+        self.body.is_at_rest()
     }
 
     fn gathering_reason(&self, gathering: &Gathering) -> Option<EpochReason> {
@@ -283,6 +312,9 @@ impl Agent {
 
     /// The living modules that the roster does not list, if it leaves spots open.
     fn wanted_newcomers(&self) -> Vec<ModuleId> {
+        if self.switch.is(Mutation::IgnoreNewcomers) {
+            return Vec::new();
+        }
         let Some(roster) = self.roster() else {
             return Vec::new();
         };
@@ -309,9 +341,6 @@ impl Agent {
         let Some(announcement) = self.announcement.clone() else {
             return;
         };
-        if reason == EpochReason::DigestMismatch {
-            self.convening.mismatch_retried = true;
-        }
         let number = self.convening.highest.map_or(0, |highest| highest.number) + 1;
         let epoch = Epoch {
             number,
@@ -323,12 +352,17 @@ impl Agent {
                 epoch,
                 target_revision: announcement.revision,
             })));
-        self.enter_gathering(epoch, self.incarnation);
+        self.enter_gathering(epoch, self.incarnation, announcement.revision);
         self.advance_gathering();
     }
 
     /// Halts and freezes for an epoch.
-    fn enter_gathering(&mut self, epoch: Epoch, convener_incarnation: Incarnation) {
+    fn enter_gathering(
+        &mut self,
+        epoch: Epoch,
+        convener_incarnation: Incarnation,
+        target_revision: u64,
+    ) {
         self.stand_still();
         self.epoch = Some(epoch);
         self.convening.note_epoch(epoch);
@@ -340,6 +374,7 @@ impl Agent {
             convener: epoch.convener,
             convener_incarnation,
             since: self.now,
+            target_revision,
             collection: (epoch.convener == self.module).then_some(Collection {
                 frozen: 0,
                 last_new: self.now,
@@ -372,12 +407,15 @@ impl Agent {
         if !self.convening.is_plausible(epoch) {
             return self.refuse(Some(epoch.convener), Refusal::ImplausibleEpoch);
         }
-        if self.epoch.is_some_and(|current| epoch < current) {
+        let is_over = self.epoch.is_some_and(|current| epoch < current);
+        if is_over && !self.switch.is(Mutation::AcceptStaleEpoch) {
             return self.refuse(Some(epoch.convener), Refusal::StaleEpoch);
         }
         match message {
             RosterMessage::Gather { .. } if self.epoch == Some(epoch) => {}
-            RosterMessage::Gather { .. } => self.enter_gathering(epoch, incarnation),
+            RosterMessage::Gather {
+                target_revision, ..
+            } => self.enter_gathering(epoch, incarnation, target_revision),
             RosterMessage::Plan(roster) => self.hear_plan(roster),
         }
     }
@@ -406,6 +444,11 @@ impl Agent {
         if let Some(mine) = mine {
             // The convener may drop a pin, where two modules claim one spot, but may not invent one.
             let mut announced = self.as_member();
+            if self.switch.is(Mutation::DropIncarnationCheck)
+                && mine.incarnation != self.incarnation
+            {
+                return self.adopt(roster);
+            }
             if mine.module.pin.is_none() {
                 announced.module.pin = None;
             }
@@ -443,7 +486,6 @@ impl Agent {
             .map(|member| member.module.id)
             .collect();
         if self
-            .quorum
             .shortfall(&members, roster.target.expected_modules)
             .is_some()
         {
@@ -468,6 +510,13 @@ impl Agent {
             self.stage = Stage::Outsider(roster);
             self.voice.state_changed = true;
         }
+    }
+
+    /// Takes part in an epoch that lists an earlier run of this module, as only a mutation does.
+    fn adopt(&mut self, roster: Arc<Roster>) {
+        self.epoch = Some(roster.epoch);
+        self.announcement = Some(Arc::new(roster.target.clone()));
+        self.begin_turns(roster);
     }
 
     /// This module as it announced itself when it froze.
@@ -578,23 +627,11 @@ impl Agent {
             // There is nothing to plan until one of them takes part again.
             return;
         }
-        let mut held = BTreeSet::new();
-        for member in &mut members {
-            let known = member.module.pin.is_none_or(|spot| {
-                announcement
-                    .target
-                    .as_ref()
-                    .is_some_and(|target| target.position_of(spot).is_some())
-                    && held.insert(spot)
-            });
-            if !known {
-                member.module.pin = None;
-            }
+        if let Some(target) = &announcement.target {
+            pins::settle(&mut members, target, announcement.parameters);
         }
         let modules: Vec<ModuleId> = members.iter().map(|member| member.module.id).collect();
-        let shortfall = self
-            .quorum
-            .shortfall(&modules, announcement.expected_modules);
+        let shortfall = self.shortfall(&modules, announcement.expected_modules);
         self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
         if shortfall.is_some() {
             // The frozen wait; when more are within reach, the gathering goes on where it stood.
@@ -619,7 +656,7 @@ impl Agent {
         let expected = roster.target.expected_modules;
         self.convening.number_was_met |=
             expected.is_some_and(|expected| members >= expected as usize);
-        match Turns::new(roster, self.now) {
+        match Turns::new(roster, self.now, self.switch) {
             Some(turns) => {
                 self.stage = Stage::Planning(Box::new(turns));
                 self.voice.state_changed = true;
@@ -644,5 +681,24 @@ fn member_of(state: &ModuleState) -> RosterMember {
             leader: state.leader,
             pin: state.spot,
         },
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_interval_doubles_up_to_its_limit_until_an_epoch_agrees() {
+        let (least, limit) = (Duration::from_secs(1), Duration::from_secs(16));
+        let mut convening = Convening::new(Duration::ZERO, least);
+        let mut intervals = Vec::new();
+        for opened in 0..7 {
+            convening.opened(Duration::from_secs(100 * opened), limit);
+            intervals.push(convening.interval.as_secs());
+        }
+        assert_eq!(intervals, [1, 2, 4, 8, 16, 16, 16]);
+        convening.relax(least);
+        assert_eq!(convening.interval, least);
     }
 }

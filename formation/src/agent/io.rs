@@ -172,6 +172,8 @@ pub enum Event {
         /// What this module shows.
         ours: Digest,
     },
+    /// Another epoch has not helped: these members hold these plans, and nothing moves.
+    PlansDiffer(Vec<(Digest, Vec<ModuleId>)>),
     /// Another process runs under the same module identifier.
     DuplicateModule(ModuleId),
     /// It halted because agreement lapsed; it goes on when all are heard again.
@@ -318,6 +320,17 @@ impl fmt::Display for Event {
                 formatter,
                 "{module} holds another plan: its digest is {theirs}, ours {ours}"
             ),
+            Self::PlansDiffer(sides) => {
+                let named: Vec<String> = sides
+                    .iter()
+                    .map(|(digest, modules)| format!("{digest} held by {}", listed(modules)))
+                    .collect();
+                write!(
+                    formatter,
+                    "gives up: twice in a row the members hold different plans: {}",
+                    named.join("; ")
+                )
+            }
             Self::DuplicateModule(module) => {
                 write!(
                     formatter,
@@ -362,6 +375,7 @@ impl Event {
     pub fn severity(&self) -> Severity {
         match self {
             Self::DigestMismatch { .. }
+            | Self::PlansDiffer(_)
             | Self::DuplicateModule(_)
             | Self::MotionOverdue(_)
             | Self::MotionFailed(_) => Severity::Error,

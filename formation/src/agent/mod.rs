@@ -16,9 +16,13 @@
 
 mod acting;
 mod convening;
+#[cfg(feature = "mutations")]
+mod fingerprint;
 mod io;
+mod mutation;
 mod parameters;
 mod peers;
+mod pins;
 mod quorum;
 mod refusal;
 mod service;
@@ -32,6 +36,8 @@ pub use io::{
     Command, EpochReason, Event, Identity, Input, MotionGoal, MotionReport, Output, Severity,
     SourceId,
 };
+#[cfg(feature = "mutations")]
+pub use mutation::Mutation;
 pub use parameters::{AgentParameters, ParametersError};
 pub use quorum::QUORUM_BASES_MAX;
 pub use refusal::{Refusal, RefusalCounts};
@@ -43,11 +49,15 @@ use crate::message::{Heartbeat, Message, ModulePhase, ModuleState, Service, Targ
 
 use acting::Acting;
 use convening::{Convening, Gathering};
+#[cfg(not(feature = "mutations"))]
+use mutation::Mutation;
+use mutation::Switch;
 use peers::{Hearing, Peers};
 use quorum::Quorum;
 use turns::{EarlyClaims, Turns};
 
 /// How far the epoch has come.
+#[derive(Clone)]
 enum Stage {
     /// No epoch includes this module.
     Idle,
@@ -69,6 +79,7 @@ struct SettledOn {
 }
 
 /// What the module itself is and has.
+#[derive(Clone, Debug)]
 struct Body {
     pose: Pose,
     links: BTreeSet<ModuleId>,
@@ -87,7 +98,7 @@ impl Body {
 }
 
 /// When what was published last, and what is due.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 struct Voice {
     heartbeat_sequence: u64,
     heartbeat_due: Duration,
@@ -100,6 +111,7 @@ struct Voice {
 }
 
 /// One module's side of the protocol.
+#[derive(Clone)]
 pub struct Agent {
     module: ModuleId,
     incarnation: Incarnation,
@@ -113,6 +125,7 @@ pub struct Agent {
     wake: Option<Duration>,
     body: Body,
     service: Service,
+    switch: Switch,
     peers: Peers,
     announcement: Option<Arc<TargetAnnouncement>>,
     epoch: Option<Epoch>,
@@ -145,6 +158,7 @@ impl Agent {
             },
             identity,
             service: Service::Active,
+            switch: Switch::default(),
             parameters,
             now,
             started: now,
@@ -168,6 +182,15 @@ impl Agent {
             succeeded_by: None,
             duplicate_told: None,
         }
+    }
+
+    /// The same agent with a bug, for tests of those who should notice.
+    #[cfg(feature = "mutations")]
+    #[must_use]
+    pub fn mutated(mut self, mutation: Mutation) -> Self {
+        self.switch.chosen = Some(mutation);
+        self.peers.switch = self.switch;
+        self
     }
 
     /// Takes one input at the time `now`, which must not run backwards.
@@ -439,11 +462,7 @@ impl Agent {
     /// Publishes the state if it changed, and the heartbeat if it is due.
     fn speak(&mut self) {
         let standing_back = self.standing_back_until.is_some();
-        let may_tell = match &self.stage {
-            // A gathered state counts as frozen, so it is told only once the module stands and no port works.
-            Stage::Gathering(_) => self.body.is_at_rest(),
-            _ => true,
-        };
+        let may_tell = self.may_tell_frozen();
         if self.voice.state_changed && may_tell && !standing_back {
             self.voice.state_changed = false;
             self.voice.pose_told = self.now;
@@ -519,6 +538,9 @@ impl Agent {
 
     /// The spot on which it has settled for the present target, and stays.
     fn pin(&self) -> Option<SpotId> {
+        if self.switch.is(Mutation::ForgetPins) {
+            return None;
+        }
         let target = digest::of_target(self.announcement.as_ref()?);
         let settled = self.body.settled_on?;
         (settled.target == target).then_some(settled.spot)

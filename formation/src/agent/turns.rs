@@ -8,10 +8,12 @@ use crate::digest;
 use crate::id::{Digest, Epoch, ModuleId};
 use crate::message::{Decision, EvictionNotice, Message, Roster, SpotClaim};
 use crate::plan::Plan;
-use crate::planning::Planning;
+use crate::planning::{ClaimRefused, Planning};
+use crate::problem::PlanningProblem;
 
 use super::acting::Acting;
 use super::io::{Event, Output, SourceId};
+use super::mutation::{Mutation, Switch};
 use super::refusal::Refusal;
 use super::{Agent, Stage};
 
@@ -23,7 +25,7 @@ const EARLY_ENTRIES_MAX: usize = 1 << 17;
 const CLAIMS_PER_TURN_MAX: usize = 8;
 
 /// Claims whose turn has not come.
-#[derive(Default)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct EarlyClaims {
     claims: BTreeMap<(Epoch, u32), Vec<Arc<SpotClaim>>>,
     count: usize,
@@ -70,29 +72,41 @@ impl EarlyClaims {
 }
 
 /// The planning of one epoch, as far as it has come.
+#[derive(Clone)]
 pub(super) struct Turns {
     roster: Arc<Roster>,
     planning: Planning,
     decisions: Vec<(ModuleId, Decision)>,
     began: Duration,
     progress_at: Duration,
+    switch: Switch,
 }
 
 impl Turns {
     /// `None` when the roster cannot be planned for.
-    pub fn new(roster: Arc<Roster>, now: Duration) -> Option<Self> {
-        let problem = roster.problem().ok().flatten()?;
+    pub fn new(roster: Arc<Roster>, now: Duration, switch: Switch) -> Option<Self> {
+        let mut problem = roster.problem().ok().flatten()?;
+        if switch.is(Mutation::EvictConfigurationMember) {
+            problem = without_links(&problem)?;
+        }
         Some(Self {
             planning: Planning::new(Arc::new(problem)),
             roster,
             decisions: Vec::new(),
             began: now,
             progress_at: now,
+            switch,
         })
     }
 
     pub fn roster(&self) -> &Arc<Roster> {
         &self.roster
+    }
+
+    /// When the last turn was applied, or the planning began.
+    #[cfg(feature = "mutations")]
+    pub fn progress_at(&self) -> Duration {
+        self.progress_at
     }
 
     pub fn applied(&self) -> u32 {
@@ -112,22 +126,30 @@ impl Turns {
         claimant: ModuleId,
         decision: &Decision,
     ) -> Result<(), Refusal> {
-        self.planning
-            .apply(claimant, decision)
-            .map_err(|refused| match refused {
-                crate::planning::ClaimRefused::DifferentDecision { .. } => {
-                    Refusal::DifferentDecision
-                }
-                _ => Refusal::WrongClaimant,
-            })?;
-        self.decisions.push((claimant, decision.clone()));
+        match self.planning.apply(claimant, decision) {
+            Ok(()) => {}
+            Err(ClaimRefused::DifferentDecision { expected, .. })
+                if self.switch.is(Mutation::AcceptWithoutRecomputation) =>
+            {
+                let _ = self.planning.apply(claimant, &expected);
+            }
+            Err(ClaimRefused::DifferentDecision { .. }) => return Err(Refusal::DifferentDecision),
+            Err(_) => return Err(Refusal::WrongClaimant),
+        }
+        if !self.switch.is(Mutation::ApplyOutOfTurn) {
+            self.decisions.push((claimant, decision.clone()));
+        }
         self.progress_at = now;
         Ok(())
     }
 
     fn finished(&self) -> Option<(Plan, Digest)> {
         let plan = self.planning.finish()?;
-        Some((plan, digest::of_plan(&self.roster, &self.decisions)))
+        let mut digest = digest::of_plan(&self.roster, &self.decisions);
+        if self.switch.is(Mutation::DifferentPlan) {
+            digest.0 ^= 1;
+        }
+        Some((plan, digest))
     }
 }
 
@@ -169,6 +191,11 @@ impl Agent {
             Stage::Acting(_) | Stage::Outsider(_) | Stage::Idle => {
                 return self.refuse(Some(claimant), Refusal::StaleEpoch);
             }
+        }
+        if self.switch.is(Mutation::ApplyOutOfTurn)
+            && let Stage::Planning(turns) = &mut self.stage
+        {
+            turns.decisions.push((claimant, claim.decision.clone()));
         }
         if let Err(refusal) = self.early_claims.keep(claim) {
             self.refuse(Some(claimant), refusal);
@@ -276,4 +303,13 @@ impl Agent {
         self.note_shown();
         self.voice.state_changed = true;
     }
+}
+
+/// The same modules, docked to nobody, as only a mutation has them.
+fn without_links(problem: &PlanningProblem) -> Option<PlanningProblem> {
+    let mut modules = problem.modules().to_vec();
+    for module in &mut modules {
+        module.links.clear();
+    }
+    PlanningProblem::new(Arc::clone(problem.target()), *problem.parameters(), modules).ok()
 }

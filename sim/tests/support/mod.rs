@@ -12,7 +12,7 @@ use formation::id::{ModuleId, SpotId};
 use formation::message::{Message, ModulePhase, Roster, RosterMessage};
 use formation::problem::PlanningProblem;
 use formation::scenario::Scenario;
-use formation_sim::{Cluster, ClusterParameters, Observation};
+use formation_sim::{AgentFactory, Cluster, ClusterParameters, Observation};
 
 pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(grouping);
@@ -39,7 +39,16 @@ impl Stage {
     }
 
     pub fn with(problem: &PlanningProblem, parameters: ClusterParameters, seed: u64) -> Self {
-        let mut cluster = Cluster::new(problem, parameters, seed);
+        Self::of_agents(problem, parameters, seed, AgentFactory::default())
+    }
+
+    pub fn of_agents(
+        problem: &PlanningProblem,
+        parameters: ClusterParameters,
+        seed: u64,
+        agents: AgentFactory,
+    ) -> Self {
+        let mut cluster = Cluster::of_agents(problem, parameters, seed, agents);
         cluster.keep_transcript();
         cluster.announce_problem(problem, 1);
         Self {

@@ -1,0 +1,114 @@
+//! Deliberate protocol bugs: each is found by the simulator, on the seed that is listed with it.
+//!
+//! The bugs are compiled in by this package's dev-dependency on `formation` alone, and chosen at run time here; see
+//! `formation/src/agent/mutation.rs`.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use formation::agent::{Agent, Mutation};
+use formation_sim::{
+    AgentFactory, CampaignParameters, FaultKind, RunReport, ViolationKind, run_seed,
+};
+
+/// The bug, the seed that found it, and what was violated there.
+const FOUND: [(Mutation, u64, ViolationKind); 14] = [
+    (Mutation::AcceptStaleEpoch, 2, ViolationKind::EpochWentBack),
+    (
+        Mutation::SkipDigestBarrier,
+        0,
+        ViolationKind::MotionBeforeLease,
+    ),
+    (Mutation::SkipLeaseWait, 0, ViolationKind::MotionBeforeLease),
+    (Mutation::IgnoreLapse, 76, ViolationKind::TwoPlansInMotion),
+    (
+        Mutation::DropIncarnationCheck,
+        3,
+        ViolationKind::PinForgotten,
+    ),
+    (
+        Mutation::AcceptWithoutRecomputation,
+        4,
+        ViolationKind::NoEnd,
+    ),
+    (Mutation::ApplyOutOfTurn, 0, ViolationKind::NoEnd),
+    (Mutation::IgnoreQuorum, 6, ViolationKind::TwoPlansInMotion),
+    (Mutation::MoveOutOfOrder, 0, ViolationKind::TwoUnitsInMotion),
+    (Mutation::ForgetPins, 0, ViolationKind::PinForgotten),
+    (
+        Mutation::EvictConfigurationMember,
+        2,
+        ViolationKind::ConfigurationMemberEvicted,
+    ),
+    (Mutation::CountDeadAsAlive, 0, ViolationKind::NoEnd),
+    (
+        Mutation::TrustBufferedHeartbeats,
+        3,
+        ViolationKind::TwoPlansInMotion,
+    ),
+    (Mutation::IgnoreNewcomers, 0, ViolationKind::Hole),
+];
+
+fn run(mutation: Option<Mutation>, seed: u64) -> RunReport {
+    let agents = match mutation {
+        Some(mutation) => AgentFactory::new(move |identity, parameters, now| {
+            Agent::new(identity, parameters, now).mutated(mutation)
+        }),
+        None => AgentFactory::default(),
+    };
+    let parameters = CampaignParameters {
+        faults: FaultKind::Mixed,
+        modules_max: 16,
+        agents,
+        ..CampaignParameters::default()
+    };
+    run_seed(&parameters, seed).unwrap()
+}
+
+#[test]
+fn every_bug_is_found() {
+    for (mutation, seed, kind) in FOUND {
+        let report = run(Some(mutation), seed);
+        assert!(
+            report
+                .violations
+                .iter()
+                .any(|violation| violation.kind == kind),
+            "{mutation:?} gives {:?} on seed {seed}",
+            report.violations
+        );
+    }
+}
+
+#[test]
+fn without_the_bugs_the_same_seeds_are_clean() {
+    for (_, seed, _) in FOUND {
+        let report = run(None, seed);
+        assert!(
+            report.violations.is_empty(),
+            "seed {seed}: {:?}",
+            report.violations
+        );
+    }
+}
+
+/// Prints, for each bug, the first seeds on which it is found, and what was violated there.
+#[test]
+#[ignore = "a search, for when the protocol or the faults change and the list must be made anew"]
+fn find_seeds() {
+    for (mutation, ..) in FOUND {
+        let mut hits = 0;
+        for seed in 0..400 {
+            let report = run(Some(mutation), seed);
+            if let Some(violation) = report.violations.first() {
+                println!(
+                    "{mutation:?} {seed} {}: {}",
+                    violation.kind, violation.detail
+                );
+                hits += 1;
+            }
+            if hits == 3 {
+                break;
+            }
+        }
+    }
+}

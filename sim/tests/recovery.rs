@@ -1,0 +1,168 @@
+//! What happens when modules die, disagree or stand in each other's way, step by step.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+mod support;
+
+use std::time::Duration;
+
+use formation::agent::{Agent, Event, Mutation};
+use formation::generate::Grouping;
+use formation::id::ModuleId;
+use formation::message::ModulePhase;
+use formation::plan::AssemblyWarning;
+use formation_sim::{AgentFactory, Cluster, ClusterParameters};
+use support::{Stage, drawn, in_phase, scenario, spots};
+
+#[test]
+fn a_spare_replaces_a_module_that_dies_on_its_way() {
+    for seed in 0..6 {
+        let mut stage = Stage::new(&drawn(7, 6, Grouping::Singletons, seed), seed);
+        stage.until(|cluster| !in_phase(cluster, ModulePhase::Moving).is_empty());
+        let lost = stage.in_phase(ModulePhase::Moving)[0];
+        stage.cluster.crash(lost);
+        stage.until_formed_anew();
+        let settled = stage.settled();
+        assert_eq!(spots(&settled).len(), 6, "seed {seed}");
+        assert_eq!(stage.open_spots(), None, "seed {seed}");
+    }
+}
+
+#[test]
+fn without_a_spare_the_spot_of_a_module_that_died_settled_is_named_open() {
+    for seed in 0..6 {
+        let mut stage = Stage::new(&drawn(6, 6, Grouping::Mixed, seed), seed);
+        stage.until(Cluster::has_formed);
+        let (lost, spot) = stage.settled()[1];
+        stage.cluster.crash(lost);
+        stage.until_formed_anew();
+        assert_eq!(stage.open_spots(), Some(vec![spot]), "seed {seed}");
+        assert_eq!(stage.settled().len(), 5, "seed {seed}");
+    }
+}
+
+#[test]
+fn what_is_left_of_a_half_moved_block_carries_on() {
+    for seed in 0..6 {
+        let mut stage = Stage::new(&drawn(8, 8, Grouping::Configurations(4), seed), seed);
+        // Two drives on their way at once are a block: units move one after another.
+        let on_their_way = |cluster: &Cluster| {
+            let moving = in_phase(cluster, ModulePhase::Moving);
+            let driven = moving
+                .into_iter()
+                .filter(|&module| cluster.plan_in_motion(module).is_some());
+            driven.collect::<Vec<_>>()
+        };
+        stage.until(|cluster| on_their_way(cluster).len() >= 3);
+        let lost = on_their_way(&stage.cluster)[1];
+        stage.cluster.crash(lost);
+        stage.until_formed_anew();
+        let settled = stage.settled();
+        assert_eq!(spots(&settled).len(), 7, "seed {seed}");
+        assert!(
+            stage.open_spots().is_some_and(|open| open.len() == 1),
+            "seed {seed}"
+        );
+    }
+}
+
+#[test]
+fn unequal_digests_bring_one_new_epoch_and_then_both_sides_are_named() {
+    let problem = drawn(5, 5, Grouping::Singletons, 2);
+    let agents = AgentFactory::new(|identity, parameters, now| {
+        let odd = identity.module == ModuleId(4);
+        let agent = Agent::new(identity, parameters, now);
+        if odd {
+            agent.mutated(Mutation::DifferentPlan)
+        } else {
+            agent
+        }
+    });
+    let mut stage = Stage::of_agents(&problem, ClusterParameters::default(), 2, agents);
+    stage.run_for(Duration::from_secs(200));
+    assert_eq!(stage.newest_epoch(), 2, "{}", stage.cluster.transcript());
+    assert_eq!(stage.count(|event| matches!(event, Event::Agreed(_))), 0);
+    assert_eq!(
+        stage.count(|event| matches!(event, Event::MotionBegun(_))),
+        0
+    );
+    let sides: Vec<_> = stage
+        .noted
+        .iter()
+        .filter_map(|(_, event)| match event {
+            Event::PlansDiffer(sides) => Some(
+                sides
+                    .iter()
+                    .map(|(_, modules)| modules.clone())
+                    .collect::<Vec<_>>(),
+            ),
+            _ => None,
+        })
+        .collect();
+    let (odd, even) = (vec![ModuleId(4)], [1, 2, 3, 5].map(ModuleId).to_vec());
+    assert_eq!(sides.len(), 5, "each member tells it once");
+    assert!(
+        sides
+            .iter()
+            .all(|sides| sides.len() == 2 && sides.contains(&odd) && sides.contains(&even))
+    );
+}
+
+const SQUARE: &str = "
+name: square
+target:
+  spots:
+    - {id: 1, x: 20.0, y: 20.0, theta: 0.0}
+    - {id: 2, x: 21.0, y: 20.0, theta: 0.0}
+    - {id: 3, x: 22.0, y: 20.0, theta: 0.0}
+    - {id: 4, x: 20.0, y: 21.0, theta: 0.0}
+    - {id: 5, x: 21.0, y: 21.0, theta: 0.0}
+    - {id: 6, x: 22.0, y: 21.0, theta: 0.0}
+    - {id: 7, x: 20.0, y: 22.0, theta: 0.0}
+    - {id: 8, x: 21.0, y: 22.0, theta: 0.0}
+    - {id: 9, x: 22.0, y: 22.0, theta: 0.0}
+  edges: [[1, 2], [2, 3], [4, 5], [5, 6], [7, 8], [8, 9], [1, 4], [4, 7], [2, 5], [5, 8], [3, 6], [6, 9]]
+singletons:
+  - {id: 1, x: 1.0, y: 1.0, theta: 0.0}
+  - {id: 2, x: 3.0, y: 1.0, theta: 0.0}
+  - {id: 3, x: 5.0, y: 1.0, theta: 0.0}
+  - {id: 4, x: 7.0, y: 1.0, theta: 0.0}
+  - {id: 5, x: 9.0, y: 1.0, theta: 0.0}
+  - {id: 6, x: 1.0, y: 3.0, theta: 0.0}
+  - {id: 7, x: 3.0, y: 3.0, theta: 0.0}
+  - {id: 8, x: 5.0, y: 3.0, theta: 0.0}
+  - {id: 9, x: 7.0, y: 3.0, theta: 0.0}
+  - {id: 10, x: 9.0, y: 3.0, theta: 0.0}
+";
+
+#[test]
+fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
+    let problem = scenario(SQUARE);
+    let mut stage = Stage::new(&problem, 5);
+    stage.until(Cluster::has_formed);
+    let centre = formation::id::SpotId(5);
+    let (lost, _) = stage
+        .settled()
+        .into_iter()
+        .find(|&(_, spot)| spot == centre)
+        .unwrap();
+    stage.noted.clear();
+    stage.cluster.crash(lost);
+    stage.until_formed_anew();
+    assert_eq!(spots(&stage.settled()).len(), 9);
+    let walled =
+        |event: &Event| matches!(event, Event::AssemblyWarning(AssemblyWarning::WalledIn(_)));
+    assert_eq!(stage.count(walled), 0, "{}", stage.cluster.transcript());
+    let roster = stage.rosters.last().unwrap();
+    let pinned: Vec<u32> = roster
+        .members
+        .iter()
+        .filter_map(|member| Some(member.module.pin?.0))
+        .collect();
+    // The four corners and one side had to go; three sides stayed.
+    assert_eq!(pinned.len(), 3, "{pinned:?}");
+    assert!(
+        pinned.iter().all(|spot| [2, 4, 6, 8].contains(spot)),
+        "{pinned:?}"
+    );
+}
