@@ -1,0 +1,166 @@
+//! Short runs as readable text, compared line by line with what is kept under `tests/transcripts`.
+//!
+//! A change of the protocol shows here as a difference to read. When it is meant, `FORMATION_UPDATE_TRANSCRIPTS=1`
+//! writes the files anew.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+mod support;
+
+use std::collections::BTreeSet;
+use std::fmt::Write as _;
+use std::fs;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use formation::agent::Command;
+use formation::generate::Grouping;
+use formation::id::ModuleId;
+use formation::message::ModulePhase;
+use formation_sim::Cluster;
+use support::{Stage, drawn, in_phase, scenario};
+
+/// The nearest spot of the second module is taken when its turn comes.
+const CHAIN: &str = "
+name: chain
+target:
+  spots:
+    - {id: 1, x: 10.0, y: 10.0, theta: 0.0}
+    - {id: 2, x: 11.0, y: 10.0, theta: 0.0}
+    - {id: 3, x: 12.0, y: 10.0, theta: 0.0}
+  edges: [[1, 2], [2, 3]]
+singletons:
+  - {id: 1, x: 10.0, y: 8.0, theta: 0.0}
+  - {id: 2, x: 10.0, y: 6.0, theta: 0.0}
+  - {id: 3, x: 4.0, y: 10.0, theta: 0.0}
+";
+
+/// A line of four cannot keep together on a star of four: one breaks off.
+const BLOCK: &str = "
+name: block
+target:
+  spots:
+    - {id: 1, x: 10.0, y: 10.0, theta: 0.0}
+    - {id: 2, x: 11.0, y: 10.0, theta: 0.0}
+    - {id: 3, x: 9.0, y: 10.0, theta: 0.0}
+    - {id: 4, x: 10.0, y: 11.0, theta: 0.0}
+  edges: [[1, 2], [1, 3], [1, 4]]
+configurations:
+  - id: 1
+    modules:
+      - {id: 1, x: 1.0, y: 1.0, theta: 0.0}
+      - {id: 2, x: 2.0, y: 1.0, theta: 0.0}
+      - {id: 3, x: 3.0, y: 1.0, theta: 0.0}
+      - {id: 4, x: 4.0, y: 1.0, theta: 0.0}
+    edges: [[1, 2], [2, 3], [3, 4]]
+";
+
+fn compare(name: &str, told: &str) {
+    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
+        .join("../tests/transcripts")
+        .join(name)
+        .with_extension("txt");
+    if std::env::var_os("FORMATION_UPDATE_TRANSCRIPTS").is_some_and(|value| value == "1") {
+        fs::write(&path, told).unwrap();
+        return;
+    }
+    let kept = fs::read_to_string(&path).unwrap_or_default();
+    if kept == told {
+        return;
+    }
+    let (kept, told): (Vec<&str>, Vec<&str>) = (kept.lines().collect(), told.lines().collect());
+    let same = kept
+        .iter()
+        .zip(&told)
+        .take_while(|(one, other)| one == other)
+        .count();
+    let mut difference = String::new();
+    for line in &kept[same.saturating_sub(3)..same] {
+        writeln!(difference, "  {line}").unwrap();
+    }
+    for line in kept[same..].iter().take(12) {
+        writeln!(difference, "- {line}").unwrap();
+    }
+    for line in told[same..].iter().take(12) {
+        writeln!(difference, "+ {line}").unwrap();
+    }
+    panic!(
+        "tests/transcripts/{name}.txt differs from line {} on; if that is meant, run this test with \
+         FORMATION_UPDATE_TRANSCRIPTS=1\n{difference}",
+        same + 1
+    );
+}
+
+#[test]
+fn three_single_modules_agree_and_move() {
+    let mut stage = Stage::new(&drawn(3, 3, Grouping::Singletons, 1), 1);
+    stage.until(Cluster::has_formed);
+    compare("singletons_agree", stage.cluster.transcript());
+}
+
+#[test]
+fn a_later_unit_evicts_an_earlier_one() {
+    let mut stage = Stage::new(&scenario(CHAIN), 1);
+    stage.until(Cluster::has_formed);
+    assert!(stage.cluster.transcript().contains("-> eviction of"));
+    compare("eviction_chain", stage.cluster.transcript());
+}
+
+#[test]
+fn a_block_that_does_not_fit_breaks() {
+    let mut stage = Stage::new(&scenario(BLOCK), 1);
+    stage.until(Cluster::has_formed);
+    compare("block_and_remainder", stage.cluster.transcript());
+}
+
+#[test]
+fn another_module_convenes_when_the_convener_dies() {
+    let mut stage = Stage::new(&drawn(4, 4, Grouping::Singletons, 2), 2);
+    stage.until(|cluster| in_phase(cluster, ModulePhase::Gathered).len() == 3);
+    stage.cluster.crash(ModuleId(1));
+    stage.until(Cluster::has_formed);
+    compare("convener_dies", stage.cluster.transcript());
+}
+
+#[test]
+fn a_cut_network_heals() {
+    let mut stage = Stage::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
+    stage.until(Cluster::has_formed);
+    let aside = BTreeSet::from([ModuleId(1), ModuleId(2)]);
+    stage.cluster.cut(&aside);
+    stage.run_for(Duration::from_secs(20));
+    stage.cluster.heal();
+    stage.until_formed_anew();
+    assert!(
+        stage
+            .cluster
+            .transcript()
+            .contains("waiting for a quorum: 2 of 5")
+    );
+    compare("cut_heals", stage.cluster.transcript());
+}
+
+#[test]
+fn a_module_starts_again() {
+    let mut stage = Stage::new(&drawn(4, 4, Grouping::Singletons, 4), 4);
+    stage.until(Cluster::has_formed);
+    stage.cluster.crash(ModuleId(3));
+    stage.run_for(Duration::from_secs(1));
+    stage.cluster.restart(ModuleId(3));
+    stage.until_formed_anew();
+    compare("module_restarts", stage.cluster.transcript());
+}
+
+#[test]
+fn a_module_retires_and_a_spare_takes_its_spot() {
+    let mut stage = Stage::new(&drawn(4, 3, Grouping::Singletons, 5), 5);
+    stage.until(Cluster::has_formed);
+    let (retired, _) = stage.settled()[0];
+    stage.cluster.command(retired, Command::Retire);
+    stage.until(|cluster| cluster.has_formed() && support::newest_epoch(cluster) == 2);
+    compare("module_retires", stage.cluster.transcript());
+}
