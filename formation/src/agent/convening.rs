@@ -274,8 +274,9 @@ impl Agent {
         (!newcomers.is_empty()).then_some(EpochReason::Newcomers(newcomers))
     }
 
-    /// Whether this module may say that it has frozen: it stands, no port works, and it knows for which target, since only then can it tell
-    /// whether it stands on its spot already. It does not wait long, as the target may never reach it but in the roster.
+    /// Whether this module may say that it has frozen: it stands, no port works, and it knows for which target, since only
+    /// then can it tell whether it stands on its spot already. It does not wait long, as the target may never reach it
+    /// but in the roster.
     pub(super) fn may_tell_frozen(&mut self) -> bool {
         let Stage::Gathering(gathering) = &self.stage else {
             return true;

@@ -91,13 +91,17 @@ struct Flight {
     hash: u64,
 }
 
+type PlanKey = (Epoch, Digest);
+
+/// The goal, when it is reached, when the drive was last told, and the plan that sent it.
+type Journey = (MotionGoal, Duration, Duration, Option<PlanKey>);
+
 #[derive(Clone)]
 struct Actor {
     agent: Agent,
     incarnation: Incarnation,
     pose: Pose,
-    /// The goal, when it arrives there, when it was last told, and the plan that sent it.
-    drive: Option<(MotionGoal, Duration, Duration, Option<(Epoch, Digest)>)>,
+    drive: Option<Journey>,
     hash: u64,
 }
 
@@ -105,8 +109,8 @@ struct Actor {
 #[derive(Clone, Debug, Default)]
 struct Evidence {
     rosters: BTreeMap<Epoch, Vec<ModuleId>>,
-    shown: BTreeMap<(Epoch, Digest), BTreeMap<ModuleId, Duration>>,
-    begun: BTreeSet<(Epoch, Digest)>,
+    shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
+    begun: BTreeSet<PlanKey>,
     /// The epoch that each module showed last, and since when.
     in_epoch: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     settled: BTreeMap<(Epoch, Digest, SpotId), ModuleId>,
@@ -664,7 +668,7 @@ impl World {
     }
 
     /// A drive is told to go, or to go on.
-    fn set_off(&mut self, index: usize, plan: Option<(Epoch, Digest)>, lease: Duration) {
+    fn set_off(&mut self, index: usize, plan: Option<PlanKey>, lease: Duration) {
         let module = id(index);
         let now = self.now;
         let Some(plan) = plan else {
