@@ -22,8 +22,8 @@ const FOUND: [(Mutation, u64, ViolationKind); 14] = [
     (Mutation::IgnoreLapse, 76, ViolationKind::TwoPlansInMotion),
     (
         Mutation::DropIncarnationCheck,
-        3,
-        ViolationKind::PinForgotten,
+        42,
+        ViolationKind::NotWhereFrozen,
     ),
     (
         Mutation::AcceptWithoutRecomputation,

@@ -37,7 +37,12 @@ impl Agent {
             self.convening,
             self.early_claims,
             self.voice,
-            (self.standing_back_until, self.duplicate_told, self.wake),
+            (
+                self.standing_back_until,
+                self.duplicate_told,
+                self.succeeded_by,
+                self.wake
+            ),
         );
         let _ = match &self.stage {
             Stage::Idle => write!(writer, "idle"),

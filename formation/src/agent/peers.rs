@@ -96,6 +96,7 @@ pub(super) struct Peers {
 impl Default for Peers {
     fn default() -> Self {
         Self {
+            switch: Switch::default(),
             peers: BTreeMap::new(),
             room: MODULES_MAX,
         }
