@@ -57,6 +57,11 @@ pub enum Command {
     /// hold: one module a spot, no motion without agreement, one plan in motion, no hole, an end. A seed that fails is
     /// printed with the command that replays it. A single seed is told in full.
     Simulate(SimulateArguments),
+    /// Run the paper's evaluation again, and set its numbers, its algorithms and ours side by side.
+    ///
+    /// Writes one CSV file and one SVG plot a figure, and `summary.md`. What is measured is kept: after an interruption
+    /// the same command goes on where it stopped.
+    Experiments(ExperimentsArguments),
 }
 
 /// How fast simulated modules are unless the user says otherwise.
@@ -212,4 +217,24 @@ fn module_range(text: &str) -> Result<ModuleRange, String> {
         .ok_or_else(|| {
             format!("must be a number or a range such as 5-40, from 1 to {SIMULATED_MODULES_MAX}")
         })
+}
+
+/// Which experiments to run, and how.
+#[derive(Debug, Args)]
+pub struct ExperimentsArguments {
+    /// The directory for the results; it is made if there is none.
+    #[arg(value_name = "OUT")]
+    pub directory: PathBuf,
+    /// Average over so many instances [default: 50, as in the paper; 5 with --quick]
+    #[arg(long, value_name = "N")]
+    pub runs: Option<u64>,
+    /// Run this experiment alone; may be given several times.
+    #[arg(long, value_name = "NAME")]
+    pub only: Vec<String>,
+    /// Fewer sizes and runs, and real processes once: some minutes.
+    #[arg(long)]
+    pub quick: bool,
+    /// The seed of the first instance; the next has the next.
+    #[arg(long, value_name = "X", default_value_t = 1)]
+    pub seed: u64,
 }

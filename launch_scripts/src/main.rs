@@ -1,8 +1,9 @@
-//! `formation`: checks, plans, generates, runs and simulates formations.
+//! `formation`: checks, plans, generates, runs and simulates formations, and evaluates the planner.
 
 mod arguments;
 mod check;
 mod console;
+mod experiments;
 mod failure;
 mod generate;
 mod plan;
@@ -30,6 +31,7 @@ fn main() -> ExitCode {
         } => plan::run(&scenario, report.as_deref(), json),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        Command::Experiments(arguments) => experiments::run(&arguments),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

@@ -30,6 +30,19 @@ pub struct AuctionOutcome {
     pub counts: AuctionCounts,
 }
 
+/// One bid, as it was made. `None` stands for a stand-in.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Bid {
+    /// The round, from 1; with each, everybody lets go and bids anew.
+    pub round: usize,
+    /// Who bids.
+    pub row: Option<usize>,
+    /// What it gets.
+    pub column: Option<usize>,
+    /// Who had it and is pushed out.
+    pub displaced: Option<usize>,
+}
+
 /// Epsilon begins at the greatest difference of utilities divided by this, and is divided by it after each round.
 const EPSILON_DIVISOR: i128 = 5;
 
@@ -39,13 +52,19 @@ const EPSILON_DIVISOR: i128 = 5;
 /// that is pushed out bids next. The result is optimal, and the same on every machine.
 #[must_use]
 pub fn assign(utilities: &[Vec<i64>]) -> AuctionOutcome {
+    assign_observed(utilities, |_| {})
+}
+
+/// The same as [`assign`], and shows every bid to `observe` as it is made.
+#[must_use]
+pub fn assign_observed(utilities: &[Vec<i64>], mut observe: impl FnMut(Bid)) -> AuctionOutcome {
     let row_count = utilities.len();
     let column_count = utilities.first().map_or(0, Vec::len);
     let mut auction = Auction::new(utilities, row_count, column_count);
     let mut epsilon = (auction.spread() / EPSILON_DIVISOR).max(1);
     if row_count > 0 && column_count > 0 {
         loop {
-            auction.run_round(epsilon);
+            auction.run_round(epsilon, &mut observe);
             if epsilon == 1 {
                 break;
             }
@@ -107,7 +126,7 @@ impl<'a> Auction<'a> {
     }
 
     /// Everybody bids anew at the prices at hand, until each has a column.
-    fn run_round(&mut self, epsilon: i128) {
+    fn run_round(&mut self, epsilon: i128, observe: &mut impl FnMut(Bid)) {
         self.counts.rounds += 1;
         self.column_of.fill(None);
         self.row_of.fill(None);
@@ -117,7 +136,15 @@ impl<'a> Auction<'a> {
             self.prices[column] += raise + epsilon;
             self.counts.bids += usize::from(row < self.row_count);
             self.counts.price_updates += usize::from(column < self.column_count);
-            if let Some(loser) = self.row_of[column].replace(row) {
+            let displaced = self.row_of[column].replace(row);
+            let real_row = |row: &usize| *row < self.row_count;
+            observe(Bid {
+                round: self.counts.rounds,
+                row: Some(row).filter(real_row),
+                column: Some(column).filter(|&column| column < self.column_count),
+                displaced: displaced.filter(real_row),
+            });
+            if let Some(loser) = displaced {
                 self.column_of[loser] = None;
                 waiting.push(loser);
             }
@@ -171,6 +198,35 @@ mod tests {
             total(utilities, &hungarian::assign(utilities))
         );
         assert!(outcome.counts.bids >= rows.min(columns));
+        assert_bids_lead_to(utilities, &outcome);
+    }
+
+    /// Follows the observed bids, and arrives where the auction did.
+    fn assert_bids_lead_to(utilities: &[Vec<i64>], outcome: &AuctionOutcome) {
+        let mut held = vec![None; utilities.len()];
+        let (mut round, mut bids, mut price_updates) = (0, 0, 0);
+        let observed = assign_observed(utilities, |bid| {
+            if bid.round > round {
+                round = bid.round;
+                held.fill(None);
+            }
+            if let Some(loser) = bid.displaced {
+                held[loser] = None;
+            }
+            if let Some(row) = bid.row {
+                held[row] = bid.column;
+            }
+            bids += usize::from(bid.row.is_some());
+            price_updates += usize::from(bid.column.is_some());
+        });
+        assert_eq!(observed, *outcome);
+        assert_eq!(held, outcome.assignment);
+        let counts = AuctionCounts {
+            bids,
+            price_updates,
+            rounds: round,
+        };
+        assert_eq!(counts, outcome.counts);
     }
 
     proptest! {

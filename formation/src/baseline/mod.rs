@@ -13,6 +13,7 @@ use crate::allocation::{Holder, SpotTable};
 use crate::instance::Instance;
 use crate::parameters::Policy;
 pub use auction::AuctionCounts;
+pub use paper::candidates as paper_candidates;
 
 /// A whole assignment that a central policy has made before the first turn.
 #[derive(Clone, Debug, Default)]

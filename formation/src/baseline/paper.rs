@@ -15,6 +15,7 @@ use std::collections::BTreeSet;
 use crate::allocation::{Holder, SpotTable};
 use crate::baseline::rooted_subtree::{self, Embedding};
 use crate::block_allocation::{best_matching, topology_of};
+use crate::fixed::MicroUnits;
 use crate::instance::Instance;
 use crate::spot_allocation::Displacement;
 use crate::topology::Topology;
@@ -57,6 +58,25 @@ fn spots_by_utility(instance: &Instance, module: usize) -> Vec<usize> {
     let mut spots: Vec<usize> = (0..row.len()).collect();
     spots.sort_by_key(|&spot| std::cmp::Reverse(row[spot]));
     spots
+}
+
+/// The first MAX = 20 subgraphs of the target that equal a configuration, or else as much of it as can be, beginning at
+/// the spots of greatest value (Algorithm 2, lines 1 to 4, and section "Experimental Evaluation").
+///
+/// Each candidate pairs the configuration's nodes with target nodes, ascending by the former.
+#[must_use]
+pub fn candidates(
+    configuration: &Topology,
+    target: &Topology,
+    value: impl Fn(usize) -> MicroUnits,
+) -> Vec<Vec<(usize, usize)>> {
+    if !configuration.is_tree() || !target.is_tree() {
+        let matching = best_matching(target, configuration, |_, spot| Some(value(spot)));
+        return vec![matching.pairs];
+    }
+    let mut spots: Vec<usize> = (0..target.node_count()).collect();
+    spots.sort_by_key(|&spot| std::cmp::Reverse(value(spot)));
+    rooted_subtree::largest_common(configuration, target, &spots, CANDIDATES_MAX)
 }
 
 /// One turn in the making.
@@ -216,15 +236,10 @@ impl PaperTurn<'_> {
 
     /// Lines 1 to 4: the subgraphs of the target that equal the configuration, or else as much of it as can be.
     fn candidates(&self, links: &Topology) -> Vec<Embedding> {
-        let target = self.instance.target.topology();
         let utilities = &self.instance.utilities;
-        if !links.is_tree() || !self.instance.target_is_tree {
-            let matching = best_matching(target, links, |_, spot| Some(utilities.value(spot)));
-            return vec![matching.pairs];
-        }
-        let mut spots: Vec<usize> = (0..target.node_count()).collect();
-        spots.sort_by_key(|&spot| std::cmp::Reverse(utilities.value(spot)));
-        rooted_subtree::largest_common(links, target, &spots, CANDIDATES_MAX)
+        candidates(links, self.instance.target.topology(), |spot| {
+            utilities.value(spot)
+        })
     }
 
     /// `U_A(t)`, without the reward, which is the same for all candidates as all have one size.

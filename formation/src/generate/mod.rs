@@ -66,6 +66,8 @@ pub struct GeneratorParameters {
     pub tree: TreeKind,
     /// The greatest number of links of a spot or a module, 3 or 4.
     pub degree_max: usize,
+    /// Leaders and singletons start with coordinates from 0 to this, at most [`BOX_SIDE_UNITS`].
+    pub start_side_units: u32,
     /// The same seed gives the same scenario.
     pub seed: u64,
 }
@@ -80,6 +82,7 @@ impl GeneratorParameters {
             grouping: Grouping::default(),
             tree: TreeKind::default(),
             degree_max: 3,
+            start_side_units: BOX_SIDE_UNITS,
             seed,
         }
     }
@@ -123,10 +126,13 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         Grouping::Configurations(size) => size,
         Grouping::Singletons | Grouping::Mixed => 1,
     };
+    let start_side = usize::try_from(parameters.start_side_units).unwrap_or(usize::MAX);
+    let box_side = usize::try_from(BOX_SIDE_UNITS).unwrap_or(usize::MAX);
     for (field, given, least, most) in [
         ("modules", parameters.modules, 1, MODULES_MAX),
         ("spots", parameters.spots, 1, SPOTS_MAX),
         ("degree", parameters.degree_max, 3, 4),
+        ("start-side", start_side, 1, box_side),
         ("configuration-size", group_limit, 1, parameters.modules),
     ] {
         if given < least || given > most {
@@ -162,7 +168,7 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
     for id in ids.take(parameters.modules - grouped) {
         scenario
             .singletons
-            .push(StartPose::draw(&mut random).module(id, (0, 0)));
+            .push(StartPose::draw(parameters, &mut random).module(id, (0, 0)));
     }
     Ok(scenario)
 }
@@ -256,7 +262,7 @@ fn generate_configuration(
     let tree = draw_tree(members.len(), parameters, random)?;
     let leader = random.index(members.len());
     let (column, row) = tree.cells[leader];
-    let start = StartPose::draw(random);
+    let start = StartPose::draw(parameters, random);
     Ok(RawConfiguration {
         id,
         leader: Some(members[leader]),
@@ -281,8 +287,8 @@ struct StartPose {
 }
 
 impl StartPose {
-    fn draw(random: &mut Random) -> Self {
-        let side = u64::from(BOX_SIDE_UNITS) * MICRO_PER_UNIT.unsigned_abs();
+    fn draw(parameters: &GeneratorParameters, random: &mut Random) -> Self {
+        let side = u64::from(parameters.start_side_units) * MICRO_PER_UNIT.unsigned_abs();
         let mut within = |limit: u64| i64::try_from(random.below(limit + 1)).unwrap_or_default();
         Self {
             x: within(side),

@@ -1,0 +1,64 @@
+//! Who is compared with whom.
+
+use formation::parameters::{PlannerParameters, Policy, TurnOrder};
+use serde::{Deserialize, Serialize};
+
+/// A planner and how it is set.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Contender {
+    /// Algorithms 1 and 2 of the paper, as literally as they can be run; `D_max` = 3, MAX = 20.
+    PaperPolicy,
+    /// Ours with its defaults: units take turns in the paper's order.
+    Ours,
+    /// Ours, where larger configurations take their turns first.
+    OursSizeFirst,
+    /// The auction, which the paper compares with.
+    Auction,
+    /// An optimal assignment by a central solver.
+    Hungarian,
+}
+
+impl Contender {
+    /// The planner's parameters. Whatever is not named here has its default.
+    #[must_use]
+    pub fn parameters(self) -> PlannerParameters {
+        let (policy, order) = match self {
+            Self::PaperPolicy => (Policy::Paper, TurnOrder::Rank),
+            Self::Ours => (Policy::Exact, TurnOrder::Rank),
+            Self::OursSizeFirst => (Policy::Exact, TurnOrder::SizeFirst),
+            Self::Auction => (Policy::Auction, TurnOrder::Rank),
+            Self::Hungarian => (Policy::Hungarian, TurnOrder::Rank),
+        };
+        PlannerParameters {
+            policy,
+            order,
+            d_max: (policy == Policy::Paper).then_some(3),
+            ..PlannerParameters::default()
+        }
+    }
+
+    /// What it is called in tables and legends.
+    #[must_use]
+    pub fn label(self) -> &'static str {
+        match self {
+            Self::PaperPolicy => "paper policy",
+            Self::Ours => "ours",
+            Self::OursSizeFirst => "ours, size first",
+            Self::Auction => "auction",
+            Self::Hungarian => "Hungarian",
+        }
+    }
+
+    /// What it is called in CSV files.
+    #[must_use]
+    pub fn key(self) -> &'static str {
+        match self {
+            Self::PaperPolicy => "paper_policy",
+            Self::Ours => "ours",
+            Self::OursSizeFirst => "ours_size_first",
+            Self::Auction => "auction",
+            Self::Hungarian => "hungarian",
+        }
+    }
+}

@@ -1,0 +1,165 @@
+//! The instances: generated as the paper describes, and the case studies.
+
+use std::sync::Arc;
+
+use formation::generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
+use formation::problem::PlanningProblem;
+use formation::scenario::{RawScenario, Scenario, ScenarioError};
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+use crate::case_studies;
+use crate::contender::Contender;
+
+/// "The initial positions [...] are drawn uniformly from U[(0, 15), (0, 15)]"; modules are one unit wide.
+const START_SIDE_UNITS: u32 = 15;
+
+/// A seed for which no tree of the wanted degree was found in time is not an instance; the one so far on stands in.
+const STAND_IN_OFFSET: u64 = 1_000_000;
+
+/// Which instance is planned.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Instance {
+    /// Random trees and poses.
+    Generated {
+        /// How many modules.
+        modules: usize,
+        /// How many spots.
+        spots: usize,
+        /// How the modules are docked at the start.
+        docked: Docked,
+        /// The seed.
+        seed: u64,
+    },
+    /// One of the case studies, from 1.
+    CaseStudy(usize),
+}
+
+/// How modules are docked at the start, and on which trees.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Docked {
+    /// Not at all.
+    Singletons,
+    /// "Random number of singletons and the initial configurations with sizes between 2 and 10".
+    Mixed,
+    /// All in configurations of one size, on lattice trees of maximum degree 3.
+    Lattice(usize),
+    /// The same, on uniform labelled trees of maximum degree 4.
+    Labelled(usize),
+}
+
+/// Why there is no instance.
+#[derive(Debug, Error)]
+pub enum InstanceError {
+    /// There is no case study of this number.
+    #[error("there is no case study {0}")]
+    NoSuchCase(usize),
+    /// The generator refused.
+    #[error(transparent)]
+    Generate(#[from] GenerateError),
+    /// The scenario is not valid.
+    #[error(transparent)]
+    Scenario(#[from] ScenarioError),
+}
+
+impl Instance {
+    /// The scenario with a contender's planner parameters.
+    ///
+    /// # Errors
+    /// Says why there is no such instance.
+    pub fn scenario(self, contender: Contender) -> Result<RawScenario, InstanceError> {
+        let mut scenario = match self {
+            Self::Generated {
+                modules,
+                spots,
+                docked,
+                seed,
+            } => generated(modules, spots, docked, seed)?,
+            Self::CaseStudy(number) => {
+                let text = case_studies::CASES
+                    .get(number.wrapping_sub(1))
+                    .ok_or(InstanceError::NoSuchCase(number))?
+                    .scenario;
+                serde_yaml::from_str(text).map_err(ScenarioError::from)?
+            }
+        };
+        scenario.planner = contender.parameters().into();
+        Ok(scenario)
+    }
+
+    /// The planning problem with a contender's planner parameters.
+    ///
+    /// # Errors
+    /// Says why there is no such instance.
+    pub fn problem(self, contender: Contender) -> Result<Arc<PlanningProblem>, InstanceError> {
+        let scenario = Scenario::try_from(self.scenario(contender)?)?;
+        Ok(Arc::new(scenario.problem().clone()))
+    }
+}
+
+fn generated(
+    modules: usize,
+    spots: usize,
+    docked: Docked,
+    seed: u64,
+) -> Result<RawScenario, GenerateError> {
+    let (tree, degree_max, grouping) = match docked {
+        Docked::Singletons => (TreeKind::Lattice, 3, Grouping::Singletons),
+        Docked::Mixed => (TreeKind::Lattice, 3, Grouping::Mixed),
+        Docked::Lattice(size) => (TreeKind::Lattice, 3, Grouping::Configurations(size)),
+        Docked::Labelled(size) => (TreeKind::UniformLabelled, 4, Grouping::Configurations(size)),
+    };
+    let parameters = GeneratorParameters {
+        tree,
+        degree_max,
+        start_side_units: START_SIDE_UNITS,
+        ..GeneratorParameters::new(modules, spots, seed).grouped(grouping)
+    };
+    match generate(&parameters) {
+        Err(GenerateError::NoTreeFound { .. }) => generate(&GeneratorParameters {
+            seed: seed + STAND_IN_OFFSET,
+            ..parameters
+        }),
+        other => other,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn starts_are_the_papers() {
+        let instance = Instance::Generated {
+            modules: 4_000,
+            spots: 10,
+            docked: Docked::Singletons,
+            seed: 1,
+        };
+        let scenario = instance.scenario(Contender::PaperPolicy).unwrap();
+        let greatest = scenario
+            .singletons
+            .iter()
+            .map(|module| module.x.max(module.y))
+            .fold(0.0, f64::max);
+        assert!(greatest <= 15.0 && greatest > 14.9, "{greatest}");
+        assert_eq!(scenario.planner.d_max, Some(3));
+    }
+
+    #[test]
+    fn all_contenders_get_one_instance() {
+        let instance = Instance::Generated {
+            modules: 30,
+            spots: 20,
+            docked: Docked::Mixed,
+            seed: 9,
+        };
+        let ours = instance.problem(Contender::Ours).unwrap();
+        let paper = instance.problem(Contender::PaperPolicy).unwrap();
+        assert_eq!(ours.modules(), paper.modules());
+        assert_eq!(ours.target(), paper.target());
+        assert_ne!(ours.parameters(), paper.parameters());
+    }
+}

@@ -1,0 +1,74 @@
+//! How long it takes to find where one configuration fits into one target.
+
+use formation::baseline::paper_candidates;
+use formation::common_subtree;
+use formation::instance::Instance;
+use formation::matching::MatchingInput;
+use formation::problem::PlanningProblem;
+use formation::topology::Topology;
+use serde::{Deserialize, Serialize};
+use std::sync::Arc;
+
+use super::median_us;
+
+/// The search for one configuration's place, ours and the paper's. Times in microseconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MatchingMeasurement {
+    /// Ours: the one common subtree of greatest size and, among those, of greatest utility.
+    pub ours_us: f64,
+    /// The paper's: the first MAX = 20 common subtrees of greatest size.
+    pub paper_us: f64,
+    /// How many modules ours matches.
+    pub ours_size: usize,
+    /// How many modules each of the paper's matches.
+    pub paper_size: usize,
+    /// How many the paper's search found.
+    pub candidates: usize,
+    /// The utility of ours.
+    pub ours_utility: f64,
+    /// The utility of the best that the paper's search found.
+    pub paper_utility: f64,
+}
+
+/// Lays the configuration of a problem that has only one into its target.
+pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> MatchingMeasurement {
+    let instance = Instance::new(Arc::clone(problem), Arc::clone(problem.target()));
+    let links = &instance.links;
+    let nodes: Vec<usize> = (0..links.node_count()).collect();
+    let configuration: Topology = links.induced_by(&nodes);
+    let target = instance.target.topology();
+    let utilities = &instance.utilities;
+    let input = MatchingInput {
+        configuration: &configuration,
+        target,
+        weight: |node, spot| Some(utilities.of(node, spot)),
+    };
+    let candidates_of = || paper_candidates(&configuration, target, |spot| utilities.value(spot));
+    let ours_us = median_us(timings, || {
+        std::hint::black_box(common_subtree::solve(&input));
+    });
+    let paper_us = median_us(timings, || {
+        std::hint::black_box(candidates_of());
+    });
+    let ours = common_subtree::solve(&input);
+    let candidates = candidates_of();
+    let utility = |pairs: &[(usize, usize)]| {
+        let each = pairs
+            .iter()
+            .map(|&(node, spot)| utilities.of(node, spot).to_units());
+        each.sum::<f64>()
+    };
+    MatchingMeasurement {
+        ours_us,
+        paper_us,
+        ours_size: ours.pairs.len(),
+        paper_size: candidates.first().map_or(0, Vec::len),
+        candidates: candidates.len(),
+        ours_utility: utility(&ours.pairs),
+        paper_utility: candidates
+            .iter()
+            .map(|candidate| utility(candidate))
+            .fold(f64::NEG_INFINITY, f64::max),
+    }
+}

@@ -1,0 +1,105 @@
+//! How long real processes take to plan over DDS: the launcher's own `run --plan-only --json`.
+
+use std::fs;
+use std::io;
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use formation::scenario::RawScenario;
+use serde::{Deserialize, Serialize};
+use thiserror::Error;
+
+/// The launcher gives up on a run after this many seconds.
+const TIMEOUT_S: u32 = 240;
+
+/// One planning by real processes.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct ProcessMeasurement {
+    /// From the roster until the last claim was applied, as the verifier saw it, in milliseconds.
+    pub planning_ms: u64,
+    /// Until all modules were known to the verifier, in milliseconds.
+    pub discovery_ms: u64,
+    /// What the core alone takes for the same plan, in microseconds.
+    pub core_us: u64,
+}
+
+/// Why processes did not plan.
+#[derive(Debug, Error)]
+pub enum ProcessError {
+    /// A file could not be written, or the launcher not be started.
+    #[error("{what}")]
+    Io {
+        /// What was tried.
+        what: String,
+        /// Why it failed.
+        source: io::Error,
+    },
+    /// The scenario cannot be written.
+    #[error("the scenario cannot be written")]
+    Scenario(#[from] serde_json::Error),
+    /// The launcher failed.
+    #[error("`formation run` ended with {status}: {words}")]
+    Failed {
+        /// Its exit status.
+        status: String,
+        /// Its last line on the standard error output.
+        words: String,
+    },
+    /// The launcher's report lacks something.
+    #[error("the report of `formation run` cannot be read: {0}")]
+    Report(String),
+}
+
+#[derive(Deserialize)]
+struct Report {
+    verdict: String,
+    planning_ms: Option<u64>,
+    discovery_ms: Option<u64>,
+    planning_us: u64,
+}
+
+/// Has a scenario planned by real processes.
+pub(crate) fn measure(
+    launcher: &Path,
+    scenario: &RawScenario,
+    modules_per_process: usize,
+) -> Result<ProcessMeasurement, ProcessError> {
+    let io = |what: &str| {
+        let what = what.to_owned();
+        move |source| ProcessError::Io { what, source }
+    };
+    let directory = tempfile::tempdir().map_err(io("cannot make a temporary directory"))?;
+    let path = directory.path().join("scenario.yaml");
+    // JSON is YAML.
+    fs::write(&path, serde_json::to_string(scenario)?)
+        .map_err(io("cannot write a scenario file"))?;
+    let output = Command::new(launcher)
+        .arg("run")
+        .arg(&path)
+        .args(["--plan-only", "--json"])
+        .args(["--timeout", &TIMEOUT_S.to_string()])
+        .args(["--modules-per-process", &modules_per_process.to_string()])
+        .stdin(Stdio::null())
+        .output()
+        .map_err(io("cannot start `formation run`"))?;
+    if !output.status.success() {
+        let words = String::from_utf8_lossy(&output.stderr);
+        return Err(ProcessError::Failed {
+            status: output.status.to_string(),
+            words: words.lines().last().unwrap_or("it said nothing").to_owned(),
+        });
+    }
+    let report: Report = serde_json::from_slice(&output.stdout)
+        .map_err(|error| ProcessError::Report(error.to_string()))?;
+    if report.verdict != "AGREED" {
+        let words = format!("the verdict is {} instead of AGREED", report.verdict);
+        return Err(ProcessError::Report(words));
+    }
+    let missing = |name: &str| ProcessError::Report(format!("{name} is missing"));
+    Ok(ProcessMeasurement {
+        planning_ms: report.planning_ms.ok_or_else(|| missing("planning_ms"))?,
+        discovery_ms: report.discovery_ms.ok_or_else(|| missing("discovery_ms"))?,
+        core_us: report.planning_us,
+    })
+}

@@ -1,0 +1,75 @@
+//! Means and standard deviations.
+
+/// Some numbers of one kind, summed up.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Sample {
+    pub mean: f64,
+    /// Of the sample, with n - 1 in the denominator; 0 for a single number.
+    pub deviation: f64,
+    pub count: usize,
+}
+
+impl Sample {
+    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> Self {
+        let values: Vec<f64> = values.into_iter().collect();
+        let count = values.len();
+        if count == 0 {
+            return Self::default();
+        }
+        let mean = values.iter().sum::<f64>() / count as f64;
+        let squares: f64 = values.iter().map(|value| (value - mean).powi(2)).sum();
+        Self {
+            mean,
+            deviation: (squares / (count - 1).max(1) as f64).sqrt(),
+            count,
+        }
+    }
+
+    /// For people: about three digits that count.
+    pub(crate) fn short(self) -> String {
+        short(self.mean)
+    }
+
+    /// Mean and deviation, for people.
+    pub(crate) fn with_deviation(self) -> String {
+        format!("{} ± {}", short(self.mean), short(self.deviation))
+    }
+}
+
+/// A number for people: at least three digits, and no more decimals than that takes.
+pub(crate) fn short(value: f64) -> String {
+    let decimals = match value.abs() {
+        size if size >= 100.0 || size < 1e-9 => 0,
+        size if size >= 10.0 => 1,
+        size if size >= 1.0 => 2,
+        _ => 3,
+    };
+    format!("{value:.decimals$}")
+}
+
+/// A number for a CSV file.
+pub(crate) fn exact(value: f64) -> String {
+    let text = format!("{value:.4}");
+    let text = text.trim_end_matches('0').trim_end_matches('.');
+    match text {
+        "-0" => "0".to_owned(),
+        text => text.to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_mean_and_the_deviation() {
+        let sample = Sample::of([2.0, 4.0, 4.0, 4.0, 5.0, 5.0, 7.0, 9.0]);
+        assert!((sample.mean - 5.0).abs() < 1e-12);
+        assert!((sample.deviation - 2.138_089_935).abs() < 1e-6);
+        assert_eq!(Sample::of([3.0]).deviation.to_bits(), 0.0_f64.to_bits());
+        assert_eq!(sample.with_deviation(), "5.00 ± 2.14");
+        assert_eq!(exact(0.5), "0.5");
+        assert_eq!(exact(-0.000_01), "0");
+        assert_eq!(short(1234.5), "1234");
+    }
+}

@@ -1,0 +1,158 @@
+//! How the experiments are run.
+
+use serde::{Deserialize, Serialize};
+
+/// How many runs of real processes are made of each cell at most: each takes seconds, most of them discovery.
+const PROCESS_RUNS_MAX: u64 = 5;
+
+/// What decides every number but the times; a directory of results belongs to one set of settings.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct Settings {
+    /// The version of the program.
+    pub version: String,
+    /// Which settings of the paper are run.
+    pub scale: Scale,
+    /// Over how many instances each number is averaged; 50 in the paper.
+    pub runs: u64,
+    /// The seed of the first instance of each cell; the next has the next.
+    pub seed: u64,
+    /// How often each plan is timed; the median counts.
+    pub timings: u32,
+}
+
+/// Which settings of the paper are run.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum Scale {
+    /// All of them.
+    Paper,
+    /// The same figures with fewer sizes between the least and the greatest, and processes once.
+    Quick,
+    /// The same figures with a handful of modules, for tests.
+    Tiny,
+}
+
+impl Settings {
+    /// The paper's settings, averaged over `runs` instances.
+    #[must_use]
+    pub fn paper(runs: u64, seed: u64) -> Self {
+        Self::new(Scale::Paper, runs, seed)
+    }
+
+    /// The same figures at fewer sizes.
+    #[must_use]
+    pub fn quick(runs: u64, seed: u64) -> Self {
+        Self::new(Scale::Quick, runs, seed)
+    }
+
+    /// The same figures with a handful of modules, for tests.
+    #[must_use]
+    pub fn tiny(runs: u64, seed: u64) -> Self {
+        Self::new(Scale::Tiny, runs, seed)
+    }
+
+    fn new(scale: Scale, runs: u64, seed: u64) -> Self {
+        Self {
+            version: env!("CARGO_PKG_VERSION").to_owned(),
+            scale,
+            runs,
+            seed,
+            timings: 5,
+        }
+    }
+
+    /// The seeds of the instances of each cell.
+    #[must_use]
+    pub fn seeds(&self) -> Vec<u64> {
+        (self.seed..self.seed.saturating_add(self.runs)).collect()
+    }
+
+    /// The seeds of the instances that real processes plan.
+    #[must_use]
+    pub fn process_seeds(&self) -> Vec<u64> {
+        let runs = match self.scale {
+            Scale::Paper => self.runs.min(PROCESS_RUNS_MAX),
+            Scale::Quick | Scale::Tiny => 1,
+        };
+        (self.seed..self.seed.saturating_add(runs)).collect()
+    }
+
+    /// The numbers of modules where there is a spot for each: "target configurations with between 10 and 100 spots".
+    #[must_use]
+    pub fn sizes(&self) -> Vec<usize> {
+        match self.scale {
+            Scale::Paper => (10..=100).step_by(10).collect(),
+            Scale::Quick => vec![10, 20, 50, 100],
+            Scale::Tiny => vec![4, 6],
+        }
+    }
+
+    /// The largest of [`Self::sizes`], which figures about 100 modules take.
+    #[must_use]
+    pub fn full_size(&self) -> usize {
+        self.sizes().last().copied().unwrap_or(1)
+    }
+
+    /// The number of spots where modules outnumber them.
+    #[must_use]
+    pub fn few_spots(&self) -> usize {
+        self.full_size() / 2
+    }
+
+    /// The numbers of modules for [`Self::few_spots`].
+    #[must_use]
+    pub fn surplus_sizes(&self) -> Vec<usize> {
+        match self.scale {
+            Scale::Paper => (50..=100).step_by(10).collect(),
+            Scale::Quick => vec![50, 80, 100],
+            Scale::Tiny => vec![3, 6],
+        }
+    }
+
+    /// The sizes of a single configuration that is laid into a target of [`Self::full_size`] spots.
+    #[must_use]
+    pub fn configuration_sizes(&self) -> Vec<usize> {
+        match self.scale {
+            Scale::Paper => (2..=10).chain([20, 30, 40, 50]).collect(),
+            Scale::Quick => vec![2, 4, 6, 8, 10, 20, 50],
+            Scale::Tiny => vec![2, 3],
+        }
+    }
+
+    /// The sizes of all configurations of the paper's table.
+    #[must_use]
+    pub fn equal_sizes(&self) -> Vec<usize> {
+        match self.scale {
+            Scale::Paper | Scale::Quick => vec![10, 20, 25, 50],
+            Scale::Tiny => vec![2, 3],
+        }
+    }
+
+    /// How many modules plan as real processes, and how many of them each process hosts.
+    #[must_use]
+    pub fn process_sizes(&self) -> Vec<(usize, usize)> {
+        match self.scale {
+            Scale::Paper | Scale::Quick => vec![(10, 1), (25, 1), (50, 1), (100, 10)],
+            Scale::Tiny => vec![(3, 1), (6, 3)],
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_papers_settings_are_the_papers() {
+        let settings = Settings::paper(50, 1);
+        assert_eq!(settings.seeds().len(), 50);
+        assert_eq!(settings.sizes(), [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]);
+        assert_eq!(settings.full_size(), 100);
+        assert_eq!(settings.few_spots(), 50);
+        assert_eq!(settings.surplus_sizes(), [50, 60, 70, 80, 90, 100]);
+        assert_eq!(settings.equal_sizes(), [10, 20, 25, 50]);
+        assert!((2..=10).all(|size| settings.configuration_sizes().contains(&size)));
+        assert_eq!(settings.process_seeds(), [1, 2, 3, 4, 5]);
+    }
+}

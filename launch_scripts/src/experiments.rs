@@ -1,0 +1,140 @@
+//! `formation experiments`.
+
+use std::env;
+use std::io::{IsTerminal, stderr};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
+use std::time::{Duration, Instant};
+
+use anyhow::{Context, anyhow};
+use formation_experiments::{Progress, Settings, Work};
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
+use signal_hook::flag;
+
+use crate::arguments::ExperimentsArguments;
+use crate::console;
+use crate::failure::Failure;
+
+/// As in the paper.
+const RUNS: u64 = 50;
+const QUICK_RUNS: u64 = 5;
+/// Without a terminal, a line is written this often.
+const LINE_INTERVAL: Duration = Duration::from_secs(10);
+
+/// Runs the experiments that are not finished yet, and writes all results.
+///
+/// # Errors
+/// Names what is wrong with the choice or the directory, or what could not be measured.
+pub fn run(arguments: &ExperimentsArguments) -> Result<(), Failure> {
+    let settings = if arguments.quick {
+        Settings::quick(arguments.runs.unwrap_or(QUICK_RUNS), arguments.seed)
+    } else {
+        Settings::paper(arguments.runs.unwrap_or(RUNS), arguments.seed)
+    };
+    let launcher = env::current_exe()
+        .context("cannot find the launcher's own program")
+        .map_err(Failure::BadInput)?;
+    let mut display = Display::start().map_err(Failure::Failed)?;
+    let outcome = formation_experiments::run(
+        &arguments.directory,
+        &settings,
+        &arguments.only,
+        &launcher,
+        &mut display,
+    );
+    display.bar.finish_and_clear();
+    outcome.map_err(|error| {
+        if error.is_bad_input() {
+            Failure::BadInput(anyhow!(error))
+        } else {
+            Failure::Failed(anyhow!(error))
+        }
+    })?;
+    let summary = arguments.directory.join("summary.md");
+    console::result_line(&summary.display().to_string())
+}
+
+/// A bar with the time left on a terminal, a line now and then elsewhere.
+struct Display {
+    bar: ProgressBar,
+    /// Set by the signals that ask to stop; between two cells, everything is on disk.
+    interrupted: Arc<AtomicBool>,
+    cells: usize,
+    finished_cells: usize,
+    line_at: Option<Instant>,
+}
+
+impl Display {
+    fn start() -> anyhow::Result<Self> {
+        let interrupted = Arc::new(AtomicBool::new(false));
+        for signal in [SIGINT, SIGTERM, SIGHUP] {
+            // A second one ends the program at once.
+            flag::register_conditional_shutdown(signal, 1, Arc::clone(&interrupted))
+                .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
+                .context("cannot handle signals")?;
+        }
+        let target = if stderr().is_terminal() {
+            ProgressDrawTarget::stderr()
+        } else {
+            ProgressDrawTarget::hidden()
+        };
+        Ok(Self {
+            bar: ProgressBar::with_draw_target(None, target),
+            interrupted,
+            cells: 0,
+            finished_cells: 0,
+            line_at: None,
+        })
+    }
+}
+
+impl Progress for Display {
+    fn begin(&mut self, work: Work) {
+        let style = ProgressStyle::with_template(
+            "{bar:30} {percent:>3} %  {elapsed} gone, {eta} left  {msg}",
+        );
+        if let Ok(style) = style {
+            self.bar.set_style(style);
+        }
+        self.cells = work.cells;
+        self.finished_cells = work.finished_cells;
+        self.bar.set_length(work.cost);
+        // What an earlier run has finished says nothing about how fast this one is.
+        self.bar.set_position(work.finished_cost);
+        self.bar.reset_eta();
+        if work.finished_cells > 0 {
+            console::note(&format!(
+                "{} of {} cells are finished already",
+                work.finished_cells, work.cells
+            ));
+        }
+    }
+
+    fn cell(&mut self, label: &str) {
+        self.bar.set_message(label.to_owned());
+        let due = self
+            .line_at
+            .is_none_or(|line_at| line_at.elapsed() >= LINE_INTERVAL);
+        if self.bar.is_hidden() && due {
+            let left = match self.line_at {
+                None => String::new(),
+                Some(_) => format!(", about {} s left", self.bar.eta().as_secs()),
+            };
+            self.line_at = Some(Instant::now());
+            console::note(&format!(
+                "{} of {} cells{left}: {label}",
+                self.finished_cells, self.cells
+            ));
+        }
+    }
+
+    fn finished(&mut self, cost: u64) {
+        self.finished_cells += 1;
+        self.bar.inc(cost);
+    }
+
+    fn goes_on(&self) -> bool {
+        !self.interrupted.load(Ordering::Relaxed)
+    }
+}
