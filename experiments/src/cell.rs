@@ -84,19 +84,23 @@ impl Cell {
         })
     }
 
+    /// Whether the clock is looked at, so that nothing else should run beside.
+    pub(crate) fn is_timed(self) -> bool {
+        !matches!(self, Self::Protocol(..) | Self::Auction(_))
+    }
+
     /// About how long the work takes, in tenths of a millisecond, so that the time left can be told.
     pub(crate) fn cost(self) -> u64 {
         let modules = self.instance().modules() as u64;
         1 + match self {
-            Self::Matching(_) => modules / 10,
-            Self::Plan(_, Contender::OursSizeFirst | Contender::Ours) => modules * modules / 100,
-            Self::Plan(..) => modules * modules / 50,
-            Self::Protocol(..) => modules * modules / 2,
-            Self::Auction(_) => modules * modules / 100,
+            Self::Matching(_) => 3 * modules,
+            Self::Plan(_, Contender::PaperPolicy) => modules * modules / 30,
+            Self::Plan(..) | Self::Auction(_) => modules * modules / 200,
+            Self::Protocol(..) => modules * modules / 4,
             Self::Processes {
                 modules_per_process,
                 ..
-            } => 40_000 + 4_000 * modules / modules_per_process as u64,
+            } => 20_000 + 2_000 * modules / modules_per_process as u64,
         }
     }
 

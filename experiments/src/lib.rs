@@ -23,6 +23,7 @@ mod error;
 mod figures;
 mod instance;
 mod measure;
+mod measuring;
 mod paper;
 mod plot;
 mod sample;
@@ -31,11 +32,9 @@ mod store;
 mod summary;
 mod table;
 
-use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 
-use cell::Cell;
 pub use error::{CellError, ExperimentError};
 use figures::{EXPERIMENTS, Experiment};
 pub use instance::InstanceError;
@@ -53,11 +52,11 @@ pub trait Progress {
     /// The work begins: this many cells are to be measured, of which so many are finished already. Costs are in parts of
     /// about a tenth of a millisecond.
     fn begin(&mut self, work: Work);
-    /// A cell is being measured.
+    /// A cell is being measured; there may be others beside it.
     fn cell(&mut self, label: &str);
-    /// The cell is finished; it had this cost.
+    /// A cell is finished; it had this cost.
     fn finished(&mut self, cost: u64);
-    /// Whether to go on; asked before each cell.
+    /// Whether to go on; asked whenever a cell begins or is finished.
     fn goes_on(&self) -> bool;
 }
 
@@ -106,7 +105,7 @@ pub fn run(
     }
     let chosen = choose(only)?;
     let mut store = Store::open(directory, settings)?;
-    measure_all(settings, &chosen, launcher, &mut store, progress)?;
+    measuring::measure_all(settings, &chosen, launcher, &mut store, progress)?;
     write_all(directory, settings, &store)
 }
 
@@ -122,50 +121,6 @@ fn choose(only: &[String]) -> Result<Vec<&'static Experiment>, ExperimentError> 
         .iter()
         .filter(|experiment| is_chosen(experiment.name))
         .collect())
-}
-
-fn measure_all(
-    settings: &Settings,
-    chosen: &[&Experiment],
-    launcher: &Path,
-    store: &mut Store,
-    progress: &mut dyn Progress,
-) -> Result<(), ExperimentError> {
-    let mut seen = BTreeSet::new();
-    let cells: Vec<Cell> = chosen
-        .iter()
-        .flat_map(|experiment| (experiment.cells)(settings))
-        .filter(|&cell| seen.insert(cell))
-        .collect();
-    let (finished, left): (Vec<Cell>, Vec<Cell>) =
-        cells.iter().copied().partition(|&cell| store.has(cell));
-    let cost = |cells: &[Cell]| cells.iter().map(|cell| cell.cost()).sum();
-    progress.begin(Work {
-        cells: cells.len(),
-        finished_cells: finished.len(),
-        cost: cost(&cells),
-        finished_cost: cost(&finished),
-    });
-    for cell in left {
-        if !progress.goes_on() {
-            return Err(ExperimentError::Interrupted);
-        }
-        progress.cell(&cell.label());
-        let measurement = cell.measure(settings, launcher).map_err(|source| {
-            // An interruption from the keyboard ends the processes of a cell too.
-            if progress.goes_on() {
-                ExperimentError::Cell {
-                    label: cell.label(),
-                    source,
-                }
-            } else {
-                ExperimentError::Interrupted
-            }
-        })?;
-        store.keep(cell, measurement)?;
-        progress.finished(cell.cost());
-    }
-    Ok(())
 }
 
 fn write_all(directory: &Path, settings: &Settings, store: &Store) -> Result<(), ExperimentError> {

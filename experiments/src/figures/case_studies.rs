@@ -20,6 +20,9 @@ pub(super) const CASE_STUDIES: Experiment = Experiment {
     report,
 };
 
+/// How far markers of one case stand from each other, where cases are 1 apart.
+const BESIDE: f64 = 0.16;
+
 const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
 
 fn cells(_: &Settings) -> Vec<Cell> {
@@ -90,10 +93,11 @@ fn report(_: &Settings, store: &Store) -> Report {
                 plan.broken_links,
                 plan.port_changes
             ));
-            let x = place as f64;
+            // Beside each other, so that equal values do not hide each other.
+            let x = place as f64 + BESIDE * column as f64;
             times[column].push(Point::new(x, milliseconds));
             broken[column].push(Point::new(x, plan.broken_links as f64));
-            ports[column].push(Point::new(x, plan.port_changes as f64));
+            ports[column].push(Point::new(x + BESIDE, plan.port_changes as f64));
         }
         let mut row = vec![
             number.to_string(),
@@ -109,7 +113,7 @@ fn report(_: &Settings, store: &Store) -> Report {
         look: Look::stated(),
         points: (0..)
             .zip(&paper::CASES)
-            .map(|(place, case)| Point::new(f64::from(place), value(case)))
+            .map(|(place, case)| Point::new(f64::from(place) - BESIDE, value(case)))
             .collect(),
     };
     let names = || Axis::names("case", (1..=CASES.len()).map(|n| n.to_string()).collect());

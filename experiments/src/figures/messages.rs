@@ -87,7 +87,6 @@ impl Counts {
         settings: &Settings,
         store: &Store,
         contender: Contender,
-        spots: usize,
         instance: impl Fn(u64) -> Instance,
     ) -> Self {
         let protocols = protocols(settings, store, contender, &instance);
@@ -98,9 +97,7 @@ impl Counts {
             samples: sample(&protocols, |run| run.samples() as f64),
             deliveries: sample(&protocols, |run| run.deliveries() as f64),
             pairs: sample(&protocols, |run| run.pairs() as f64),
-            whole_sets: sample(&plans, |plan| {
-                (plan.broadcasts * spots * plan.receivers) as f64
-            }),
+            whole_sets: sample(&plans, |plan| plan.whole_set_pairs() as f64),
         }
     }
 
@@ -147,9 +144,8 @@ fn messages(settings: &Settings, store: &Store) -> Report {
     ]);
     let mut curves: [Vec<Point>; 4] = Default::default();
     for size in settings.sizes() {
-        let [paper_policy, ours] = CONTENDERS.map(|contender| {
-            Counts::of(settings, store, contender, size, |seed| mixed(size, seed))
-        });
+        let [paper_policy, ours] = CONTENDERS
+            .map(|contender| Counts::of(settings, store, contender, |seed| mixed(size, seed)));
         for counts in [&paper_policy, &ours] {
             table.row(counts.row(size, size));
         }
@@ -270,9 +266,12 @@ fn over_time(settings: &Settings, store: &Store) -> Report {
             }
             correlations.push(correlation(&curve));
             let look = Look {
-                opacity: 0.35,
+                opacity: 0.5,
                 marker: Marker::None,
-                line: Line::Thin,
+                line: match contender {
+                    Contender::PaperPolicy => Line::ThinDashed,
+                    _ => Line::Thin,
+                },
                 ..contender.look()
             };
             let series = |points| Series {
@@ -377,7 +376,7 @@ fn few_spots(settings: &Settings, store: &Store) -> Report {
     for size in settings.surplus_sizes() {
         for spots in [few, size] {
             let [paper_policy, ours] = CONTENDERS.map(|contender| {
-                Counts::of(settings, store, contender, spots, |seed| {
+                Counts::of(settings, store, contender, |seed| {
                     if spots == few {
                         surplus(settings, size, seed)
                     } else {

@@ -5,6 +5,7 @@ pub(crate) mod matching;
 pub(crate) mod plan;
 pub(crate) mod processes;
 pub(crate) mod protocol;
+mod spot_table;
 
 use std::time::{Duration, Instant};
 

@@ -1,6 +1,7 @@
 //! What a planner decides about one instance, and how long the core takes for it.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use formation::message::Decision;
 use formation::parameters::Policy;
@@ -11,6 +12,7 @@ use formation::verify::check_plan;
 use serde::{Deserialize, Serialize};
 
 use super::median_us;
+use super::spot_table::SpotTable;
 
 /// A plan in numbers. Lengths are in units, times in microseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -18,10 +20,14 @@ use super::median_us;
 pub struct PlanMeasurement {
     /// How long all turns take, computed one after another by one core.
     pub planning_us: f64,
+    /// After each turn: the computing time so far in microseconds, from the problem on, and how many spots are selected.
+    pub turns: Vec<(f64, usize)>,
     /// How many spots are filled.
     pub filled_spots: usize,
     /// How many spots could be filled: the smaller of the numbers of modules and spots.
     pub fillable_spots: usize,
+    /// How many spots the target has.
+    pub spots: usize,
     /// The sum of all utilities.
     pub utility: f64,
     /// The sum of the straight ways of all modules that have a spot.
@@ -53,6 +59,14 @@ pub struct PlanMeasurement {
     pub flaws: usize,
 }
 
+impl PlanMeasurement {
+    /// The (spot, selector) pairs that are heard if each broadcast repeats the whole set, as the paper's do.
+    #[must_use]
+    pub fn whole_set_pairs(&self) -> usize {
+        self.broadcasts * self.spots * self.receivers
+    }
+}
+
 /// Plans an instance and counts.
 pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasurement {
     let planning_us = median_us(timings, || {
@@ -61,6 +75,7 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasu
     });
     let mut planning = Planning::new(Arc::clone(problem));
     let decisions = planning.take_all_turns();
+    let turns = turns(problem);
     let outcome = planning.outcome(decisions);
     let statistics = Statistics::of(problem, &outcome);
     let claims: Vec<Decision> = outcome
@@ -78,8 +93,10 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasu
     let disconnected = statistics.disconnected;
     PlanMeasurement {
         planning_us,
+        turns,
         filled_spots: outcome.plan.assignments.len(),
         fillable_spots: problem.modules().len().min(problem.target().spots().len()),
+        spots: problem.target().spots().len(),
         utility: statistics.total_utility,
         distance: statistics.total_distance,
         initial_links: statistics.kept_links + statistics.broken_links,
@@ -95,4 +112,25 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasu
         receivers: problem.modules().len() - 1,
         flaws,
     }
+}
+
+/// Takes the turns one by one and looks at the clock after each.
+fn turns(problem: &Arc<PlanningProblem>) -> Vec<(f64, usize)> {
+    let start = Instant::now();
+    let mut planning = Planning::new(Arc::clone(problem));
+    let mut taken = Vec::new();
+    while let (Some(turn), Some(decision)) = (planning.turn(), planning.decide()) {
+        if planning.apply(turn.claimant, &decision).is_err() {
+            break;
+        }
+        taken.push((start.elapsed(), decision));
+    }
+    let mut table = SpotTable::default();
+    taken
+        .into_iter()
+        .map(|(elapsed, decision)| {
+            table.apply(&decision);
+            (elapsed.as_secs_f64() * 1e6, table.spot_of.len())
+        })
+        .collect()
 }

@@ -4,18 +4,19 @@
 //! so that the curves show the protocol and not the machine. Time begins when the roster is published and ends when the
 //! last module has applied the last claim.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::agent::{AgentParameters, Event};
-use formation::id::{ModuleId, SpotId};
+use formation::id::ModuleId;
 use formation::message::{Decision, Message, RosterMessage};
 use formation::planning;
 use formation::problem::PlanningProblem;
 use formation_sim::{Cluster, ClusterParameters, Observation};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
+
+use super::spot_table::SpotTable;
 
 /// Planning that takes longer than this in the simulator stands still.
 const LIMIT: Duration = Duration::from_secs(300);
@@ -151,7 +152,7 @@ struct Recorder {
     notices: usize,
     heartbeats: usize,
     states: usize,
-    table: Table,
+    table: SpotTable,
 }
 
 impl Recorder {
@@ -189,7 +190,7 @@ impl Recorder {
         let micros = |time: Duration| {
             u64::try_from(time.saturating_sub(begin).as_micros()).unwrap_or(u64::MAX)
         };
-        let mut table = Table::default();
+        let mut table = SpotTable::default();
         let claims = self
             .claims
             .iter()
@@ -215,32 +216,5 @@ impl Recorder {
             notices: self.notices,
             filled_spots: self.table.spot_of.len(),
         }
-    }
-}
-
-/// The spot-selector pairs, as anybody who hears all claims knows them.
-#[derive(Default)]
-struct Table {
-    spot_of: BTreeMap<ModuleId, SpotId>,
-}
-
-impl Table {
-    fn apply(&mut self, decision: &Decision) {
-        // Selections list the spots that change hands. A module that a later chain of the same decision sends back to
-        // where it was is not among them, so evictions are followed as well.
-        for eviction in &decision.evictions {
-            match eviction.to {
-                Some(spot) => self.spot_of.insert(eviction.evicted, spot),
-                None => self.spot_of.remove(&eviction.evicted),
-            };
-        }
-        for selection in &decision.selections {
-            self.spot_of.insert(selection.module, selection.spot);
-        }
-    }
-
-    fn in_common_with(&self, other: &Self) -> usize {
-        let held = |(module, spot): &(&ModuleId, &SpotId)| other.spot_of.get(module) == Some(spot);
-        self.spot_of.iter().filter(held).count()
     }
 }

@@ -2,6 +2,9 @@
 
 use super::Series;
 
+/// By how much the greatest value stays below the upper edge.
+const HEADROOM: f64 = 1.02;
+
 /// One axis.
 #[derive(Clone, Debug)]
 pub(crate) struct Axis {
@@ -82,7 +85,12 @@ impl Axis {
             Kind::Percent => linear(0.0, 100.0, 20.0),
             Kind::FromZero => {
                 let step = step_for(highest.max(f64::MIN_POSITIVE));
-                linear(0.0, (highest / step).ceil().max(1.0) * step, step)
+                // The greatest value stays clear of the upper edge.
+                linear(
+                    0.0,
+                    (highest * HEADROOM / step).ceil().max(1.0) * step,
+                    step,
+                )
             }
             Kind::Around => {
                 let step = step_for((highest - lowest).max(f64::MIN_POSITIVE));
@@ -151,7 +159,10 @@ fn linear(from: f64, to: f64, step: f64) -> Scale {
 
 fn decades(least: f64, greatest: f64) -> Scale {
     let from = least.max(1e-9).log10().floor();
-    let to = greatest.max(1e-9).log10().ceil().max(from + 1.0);
+    let to = (greatest.max(1e-9) * HEADROOM)
+        .log10()
+        .ceil()
+        .max(from + 1.0);
     let mut ticks = Vec::new();
     let mut place = from;
     while place <= to + 1e-6 {
@@ -217,9 +228,9 @@ mod tests {
     #[test]
     fn ticks_are_round_and_span_the_values() {
         let axis = Axis::from_zero("x");
-        assert_eq!(names(&axis, &[3.0, 9.7]), ["0", "2", "4", "6", "8", "10"]);
+        assert_eq!(names(&axis, &[3.0, 9.3]), ["0", "2", "4", "6", "8", "10"]);
         assert_eq!(
-            names(&axis, &[990_000.0]),
+            names(&axis, &[950_000.0]),
             ["0", "200,000", "400,000", "600,000", "800,000", "1,000,000"]
         );
         assert_eq!(names(&axis, &[0.0]).first().map(String::as_str), Some("0"));

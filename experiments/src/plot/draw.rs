@@ -14,6 +14,7 @@ use super::{Line, Look, Marker, Panel, Plot, Series};
 const PANEL_WIDTH: u32 = 560;
 const PANEL_HEIGHT: u32 = 380;
 const TITLE_HEIGHT: u32 = 40;
+const LEGEND_MARGIN: u32 = 8;
 const LEGEND_ROW_HEIGHT: u32 = 22;
 const LEGEND_COLUMN_WIDTH: i32 = 180;
 const LEGEND_LEFT: i32 = 70;
@@ -65,12 +66,17 @@ impl From<Scale> for Range<f64> {
 /// # Errors
 /// Passes on what the drawing library says.
 pub(crate) fn draw(plot: &Plot) -> Result<String, Box<dyn Error>> {
-    let panels = u32::try_from(plot.panels.len()).unwrap_or(1).max(1);
+    // Four panels make a square; other numbers stand beside each other.
+    let columns = match plot.panels.len() {
+        4 => 2,
+        count => count.max(1),
+    };
+    let rows = plot.panels.len().div_ceil(columns).max(1);
     let legend_rows = plot.panels.iter().map(legend_rows).max().unwrap_or(0);
-    let legend_height = legend_rows * LEGEND_ROW_HEIGHT + 12;
+    let row_height = PANEL_HEIGHT + LEGEND_MARGIN + legend_rows * LEGEND_ROW_HEIGHT + 12;
     let size = (
-        panels * PANEL_WIDTH,
-        TITLE_HEIGHT + PANEL_HEIGHT + legend_height,
+        u32::try_from(columns)? * PANEL_WIDTH,
+        TITLE_HEIGHT + u32::try_from(rows)? * row_height,
     );
     let mut text = String::new();
     {
@@ -82,10 +88,11 @@ pub(crate) fn draw(plot: &Plot) -> Result<String, Box<dyn Error>> {
         let middle = i32::try_from(size.0 / 2).unwrap_or_default();
         root.draw(&Text::new(plot.title.clone(), (middle, 12), title))?;
         let (_, below) = root.split_vertically(TITLE_HEIGHT);
-        let areas = below.split_evenly((1, plot.panels.len().max(1)));
+        let areas = below.split_evenly((rows, columns));
         for (panel, area) in plot.panels.iter().zip(&areas) {
             let (chart, legend) = area.split_vertically(PANEL_HEIGHT);
             draw_panel(panel, &chart)?;
+            let (_, legend) = legend.split_vertically(LEGEND_MARGIN);
             draw_legend(panel, &legend)?;
         }
         root.present()?;
@@ -149,6 +156,7 @@ fn draw_panel(panel: &Panel, area: &Area<'_>) -> Drawn {
         .draw()?;
     for series in &panel.series {
         draw_series(series, &mut chart, &x, &y)?;
+        draw_markers(series, &chart, &x, &y, area)?;
     }
     Ok(())
 }
@@ -168,8 +176,9 @@ fn draw_series(series: &Series, chart: &mut Chart<'_, '_>, x: &Scale, y: &Scale)
             let style = colour.stroke_width(width);
             chart.draw_series(std::iter::once(PathElement::new(places.clone(), style)))?;
         }
-        Line::Dashed => {
-            let style = colour.stroke_width(2);
+        Line::Dashed | Line::ThinDashed => {
+            let width = if look.line == Line::Dashed { 2 } else { 1 };
+            let style = colour.stroke_width(width);
             chart.draw_series(DashedLineSeries::new(places.clone(), 6, 4, style))?;
         }
     }
@@ -179,10 +188,25 @@ fn draw_series(series: &Series, chart: &mut Chart<'_, '_>, x: &Scale, y: &Scale)
         let bar = ends.map(|end| (place, y.place(end))).to_vec();
         chart.draw_series(std::iter::once(PathElement::new(bar, colour.mix(0.5))))?;
     }
-    let every = look.marker_every.max(1);
-    for place in places.iter().step_by(every) {
-        let at = chart.backend_coord(place);
-        draw_marker(look, at, &chart.plotting_area().use_screen_coord())?;
+    Ok(())
+}
+
+/// Draws on the whole panel, so that markers at the edges of the plotting area are not cut.
+fn draw_markers(
+    series: &Series,
+    chart: &Chart<'_, '_>,
+    x: &Scale,
+    y: &Scale,
+    panel: &Area<'_>,
+) -> Drawn {
+    let panel = panel.use_screen_coord();
+    for point in series
+        .points
+        .iter()
+        .step_by(series.look.marker_every.max(1))
+    {
+        let at = chart.backend_coord(&(x.place(point.x), y.place(point.y)));
+        draw_marker(series.look, at, &panel)?;
     }
     Ok(())
 }
@@ -199,20 +223,29 @@ fn draw_legend(panel: &Panel, area: &Area<'_>) -> Drawn {
     for (number, series) in legend_entries(panel).enumerate() {
         let left = LEGEND_LEFT + LEGEND_COLUMN_WIDTH * i32::try_from(number % columns)?;
         let middle = row_height * i32::try_from(number / columns)? + row_height / 2;
-        let colour = colour_of(series.look);
+        let look = Look {
+            opacity: 1.0,
+            ..series.look
+        };
+        let colour = colour_of(look);
         let ends = vec![(left, middle), (left + 28, middle)];
         match series.look.line {
             Line::None => {}
             Line::Solid => area.draw(&PathElement::new(ends, colour.stroke_width(2)))?,
             Line::Thin => area.draw(&PathElement::new(ends, colour.stroke_width(1)))?,
-            Line::Dashed => {
+            Line::Dashed | Line::ThinDashed => {
+                let width = if series.look.line == Line::Dashed {
+                    2
+                } else {
+                    1
+                };
                 for start in [left, left + 10, left + 20] {
                     let dash = vec![(start, middle), (start + 6, middle)];
-                    area.draw(&PathElement::new(dash, colour.stroke_width(2)))?;
+                    area.draw(&PathElement::new(dash, colour.stroke_width(width)))?;
                 }
             }
         }
-        draw_marker(series.look, (left + 14, middle), area)?;
+        draw_marker(look, (left + 14, middle), area)?;
         let style = TextStyle::from((FONT, 13).into_font())
             .color(&BLACK)
             .pos(Pos::new(HPos::Left, VPos::Center));

@@ -8,7 +8,7 @@ pub(crate) use draw::draw;
 
 use crate::contender::Contender;
 
-/// One picture: panels beside each other, each with a legend below it.
+/// One picture: panels, each with a legend below it.
 #[derive(Clone, Debug)]
 pub(crate) struct Plot {
     pub title: String,
@@ -83,6 +83,7 @@ pub(crate) enum Line {
     Solid,
     Dashed,
     Thin,
+    ThinDashed,
 }
 
 /// Colours that people with any kind of colour vision tell apart (M. Okabe and K. Ito, "Color Universal Design").
