@@ -17,7 +17,7 @@ pub struct Settings {
     pub runs: u64,
     /// The seed of the first instance of each cell; the next has the next.
     pub seed: u64,
-    /// How often each plan is timed; the median counts.
+    /// How often each plan is timed; the least counts.
     pub timings: u32,
 }
 

@@ -28,7 +28,7 @@ pub(crate) fn write(
     // Writing to a string cannot fail.
     let _ = writeln!(
         text,
-        "Version {}; {scale}; {} runs of each cell, seeds from {}; each plan timed {} times, the median counts.\n\n\
+        "Version {}; {scale}; {} runs of each cell, seeds from {}; each plan timed {} times, the least counts.\n\n\
          Settings of the paper's section \"Experimental Evaluation\": unit modules in 16 x 16 units, leaders and singletons \
          uniform in [0, 15] x [0, 15] with headings uniform in [0, pi], configurations of 2 to 10 modules and a random \
          number of singletons (\"mixed\"), trees of maximum degree 3, D_max = 3 and MAX = 20 for the paper policy. Not said \

@@ -9,7 +9,7 @@ use formation::topology::Topology;
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::median_us;
+use super::least_us;
 
 /// The search for one configuration's place, ours and the paper's. Times in microseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -45,10 +45,10 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> MatchingM
         weight: |node, spot| Some(utilities.of(node, spot)),
     };
     let candidates_of = || paper_candidates(&configuration, target, |spot| utilities.value(spot));
-    let ours_us = median_us(timings, || {
+    let ours_us = least_us(timings, || {
         std::hint::black_box(common_subtree::solve(&input));
     });
-    let paper_us = median_us(timings, || {
+    let paper_us = least_us(timings, || {
         std::hint::black_box(candidates_of());
     });
     let ours = common_subtree::solve(&input);
