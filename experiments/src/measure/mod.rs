@@ -21,3 +21,56 @@ pub(crate) fn least_us(times: u32, mut work: impl FnMut()) -> f64 {
     });
     elapsed.min().unwrap_or_default().as_secs_f64() * 1e6
 }
+
+#[cfg(test)]
+mod tests {
+    use super::{plan, protocol};
+    use crate::contender::Contender;
+    use crate::instance::{Docked, Instance};
+
+    /// What is counted in a plan is what the agents really say.
+    #[test]
+    fn the_protocol_says_what_the_plan_counts() {
+        for seed in 1..=4 {
+            let instance = Instance::Generated {
+                modules: 14,
+                spots: 12,
+                docked: Docked::Mixed,
+                seed,
+            };
+            for contender in [Contender::PaperPolicy, Contender::Ours, Contender::Auction] {
+                let problem = instance.problem(contender).unwrap();
+                let planned = plan::measure(&problem, 1);
+                let said = protocol::measure(&problem, seed).unwrap();
+                assert_eq!(said.claims.len(), planned.claims);
+                assert_eq!(said.samples(), planned.claims + planned.evictions);
+                assert_eq!(said.filled_spots, planned.filled_spots);
+                if contender != Contender::Auction {
+                    assert_eq!(said.pairs(), planned.pairs_delivered);
+                }
+                let last = said.claims.last().unwrap();
+                assert_eq!(
+                    (last.selected, last.settled),
+                    (planned.filled_spots, planned.filled_spots)
+                );
+                assert!(last.at_us <= said.planning_us);
+                let selected: Vec<usize> = planned.turns.iter().map(|turn| turn.1).collect();
+                let claimed: Vec<usize> = said.claims.iter().map(|claim| claim.selected).collect();
+                assert_eq!(selected, claimed);
+            }
+        }
+    }
+
+    #[test]
+    fn the_papers_algorithms_broadcast_whole_sets() {
+        let instance = Instance::Generated {
+            modules: 8,
+            spots: 8,
+            docked: Docked::Singletons,
+            seed: 1,
+        };
+        let paper = plan::measure(&instance.problem(Contender::PaperPolicy).unwrap(), 1);
+        assert_eq!(paper.broadcasts, 8);
+        assert_eq!(paper.whole_set_pairs(), 8 * 8 * 7);
+    }
+}

@@ -84,7 +84,8 @@ impl Axis {
         match &self.kind {
             Kind::Percent => linear(0.0, 100.0, 20.0),
             Kind::FromZero => {
-                let step = step_for(highest.max(f64::MIN_POSITIVE));
+                let highest = if highest > 0.0 { highest } else { 1.0 };
+                let step = step_for(highest);
                 // The greatest value stays clear of the upper edge.
                 linear(
                     0.0,
@@ -93,7 +94,11 @@ impl Axis {
                 )
             }
             Kind::Around => {
-                let step = step_for((highest - lowest).max(f64::MIN_POSITIVE));
+                let step = step_for(if highest > lowest {
+                    highest - lowest
+                } else {
+                    1.0
+                });
                 let (from, to) = ((lowest / step).floor(), (highest / step).ceil());
                 linear(from * step, to.max(from + 1.0) * step, step)
             }

@@ -1,0 +1,283 @@
+//! The harness with a handful of modules: files, resumption, determinism and errors.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
+
+use std::fs;
+use std::os::unix::fs::PermissionsExt;
+use std::path::{Path, PathBuf};
+
+use formation_experiments::{ExperimentError, Progress, Settings, Work, names, run};
+
+/// Goes on for a number of cells, and remembers how the work began.
+struct Stopwatch {
+    cells_left: usize,
+    work: Option<Work>,
+    measured: usize,
+}
+
+impl Stopwatch {
+    fn stopping_after(cells: usize) -> Self {
+        Self {
+            cells_left: cells,
+            work: None,
+            measured: 0,
+        }
+    }
+
+    fn never_stopping() -> Self {
+        Self::stopping_after(usize::MAX)
+    }
+}
+
+impl Progress for Stopwatch {
+    fn begin(&mut self, work: Work) {
+        self.work = Some(work);
+    }
+
+    fn cell(&mut self, label: &str) {
+        assert!(!label.is_empty());
+    }
+
+    fn finished(&mut self, cost: u64) {
+        assert!(cost > 0);
+        self.measured += 1;
+        self.cells_left -= 1;
+    }
+
+    fn goes_on(&self) -> bool {
+        self.cells_left > 0
+    }
+}
+
+/// A stand-in for the program `formation`, as real processes have tests of their own.
+fn launcher(directory: &Path, script: &str) -> PathBuf {
+    let path = directory.join("launcher");
+    fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
+    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
+    path
+}
+
+const REPORT: &str = r#"
+test "$1 $3 $4" = "run --plan-only --json" || { echo "odd arguments: $*" >&2; exit 2; }
+grep -q '"spots"' "$2" || exit 2
+echo '{"verdict": "AGREED", "planning_ms": 12, "discovery_ms": 34, "planning_us": 56, "more": 1}'"#;
+
+fn finish(out: &Path, settings: &Settings, only: &[&str]) -> Result<Stopwatch, ExperimentError> {
+    let home = tempfile::tempdir().unwrap();
+    let launcher = launcher(home.path(), REPORT);
+    let only: Vec<String> = only.iter().map(|&name| name.to_owned()).collect();
+    let mut progress = Stopwatch::never_stopping();
+    run(out, settings, &only, &launcher, &mut progress).map(|()| progress)
+}
+
+fn rows(path: &Path) -> Vec<Vec<String>> {
+    let text = fs::read_to_string(path).unwrap();
+    let rows: Vec<Vec<String>> = text
+        .lines()
+        .map(|line| line.split(',').map(str::to_owned).collect())
+        .collect();
+    assert!(rows.len() > 1, "{} has no rows", path.display());
+    for row in &rows {
+        assert_eq!(row.len(), rows[0].len(), "{}: {row:?}", path.display());
+    }
+    rows
+}
+
+#[test]
+fn every_experiment_has_its_table_its_plot_and_its_section() {
+    let out = tempfile::tempdir().unwrap();
+    finish(out.path(), &Settings::tiny(2, 1), &[]).unwrap();
+    let summary = fs::read_to_string(out.path().join("summary.md")).unwrap();
+    assert_eq!(names().len(), 15);
+    for name in names() {
+        let rows = rows(&out.path().join(name).with_extension("csv"));
+        assert!(rows[0].iter().all(|head| !head.is_empty()));
+        let plot = fs::read_to_string(out.path().join(name).with_extension("svg")).unwrap();
+        assert!(plot.starts_with("<svg") && plot.trim_end().ends_with("</svg>"));
+        // A title, labelled axes and a legend are text; curves and markers are not.
+        assert!(plot.matches("<text").count() > 8, "{name}");
+        assert!(plot.contains("<poly") || plot.contains("<circle"), "{name}");
+        assert!(!plot.contains("NaN") && !plot.contains("inf"), "{name}");
+        assert!(summary.contains(&format!("]({name}.svg)")), "{name}");
+    }
+    assert!(!summary.contains("NaN"));
+    let comparison = rows(&out.path().join("comparison.csv"));
+    let metrics: Vec<&str> = comparison[1..10]
+        .iter()
+        .map(|row| row[2].as_str())
+        .collect();
+    assert_eq!(
+        metrics[..4],
+        ["planning_ms", "utility", "distance_units", "broken_links"]
+    );
+    for row in &comparison[1..] {
+        let reason = row.last().unwrap();
+        assert_eq!(row[5] == "behind", !reason.is_empty(), "{row:?}");
+    }
+}
+
+#[test]
+fn an_interrupted_run_goes_on_where_it_stopped() {
+    let settings = Settings::tiny(2, 1);
+    let only = ["messages", "case_studies"];
+    let whole = tempfile::tempdir().unwrap();
+    let cells = finish(whole.path(), &settings, &only).unwrap().measured;
+
+    let out = tempfile::tempdir().unwrap();
+    let only_owned = only.map(str::to_owned);
+    let mut progress = Stopwatch::stopping_after(5);
+    let interrupted = run(
+        out.path(),
+        &settings,
+        &only_owned,
+        Path::new("/nowhere"),
+        &mut progress,
+    );
+    assert!(matches!(interrupted, Err(ExperimentError::Interrupted)));
+    assert!(!out.path().join("summary.md").exists());
+
+    // What a kill in the middle of a write leaves behind.
+    let kept = out.path().join("cells.jsonl");
+    let mut text = fs::read_to_string(&kept).unwrap();
+    let finished = text.lines().count();
+    assert!(finished >= 5 && finished < cells, "{finished} of {cells}");
+    text.push_str("{\"cell\":{\"plan\"");
+    fs::write(&kept, text).unwrap();
+
+    let progress = finish(out.path(), &settings, &only).unwrap();
+    let work = progress.work.unwrap();
+    assert_eq!((work.cells, work.finished_cells), (cells, finished));
+    assert_eq!(progress.measured, cells - finished);
+    assert_eq!(
+        fs::read_to_string(out.path().join("messages.csv")).unwrap(),
+        fs::read_to_string(whole.path().join("messages.csv")).unwrap()
+    );
+
+    let again = finish(out.path(), &settings, &only).unwrap();
+    assert_eq!(again.measured, 0);
+}
+
+/// The rows without whatever the clock decides.
+fn timeless(path: &Path) -> Vec<Vec<String>> {
+    let mut rows = rows(path);
+    // The times of this one are simulated.
+    let simulated = path.ends_with("messages_over_time.csv");
+    let is_timed = |head: &str| {
+        let timed = head.contains("_ms") || head.contains("computing_time");
+        let shared = head == "per_filled_spot_mean" && path.ends_with("planning_time.csv");
+        (timed || shared) && !simulated
+    };
+    let kept: Vec<bool> = rows[0].iter().map(|head| !is_timed(head)).collect();
+    rows.retain(|row| !row.contains(&"planning_ms".to_owned()));
+    for row in &mut rows {
+        let mut kept = kept.iter();
+        row.retain(|_| *kept.next().unwrap());
+    }
+    rows
+}
+
+#[test]
+fn the_seed_decides_everything_but_the_times() {
+    let outs = [1, 1, 2].map(|seed| {
+        let out = tempfile::tempdir().unwrap();
+        finish(out.path(), &Settings::tiny(2, seed), &[]).unwrap();
+        out
+    });
+    let mut differing = 0;
+    for name in names().into_iter().chain(["comparison"]) {
+        let [first, second, other] = outs
+            .each_ref()
+            .map(|out| timeless(&out.path().join(name).with_extension("csv")));
+        assert_eq!(first, second, "{name}");
+        differing += usize::from(first != other);
+    }
+    assert!(
+        differing > 8,
+        "another seed changes only {differing} tables"
+    );
+}
+
+#[test]
+fn a_changed_setting_is_noticed() {
+    let out = tempfile::tempdir().unwrap();
+    finish(out.path(), &Settings::tiny(1, 1), &["case_studies"]).unwrap();
+    let Err(error) = finish(out.path(), &Settings::tiny(3, 1), &["case_studies"]) else {
+        panic!("the number of runs has changed");
+    };
+    assert!(error.is_bad_input());
+    let message = error.to_string();
+    assert!(message.contains("runs was 1, now 3"), "{message}");
+    assert!(message.contains("settings.json"), "{message}");
+}
+
+#[test]
+fn an_unknown_name_is_an_error_that_lists_the_names() {
+    let out = tempfile::tempdir().unwrap();
+    let Err(error) = finish(out.path(), &Settings::tiny(1, 1), &["distance", "nonsense"]) else {
+        panic!("there is no such experiment");
+    };
+    let message = error.to_string();
+    assert!(error.is_bad_input() && message.contains("nonsense"));
+    for name in names() {
+        assert!(message.contains(name), "{name} is missing in: {message}");
+    }
+    assert!(!out.path().join("settings.json").exists());
+}
+
+#[test]
+fn what_is_no_result_is_named_with_its_line() {
+    let out = tempfile::tempdir().unwrap();
+    let settings = Settings::tiny(1, 1);
+    finish(out.path(), &settings, &["case_studies"]).unwrap();
+    let path = out.path().join("cells.jsonl");
+    let text = fs::read_to_string(&path).unwrap();
+    fs::write(&path, format!("{text}{{}}\n")).unwrap();
+    let Err(error) = finish(out.path(), &settings, &["case_studies"]) else {
+        panic!("an empty object is no result");
+    };
+    let line = text.lines().count() + 1;
+    assert!(
+        error.to_string().contains(&format!("line {line}")),
+        "{error}"
+    );
+}
+
+#[test]
+fn processes_that_fail_are_an_error_and_the_rest_is_kept() {
+    let home = tempfile::tempdir().unwrap();
+    let out = tempfile::tempdir().unwrap();
+    let settings = Settings::tiny(1, 1);
+    for (script, words) in [
+        ("echo 'error: no room' >&2; exit 2", "no room"),
+        ("echo '{}'", "verdict"),
+        (
+            r#"echo '{"verdict": "FAILED", "planning_ms": 1, "discovery_ms": 1, "planning_us": 1}'"#,
+            "FAILED",
+        ),
+    ] {
+        let launcher = launcher(home.path(), script);
+        let mut progress = Stopwatch::never_stopping();
+        let only = ["processes".to_owned(), "case_studies".to_owned()];
+        let Err(error) = run(out.path(), &settings, &only, &launcher, &mut progress) else {
+            panic!("`{script}` is no success");
+        };
+        let cause = std::error::Error::source(&error).unwrap().to_string();
+        assert!(cause.contains(words), "{cause}");
+        assert!(error.to_string().contains("processes"), "{error}");
+    }
+    let kept = fs::read_to_string(out.path().join("cells.jsonl")).unwrap();
+    assert_eq!(kept.lines().count(), 16, "the plans of the case studies");
+}
+
+#[test]
+fn an_average_over_nothing_is_refused() {
+    let out = tempfile::tempdir().unwrap();
+    let Err(error) = finish(out.path(), &Settings::tiny(0, 1), &[]) else {
+        panic!("no runs make no average");
+    };
+    assert_eq!(error.to_string(), "runs must be 1 to 100000, got 0");
+}

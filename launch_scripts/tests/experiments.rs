@@ -1,0 +1,79 @@
+//! `formation experiments` as a user meets it, and the scenarios of its case studies.
+
+#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use serde_json::Value;
+
+fn formation(arguments: &[&str]) -> Output {
+    Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(arguments)
+        .output()
+        .unwrap()
+}
+
+fn case_studies() -> Vec<PathBuf> {
+    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/case_studies");
+    let mut paths: Vec<PathBuf> = fs::read_dir(directory)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+        .collect();
+    paths.sort();
+    paths
+}
+
+#[test]
+fn each_case_study_is_planned_without_a_hole() {
+    let paths = case_studies();
+    assert_eq!(paths.len(), 8);
+    for path in paths {
+        let path = path.to_str().unwrap();
+        assert!(formation(&["check", path]).status.success(), "{path}");
+        let output = formation(&["plan", path, "--json"]);
+        assert!(output.status.success(), "{path}");
+        // Nothing to warn of: the plan has an acting order with a corridor for every spot.
+        assert_eq!(String::from_utf8_lossy(&output.stderr), "", "{path}");
+        let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
+        assert_eq!(plan["open_spots"], Value::Array(Vec::new()), "{path}");
+        assert_eq!(plan["unassigned"], Value::Array(Vec::new()), "{path}");
+        let kept = plan["kept_links"].as_u64().unwrap();
+        let broken = plan["broken_links"].as_u64().unwrap();
+        assert!(kept > 2 * broken, "{path}: {kept} kept, {broken} broken");
+    }
+}
+
+#[test]
+fn one_experiment_is_run_and_its_summary_named() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("out");
+    let out = out.to_str().unwrap();
+    let output = formation(&["experiments", out, "--quick", "--only", "case_studies"]);
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(output.status.success(), "{errors}");
+    assert!(errors.contains("0 of 16 cells"), "{errors}");
+    let summary = String::from_utf8(output.stdout).unwrap();
+    assert_eq!(summary.trim_end(), format!("{out}/summary.md"));
+    let text = fs::read_to_string(summary.trim_end()).unwrap();
+    assert!(text.contains("## Eight case studies"));
+    assert!(text.contains("hexapod"));
+
+    let other = formation(&["experiments", out, "--quick", "--runs", "7"]);
+    assert_eq!(other.status.code(), Some(2));
+    let errors = String::from_utf8_lossy(&other.stderr);
+    assert!(errors.contains("runs was 5, now 7"), "{errors}");
+}
+
+#[test]
+fn an_unknown_name_is_a_usage_error_that_lists_the_names() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().to_str().unwrap();
+    let output = formation(&["experiments", out, "--only", "nonsense"]);
+    assert_eq!(output.status.code(), Some(2));
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(errors.contains("nonsense"), "{errors}");
+    assert!(errors.contains("matching_time, planning_time"), "{errors}");
+    assert_eq!(errors.trim_end().lines().count(), 1, "{errors}");
+}
