@@ -135,7 +135,7 @@ fn report(settings: &Settings, store: &Store) -> Report {
         plot,
         text: format!(
             "`formation run --plan-only --json`: from the roster until the last claim was applied, on loopback of one \
-             machine. Each cell starts all processes anew, so there are at most five runs of each.\n\n{}",
+             machine. Each cell starts all processes anew, so there are at most three runs of each.\n\n{}",
             summary.to_markdown()
         ),
     }

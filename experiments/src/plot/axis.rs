@@ -238,7 +238,10 @@ mod tests {
             names(&axis, &[950_000.0]),
             ["0", "200,000", "400,000", "600,000", "800,000", "1,000,000"]
         );
-        assert_eq!(names(&axis, &[0.0]).first().map(String::as_str), Some("0"));
+        assert_eq!(
+            names(&axis, &[0.0]).first().map(String::as_str),
+            Some("0.0")
+        );
         let axis = Axis::around("x");
         assert_eq!(
             names(&axis, &[-0.31, 0.12]),
