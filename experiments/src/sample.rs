@@ -39,7 +39,7 @@ impl Sample {
 /// A number for people: at least three digits, and no more decimals than that takes.
 pub(crate) fn short(value: f64) -> String {
     let decimals = match value.abs() {
-        size if size >= 100.0 || size < 1e-9 => 0,
+        size if !(1e-9..100.0).contains(&size) => 0,
         size if size >= 10.0 => 1,
         size if size >= 1.0 => 2,
         _ => 3,
