@@ -45,7 +45,8 @@ impl Progress for Stopwatch {
     fn finished(&mut self, cost: u64) {
         assert!(cost > 0);
         self.measured += 1;
-        self.cells_left -= 1;
+        // Workers finish what they are at after the stop.
+        self.cells_left = self.cells_left.saturating_sub(1);
     }
 
     fn goes_on(&self) -> bool {
@@ -74,11 +75,25 @@ fn finish(out: &Path, settings: &Settings, only: &[&str]) -> Result<Stopwatch, E
     run(out, settings, &only, &launcher, &mut progress).map(|()| progress)
 }
 
+/// The fields of a line of CSV; commas within quotation marks separate nothing.
+fn fields(line: &str) -> Vec<String> {
+    let mut fields = vec![String::new()];
+    let mut quoted = false;
+    for character in line.chars() {
+        match character {
+            '"' => quoted = !quoted,
+            ',' if !quoted => fields.push(String::new()),
+            other => fields.last_mut().unwrap().push(other),
+        }
+    }
+    fields
+}
+
 fn rows(path: &Path) -> Vec<Vec<String>> {
     let text = fs::read_to_string(path).unwrap();
     let rows: Vec<Vec<String>> = text
         .lines()
-        .map(|line| line.split(',').map(str::to_owned).collect())
+        .map(fields)
         .collect();
     assert!(rows.len() > 1, "{} has no rows", path.display());
     for row in &rows {

@@ -4,7 +4,7 @@ use super::{Experiment, Report, mixed, point, sample};
 use crate::cell::Cell;
 use crate::contender::Contender;
 use crate::measure::processes::ProcessMeasurement;
-use crate::plot::{Axis, Look, Marker, Panel, Plot, Point, Series, colour};
+use crate::plot::{Axis, Look, Marker, Panel, Plot, Series, colour};
 use crate::sample::exact;
 use crate::settings::Settings;
 use crate::store::Store;
