@@ -91,10 +91,7 @@ fn fields(line: &str) -> Vec<String> {
 
 fn rows(path: &Path) -> Vec<Vec<String>> {
     let text = fs::read_to_string(path).unwrap();
-    let rows: Vec<Vec<String>> = text
-        .lines()
-        .map(fields)
-        .collect();
+    let rows: Vec<Vec<String>> = text.lines().map(fields).collect();
     assert!(rows.len() > 1, "{} has no rows", path.display());
     for row in &rows {
         assert_eq!(row.len(), rows[0].len(), "{}: {row:?}", path.display());
