@@ -105,12 +105,29 @@ pub fn docking_result(module: ModuleId) -> Topic<DockingResult> {
     Topic::of_module(module, topic::DOCKING_RESULT, Quality::Fleeting)
 }
 
-/// So many samples of a topic wait for the process to take them, over all publishers together.
+/// So many publishers of a topic may say all that they keep of it at once: more than twice the participants that a host
+/// can have in a domain.
+const PUBLISHERS: usize = 256;
+/// Reliable samples wait for the process at least so many at a time, which is some seconds of a flood.
+const RELIABLE_STORE_MIN: usize = 1_024;
+/// An epoch's decisions of a thousand modules, and what is latched of earlier ones.
+const RELIABLE_STORE_MAX: usize = 4_096;
+
+/// How many samples RustDDS keeps for a subscription, over all publishers together.
 ///
-/// RustDDS keeps one store a topic and drops the oldest samples of a full one even when they are reliable and were
-/// not taken yet, so it must hold whatever can come in while the process is busy: the publishers' own depths,
-/// being per publisher, do not help here. History is no matter of agreement between the two ends.
-const SUBSCRIPTION_DEPTH: usize = 4_096;
+/// It keeps one store a topic. Of a full one it drops the oldest samples even when they are reliable and were not taken
+/// yet, so the store must hold whatever can come in while the process is busy. Of one that is not full it drops nothing,
+/// neither what was taken long ago nor what is large, so the store should hold no more than that: what a flood leaves
+/// in it stays in memory. History is no matter of agreement between the two ends.
+fn store_depth(quality: Quality) -> usize {
+    match quality {
+        Quality::Latched { depth } | Quality::Prompt { depth } => depth
+            .saturating_mul(PUBLISHERS)
+            .clamp(RELIABLE_STORE_MIN, RELIABLE_STORE_MAX),
+        // One of each publisher; what is dropped is replaced by the next.
+        Quality::Fleeting => PUBLISHERS,
+    }
+}
 
 impl<M> Topic<M> {
     const fn latched(name: &'static str, depth: usize) -> Self {
@@ -179,10 +196,11 @@ impl<M> Topic<M> {
     }
 
     pub(crate) fn subscription_qos(&self) -> QosProfile {
+        let depth = store_depth(self.quality);
         match self.quality {
-            Quality::Latched { .. } => latched(SUBSCRIPTION_DEPTH),
-            Quality::Fleeting => fleeting(SUBSCRIPTION_DEPTH),
-            Quality::Prompt { .. } => prompt(SUBSCRIPTION_DEPTH),
+            Quality::Latched { .. } => latched(depth),
+            Quality::Fleeting => fleeting(depth),
+            Quality::Prompt { .. } => prompt(depth),
         }
     }
 }
@@ -240,6 +258,18 @@ mod tests {
         );
         assert_eq!(topic.publisher_qos().durability, Durability::Volatile);
         assert_eq!(TARGET.path(), "target");
+    }
+
+    #[test]
+    fn subscriptions_store_enough_for_many_publishers_and_no_more() {
+        let store = |qos: QosProfile| match qos.history {
+            History::KeepLast { depth } => depth,
+            History::KeepAll => usize::MAX,
+        };
+        assert_eq!(store(HEARTBEATS.subscription_qos()), 256);
+        assert_eq!(store(MODULE_STATES.subscription_qos()), 1_024);
+        assert_eq!(store(claims(1).subscription_qos()), 4_096);
+        assert_eq!(store(claims(10_000).subscription_qos()), 4_096);
     }
 
     #[test]

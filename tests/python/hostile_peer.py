@@ -5,8 +5,10 @@ modules and for modules that there are not, identifiers that nobody has, lists l
 number, epochs that are over or far away, and signs of life in the name of the living. Last it prints, as one line of JSON,
 how many of each kind it sent.
 
+With --silent it takes part as long, and says nothing: what a peer costs that does no harm.
+
 Usage:
-    hostile_peer.py [--domain D] [--messages M] [--rate R]
+    hostile_peer.py [--domain D] [--messages M] [--rate R] [--silent]
 """
 
 import argparse
@@ -145,6 +147,7 @@ def main():
     parser.add_argument("--domain", type=int, default=0)
     parser.add_argument("--messages", type=int, default=10_000)
     parser.add_argument("--rate", type=float, default=1000.0)
+    parser.add_argument("--silent", action="store_true")
     arguments = parser.parse_args()
     liar = Liar(Session(arguments.domain))
     deadline = time.monotonic() + 20
@@ -160,7 +163,8 @@ def main():
         wait = due - time.monotonic()
         if wait > 0:
             time.sleep(wait)
-        liar.say(kind, topic, raw)
+        if not arguments.silent:
+            liar.say(kind, topic, raw)
     took = time.monotonic() - began
     print(json.dumps({"sent": liar.sent, "total": sum(liar.sent.values()), "seconds": round(took, 2)}), flush=True)
     # What is on its way is let arrive.
