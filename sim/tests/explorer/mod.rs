@@ -116,6 +116,29 @@ struct Evidence {
     settled: BTreeMap<(Epoch, Digest, SpotId), ModuleId>,
 }
 
+impl Evidence {
+    /// Whether these modules are more than half of the last roster for which all members showed one digest, or just half
+    /// with the lowest of them. The first roster needs more than half of all.
+    fn allows(&self, members: &[ModuleId]) -> bool {
+        let agreed = self.rosters.iter().rev().find(|(epoch, roster)| {
+            let mut plans = self.shown.iter().filter(|((of, _), _)| of == *epoch);
+            plans.any(|(_, shown)| roster.iter().all(|member| shown.contains_key(member)))
+        });
+        let Some((_, roster)) = agreed else {
+            return members.len() * 2 > MODULES;
+        };
+        let present = roster
+            .iter()
+            .filter(|member| members.contains(member))
+            .count()
+            * 2;
+        let lowest = roster
+            .first()
+            .is_some_and(|lowest| members.contains(lowest));
+        present > roster.len() || (present == roster.len() && lowest)
+    }
+}
+
 #[derive(Clone)]
 struct World {
     now: Duration,
@@ -629,8 +652,7 @@ impl World {
                     .iter()
                     .map(|member| member.module.id)
                     .collect();
-                // One fault takes one module away, so what is left of three is never fewer than two.
-                if members.len() * 2 <= MODULES {
+                if !evidence.allows(&members) {
                     self.violation = Some(format!("a minority plans {}", roster.epoch));
                 }
                 if evidence.rosters.insert(roster.epoch, members).is_some() {
