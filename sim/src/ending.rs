@@ -62,12 +62,13 @@ impl Watch {
         // Those that halted for an epoch leave it to its convener to say what it waits for.
         let waits = |module: ModuleId| match phase_and_epoch(module) {
             Some((ModulePhase::WaitingForQuorum, _)) => true,
+            _ if !cluster.knows_target(module) => true,
             Some((ModulePhase::Gathered, Some(epoch))) => {
                 modules.contains(&epoch.convener)
                     && phase_and_epoch(epoch.convener)
                         == Some((ModulePhase::WaitingForQuorum, Some(epoch)))
             }
-            _ => !cluster.knows_target(module),
+            _ => false,
         };
         if modules.iter().all(|&module| waits(module)) {
             return Part::Waiting;

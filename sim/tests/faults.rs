@@ -72,3 +72,12 @@ fn cuts_alone_leave_no_hole() {
     };
     run_all(&parameters, 0..seeds() / 10);
 }
+
+/// A state that came while its sender's earlier run still counted as living was lost; a target that changed between
+/// freezing and the roster made members refuse it for good. Both left a quorum waiting for itself.
+#[test]
+fn a_quorum_does_not_wait_for_itself() {
+    for seed in [2_241, 2_276, 3_664, 4_576, 4_796, 5_423, 9_728] {
+        run_all(&CampaignParameters::default(), seed..seed + 1);
+    }
+}

@@ -39,6 +39,7 @@ struct Collection {
     frozen: usize,
     last_new: Duration,
     told_missing: bool,
+    told_limit: bool,
 }
 
 /// What a module remembers about opening epochs.
@@ -302,10 +303,11 @@ impl Agent {
         let patience = self.parameters.gather_limit + self.parameters.stuck;
         let overdue = self.now > gathering.since + patience
             && !self.peers.get(convener).is_some_and(|peer| {
-                // One that has left for another epoch will never end this gathering.
+                // One that has left for another epoch, or has planned without us, will never end this gathering for us.
                 peer.heartbeat.is_some_and(|heartbeat| {
                     heartbeat.phase == ModulePhase::WaitingForQuorum
                         && heartbeat.epoch == self.epoch
+                        && heartbeat.digest.is_none()
                 })
             });
         (!alive || overdue).then_some(EpochReason::ConvenerSilent(convener))
@@ -380,6 +382,7 @@ impl Agent {
                 frozen: 0,
                 last_new: self.now,
                 told_missing: false,
+                told_limit: false,
             }),
         });
         self.voice.state_changed = true;
@@ -452,6 +455,13 @@ impl Agent {
             }
             if mine.module.pin.is_none() {
                 announced.module.pin = None;
+            }
+            // Another target may have been announced since it froze; its pin was for this one.
+            if let Some(settled) = self.body.settled_on
+                && settled.target == digest::of_target(&roster.target)
+                && mine.module.pin == Some(settled.spot)
+            {
+                announced.module.pin = mine.module.pin;
             }
             // It may have been retired since it froze; that calls for another epoch, not for a quarrel about this one.
             announced.service = mine.service;
@@ -575,6 +585,8 @@ impl Agent {
             _ => count >= living.len() || self.now >= quiet_at,
         };
         let time_is_up = self.now >= limit_at;
+        let tells_limit = time_is_up && !everyone && !collection.told_limit;
+        collection.told_limit |= tells_limit;
         if !everyone && !time_is_up {
             let told = collection.told_missing;
             collection.told_missing |= self.now >= quiet_at;
@@ -591,7 +603,7 @@ impl Agent {
         for state in &frozen {
             self.quorum.learn(&state.quorum_bases);
         }
-        if time_is_up && !everyone {
+        if tells_limit {
             self.tell_missing(&frozen);
         }
         self.close_gathering(epoch, &frozen);

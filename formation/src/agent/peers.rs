@@ -24,6 +24,8 @@ pub(super) struct Peer {
     pub incarnation: Incarnation,
     pub heartbeat: Option<Heartbeat>,
     pub state: Option<Arc<ModuleState>>,
+    /// What a later run said of itself while this one still counted as living, and who sent it: a state comes only once.
+    successor: Option<(Arc<ModuleState>, Option<SourceId>)>,
     source: Option<SourceId>,
     /// When its latest heartbeat was sent, by this module's clock.
     alive_at: Option<Duration>,
@@ -41,6 +43,7 @@ impl Peer {
             incarnation,
             heartbeat: None,
             state: None,
+            successor: None,
             source,
             alive_at: None,
             first_heard: now,
@@ -177,7 +180,11 @@ impl Peers {
             if waits && now.saturating_sub(last) <= suspicion {
                 return Err(Refusal::DuplicateModule);
             }
+            let held = peer.successor.take();
             *peer = Peer::new(incarnation, source, now);
+            peer.state = held
+                .filter(|(state, sender)| state.incarnation == incarnation && *sender == source)
+                .map(|(state, _)| state);
         }
         peer.source = peer.source.or(source);
         Ok(peer)
@@ -223,7 +230,14 @@ impl Peers {
         state: Arc<ModuleState>,
         source: Option<SourceId>,
     ) -> Result<bool, Refusal> {
-        let peer = self.admit(now, suspicion, state.module, state.incarnation, source)?;
+        let (module, incarnation) = (state.module, state.incarnation);
+        let peer = match self.admit(now, suspicion, module, incarnation, source) {
+            Ok(peer) => peer,
+            Err(refusal) => {
+                self.keep_for_later(refusal, state, source);
+                return Err(refusal);
+            }
+        };
         if peer
             .state
             .as_ref()
@@ -233,6 +247,26 @@ impl Peers {
         }
         peer.state = Some(without_proofs(state));
         Ok(true)
+    }
+
+    /// Keeps the latest state of a run that may yet take the place of the one that is known.
+    fn keep_for_later(
+        &mut self,
+        refusal: Refusal,
+        state: Arc<ModuleState>,
+        source: Option<SourceId>,
+    ) {
+        if refusal != Refusal::DuplicateModule {
+            return;
+        }
+        let Some(peer) = self.peers.get_mut(&state.module) else {
+            return;
+        };
+        let order = |state: &ModuleState| (state.incarnation, state.sequence);
+        let held = peer.successor.as_ref().map(|(held, _)| order(held));
+        if held < Some(order(&state)) {
+            peer.successor = Some((without_proofs(state), source));
+        }
     }
 
     /// Whether a module's latest heartbeat is younger than `suspicion` and it is not excluded for want of progress.
