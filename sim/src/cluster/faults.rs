@@ -1,0 +1,152 @@
+//! The faults that strike a cluster, and their ends.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::agent::{Command, Input};
+use formation::id::ModuleId;
+use formation::message::{Decision, Message, SpotClaim};
+
+use super::schedule::Happening;
+use super::{Cluster, Observation};
+use crate::network::Participant;
+
+impl Cluster {
+    /// Lets a module's process start no earlier than `at`; for calls before the first step.
+    pub fn start_late(&mut self, module: ModuleId, at: Duration) {
+        self.late.insert(module, at);
+    }
+
+    /// Tells a module to leave the formation or to take part again.
+    pub fn command(&mut self, module: ModuleId, command: Command) {
+        if self.processes.contains_key(&module) {
+            self.fault(format!(
+                "{module} is told to {}",
+                match command {
+                    Command::Retire => "retire",
+                    Command::Rejoin => "rejoin",
+                }
+            ));
+            self.input(module, Input::Command(command));
+        }
+    }
+
+    /// Breaks or mends a module's drive: a broken one fails as soon as it is to go. A new process has a new drive.
+    pub fn break_drive(&mut self, module: ModuleId, broken: bool) {
+        if let Some(process) = self.processes.get_mut(&module) {
+            process.drive_broken = broken;
+            self.fault(format!(
+                "the drive of {module} is {}",
+                if broken { "broken" } else { "mended" }
+            ));
+        }
+    }
+
+    /// From now on, some claims are preceded by a forged one that claims something else for the same turn. It reaches
+    /// half of the readers, from a sender that the transport does not tell.
+    pub fn forge_claims(&mut self) {
+        self.forges_claims = true;
+        self.fault("somebody forges claims".to_owned());
+    }
+
+    pub(super) fn forge(&mut self, claim: &SpotClaim) {
+        if !self.forges_claims || self.random.below(3) > 0 || claim.decision.selections.is_empty() {
+            return;
+        }
+        let forged = Arc::new(SpotClaim {
+            decision: Decision::default(),
+            ..claim.clone()
+        });
+        let readers: Vec<ModuleId> = self.processes.keys().copied().collect();
+        for reader in readers {
+            if reader != claim.claimant && self.random.below(2) == 0 {
+                let message = Message::Claim(Arc::clone(&forged));
+                self.input(
+                    reader,
+                    Input::Message {
+                        source: None,
+                        message,
+                    },
+                );
+            }
+        }
+    }
+
+    /// Makes each input keep a process busy for `lag`, for a while.
+    pub fn slow_down(&mut self, module: ModuleId, lag: Duration, span: Duration) {
+        let until = self.now + span;
+        if let Some(process) = self.processes.get_mut(&module) {
+            process.slow = Some((until, lag));
+            self.fault(format!(
+                "{module} needs {} ms for each input",
+                lag.as_millis()
+            ));
+        }
+    }
+
+    /// Ends a module's process without warning; its body stays, halted and docked as it is.
+    pub fn crash(&mut self, module: ModuleId) {
+        let Some(mut process) = self.processes.remove(&module) else {
+            return;
+        };
+        let now = process.local(self.now);
+        process.drive.halt(now);
+        if let Some(remains) = self.remains.get_mut(&module) {
+            remains.identity.pose = process.drive.pose();
+            remains.identity.links = process.agent.links().clone();
+        }
+        self.network.forget(module);
+        self.held.retain(|channel, _| {
+            channel.from != Participant::Module(module) && channel.to != module
+        });
+        self.fault(format!("{module} crashes"));
+    }
+
+    /// Starts a module's process again, as a new incarnation.
+    pub fn restart(&mut self, module: ModuleId) {
+        // One that has yet to start for the first time starts in its own time.
+        if !self.processes.contains_key(&module) && !self.late.contains_key(&module) {
+            self.fault(format!("{module} starts again"));
+            self.schedule(self.now, Happening::Start(module));
+        }
+    }
+
+    /// Stops a process for a while; what reaches it waits and comes all at once.
+    pub fn pause(&mut self, module: ModuleId, duration: Duration) {
+        let until = self.now + duration;
+        let incarnation = if let Some(process) = self.processes.get_mut(&module) {
+            process.held_until = process.held_until.max(until);
+            process.incarnation
+        } else {
+            return;
+        };
+        self.fault(format!(
+            "{module} stands still for {} ms",
+            duration.as_millis()
+        ));
+        self.schedule(until, Happening::Timeout(module, incarnation));
+    }
+
+    /// Cuts these modules off from all others.
+    pub fn cut(&mut self, aside: &BTreeSet<ModuleId>) {
+        self.network.cut(aside);
+        let names: Vec<String> = aside.iter().map(|module| module.0.to_string()).collect();
+        self.fault(format!("cut off: {}", names.join(", ")));
+    }
+
+    /// Ends the cut; reliable messages that were held are sent again.
+    pub fn heal(&mut self) {
+        self.network.heal();
+        self.fault("the network is whole again".to_owned());
+        for (channel, samples) in std::mem::take(&mut self.held) {
+            for (sample, message) in samples {
+                self.send(channel, sample, message);
+            }
+        }
+    }
+
+    fn fault(&mut self, what: String) {
+        self.observe(Observation::Fault(what));
+    }
+}
