@@ -77,7 +77,9 @@ fn cuts_alone_leave_no_hole() {
 /// freezing and the roster made members refuse it for good. Both left a quorum waiting for itself.
 #[test]
 fn a_quorum_does_not_wait_for_itself() {
-    for seed in [2_241, 2_276, 3_664, 4_576, 4_796, 5_423, 9_728] {
+    for seed in [
+        1_417, 2_241, 2_276, 3_664, 4_576, 4_796, 5_423, 6_787, 9_595, 9_728,
+    ] {
         run_all(&CampaignParameters::default(), seed..seed + 1);
     }
 }
