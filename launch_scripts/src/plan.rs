@@ -206,7 +206,8 @@ impl CheckedPlan {
     }
 }
 
-fn listed(noun: &str, ids: impl Iterator<Item = u32>) -> String {
+/// Identifiers in words, such as `spots 3, 7`.
+pub fn listed(noun: &str, ids: impl Iterator<Item = u32>) -> String {
     let ids: Vec<String> = ids.map(|id| id.to_string()).collect();
     let plural = if ids.len() == 1 { "" } else { "s" };
     format!("{noun}{plural} {}", ids.join(", "))

@@ -200,6 +200,7 @@ fn every_process_is_told_its_part_and_stopped_in_the_end() {
     assert_eq!(json["acting_ms"], 2);
     assert!(json["discovery_ms"].is_u64());
     assert!(json["total_distance"].is_f64());
+    assert_eq!(json["dead"], serde_json::json!([]));
     let written: Value =
         serde_json::from_str(&fs::read_to_string(report.join("report.json")).unwrap()).unwrap();
     assert_eq!(written, json);
@@ -358,6 +359,60 @@ fn the_process_that_failed_is_named_with_its_last_lines() {
         finished
             .stderr
             .contains("error: module_agent of module 8 ended with exit status: 9"),
+        "{}",
+        finished.stderr
+    );
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn a_death_without_a_spare_leaves_a_hole_with_a_name() {
+    // As the verifier sees it: one spot is left to one module.
+    let stage = Stage::new(
+        r#"
+while [ ! -e "$(dirname "$0")/died" ]; do sleep 0.02; done
+sleep 0.5
+echo '{"verdict":{"outcome":"PARTIAL","filled_spots":1,"assignments":[{"module":7,"spot":1}],"unassigned":[],"open_spots":[2],"violations":[],"missing":[]}}'
+exec sleep 60"#,
+    );
+    stage.program(
+        "module_agent",
+        "case \"$*\" in *'--module 8 '*) touch \"$(dirname \"$0\")/died\"; kill -9 $$;; esac; exec sleep 60",
+    );
+    let finished = stage.run(&["--json"]);
+    assert_eq!(finished.status, Some(1), "{}", finished.stderr);
+    let told = &finished.stderr;
+    assert!(
+        told.contains("module_agent of module 8 ended with signal: 9 (SIGKILL) after "),
+        "{told}"
+    );
+    assert!(
+        told.ends_with(
+            "error: the formation has a hole: spot 2 open; module 8 died, and no spare was left\n"
+        ),
+        "{told}"
+    );
+    let json: Value = serde_json::from_str(&finished.stdout).unwrap();
+    assert_eq!(json["verdict"], "PARTIAL");
+    assert_eq!(json["open_spots"], serde_json::json!([2]));
+    let dead = &json["dead"][0];
+    assert_eq!(dead["process"], "module_agent of module 8");
+    assert_eq!(dead["modules"], serde_json::json!([8]));
+    assert_eq!(dead["ended_with"], "signal: 9 (SIGKILL)");
+    assert!(dead["after_ms"].is_u64());
+    stage.assert_nothing_runs();
+}
+
+#[test]
+fn a_run_of_which_nobody_is_left_ends_at_once() {
+    let stage = Stage::new(POLITE);
+    stage.program("module_agent", "kill -9 $$");
+    let finished = stage.run(&["--json"]);
+    assert_eq!(finished.status, Some(1));
+    assert!(
+        finished
+            .stderr
+            .contains("error: no process of modules is left before there was a verdict; module_agent of module "),
         "{}",
         finished.stderr
     );

@@ -117,7 +117,10 @@ impl VerifierProcess {
         };
         let end = async_io::block_on(async {
             let end = watch.until_the_end(told).await?;
-            if let Some(End::Judged(_)) = &end {
+            // One that kept watching has been told to end.
+            if let Some(End::Judged(_)) = &end
+                && !self.keep_watching
+            {
                 watch.linger(self.linger).await;
             }
             Ok::<_, SessionError>(end)

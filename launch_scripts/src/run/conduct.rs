@@ -7,20 +7,25 @@ use formation::chronicle::Entry;
 use serde::Deserialize;
 use serde_json::Value;
 
+use super::deaths::{Cast, Death, Deaths};
 use super::progress::{Display, Progress};
 use super::recording::Recording;
 use super::supervisor::{Happening, ProcessId, Supervisor};
 
-/// After its verdict, the verifier is given so long to end by itself.
-const LINGER_MAX: Duration = Duration::from_secs(10);
+/// After its verdict, the verifier stays for so long, so that those who listen to its topic get it.
+const LINGER: Duration = Duration::from_millis(500);
+/// The verdict on what is not done in time.
+const FAILED: &str = "FAILED";
 
 /// How a run ended.
 #[derive(Debug)]
 pub enum End {
     /// The verifier has judged.
     Judged(Value),
-    /// A process ended that should not have.
+    /// A process ended without which the run cannot go on.
     ProcessEnded(ProcessId, ExitStatus),
+    /// All processes of modules ended, this one last.
+    NobodyLeft(ProcessId, ExitStatus),
     /// A signal asked the launcher to end.
     Interrupted(i32),
     /// The time was up; where it stood.
@@ -36,6 +41,19 @@ pub struct Course {
     pub discovery: Option<Duration>,
     /// Everything that the verifier heard.
     pub recording: Recording,
+    /// The processes that died, and without which the run went on.
+    pub deaths: Deaths,
+}
+
+impl Course {
+    /// Whether the verifier counts on a module that is dead, which it may not know yet.
+    fn counts_on_the_dead(&self, verdict: &Value) -> bool {
+        let dead = self.deaths.modules();
+        let assignments = verdict["assignments"].as_array().into_iter().flatten();
+        assignments
+            .filter_map(|taken| taken["module"].as_u64())
+            .any(|module| dead.iter().any(|dead| u64::from(dead.0) == module))
+    }
 }
 
 /// A line of the verifier.
@@ -49,19 +67,23 @@ enum Line {
 }
 
 /// Watches the processes until the verifier has judged, something failed or `deadline` has passed.
+///
+/// A process of modules that dies is told of, and the run goes on. A verdict that counts on its modules is set aside: the
+/// verifier, which finds out by their silence, will take it back and give another.
 pub fn conduct(
     supervisor: &mut Supervisor,
-    verifier: ProcessId,
+    cast: &Cast,
     modules: usize,
     start: Instant,
     deadline: Instant,
     display: &mut Display<'_>,
 ) -> (End, Course) {
     let mut course = Course::default();
+    let mut set_aside: Option<Value> = None;
     loop {
         let wake = display.due().map_or(deadline, |due| due.min(deadline));
         match supervisor.next(wake) {
-            Happening::Result(process, line) if process == verifier => {
+            Happening::Result(process, line) if process == cast.verifier => {
                 match serde_json::from_str(&line) {
                     Ok(Line::Progress(progress)) => {
                         let progress = Progress {
@@ -81,13 +103,22 @@ pub fn conduct(
                     Ok(Line::Agreement(mut agreement)) => {
                         agreement["outcome"] = "AGREED".into();
                         display.refresh();
-                        let end = linger(supervisor, verifier, agreement);
-                        return (end, course);
+                        linger(supervisor, cast.verifier);
+                        return (End::Judged(agreement), course);
                     }
                     Ok(Line::Verdict(verdict)) => {
+                        let may_change = if verdict["outcome"] == FAILED {
+                            set_aside.is_some()
+                        } else {
+                            course.counts_on_the_dead(&verdict)
+                        };
+                        if may_change {
+                            set_aside = Some(verdict);
+                            continue;
+                        }
                         display.refresh();
-                        let end = linger(supervisor, verifier, verdict);
-                        return (end, course);
+                        linger(supervisor, cast.verifier);
+                        return (End::Judged(verdict), course);
                     }
                     Err(error) => display.note(&format!(
                         "warning: the verifier wrote a line that cannot be read ({error}): {line}"
@@ -96,20 +127,42 @@ pub fn conduct(
             }
             Happening::Result(..) => {}
             Happening::Exited(process, status) => {
-                return (End::ProcessEnded(process, status), course);
+                let all_joined = course.discovery.is_some();
+                let target_is_known = course.progress.knows_target();
+                if !cast.can_spare(process, status, all_joined, target_is_known) {
+                    return (End::ProcessEnded(process, status), course);
+                }
+                let modules = cast.agents.get(&process).cloned().unwrap_or_default();
+                let death = Death {
+                    name: supervisor.name(process).to_owned(),
+                    modules,
+                    status,
+                    after: start.elapsed(),
+                };
+                display.note(&format!("{death}; the run goes on without it"));
+                course.deaths.push(death);
+                if course.deaths.of_agents() == cast.agents.len() {
+                    return (End::NobodyLeft(process, status), course);
+                }
             }
             Happening::Interrupted(signal) => return (End::Interrupted(signal), course),
             Happening::TimedOut if Instant::now() < deadline => display.refresh(),
             Happening::TimedOut => {
-                return (End::TimedOut(course.progress.clone()), course);
+                let end = match set_aside {
+                    Some(mut verdict) => {
+                        verdict["outcome"] = FAILED.into();
+                        End::Judged(verdict)
+                    }
+                    None => End::TimedOut(course.progress.clone()),
+                };
+                return (end, course);
             }
         }
     }
 }
 
-/// The verifier stays for a while, so that those who listen to its topic get the verdict; it is let finish.
-fn linger(supervisor: &mut Supervisor, verifier: ProcessId, verdict: Value) -> End {
-    let deadline = Instant::now() + LINGER_MAX;
+fn linger(supervisor: &mut Supervisor, verifier: ProcessId) {
+    let deadline = Instant::now() + LINGER;
     loop {
         match supervisor.next(deadline) {
             Happening::Exited(process, _) if process == verifier => break,
@@ -117,17 +170,20 @@ fn linger(supervisor: &mut Supervisor, verifier: ProcessId, verdict: Value) -> E
             Happening::Exited(..) | Happening::Result(..) => {}
         }
     }
-    End::Judged(verdict)
 }
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeMap;
     use std::process::Command;
+
+    use formation::id::ModuleId;
 
     use super::super::supervisor::Output;
     use super::*;
 
-    /// Conducts a run whose processes are shell scripts, the first of them the verifier.
+    /// Conducts a run whose processes are shell scripts: the verifier, the target publisher, and processes of modules 1, 2
+    /// and so on.
     fn conducted(scripts: &[&str]) -> (End, Course, Supervisor) {
         let mut supervisor = Supervisor::new(&[]).unwrap();
         let processes: Vec<ProcessId> = scripts
@@ -141,10 +197,18 @@ mod tests {
                     .unwrap()
             })
             .collect();
+        let agents = processes[2..].iter().copied().zip(1..);
+        let cast = Cast {
+            verifier: processes[0],
+            target_publisher: processes[1],
+            agents: agents
+                .map(|(process, module)| (process, vec![ModuleId(module)]))
+                .collect(),
+        };
         let start = Instant::now();
         let (end, course) = conduct(
             &mut supervisor,
-            processes[0],
+            &cast,
             2,
             start,
             start + Duration::from_secs(30),
@@ -161,6 +225,7 @@ mod tests {
                echo '{"progress":{"phase":"acting","joined":2,"planned":2,"settled":1,"new_key":3}}'
                echo '{"verdict":{"outcome":"COMPLETE"}}'"#,
             "echo '{\"verdict\":\"of no verifier\"}'; exec sleep 30",
+            "exec sleep 30",
         ]);
         let End::Judged(verdict) = end else {
             panic!("expected a verdict, got {end:?}");
@@ -174,19 +239,80 @@ mod tests {
         );
     }
 
+    /// Waits until a file is there that another script makes; the scripts of a test share a directory.
+    fn await_file(name: &str) -> String {
+        format!("while [ ! -e {name} ]; do sleep 0.02; done")
+    }
+
     #[test]
-    fn a_process_that_ends_early_ends_the_run() {
-        let (end, _, supervisor) =
-            conducted(&["exec sleep 30", "echo out of battery >&2; kill -9 $$"]);
-        let End::ProcessEnded(process, status) = end else {
-            panic!("expected an end, got {end:?}");
+    fn a_process_without_which_nothing_goes_on_ends_the_run() {
+        let stay = "exec sleep 30";
+        for (scripts, name) in [
+            (["exit 3", stay, stay, stay], "process 0"),
+            ([stay, "kill -9 $$", stay, stay], "process 1"),
+            (
+                [stay, stay, stay, "echo out of battery >&2; exit 9"],
+                "process 3",
+            ),
+        ] {
+            let (end, _, supervisor) = conducted(&scripts);
+            let End::ProcessEnded(process, _) = end else {
+                panic!("expected an end, got {end:?}");
+            };
+            assert_eq!(supervisor.name(process), name);
+        }
+    }
+
+    #[test]
+    fn a_run_goes_on_without_the_dead_and_ends_with_the_last_of_them() {
+        let (end, course, supervisor) = conducted(&[
+            "exec sleep 30",
+            "exec sleep 30",
+            "kill -9 $$",
+            "sleep 0.5; kill -9 $$",
+        ]);
+        let End::NobodyLeft(process, status) = end else {
+            panic!("expected that nobody is left, got {end:?}");
         };
-        assert_eq!(supervisor.name(process), "process 1");
+        assert_eq!(supervisor.name(process), "process 3");
         assert_eq!(status.code(), None);
-        assert_eq!(
-            supervisor.last_lines(process).collect::<Vec<_>>(),
-            ["out of battery"]
+        assert_eq!(course.deaths.modules_text(), "modules 1-2");
+        let told: Vec<String> = course.deaths.iter().map(ToString::to_string).collect();
+        assert!(
+            told[0].starts_with("process 2 ended with signal: 9 (SIGKILL) after 0."),
+            "{told:?}"
         );
+    }
+
+    #[test]
+    fn a_verdict_that_counts_on_the_dead_is_not_the_last_word() {
+        let directory = tempfile::tempdir().unwrap();
+        let died = directory.path().join("died").display().to_string();
+        let verdict = |outcome: &str, module: u32| {
+            format!(
+                r#"echo '{{"verdict":{{"outcome":"{outcome}","assignments":[{{"module":{module},"spot":1}}]}}}}'"#
+            )
+        };
+        let verifier = [
+            await_file(&died),
+            "sleep 1".to_owned(),
+            verdict("COMPLETE", 1),
+            verdict("FAILED", 1),
+            verdict("COMPLETE", 2),
+            "exec sleep 30".to_owned(),
+        ]
+        .join("\n");
+        let (end, course, _) = conducted(&[
+            &verifier,
+            "exec sleep 30",
+            &format!("touch {died}; kill -9 $$"),
+            "exec sleep 30",
+        ]);
+        let End::Judged(verdict) = end else {
+            panic!("expected a verdict, got {end:?}");
+        };
+        assert_eq!(verdict["assignments"][0]["module"], 2);
+        assert_eq!(course.deaths.modules_text(), "module 1");
     }
 
     #[test]
@@ -200,10 +326,15 @@ mod tests {
         let verifier = supervisor
             .start("verifier".to_owned(), &mut command, Output::Results)
             .unwrap();
+        let cast = Cast {
+            verifier,
+            target_publisher: verifier,
+            agents: BTreeMap::new(),
+        };
         let start = Instant::now();
         let (end, _) = conduct(
             &mut supervisor,
-            verifier,
+            &cast,
             2,
             start,
             start + Duration::from_secs(1),

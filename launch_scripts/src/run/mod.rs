@@ -1,6 +1,7 @@
 //! `formation run`: every module its own process, a verdict from an independent one.
 
 mod conduct;
+mod deaths;
 mod network;
 mod processes;
 mod programs;
@@ -11,6 +12,7 @@ mod supervisor;
 mod tail;
 mod view;
 
+use std::collections::BTreeMap;
 use std::os::unix::process::CommandExt;
 use std::process::{Command, ExitStatus};
 use std::time::{Duration, Instant};
@@ -26,6 +28,7 @@ use crate::plan::CheckedPlan;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use conduct::{Course, End, conduct};
+use deaths::Cast;
 use network::Surroundings;
 pub use processes::MODULES_PER_PROCESS_MAX;
 use processes::{Host, hosts, id_list};
@@ -131,10 +134,10 @@ impl Formation<'_> {
         let mut display = Display::start(self.scenario.name(), self.plan);
         let start = Instant::now();
         let deadline = start + self.arguments.timeout + VERDICT_MARGIN;
-        let ended = self.start_all(&mut supervisor).map(|verifier| {
+        let ended = self.start_all(&mut supervisor).map(|cast| {
             conduct(
                 &mut supervisor,
-                verifier,
+                &cast,
                 self.module_count(),
                 start,
                 deadline,
@@ -156,6 +159,10 @@ impl Formation<'_> {
         let verdict = match end {
             End::Judged(verdict) => Ok(verdict),
             End::ProcessEnded(process, status) => Err(died(&supervisor, process, status)),
+            End::NobodyLeft(process, status) => Err(Failure::Failed(anyhow!(
+                "no process of modules is left before there was a verdict; {} ended last, with {status}",
+                supervisor.name(process)
+            ))),
             End::Interrupted(signal) => Err(Failure::Failed(anyhow!(
                 "interrupted by {}; every process was stopped",
                 signal_name(signal)
@@ -181,12 +188,13 @@ impl Formation<'_> {
     }
 
     /// Starts the verifier first, so that it hears everything, and the target last.
-    fn start_all(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {
+    fn start_all(&self, supervisor: &mut Supervisor) -> Result<Cast, Failure> {
         let modules = self.module_count().to_string();
-        let plan_only: &[&str] = if self.arguments.plan_only {
-            &["--plan-only"]
+        // When a module dies, the verdict may have to be another.
+        let (plan_only, manner): (&[&str], &str) = if self.arguments.plan_only {
+            (&["--plan-only"], "--plan-only")
         } else {
-            &[]
+            (&[], "--keep-watching")
         };
         let timeout = self.arguments.timeout.as_secs_f64().to_string();
         let verifier = self.start(
@@ -194,16 +202,13 @@ impl Formation<'_> {
             "verifier",
             "verifier".to_owned(),
             &[
-                &[
-                    "--progress",
-                    "--chronicle",
-                    "--json",
-                    "--time-limit-s",
-                    &timeout,
-                ],
-                plan_only,
-            ]
-            .concat(),
+                "--progress",
+                "--chronicle",
+                "--json",
+                "--time-limit-s",
+                &timeout,
+                manner,
+            ],
             Output::Results,
         )?;
         if let Some(driver) = &self.arguments.driver {
@@ -220,28 +225,34 @@ impl Formation<'_> {
             .iter()
             .map(String::as_str)
             .collect();
+        let mut agents = BTreeMap::new();
         for host in self.hosts {
             let list = id_list(&host.modules);
             let modules: &[&str] = match host.modules.as_slice() {
                 [_] => &["--module", &list],
                 _ => &["--modules", &list],
             };
-            self.start(
+            let process = self.start(
                 supervisor,
                 host.program(),
                 host.name(),
                 &[modules, &["--speed", &speed], motion, &options, plan_only].concat(),
                 Output::Discarded,
             )?;
+            agents.insert(process, host.modules.clone());
         }
-        self.start(
+        let target_publisher = self.start(
             supervisor,
             "target_publisher",
             "target_publisher".to_owned(),
             &["--expected-modules", &modules],
             Output::Discarded,
         )?;
-        Ok(verifier)
+        Ok(Cast {
+            verifier,
+            target_publisher,
+            agents,
+        })
     }
 
     /// Starts what drives the modules, told like any ROS 2 node where to speak.

@@ -29,11 +29,15 @@ impl Host {
 
     /// How it is called before people.
     pub fn name(&self) -> String {
-        let modules = match self.modules.as_slice() {
-            [only] => only.to_string(),
-            modules => format!("modules {}", id_list(modules)),
-        };
-        format!("{} of {modules}", self.program())
+        format!("{} of {}", self.program(), module_list(&self.modules))
+    }
+}
+
+/// The modules before people, such as `modules 1-4,7`.
+pub fn module_list(modules: &[ModuleId]) -> String {
+    match modules {
+        [only] => only.to_string(),
+        modules => format!("modules {}", id_list(modules)),
     }
 }
 

@@ -59,6 +59,11 @@ impl Progress {
         format!("{phase}: {}{}", self.counts(), self.waiting())
     }
 
+    /// Whether the target was heard.
+    pub fn knows_target(&self) -> bool {
+        !matches!(self.phase.as_str(), "" | "waiting for a target")
+    }
+
     fn waiting(&self) -> String {
         if self.waiting_for.is_empty() {
             return String::new();

@@ -6,12 +6,14 @@ use anyhow::{Context, anyhow};
 use formation::id::{ModuleId, SpotId};
 use formation::statistics::Assignment;
 use formation_report::Fact;
-use serde::Deserialize;
+use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
 
 use super::conduct::Course;
+use super::deaths::Deaths;
 use crate::failure::Failure;
-use crate::plan::CheckedPlan;
+use crate::plan::{CheckedPlan, listed};
+use crate::table::Table;
 
 /// More differences than these say nothing more.
 const DIFFERENCES_MAX: usize = 8;
@@ -23,6 +25,8 @@ pub struct Verdict {
     #[serde(default)]
     filled_spots: usize,
     assignments: Vec<Taken>,
+    #[serde(default)]
+    unassigned: Vec<ModuleId>,
     #[serde(default)]
     open_spots: Vec<SpotId>,
     violations: Vec<String>,
@@ -44,16 +48,43 @@ enum Outcome {
 }
 
 /// Who settled where.
-#[derive(Clone, Copy, Debug, Deserialize)]
+#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
 struct Taken {
     module: ModuleId,
     spot: SpotId,
+}
+
+impl Verdict {
+    /// A spot that a dead module held is open. The verifier may have judged before it missed that module.
+    fn leave_out(&mut self, deaths: &Deaths) {
+        let dead = deaths.modules();
+        self.unassigned.retain(|module| !dead.contains(module));
+        if self.outcome == Outcome::Agreed {
+            return;
+        }
+        let (lost, held): (Vec<Taken>, Vec<Taken>) = self
+            .assignments
+            .iter()
+            .partition(|taken| dead.contains(&taken.module));
+        self.assignments = held;
+        for Taken { module, spot } in lost {
+            self.filled_spots = self.filled_spots.saturating_sub(1);
+            self.open_spots.push(spot);
+            self.missing
+                .push(format!("{spot} is open, as {module} died there"));
+        }
+        self.open_spots.sort_unstable();
+    }
 }
 
 /// What was planned and what was seen.
 pub struct RunReport {
     verdict: Verdict,
     differences: Vec<String>,
+    /// The processes that died on the way.
+    deaths: Deaths,
+    /// How many spots were to be filled, had nobody died.
+    to_fill: usize,
     /// What took how many milliseconds.
     timings: Vec<(&'static str, u64)>,
     json: Value,
@@ -63,14 +94,16 @@ impl RunReport {
     /// Puts together the offline plan and what the verifier saw of the processes.
     ///
     /// What was seen outweighs what was planned; sums and counts are those of the plan, which hold for both as long
-    /// as the two do not differ.
+    /// as the two do not differ. What the verifier believes of modules that are dead is left out.
     ///
     /// # Errors
     /// The verdict cannot be read.
     pub fn new(plan: &CheckedPlan, verdict: &Value, course: &Course) -> Result<Self, Failure> {
-        let seen = Verdict::deserialize(verdict)
+        let deaths = course.deaths.clone();
+        let mut seen = Verdict::deserialize(verdict)
             .context("the verifier's verdict cannot be read")
             .map_err(Failure::Failed)?;
+        seen.leave_out(&deaths);
         let mut json = serde_json::to_value(plan.report())
             .context("cannot put the report together")
             .map_err(Failure::Failed)?;
@@ -88,6 +121,13 @@ impl RunReport {
                 json[key] = verdict[key].clone();
             }
         }
+        if deaths.of_agents() > 0 {
+            json["assignments"] = json!(seen.assignments);
+            json["unassigned"] = json!(seen.unassigned);
+            json["open_spots"] = json!(seen.open_spots);
+            json["missing"] = json!(seen.missing);
+        }
+        json["dead"] = deaths.json();
         let discovery_ms = course
             .discovery
             .map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX));
@@ -104,6 +144,8 @@ impl RunReport {
         Ok(Self {
             differences: differences(&plan.statistics.assignments, &seen.assignments),
             verdict: seen,
+            deaths,
+            to_fill: plan.statistics.assignments.len(),
             timings,
             json,
         })
@@ -117,8 +159,12 @@ impl RunReport {
     /// What people get to read; the verdict comes last.
     pub fn text(&self, plan: &CheckedPlan, name: &str) -> String {
         let mut lines = Vec::new();
-        if self.verdict.outcome != Outcome::Failed && self.differences.is_empty() {
-            lines.push(plan.text(name));
+        if self.verdict.outcome != Outcome::Failed {
+            if self.differences.is_empty() {
+                lines.push(plan.text(name));
+            } else if self.somebody_died() {
+                lines.push(self.placement_text());
+            }
         }
         let timings: Vec<String> = self
             .timings
@@ -138,8 +184,28 @@ impl RunReport {
                     .map(|sentence| format!("{what}: {sentence}")),
             );
         }
+        lines.extend(self.deaths.iter().map(|death| format!("dead: {death}")));
         lines.push(self.outcome_text());
         lines.join("\n")
+    }
+
+    /// Who settled where, when that is not as planned.
+    fn placement_text(&self) -> String {
+        let mut table = Table::new(["module", "spot"]);
+        for taken in &self.verdict.assignments {
+            table.row([taken.module.0.to_string(), taken.spot.0.to_string()]);
+        }
+        let unassigned = &self.verdict.unassigned;
+        if unassigned.is_empty() {
+            return table.to_string();
+        }
+        let unassigned = listed("module", unassigned.iter().map(|module| module.0));
+        format!("{table}\nwithout a spot: {unassigned}")
+    }
+
+    /// Whether others had to take the places of modules.
+    fn somebody_died(&self) -> bool {
+        self.deaths.of_agents() > 0
     }
 
     /// The verdict in one line.
@@ -148,6 +214,9 @@ impl RunReport {
         let spots = filled + self.verdict.open_spots.len();
         match self.verdict.outcome {
             Outcome::Complete => format!("COMPLETE: all {spots} spots are filled, hole-free"),
+            Outcome::Partial if filled < self.to_fill => {
+                format!("PARTIAL: {filled} of {spots} spots are filled, as many as modules live")
+            }
             Outcome::Partial => format!(
                 "PARTIAL: {filled} of {spots} spots are filled, as many as there are modules, hole-free"
             ),
@@ -183,8 +252,12 @@ impl RunReport {
     /// All that is wrong, one sentence each.
     pub fn reproaches(&self) -> impl Iterator<Item = String> + '_ {
         let verdict = &self.verdict;
-        let differences = self
-            .differences
+        let differences: &[String] = if self.somebody_died() {
+            &[]
+        } else {
+            &self.differences
+        };
+        let differences = differences
             .iter()
             .map(|difference| format!("other than in the offline plan, {difference}"));
         verdict
@@ -192,6 +265,7 @@ impl RunReport {
             .iter()
             .chain(&verdict.missing)
             .cloned()
+            .chain(self.deaths.iter().map(ToString::to_string))
             .chain(differences)
     }
 
@@ -213,6 +287,19 @@ impl RunReport {
                 "the formation failed: {}",
                 reasons.join("; ")
             )));
+        }
+        if self.somebody_died() {
+            // The offline plan is one for all; of it remains that its spots are to be filled.
+            let missing = self.to_fill.saturating_sub(verdict.filled_spots);
+            if verdict.outcome != Outcome::Agreed && missing > 0 {
+                let open = verdict.open_spots.iter().map(|spot| spot.0);
+                return Err(Failure::Failed(anyhow!(
+                    "the formation has a hole: {} open; {} died, and no spare was left",
+                    listed("spot", open),
+                    self.deaths.modules_text()
+                )));
+            }
+            return Ok(());
         }
         if !self.differences.is_empty() {
             return Err(Failure::Failed(anyhow!(
@@ -257,10 +344,13 @@ fn differences(planned: &[Assignment], seen: &[Taken]) -> Vec<String> {
 
 #[cfg(test)]
 mod tests {
+    use std::os::unix::process::ExitStatusExt;
+    use std::process::ExitStatus;
     use std::time::Duration;
 
     use formation::scenario::Scenario;
 
+    use super::super::deaths::Death;
     use super::*;
 
     fn plan() -> CheckedPlan {
@@ -295,6 +385,58 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             ..Course::default()
         };
         RunReport::new(&plan(), &verdict(outcome, spots), &course).unwrap()
+    }
+
+    /// What is reported when this module died on the way.
+    fn report_without(module: u32, verdict: &Value) -> RunReport {
+        let mut course = Course::default();
+        course.deaths.push(Death {
+            name: format!("module_agent of module {module}"),
+            modules: vec![ModuleId(module)],
+            status: ExitStatus::from_raw(9),
+            after: Duration::from_millis(5_230),
+        });
+        RunReport::new(&plan(), verdict, &course).unwrap()
+    }
+
+    #[test]
+    fn others_may_take_the_places_of_the_dead() {
+        let report = report_without(9, &verdict("COMPLETE", [2, 1]));
+        assert!(report.conclusion().is_ok());
+        assert_eq!(
+            report.text(&plan(), "two"),
+            "module  spot\n     7     2\n     8     1\nplanned in 12 ms, acted in 345 ms\n\
+             dead: module_agent of module 9 ended with signal: 9 (SIGKILL) after 5.2 s\n\
+             COMPLETE: all 2 spots are filled, hole-free"
+        );
+        assert_eq!(
+            report.json()["dead"],
+            json!([{
+                "process": "module_agent of module 9",
+                "modules": [9],
+                "ended_with": "signal: 9 (SIGKILL)",
+                "after_ms": 5_230,
+            }])
+        );
+    }
+
+    #[test]
+    fn a_spot_that_a_dead_module_held_is_open() {
+        let mut judged = verdict("FAILED", [1, 2]);
+        judged["violations"] = json!([]);
+        let report = report_without(8, &judged);
+        let json = report.json();
+        assert_eq!(json["assignments"], json!([{"module": 7, "spot": 1}]));
+        assert_eq!(json["open_spots"], json!([2]));
+        assert_eq!(
+            report.conclusion().unwrap_err().to_string(),
+            "the formation failed: spot 2 is open, as module 8 died there"
+        );
+        assert!(
+            report
+                .text(&plan(), "two")
+                .ends_with("FAILED: 1 of 2 spots are filled")
+        );
     }
 
     #[test]

@@ -33,6 +33,14 @@ const ERROR_LEVEL: &str = " ERROR ";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct ProcessId(usize);
 
+#[cfg(test)]
+impl ProcessId {
+    /// So many different ones.
+    pub fn some<const COUNT: usize>() -> [Self; COUNT] {
+        std::array::from_fn(Self)
+    }
+}
+
 /// What is done with a process' standard output; its error output is always kept for its last words.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {

@@ -11,6 +11,7 @@
 
 mod hostile;
 mod kills;
+mod launcher;
 mod partition;
 mod restarts;
 

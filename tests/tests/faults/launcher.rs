@@ -1,0 +1,80 @@
+//! A process of a run that a user started with the launcher dies, and the run goes on.
+
+use std::fs;
+use std::path::PathBuf;
+use std::process::Command;
+
+use formation_tests::{Running, ScenarioFile, alone};
+use serde_json::{Value, json};
+
+use super::{PATIENCE, SPARES, tell};
+
+const DOMAIN: &str = "44";
+
+/// The process that hosts a module of this scenario.
+fn agent_of(scenario: &str, module: u64) -> String {
+    let module = module.to_string();
+    let hosts = |process: &PathBuf| {
+        let line = fs::read(process.join("cmdline")).unwrap_or_default();
+        let arguments: Vec<&[u8]> = line.split(|&byte| byte == 0).collect();
+        let says = |option: &str, value: &str| {
+            let said = [option.as_bytes(), value.as_bytes()];
+            arguments.windows(2).any(|pair| pair == said)
+        };
+        says("--scenario", scenario) && says("--module", &module)
+    };
+    let processes = fs::read_dir("/proc").unwrap();
+    let agent = processes
+        .filter_map(|process| Some(process.ok()?.path()))
+        .find(hosts);
+    let agent = agent.unwrap_or_else(|| panic!("no process hosts module {module}"));
+    agent.file_name().unwrap().to_str().unwrap().to_owned()
+}
+
+#[test]
+fn a_run_goes_on_when_one_of_its_processes_is_killed() {
+    let _alone = alone();
+    let file = ScenarioFile::new("outlived", SPARES);
+    let plan = Running::start("formation", DOMAIN, &["plan", file.path(), "--json"]);
+    let plan = plan.finish(PATIENCE).json();
+    // Whoever is to fill the last spot is on its way, or waits to be, while the others act.
+    let last = plan["assembly_order"].as_array().unwrap().last().unwrap();
+    let assignments = plan["assignments"].as_array().unwrap();
+    let victim = assignments.iter().find(|taken| taken["spot"] == *last);
+    let victim = victim.unwrap()["module"].as_u64().unwrap();
+    let run = [
+        "run",
+        file.path(),
+        "--json",
+        "--module-option=--suspicion-s=2.5",
+        "--module-option=--lease-s=1.25",
+        "--module-option=--heartbeat-s=0.25",
+    ];
+    let run = Running::start("formation", DOMAIN, &run);
+    let acting = run.wait_for_log(0, "acting: ", PATIENCE);
+    let acting = acting.unwrap_or_else(|| panic!("nothing acted"));
+    let process = agent_of(file.path(), victim);
+    let killed = Command::new("kill").args(["-KILL", &process]).status();
+    assert!(killed.unwrap().success());
+    let told = run.wait_for_log(
+        0,
+        &format!("module {victim} ended with signal: 9 (SIGKILL)"),
+        PATIENCE,
+    );
+    assert!(told.is_some(), "the death was not told");
+    let finished = run.finish(PATIENCE);
+    assert_eq!(finished.status, 0, "{}{}", finished.stdout, finished.stderr);
+    tell(&format!(
+        "module {victim} died; the run ended {:.1} s after the others began to act",
+        acting.elapsed().as_secs_f64()
+    ));
+    let report = finished.json();
+    assert_eq!(report["verdict"], "COMPLETE");
+    assert_eq!(report["open_spots"], json!([]));
+    let dead = report["dead"].as_array().unwrap();
+    assert_eq!(dead.len(), 1, "{report}");
+    assert_eq!(dead[0]["modules"], json!([victim]));
+    let filled: Vec<&Value> = report["assignments"].as_array().unwrap().iter().collect();
+    assert_eq!(filled.len(), assignments.len());
+    assert!(filled.iter().all(|taken| taken["module"] != victim));
+}
