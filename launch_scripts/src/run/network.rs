@@ -60,6 +60,7 @@ pub fn settle(
         env::var_os(name).map(|value| value.to_string_lossy().into_owned())
     })?;
     let surroundings = Surroundings { domain, range };
+    warn_of_lent_ports(domain.number());
     let participants = hosts + OTHER_PROCESSES + usize::from(arguments.driver.is_some());
     if arguments.private_network {
         check_room(participants, 0)?;
@@ -115,6 +116,37 @@ fn environment(
     Ok(environment)
 }
 
+/// Says so if the machine lends the ports of a domain to whoever asks for any: a participant whose port is lent takes a
+/// later one, at which others may not look for it.
+fn warn_of_lent_ports(domain: u16) {
+    // Where the kernel does not tell, nothing can be said.
+    let lent = fs::read_to_string("/proc/sys/net/ipv4/ip_local_port_range").unwrap_or_default();
+    if let Some((first, last)) = port_range(&lent).filter(|&lent| lends_ports_of(lent, domain)) {
+        console::note(&format!(
+            "warning: the ports of domain {domain} are among those that this machine lends to any program ({first} to \
+             {last}, /proc/sys/net/ipv4/ip_local_port_range), so that now and then a process is not found by the others; \
+             on most machines domains up to 101 are safe"
+        ));
+    }
+}
+
+/// The two numbers in which the kernel tells the range.
+fn port_range(text: &str) -> Option<(usize, usize)> {
+    let mut numbers = text.split_whitespace().map(str::parse);
+    Some((numbers.next()?.ok()?, numbers.next()?.ok()?))
+}
+
+fn lends_ports_of((first_lent, last_lent): (usize, usize), domain: u16) -> bool {
+    let first = discovery_port(domain, 0);
+    let last = discovery_port(domain, PARTICIPANTS_MAX - 1);
+    first <= last_lent && last >= first_lent
+}
+
+/// RTPS 2.5, section 9.6.2.3: PB + DG * domain + d1 + PG * participant.
+fn discovery_port(domain: u16, participant: usize) -> usize {
+    7_400 + 250 * usize::from(domain) + 10 + 2 * participant
+}
+
 /// How many participants of a domain run on this machine already.
 fn participants_taken(domain: u16) -> usize {
     // Where the kernel does not tell, other programs are taken to be in other domains.
@@ -131,10 +163,8 @@ fn participants_in(sockets: &str, domain: u16) -> usize {
             usize::from_str_radix(port, 16).ok()
         })
         .collect();
-    // RTPS 2.5, section 9.6.2.3: PB + DG * domain + d1 + PG * participant.
-    let first = 7_400 + 250 * usize::from(domain) + 10;
     (0..PARTICIPANTS_MAX)
-        .filter(|participant| ports.contains(&(first + 2 * participant)))
+        .filter(|&participant| ports.contains(&discovery_port(domain, participant)))
         .count()
 }
 
@@ -226,6 +256,21 @@ fn isolated(isolation: Isolation, command: impl IntoIterator<Item = OsString>) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn the_ports_of_high_domains_are_lent_to_others() {
+        let usual = port_range("32768\t60999\n").unwrap();
+        for (domain, lent) in [
+            (0, false),
+            (100, false),
+            (102, true),
+            (200, true),
+            (232, false),
+        ] {
+            assert_eq!(lends_ports_of(usual, domain), lent, "domain {domain}");
+        }
+        assert_eq!(port_range("unlimited"), None);
+    }
 
     #[test]
     fn participants_are_counted_by_their_discovery_ports() {
