@@ -38,7 +38,8 @@ pub struct ObserverParameters {
     pub position_tolerance: MicroUnits,
     /// By how much its heading may differ, in micro-radians.
     pub heading_tolerance: MicroUnits,
-    /// After this time since the observer's start a formation that is not done has failed.
+    /// After this time since the observer's start, or since the first target after a verdict, a formation that is not
+    /// done has failed.
     pub time_limit: Duration,
     /// How long an end state that is reached, but not yet right, may take to become right: messages that prove it may
     /// still be on their way. As long, an end state with fewer modules than expected waits for more of them.
@@ -70,6 +71,8 @@ impl Default for ObserverParameters {
 pub struct Observer {
     parameters: ObserverParameters,
     target: Option<Arc<TargetAnnouncement>>,
+    /// The highest revision that withdrew a target.
+    withdrawn: Option<u64>,
     modules: BTreeMap<ModuleId, ModuleRecord>,
     epochs: Epochs,
     /// Violations outside any epoch, and in epochs that had to make room.
@@ -80,6 +83,10 @@ pub struct Observer {
     reached_since: Option<Duration>,
     /// Since when an end state that was reached and judged is no longer there.
     broken_since: Option<Duration>,
+    /// From when the time limit counts.
+    limit_from: Duration,
+    /// Whether a target that asks for something else was announced since the verdict.
+    has_new_target: bool,
     verdict: Option<Verdict>,
 }
 
@@ -97,6 +104,7 @@ impl Observer {
         Self {
             parameters,
             target: None,
+            withdrawn: None,
             modules: BTreeMap::new(),
             epochs: Epochs::default(),
             retired: Vec::new(),
@@ -104,6 +112,8 @@ impl Observer {
             dropped: 0,
             reached_since: None,
             broken_since: None,
+            limit_from: Duration::ZERO,
+            has_new_target: false,
             verdict: None,
         }
     }
@@ -118,7 +128,18 @@ impl Observer {
                     .as_ref()
                     .is_none_or(|known| known.revision < announcement.revision);
                 if is_newer {
+                    let asks_the_same = self
+                        .target
+                        .as_ref()
+                        .is_some_and(|known| ask_the_same(known, announcement));
+                    if self.verdict.is_some() && !asks_the_same {
+                        self.has_new_target = true;
+                        self.limit_from = now;
+                    }
                     self.target = Some(Arc::clone(announcement));
+                }
+                if announcement.target.is_none() {
+                    self.withdrawn = self.withdrawn.max(Some(announcement.revision));
                 }
             }
             Message::ModuleState(state) => {
@@ -190,10 +211,14 @@ impl Observer {
         if self.verdict.is_some() {
             return None;
         }
-        let limit = self.parameters.time_limit;
+        let limit = self.time_limit();
         Some(self.reached_since.map_or(limit, |since| {
             limit.min(since.saturating_add(self.parameters.grace))
         }))
+    }
+
+    fn time_limit(&self) -> Duration {
+        self.limit_from.saturating_add(self.parameters.time_limit)
     }
 
     /// The judgement, once there is one.
@@ -207,9 +232,15 @@ impl Observer {
     /// Looks again at a verdict that was given; `None` while it still holds.
     ///
     /// A formation that was done and is not any more, because a member fell silent or a new plan is under way, is
-    /// FAILED until it is done again.
+    /// FAILED until it is done again. With a target that asks for something else there is no verdict any more, and the
+    /// time limit begins anew.
     pub fn review(&mut self, now: Duration) -> Option<&Verdict> {
-        let Some(known) = self.verdict.take() else {
+        let known = self
+            .verdict
+            .take()
+            .filter(|_| !std::mem::take(&mut self.has_new_target));
+        let Some(known) = known else {
+            self.broken_since = None;
             return self.verdict(now);
         };
         let fresh = match self.judge(now) {
@@ -234,16 +265,27 @@ impl Observer {
         }
     }
 
+    /// The target that was announced with the highest revision, or its withdrawal.
+    #[must_use]
+    pub fn target(&self) -> Option<&Arc<TargetAnnouncement>> {
+        self.target.as_ref()
+    }
+
     /// How far the formation has come.
     #[must_use]
     pub fn progress(&self) -> Progress {
         let expected = self.expected_count();
+        let has_target = self
+            .target
+            .as_ref()
+            .is_some_and(|target| target.target.is_some());
+        let without_plan = if has_target {
+            Stage::Gathering
+        } else {
+            Stage::WaitingForTarget
+        };
         let mut progress = Progress {
-            stage: if self.target.is_some() {
-                Stage::Gathering
-            } else {
-                Stage::WaitingForTarget
-            },
+            stage: without_plan,
             epoch: None,
             joined: self.modules.len(),
             expected,
@@ -265,7 +307,7 @@ impl Observer {
         progress.settled = end.assignments().len();
         progress.to_fill = problem.modules().len().min(problem.target().spots().len());
         progress.stage = if self.is_outdated(heard) {
-            Stage::Gathering
+            without_plan
         } else if missing.is_empty() {
             Stage::Done
         } else if end.is_agreed() && end.claims_are_whole() {
@@ -295,10 +337,10 @@ impl Observer {
     /// The newest plan, once all its members agree on it; `None` before, and as soon as a newer target is announced.
     #[must_use]
     pub fn agreement(&self) -> Option<Agreement> {
-        let (epoch, record, heard, problem) = self.newest()?;
+        let (epoch, record, heard, problem) = self.current()?;
         let claimed = replay_claims(epoch, record, heard, problem);
         let end = EndState::new(self, epoch, record, heard, problem, &claimed);
-        if self.is_outdated(heard) || !end.is_agreed() || !end.claims_are_whole() {
+        if !end.is_agreed() || !end.claims_are_whole() {
             return None;
         }
         Some(Agreement {
@@ -338,15 +380,31 @@ impl Observer {
         })
     }
 
-    /// Whether a newer target was announced than a roster plans for.
+    /// The same, if it plans for the target that holds.
+    fn current(&self) -> Option<(Epoch, &EpochRecord, &HeardRoster, &PlanningProblem)> {
+        self.newest()
+            .filter(|(_, _, heard, _)| !self.is_outdated(heard))
+    }
+
+    /// The newest epoch with a roster, if it plans for the target that holds.
+    #[must_use]
+    pub fn current_epoch(&self) -> Option<Epoch> {
+        self.current().map(|(epoch, ..)| epoch)
+    }
+
+    /// Whether a newer target holds than a roster plans for: one that asks for something else, or the same once more
+    /// after it was withdrawn. Agents, too, compare targets by what they ask for.
     fn is_outdated(&self, heard: &HeardRoster) -> bool {
-        self.target
-            .as_ref()
-            .is_some_and(|target| target.revision > heard.roster.target.revision)
+        let planned = &heard.roster.target;
+        let is_withdrawn = self.withdrawn > Some(planned.revision);
+        is_withdrawn
+            || self.target.as_ref().is_some_and(|target| {
+                target.revision > planned.revision && !ask_the_same(target, planned)
+            })
     }
 
     fn judge(&mut self, now: Duration) -> Option<Verdict> {
-        let is_late = now >= self.parameters.time_limit;
+        let is_late = now >= self.time_limit();
         let missing = self.missing(now);
         if missing.is_empty() {
             self.reached_since.get_or_insert(now);
@@ -372,10 +430,7 @@ impl Observer {
 
     /// What the newest target still waits for.
     fn missing(&self, now: Duration) -> Vec<Missing> {
-        let newest = self
-            .newest()
-            .filter(|(_, _, heard, _)| !self.is_outdated(heard));
-        let Some((epoch, record, heard, problem)) = newest else {
+        let Some((epoch, record, heard, problem)) = self.current() else {
             return self.missing_roster();
         };
         let claimed = replay_claims(epoch, record, heard, problem);
@@ -445,7 +500,7 @@ impl Observer {
                 ..Counts::default()
             },
         };
-        if let Some((epoch, record, heard, problem)) = self.newest() {
+        if let Some((epoch, record, heard, problem)) = self.current() {
             let claimed = replay_claims(epoch, record, heard, problem);
             let end = EndState::new(self, epoch, record, heard, problem, &claimed);
             if completed.is_some() {
@@ -539,6 +594,11 @@ impl Verdict {
         self.counts.evictions = claimed.replay.evictions;
         self.counts.detached = claimed.replay.detached.len();
     }
+}
+
+/// Whether two announcements lead to the same plans, whatever their revisions and names.
+fn ask_the_same(one: &TargetAnnouncement, other: &TargetAnnouncement) -> bool {
+    one.target == other.target && one.parameters == other.parameters
 }
 
 /// Modules that moved as one unit must have been placed as one block.

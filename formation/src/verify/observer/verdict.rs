@@ -101,7 +101,7 @@ pub struct Agreement {
 /// How far a formation has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Stage {
-    /// Nobody announced a target yet.
+    /// Nobody announced a target yet, or it was withdrawn.
     WaitingForTarget,
     /// Modules announce themselves; no roster yet.
     Gathering,

@@ -120,3 +120,52 @@ fn a_death_breaks_the_verdict_and_a_new_plan_mends_it() {
     assert_eq!(mended.epoch, Some(epoch));
     assert_eq!(mended.unassigned, [], "it counts the living only");
 }
+
+/// The good run's target under another revision, and what it asks for instead, if anything.
+fn announced(revision: u64, change: impl FnOnce(&mut TargetAnnouncement)) -> Message {
+    let mut target = good_run().target;
+    target.revision = revision;
+    change(&mut target);
+    Message::Target(Arc::new(target))
+}
+
+#[test]
+fn a_target_that_is_announced_again_changes_nothing_unless_it_was_withdrawn() {
+    let mut observer = observe(&good_run().messages(), patient());
+    assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
+    assert_eq!(observer.current_epoch(), Some(EPOCH));
+    observer.handle(at(2), &announced(2, |_| ()));
+    assert_eq!(observer.current_epoch(), Some(EPOCH));
+    assert_eq!(observer.progress().stage, Stage::Done);
+    assert_eq!(outcome(observer.review(at(5))), None, "as it was");
+
+    observer.handle(at(6), &announced(3, |target| target.target = None));
+    assert_eq!(observer.progress().stage, Stage::WaitingForTarget);
+    observer.handle(at(7), &announced(4, |_| ()));
+    assert_eq!(observer.progress().stage, Stage::Gathering);
+    assert_eq!(
+        observer.current_epoch(),
+        None,
+        "agents plan anew after that"
+    );
+}
+
+#[test]
+fn a_new_target_takes_the_verdict_away_and_has_the_whole_time_limit() {
+    let parameters = ObserverParameters {
+        time_limit: at(60),
+        ..patient()
+    };
+    let mut observer = observe(&good_run().messages(), parameters);
+    assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
+    let other = announced(2, |target| target.parameters.keep_all_spots = true);
+    observer.handle(at(100), &other);
+    for now in [101, 120, 159] {
+        assert_eq!(outcome(observer.review(at(now))), None);
+    }
+    assert_eq!(observer.poll_timeout(), Some(at(160)));
+    let late = observer.review(at(160)).unwrap();
+    assert_eq!(late.outcome, Outcome::Failed);
+    assert_eq!(late.missing, [Missing::Roster { revision: 2 }]);
+    assert_eq!(late.epoch, None, "the old plan is not judged again");
+}

@@ -31,10 +31,10 @@ fn silence_is_named() {
 #[test]
 fn a_missing_roster_is_named() {
     let mut run = good_run();
-    run.target.revision = 2;
-    let announced = Message::Target(Arc::new(run.target.clone()));
-    run.target.revision = 1;
-    run.further = vec![announced];
+    let mut other = run.target.clone();
+    other.revision = 2;
+    other.parameters.keep_all_spots = true;
+    run.further = vec![Message::Target(Arc::new(other))];
     run.assert_missing(&[Missing::Roster { revision: 2 }]);
     let mut withdrawn = run.target.clone();
     withdrawn.revision = 3;
