@@ -18,3 +18,5 @@ pub const VIOLATIONS_MAX: usize = 256;
 pub const VIOLATION_BYTES_MAX: usize = 1024;
 /// Bytes of the reason for a refusal.
 pub const REASON_BYTES_MAX: usize = 1024;
+/// Bytes of what an answer says to people.
+pub const ANSWER_BYTES_MAX: usize = 1024;

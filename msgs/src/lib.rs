@@ -1,8 +1,8 @@
 //! The messages of the formation suite, as they stand on the wire.
 //!
-//! The package is two things at once: a ROS 2 interface package (`msg/`, built by colcon) and the same types in
-//! Rust. Each struct here has the name of a `.msg` file, and its fields in the order of that file; the file says
-//! what each field means and in which unit.
+//! The package is two things at once: a ROS 2 interface package (`msg/`, `srv/` and `action/`, built by colcon) and
+//! the same types in Rust. Each struct here has the name of a `.msg` file, or of a section of a `.srv` or `.action`
+//! file, and its fields in the order of that file; the file says what each field means and in which unit.
 //!
 //! Whatever arrives is raw. `TryFrom` makes validated data of [`formation::message`] of it, or a [`MessageError`]
 //! that names the topic, the field and the reason; `From<&_>` goes the other way. Going out and in again changes
@@ -18,7 +18,9 @@ mod error;
 pub mod foreign;
 mod heartbeat;
 mod module_state;
+mod progress;
 mod roster;
+mod services;
 mod standard;
 mod target;
 pub mod topic;
@@ -31,7 +33,11 @@ pub use epoch::{Epoch, QuorumBasis};
 pub use error::{Fault, MessageError};
 pub use heartbeat::{Heartbeat, ModuleHeartbeat};
 pub use module_state::{CausalMark, ModuleState, ModuleStates};
+pub use progress::Progress;
 pub use roster::{Roster, RosterMember};
+pub use services::{
+    QueryStatusRequest, QueryStatusResponse, WithdrawTargetRequest, WithdrawTargetResponse,
+};
 pub use standard::{Duration, Header, Time};
 pub use target::{Edge, PlannerParameters, Spot, TargetConfiguration};
 pub use verdict::Verdict;
@@ -39,7 +45,7 @@ pub use verdict::Verdict;
 /// Stands for "none" where an identifier is optional.
 pub const NONE: u32 = formation::id::NO_ID;
 
-/// Names a type as ROS 2 does: `PACKAGE/msg/NAME`.
+/// Names a type as ROS 2 does: `PACKAGE/msg/NAME`. A section of a service is named after it, as `NAME_Request`.
 pub trait InterfaceType {
     /// The package that defines the type.
     const PACKAGE: &str;
@@ -72,6 +78,7 @@ interface_types!(
     ModuleState,
     ModuleStates,
     PlannerParameters,
+    Progress,
     QuorumBasis,
     Roster,
     RosterMember,
@@ -80,6 +87,22 @@ interface_types!(
     SpotSelection,
     TargetConfiguration,
     Verdict,
+);
+
+macro_rules! sections {
+    ($($type:ident = $name:literal),+ $(,)?) => {
+        $(impl InterfaceType for $type {
+            const PACKAGE: &str = "formation_msgs";
+            const NAME: &str = $name;
+        })+
+    };
+}
+
+sections!(
+    QueryStatusRequest = "QueryStatus_Request",
+    QueryStatusResponse = "QueryStatus_Response",
+    WithdrawTargetRequest = "WithdrawTarget_Request",
+    WithdrawTargetResponse = "WithdrawTarget_Response",
 );
 
 mod foreign_types {

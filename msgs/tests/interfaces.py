@@ -1,7 +1,9 @@
-"""Reads the .msg files with rosbags and speaks CDR for the test beside this file.
+"""Reads the interface files with rosbags and speaks CDR for the test beside this file.
+
+The sections of a service or an action count as messages of their own, such as QueryStatus_Request.
 
 Usage:
-    interfaces.py definitions [TYPE...]          prints one JSON object: what rosbags understands of each .msg file
+    interfaces.py definitions [TYPE...]          prints one JSON object: what rosbags understands of each file
     interfaces.py produce SEED COUNT [TYPE...]   prints COUNT random values of each type, one JSON object a line
     interfaces.py consume                        reads lines of {type, bytes}, prints {value, bytes} for each
 
@@ -19,7 +21,10 @@ import numpy
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 PACKAGE = "formation_msgs"
-MESSAGES = pathlib.Path(__file__).resolve().parent.parent / "msg"
+FOLDER = pathlib.Path(__file__).resolve().parent.parent
+
+# The sections of a file, by the end of its name.
+SECTIONS = {"msg": [""], "srv": ["_Request", "_Response"], "action": ["_Goal", "_Result", "_Feedback"]}
 
 INTEGERS = {
     "int8": (8, True),
@@ -38,8 +43,11 @@ ALPHABET = "ab \N{GREEK SMALL LETTER ALPHA}\N{EURO SIGN}\N{SNAKE}\""
 def load():
     """The types of this package as rosbags parses them, and a type store that knows them."""
     ours = {}
-    for path in sorted(MESSAGES.glob("*.msg")):
-        ours.update(get_types_from_msg(path.read_text(), f"{PACKAGE}/msg/{path.stem}"))
+    for kind, sections in SECTIONS.items():
+        for path in sorted((FOLDER / kind).glob(f"*.{kind}")):
+            texts = path.read_text().split("\n---\n")
+            for section, text in zip(sections, texts, strict=True):
+                ours.update(get_types_from_msg(text, f"{PACKAGE}/msg/{path.stem}{section}"))
     store = get_typestore(Stores.ROS2_JAZZY)
     store.register(ours)
     return ours, store

@@ -1,4 +1,4 @@
-//! The `.msg` files and the Rust types are the same types, judged by rosbags, which parses the files and speaks CDR.
+//! The interface files and the Rust types are the same types, judged by rosbags, which parses the files and speaks CDR.
 
 #![allow(
     clippy::unwrap_used,
@@ -61,12 +61,23 @@ fn definitions() -> Option<BTreeMap<String, Definition>> {
     python::ask(&["definitions"], "").map(|text| serde_json::from_str(&text).unwrap())
 }
 
-fn message_files() -> BTreeSet<String> {
-    std::fs::read_dir(concat!(env!("CARGO_MANIFEST_DIR"), "/msg"))
+/// The files of one kind: `msg`, `srv` or `action`.
+fn files(kind: &str) -> BTreeSet<String> {
+    std::fs::read_dir(format!("{}/{kind}", env!("CARGO_MANIFEST_DIR")))
         .unwrap()
         .map(|entry| entry.unwrap().file_name().into_string().unwrap())
         .collect()
 }
+
+/// The text of a file, section by section: a service has two, an action three.
+fn sections(kind: &str, file: &str) -> Vec<String> {
+    let text =
+        std::fs::read_to_string(format!("{}/{kind}/{file}", env!("CARGO_MANIFEST_DIR"))).unwrap();
+    text.split("\n---\n").map(str::to_owned).collect()
+}
+
+/// The kinds of files, with the ends of the names of their sections.
+const KINDS: [(&str, &[&str]); 2] = [("msg", &[""]), ("srv", &["_Request", "_Response"])];
 
 /// A field's type as ROS 2 writes it, from what serde says.
 fn interface_name(format: &Format) -> String {
@@ -100,20 +111,30 @@ fn rust_fields(registry: &Registry, name: &str) -> Vec<(String, String)> {
 }
 
 #[test]
-fn every_file_is_built_and_has_its_type() {
-    let files = message_files();
+fn every_file_is_built_and_every_section_has_its_type() {
     let types: BTreeSet<String> = codec::all()
         .iter()
-        .map(|codec| format!("{}.msg", codec.name))
+        .map(|codec| codec.name.to_owned())
         .collect();
-    assert_eq!(files, types);
-    let build = include_str!("../CMakeLists.txt");
-    let built: BTreeSet<String> = build
-        .lines()
-        .filter_map(|line| line.trim().strip_prefix("\"msg/")?.strip_suffix('"'))
-        .map(str::to_owned)
-        .collect();
-    assert_eq!(files, built);
+    let mut found = BTreeSet::new();
+    for (kind, ends) in KINDS {
+        let files = files(kind);
+        let built: BTreeSet<String> = include_str!("../CMakeLists.txt")
+            .lines()
+            .filter_map(|line| {
+                let path = line.trim().strip_prefix('"')?.strip_suffix('"')?;
+                path.strip_prefix(kind)?.strip_prefix('/')
+            })
+            .map(str::to_owned)
+            .collect();
+        assert_eq!(files, built);
+        for file in files {
+            let name = file.strip_suffix(&format!(".{kind}")).unwrap();
+            assert_eq!(sections(kind, &file).len(), ends.len(), "{file}");
+            found.extend(ends.iter().map(|end| format!("{name}{end}")));
+        }
+    }
+    assert_eq!(found, types);
 }
 
 #[test]
@@ -132,7 +153,7 @@ fn names_types_and_order_of_fields_agree() {
         assert_eq!(
             rust_fields(&(codec.trace)(), codec.name),
             of_file,
-            "{name}: Rust on the left, the .msg file on the right"
+            "{name}: Rust on the left, the file on the right"
         );
     }
 }
@@ -166,6 +187,8 @@ fn constants_agree() {
         PlannerParameters:
             POLICY_EXACT, POLICY_PAPER, POLICY_AUCTION, POLICY_HUNGARIAN, ORDER_RANK, ORDER_SIZE_FIRST,
             D_MAX_UNBOUNDED;
+        Progress:
+            STAGE_WAITING_FOR_TARGET, STAGE_GATHERING, STAGE_PLANNING, STAGE_AGREEING, STAGE_ACTING, STAGE_DONE;
         Roster: STAGE_GATHER, STAGE_PLAN;
         RosterMember: NONE;
         Verdict: OUTCOME_COMPLETE, OUTCOME_PARTIAL, OUTCOME_FAILED;
@@ -190,6 +213,7 @@ fn bounds_agree() {
         })
         .collect();
     let list = |field: &str, bound| (field.to_owned(), Some(bound), None);
+    let text = |field: &str, bound| (field.to_owned(), None, Some(bound));
     let of_rust = BTreeSet::from([
         list("Heartbeat.modules", bounds::MODULES_MAX),
         list("ModuleState.agreed_on", bounds::MODULES_MAX),
@@ -197,6 +221,7 @@ fn bounds_agree() {
         list("ModuleState.quorum_bases", bounds::QUORUM_BASES_MAX),
         list("ModuleState.waited_for", bounds::MODULES_MAX),
         list("ModuleStates.modules", bounds::MODULES_MAX),
+        list("Progress.waiting_for", bounds::MODULES_MAX),
         list("QuorumBasis.module_ids", bounds::MODULES_MAX),
         list("Roster.members", bounds::MODULES_MAX),
         list("Roster.quorum_bases", bounds::QUORUM_BASES_MAX),
@@ -209,16 +234,10 @@ fn bounds_agree() {
         list("Verdict.assignments", bounds::SPOTS_MAX),
         list("Verdict.open_spots", bounds::SPOTS_MAX),
         list("Verdict.unassigned_modules", bounds::MODULES_MAX),
-        (
-            "DockingResult.reason".to_owned(),
-            None,
-            Some(bounds::REASON_BYTES_MAX),
-        ),
-        (
-            "TargetConfiguration.name".to_owned(),
-            None,
-            Some(bounds::NAME_BYTES_MAX),
-        ),
+        text("DockingResult.reason", bounds::REASON_BYTES_MAX),
+        text("QueryStatus_Response.target", bounds::NAME_BYTES_MAX),
+        text("TargetConfiguration.name", bounds::NAME_BYTES_MAX),
+        text("WithdrawTarget_Response.message", bounds::ANSWER_BYTES_MAX),
         (
             "Verdict.violations".to_owned(),
             Some(bounds::VIOLATIONS_MAX),
@@ -286,17 +305,22 @@ fn defaults_agree() {
 
 #[test]
 fn every_field_and_constant_is_explained() {
-    for file in message_files() {
-        let text =
-            std::fs::read_to_string(format!("{}/msg/{file}", env!("CARGO_MANIFEST_DIR"))).unwrap();
-        assert!(text.starts_with("# "), "{file} does not say what it is");
-        for line in text.lines().filter(|line| !line.trim().is_empty()) {
-            let comment = line.split_once('#').map_or("", |(_, comment)| comment);
-            let named = line.starts_with("uint32 NONE=") || line.starts_with("int32 D_MAX_");
+    for (kind, _) in KINDS {
+        for file in files(kind) {
+            let sections = sections(kind, &file);
             assert!(
-                named || comment.trim().len() >= 8,
-                "{file}: `{line}` lacks its comment"
+                sections[0].starts_with("# "),
+                "{file} does not say what it is"
             );
+            let lines = sections.iter().flat_map(|section| section.lines());
+            for line in lines.filter(|line| !line.trim().is_empty()) {
+                let comment = line.split_once('#').map_or("", |(_, comment)| comment);
+                let named = line.starts_with("uint32 NONE=") || line.starts_with("int32 D_MAX_");
+                assert!(
+                    named || comment.trim().len() >= 8,
+                    "{file}: `{line}` lacks its comment"
+                );
+            }
         }
     }
 }

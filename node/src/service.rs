@@ -6,8 +6,10 @@ use async_io::Timer;
 use futures::StreamExt;
 use futures::stream::LocalBoxStream;
 use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
-use ros2_client::{Message, RmwRequestId, Server};
+use ros2_client::{RmwRequestId, Server};
 use rustdds::{DomainParticipant, GUID, RTPSEntity};
+use serde::de::DeserializeOwned;
+use serde::{Deserialize, Serialize};
 
 use crate::arguments::Resource;
 use crate::session::{Session, SessionError};
@@ -19,13 +21,20 @@ pub trait ServiceType {
     /// The service within the package.
     const NAME: &'static str;
     /// What is asked.
-    type Request: Message + Clone + 'static;
+    type Request: Serialize + DeserializeOwned + Clone + 'static;
     /// What is answered.
-    type Response: Message + 'static;
+    type Response: Serialize + DeserializeOwned + 'static;
 }
 
+/// What travels, with the library's own trait, which types of other crates cannot have.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+pub(crate) struct Carried<T>(pub T);
+
+impl<T: Serialize + DeserializeOwned> ros2_client::Message for Carried<T> {}
+
 /// As many requests of one service wait to be answered.
-const WAITING_MAX: usize = 16;
+pub(crate) const WAITING_MAX: usize = 16;
 /// A client whose subscription to replies does not show by then is answered all the same.
 const CLIENT_WAIT: Duration = Duration::from_secs(1);
 /// Between two looks for it.
@@ -38,12 +47,15 @@ const CLIENT_BYTES: usize = 8;
 /// Which request a reply answers.
 pub type RequestId = RmwRequestId;
 
+/// The library's serving end of a service.
+pub(crate) type LibraryServer<S> =
+    Server<Carried<<S as ServiceType>::Request>, Carried<<S as ServiceType>::Response>>;
+
 /// The serving end of a service.
 pub struct ServiceServer<S: ServiceType> {
     name: String,
-    server: Server<S::Request, S::Response>,
-    participant: DomainParticipant,
-    reply_topic: String,
+    server: LibraryServer<S>,
+    clients: Clients,
 }
 
 impl<S: ServiceType> ServiceServer<S> {
@@ -55,8 +67,7 @@ impl<S: ServiceType> ServiceServer<S> {
         let name = session.resolve(Resource::Service, name)?;
         Ok(Self {
             server: session.server::<S>(&name)?,
-            participant: session.participant(),
-            reply_topic: format!("rr{name}Reply"),
+            clients: Clients::of(session, &name),
             name,
         })
     }
@@ -68,9 +79,6 @@ impl<S: ServiceType> ServiceServer<S> {
     }
 
     /// Every request that comes in, for ever. One that does not decode is logged and dropped.
-    ///
-    /// A client may ask before this process has found its subscription to the replies, and would wait in vain for an
-    /// answer that is given at once. So a request is passed on when that subscription is known.
     pub fn requests(&self) -> LocalBoxStream<'_, (RequestId, S::Request)> {
         self.server
             .receive_request_stream()
@@ -81,8 +89,8 @@ impl<S: ServiceType> ServiceServer<S> {
                     })
                     .ok()
             })
-            .map(move |(id, request)| async move {
-                self.wait_for_client(id).await;
+            .map(move |(id, Carried(request))| async move {
+                self.clients.wait_for(id).await;
                 (id, request)
             })
             .buffered(WAITING_MAX)
@@ -91,18 +99,38 @@ impl<S: ServiceType> ServiceServer<S> {
 
     /// Answers a request.
     pub fn answer(&self, id: RequestId, response: S::Response) {
-        if let Err(error) = self.server.send_response(id, response) {
+        if let Err(error) = self.server.send_response(id, Carried(response)) {
             tracing::warn!(service = self.name, "could not answer: {error:?}");
         }
     }
+}
 
-    async fn wait_for_client(&self, id: RequestId) {
+/// The clients of a service, as discovery shows them.
+///
+/// A client may ask before this process has found its subscription to the replies, and would wait in vain for an answer
+/// that is given at once. So a request is passed on when that subscription is known.
+pub(crate) struct Clients {
+    participant: DomainParticipant,
+    reply_topic: String,
+}
+
+impl Clients {
+    /// The clients of the service with this fully qualified name.
+    pub(crate) fn of(session: &Session, name: &str) -> Self {
+        Self {
+            participant: session.participant(),
+            reply_topic: format!("rr{name}Reply"),
+        }
+    }
+
+    /// Waits until a client is seen to subscribe to the replies, but not for ever.
+    pub(crate) async fn wait_for(&self, id: RequestId) {
         let deadline = Instant::now() + CLIENT_WAIT;
         let mut waited = false;
-        while !self.knows_client(id) {
+        while !self.knows(id) {
             if Instant::now() >= deadline {
                 tracing::debug!(
-                    service = self.name,
+                    topic = self.reply_topic,
                     "a client shows no subscription to replies"
                 );
                 return;
@@ -116,7 +144,7 @@ impl<S: ServiceType> ServiceServer<S> {
         }
     }
 
-    fn knows_client(&self, id: RequestId) -> bool {
+    fn knows(&self, id: RequestId) -> bool {
         let client = &id.writer_gid.to_bytes16()[..CLIENT_BYTES];
         let is_own = self.participant.guid().to_bytes()[..CLIENT_BYTES] == *client;
         is_own

@@ -5,7 +5,7 @@ use std::net::Ipv4Addr;
 use formation::agent::SourceId;
 use formation_msgs::InterfaceType;
 use ros2_client::{
-    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher, Server,
+    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
     ServiceTypeName, Subscription,
 };
 use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
@@ -20,7 +20,7 @@ use crate::parameters::{
     NodeWide, ParameterError, ParameterRequest, ParameterServices, Parameters, Values, shown,
 };
 use crate::pulse::Pulse;
-use crate::service::{ServiceType, service_qos};
+use crate::service::{LibraryServer, ServiceType, service_qos};
 use crate::service_mapping::ServiceMapping;
 use crate::settings::Settings;
 use crate::topics::Topic;
@@ -247,7 +247,7 @@ impl Session {
     pub(crate) fn server<S: ServiceType>(
         &mut self,
         name: &str,
-    ) -> Result<Server<S::Request, S::Response>, SessionError> {
+    ) -> Result<LibraryServer<S>, SessionError> {
         let parsed = Name::parse(name).map_err(|error| bad_name(name, &error))?;
         self.node
             .create_server(

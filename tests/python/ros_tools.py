@@ -6,8 +6,9 @@ Usage:
     ros_tools.py gone NODE [--domain D] [--timeout S]
         waits until NODE was seen, prints a line, waits until it and its endpoints are gone, and prints how long that took
     ros_tools.py call NODE [--domain D] [--timeout S]
-        calls services of NODE by the mapping of CycloneDDS: lines of {"service": "...", "type": "...", "request": {...}}
-        go in, replies come out; each request is sent as soon as the service is seen, as tools do
+        calls services by the mapping of CycloneDDS: lines of {"service": "...", "type": "...", "request": {...}} go in,
+        replies come out; each request is sent as soon as the service is seen, as tools do; the name of a service is
+        private to NODE, unless it begins with a slash
     ros_tools.py echo TOPIC TYPE [--domain D] [--timeout S] [--count N] [--latched]
         prints samples of TOPIC as they come; with --latched, those from before as well
 """
@@ -41,7 +42,7 @@ from rosbags.typesys import get_types_from_msg  # noqa: E402
 RELIABLE = Policy.Reliability.Reliable(duration(seconds=1))
 INTERVAL_S = 0.01
 
-# The parameter services, as their .srv files have them.
+# The parameter services and our own, as their .srv files have them.
 SERVICES = {
     "rcl_interfaces/srv/DescribeParameters": ("string[] names", "rcl_interfaces/ParameterDescriptor[] descriptors"),
     "rcl_interfaces/srv/GetParameters": ("string[] names", "rcl_interfaces/ParameterValue[] values"),
@@ -59,6 +60,10 @@ SERVICES = {
         "rcl_interfaces/SetParametersResult result",
     ),
 }
+
+INTERFACES = pathlib.Path(__file__).resolve().parents[2] / "msgs"
+for path in sorted((INTERFACES / "srv").glob("*.srv")):
+    SERVICES[f"formation_msgs/srv/{path.stem}"] = tuple(path.read_text().split("\n---\n"))
 
 
 class Graph:
@@ -242,7 +247,8 @@ def call(arguments):
     known, interfaces, clients = Graph(participant), Types(), {}
     for line in sys.stdin:
         order = json.loads(line)
-        service = f"{arguments.name}/{order['service']}"
+        name = order["service"]
+        service = name if name.startswith("/") else f"{arguments.name}/{name}"
         if service not in clients:
             clients[service] = Client(participant, interfaces, service, order["type"])
         wait(arguments, service, lambda: clients[service].is_served(known))

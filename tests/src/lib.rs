@@ -13,6 +13,7 @@ mod namespaces;
 mod peer;
 mod programs;
 mod python;
+mod ros_tool;
 mod scenario_file;
 mod transcript;
 
@@ -21,5 +22,6 @@ pub use namespaces::{Namespace, Network};
 pub use peer::Peer;
 pub use programs::{Finished, Running, alone, program, root, scenario_path};
 pub use python::Python;
+pub use ros_tool::RosTool;
 pub use scenario_file::ScenarioFile;
 pub use transcript::{Line, Transcript};

@@ -6,71 +6,10 @@
 )]
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::io::{BufRead, BufReader, Read, Write};
-use std::process::{Child, Stdio};
 use std::time::Duration;
 
-use formation_tests::{Python, Running, alone, scenario_path};
+use formation_tests::{RosTool, Running, alone, scenario_path};
 use serde_json::{Value, json};
-
-const SCRIPT: &str = "tests/python/ros_tools.py";
-
-/// The script at work; it is ended at the latest with this value.
-struct Tool {
-    child: Child,
-    output: BufReader<std::process::ChildStdout>,
-    advice: String,
-}
-
-impl Tool {
-    fn start(arguments: &[&str]) -> Option<Self> {
-        let python = Python::find("`ros2` tools were not stood in for")?;
-        let mut child = python.start(SCRIPT, arguments, Stdio::inherit());
-        let output = BufReader::new(child.stdout.take().unwrap());
-        let advice = python.advice();
-        Some(Self {
-            child,
-            output,
-            advice,
-        })
-    }
-
-    /// The next line that it prints.
-    fn next(&mut self) -> Value {
-        let mut line = String::new();
-        self.output.read_line(&mut line).unwrap();
-        assert!(
-            !line.is_empty(),
-            "nothing came; if a Python package is missing, as is said above, {}",
-            self.advice
-        );
-        serde_json::from_str(&line).unwrap()
-    }
-
-    /// Calls a service and waits for the answer.
-    fn call(&mut self, service: &str, name: &str, request: &Value) -> Value {
-        let order = json!({"service": service, "type": format!("rcl_interfaces/srv/{name}"), "request": request});
-        writeln!(self.child.stdin.as_mut().unwrap(), "{order}").unwrap();
-        self.next()
-    }
-
-    /// Everything that it prints until its end, which must be a good one.
-    fn finish(mut self) -> String {
-        drop(self.child.stdin.take());
-        let mut text = String::new();
-        self.output.read_to_string(&mut text).unwrap();
-        assert!(self.child.wait().unwrap().success(), "{}", self.advice);
-        text
-    }
-}
-
-impl Drop for Tool {
-    fn drop(&mut self) {
-        // It may have ended by itself, which leaves nothing to kill.
-        let _ = self.child.kill();
-        let _ = self.child.wait();
-    }
-}
 
 fn module(domain: &str, ros: &[&str]) -> Running {
     let own = [
@@ -107,10 +46,10 @@ fn tools_see_the_names_types_and_owners_of_all_endpoints() {
         "rosservice://~/get_parameters:=~/parameters",
     ];
     let module = module(domain, &remaps);
-    let Some(mut tool) = Tool::start(&["graph", "/fleet/scout", "--domain", domain]) else {
+    let Some(mut tool) = RosTool::start(&["graph", "/fleet/scout", "--domain", domain]) else {
         return;
     };
-    let graph = tool.next();
+    let graph = tool.next_line();
     assert_eq!(
         graph["ownerless"],
         json!([]),
@@ -224,7 +163,7 @@ fn parameters_are_listed_described_read_and_changed() {
     let domain = "81";
     let node = "/formation/module_4";
     let module = module(domain, &["-p", "speed:=2", "-p", "module_4:gather_s:=1.5"]);
-    let Some(mut events) = Tool::start(&[
+    let Some(mut events) = RosTool::start(&[
         "echo",
         "/parameter_events",
         "rcl_interfaces/msg/ParameterEvent",
@@ -235,8 +174,12 @@ fn parameters_are_listed_described_read_and_changed() {
     ]) else {
         return;
     };
-    let mut tool = Tool::start(&["call", node, "--domain", domain]).unwrap();
-    let listed = tool.call("list_parameters", "ListParameters", &json!({}));
+    let mut tool = RosTool::start(&["call", node, "--domain", domain]).unwrap();
+    let listed = tool.call(
+        "list_parameters",
+        "rcl_interfaces/srv/ListParameters",
+        &json!({}),
+    );
     let names: BTreeSet<&str> = listed["result"]["names"]
         .as_array()
         .unwrap()
@@ -253,14 +196,18 @@ fn parameters_are_listed_described_read_and_changed() {
         assert!(names.contains(name), "{name} in {names:?}");
     }
     let asked = json!({"names": ["speed", "gather_s", "nothing"]});
-    let read = tool.call("get_parameters", "GetParameters", &asked);
+    let read = tool.call("get_parameters", "rcl_interfaces/srv/GetParameters", &asked);
     assert_eq!(read["values"][0]["double_value"], 2.0);
     assert_eq!(read["values"][1]["double_value"], 1.5);
-    let types = tool.call("get_parameter_types", "GetParameterTypes", &asked);
+    let types = tool.call(
+        "get_parameter_types",
+        "rcl_interfaces/srv/GetParameterTypes",
+        &asked,
+    );
     assert_eq!(types, json!({"types": [3, 3, 0]}));
     let described = tool.call(
         "describe_parameters",
-        "DescribeParameters",
+        "rcl_interfaces/srv/DescribeParameters",
         &json!({"names": ["lease_s", "speed"]}),
     );
     let (lease, speed) = (&described["descriptors"][0], &described["descriptors"][1]);
@@ -279,7 +226,11 @@ fn parameters_are_listed_described_read_and_changed() {
     let double =
         |name: &str, value: f64| json!({"name": name, "value": {"type": 3, "double_value": value}});
     let request = json!({"parameters": [double("speed", 3.5), double("lease_s", 3.0), double("speed", -1.0)]});
-    let set = tool.call("set_parameters", "SetParameters", &request);
+    let set = tool.call(
+        "set_parameters",
+        "rcl_interfaces/srv/SetParameters",
+        &request,
+    );
     let results = set["results"].as_array().unwrap();
     let outcomes: Vec<bool> = results
         .iter()
@@ -304,19 +255,19 @@ fn parameters_are_listed_described_read_and_changed() {
     let request = json!({"parameters": [double("gather_s", 20.0), double("gather_limit_s", 10.0)]});
     let set = tool.call(
         "set_parameters_atomically",
-        "SetParametersAtomically",
+        "rcl_interfaces/srv/SetParametersAtomically",
         &request,
     );
     assert_eq!(set["result"]["successful"], false, "{set}");
     let request = json!({"parameters": [double("gather_limit_s", 40.0)]});
     let set = tool.call(
         "set_parameters_atomically",
-        "SetParametersAtomically",
+        "rcl_interfaces/srv/SetParametersAtomically",
         &request,
     );
     assert_eq!(set["result"], json!({"successful": true, "reason": ""}));
     let asked = json!({"names": ["speed", "gather_s", "gather_limit_s"]});
-    let read = tool.call("get_parameters", "GetParameters", &asked);
+    let read = tool.call("get_parameters", "rcl_interfaces/srv/GetParameters", &asked);
     let values: Vec<f64> = read["values"]
         .as_array()
         .unwrap()
@@ -328,7 +279,7 @@ fn parameters_are_listed_described_read_and_changed() {
 
     // What changed is told, and what was refused is not.
     for (name, value) in [("speed", 3.5), ("gather_limit_s", 40.0)] {
-        let event = events.next();
+        let event = events.next_line();
         assert_eq!(event["node"], node);
         assert_eq!(event["changed_parameters"][0]["name"], name);
         assert_eq!(
@@ -357,10 +308,11 @@ fn a_node_without_parameter_services_has_none_of_them() {
         "--disable-rosout-logs",
     ];
     let module = module(domain, &quiet);
-    let Some(mut tool) = Tool::start(&["graph", "/formation/module_4", "--domain", domain]) else {
+    let Some(mut tool) = RosTool::start(&["graph", "/formation/module_4", "--domain", domain])
+    else {
         return;
     };
-    let graph = tool.next();
+    let graph = tool.next_line();
     let topics: BTreeSet<&str> = graph["endpoints"]
         .as_array()
         .unwrap()
@@ -386,7 +338,7 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
     let domain = "83";
     let scenario = scenario_path("singletons_10");
     let scenario = scenario.to_str().unwrap();
-    let Some(mut diagnostics) = Tool::start(&[
+    let Some(mut diagnostics) = RosTool::start(&[
         "echo",
         "/diagnostics",
         "diagnostic_msgs/msg/DiagnosticArray",
@@ -397,7 +349,7 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
     ]) else {
         return;
     };
-    let mut log = Tool::start(&[
+    let mut log = RosTool::start(&[
         "echo",
         "/rosout",
         "rcl_interfaces/msg/Log",
@@ -428,7 +380,7 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
     let node = "/formation/modules_1_to_10";
     // Every part of the node, once all modules have settled.
     let statuses = loop {
-        let sample = diagnostics.next();
+        let sample = diagnostics.next_line();
         let statuses: BTreeMap<String, Value> = sample["status"]
             .as_array()
             .unwrap()
@@ -478,7 +430,7 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
     );
     assert_eq!(traffic["target.received"], "1");
 
-    let line = std::iter::from_fn(|| Some(log.next()))
+    let line = std::iter::from_fn(|| Some(log.next_line()))
         .find(|line| line["msg"].as_str().unwrap().starts_with("settled on"))
         .unwrap();
     assert_eq!(
@@ -495,7 +447,7 @@ fn a_node_that_is_told_to_end_leaves_the_graph_at_once() {
     for (signal, domain) in [("INT", "84"), ("TERM", "85")] {
         let module = module(domain, &[]);
         // A node that just stops is listed for about 47 s.
-        let Some(mut tool) = Tool::start(&[
+        let Some(mut tool) = RosTool::start(&[
             "gone",
             "/formation/module_4",
             "--domain",
@@ -505,9 +457,9 @@ fn a_node_that_is_told_to_end_leaves_the_graph_at_once() {
         ]) else {
             return;
         };
-        assert!(tool.next()["seen"].as_u64().unwrap() > 20);
+        assert!(tool.next_line()["seen"].as_u64().unwrap() > 20);
         module.signal(signal);
-        tool.next();
+        tool.next_line();
         assert_eq!(module.finish(Duration::from_secs(20)).status, 0, "{signal}");
         tool.finish();
     }

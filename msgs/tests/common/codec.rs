@@ -128,7 +128,7 @@ pub fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
     codec::<T, T>()
 }
 
-/// Every type of the package, in the order of the files' names.
+/// Every type of the package, in the order of the files' names; those of messages before those of services.
 pub fn all() -> Vec<Codec> {
     vec![
         part::<wire::CausalMark>(),
@@ -143,6 +143,7 @@ pub fn all() -> Vec<Codec> {
         codec::<wire::ModuleState, message::ModuleState>(),
         codec::<wire::ModuleStates, Vec<message::ModuleState>>(),
         part::<wire::PlannerParameters>(),
+        part::<wire::Progress>(),
         part::<wire::QuorumBasis>(),
         codec::<wire::Roster, message::RosterMessage>(),
         part::<wire::RosterMember>(),
@@ -151,5 +152,9 @@ pub fn all() -> Vec<Codec> {
         part::<wire::SpotSelection>(),
         codec::<wire::TargetConfiguration, message::TargetAnnouncement>(),
         part::<wire::Verdict>(),
+        part::<wire::QueryStatusRequest>(),
+        part::<wire::QueryStatusResponse>(),
+        part::<wire::WithdrawTargetRequest>(),
+        part::<wire::WithdrawTargetResponse>(),
     ]
 }

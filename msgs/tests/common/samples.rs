@@ -18,6 +18,10 @@ pub struct Sample {
     pub bytes: Vec<u8>,
 }
 
+fn draw<S: Strategy>(runner: &mut TestRunner, strategy: &S) -> S::Value {
+    strategy.new_tree(runner).unwrap().current()
+}
+
 struct Collection(Vec<Sample>);
 
 impl Collection {
@@ -63,6 +67,19 @@ impl Collection {
         self.add(claim);
         self.add_all(&claim.selections);
         self.add_all(&claim.evictions);
+    }
+
+    fn add_services(&mut self, runner: &mut TestRunner, progress: wire::Progress) {
+        let (include_waiting, success, revision) = draw(runner, &any::<(bool, bool, u64)>());
+        let message = draw(runner, &sentence());
+        self.add(&wire::QueryStatusRequest { include_waiting });
+        self.add(&wire::QueryStatusResponse {
+            target: message.clone(),
+            revision,
+            progress,
+        });
+        self.add(&wire::WithdrawTargetRequest { revision });
+        self.add(&wire::WithdrawTargetResponse { success, message });
     }
 }
 
@@ -133,6 +150,33 @@ fn docking_result() -> impl Strategy<Value = wire::DockingResult> {
     )
 }
 
+fn progress() -> impl Strategy<Value = wire::Progress> {
+    (
+        any::<(u8, u64, u32, u32, u32, u32, u32, u32, u32)>(),
+        proptest::collection::vec(any::<u32>(), 0..4),
+    )
+        .prop_map(|(numbers, waiting_for)| {
+            let (stage, number, convener, expected, joined, planned, agreed, settled, to_fill) =
+                numbers;
+            wire::Progress {
+                stage,
+                epoch: wire::Epoch { number, convener },
+                expected,
+                joined,
+                planned,
+                agreed,
+                settled,
+                to_fill,
+                waiting_for,
+            }
+        })
+}
+
+/// What is said to people.
+fn sentence() -> impl Strategy<Value = String> {
+    "\\PC{0,12}"
+}
+
 /// The same values on every run: `count` of each topic, and their parts as values of their own.
 pub fn samples(count: usize) -> Vec<Sample> {
     let mut runner = TestRunner::new_with_rng(
@@ -141,9 +185,6 @@ pub fn samples(count: usize) -> Vec<Sample> {
             proptest::test_runner::RngAlgorithm::ChaCha,
         ),
     );
-    fn draw<S: Strategy>(runner: &mut TestRunner, strategy: &S) -> S::Value {
-        strategy.new_tree(runner).unwrap().current()
-    }
     let mut samples = Collection(Vec::new());
     for _ in 0..count {
         let header = draw(&mut runner, &header());
@@ -163,6 +204,9 @@ pub fn samples(count: usize) -> Vec<Sample> {
         samples.add(&draw(&mut runner, &verdict()));
         samples.add(&draw(&mut runner, &docking_request()));
         samples.add(&draw(&mut runner, &docking_result()));
+        let progress = draw(&mut runner, &progress());
+        samples.add(&progress);
+        samples.add_services(&mut runner, progress);
     }
     samples.0
 }

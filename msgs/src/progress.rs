@@ -1,0 +1,55 @@
+//! How far a formation has come, in answers and feedback.
+
+use formation::verify::{self, Stage};
+use serde::{Deserialize, Serialize};
+
+use crate::epoch::Epoch;
+
+/// See `Progress.msg`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Progress {
+    pub stage: u8,
+    pub epoch: Epoch,
+    pub expected: u32,
+    pub joined: u32,
+    pub planned: u32,
+    pub agreed: u32,
+    pub settled: u32,
+    pub to_fill: u32,
+    pub waiting_for: Vec<u32>,
+}
+
+#[expect(missing_docs, reason = "the .msg file documents the constants")]
+impl Progress {
+    pub const STAGE_WAITING_FOR_TARGET: u8 = 1;
+    pub const STAGE_GATHERING: u8 = 2;
+    pub const STAGE_PLANNING: u8 = 3;
+    pub const STAGE_AGREEING: u8 = 4;
+    pub const STAGE_ACTING: u8 = 5;
+    pub const STAGE_DONE: u8 = 6;
+}
+
+impl From<&verify::Progress> for Progress {
+    fn from(progress: &verify::Progress) -> Self {
+        let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
+        Self {
+            stage: match progress.stage {
+                Stage::WaitingForTarget => Self::STAGE_WAITING_FOR_TARGET,
+                Stage::Gathering => Self::STAGE_GATHERING,
+                Stage::Planning => Self::STAGE_PLANNING,
+                Stage::Agreeing => Self::STAGE_AGREEING,
+                Stage::Acting => Self::STAGE_ACTING,
+                Stage::Done => Self::STAGE_DONE,
+            },
+            epoch: progress.epoch.as_ref().into(),
+            expected: progress.expected.map_or(0, count),
+            joined: count(progress.joined),
+            planned: count(progress.planned),
+            agreed: count(progress.agreed),
+            settled: count(progress.settled),
+            to_fill: count(progress.to_fill),
+            waiting_for: progress.waiting_for.iter().map(|module| module.0).collect(),
+        }
+    }
+}
