@@ -171,10 +171,15 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     assert_eq!(judge.verdicts().len(), verdicts, "the formation stands");
     // Where it stood and stands, as another vendor's DDS heard it.
     if let Some(states) = states {
+        // Until its new participant is found, which takes as long as it takes.
+        let is_heard = || states.poses_of(sleeper).iter().any(|(at, _)| *at >= woken);
+        while !is_heard() {
+            assert!(woken.elapsed() < PATIENCE, "it was never heard again");
+            thread::sleep(Duration::from_millis(100));
+        }
         let poses = states.poses_of(sleeper);
         let (before, after): (Vec<_>, Vec<_>) = poses.iter().partition(|(at, _)| *at < woken);
         let &(_, (x, y)) = before.last().unwrap();
-        assert!(!after.is_empty(), "it was heard after it woke");
         // A drive that is not told its goal again goes on for one lease, which is half the suspicion.
         let way = SPEED * Timing::Quick.suspicion().as_secs_f64();
         for (_, (later_x, later_y)) in after {
