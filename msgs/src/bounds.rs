@@ -20,3 +20,25 @@ pub const VIOLATION_BYTES_MAX: usize = 1024;
 pub const REASON_BYTES_MAX: usize = 1024;
 /// Bytes of what an answer says to people.
 pub const ANSWER_BYTES_MAX: usize = 1024;
+
+/// A text as far as it fits into so many bytes.
+#[must_use]
+pub fn shortened(mut text: String, bytes_max: usize) -> String {
+    let end = (0..=bytes_max.min(text.len()))
+        .rev()
+        .find(|&end| text.is_char_boundary(end));
+    text.truncate(end.unwrap_or(0));
+    text
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_text_is_cut_between_characters() {
+        let short = |bytes_max| shortened("a\u{e4}b".to_owned(), bytes_max);
+        let cut: Vec<String> = (0..6).map(short).collect();
+        assert_eq!(cut, ["", "a", "a", "a\u{e4}", "a\u{e4}b", "a\u{e4}b"]);
+    }
+}

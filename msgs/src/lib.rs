@@ -16,6 +16,7 @@ mod driver_pose;
 mod epoch;
 mod error;
 pub mod foreign;
+mod form_configuration;
 mod heartbeat;
 mod module_state;
 mod progress;
@@ -31,6 +32,9 @@ pub use docking::{DockingRequest, DockingResult};
 pub use driver_pose::DriverPose;
 pub use epoch::{Epoch, QuorumBasis};
 pub use error::{Fault, MessageError};
+pub use form_configuration::{
+    FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult,
+};
 pub use heartbeat::{Heartbeat, ModuleHeartbeat};
 pub use module_state::{CausalMark, ModuleState, ModuleStates};
 pub use progress::Progress;
@@ -45,7 +49,8 @@ pub use verdict::Verdict;
 /// Stands for "none" where an identifier is optional.
 pub const NONE: u32 = formation::id::NO_ID;
 
-/// Names a type as ROS 2 does: `PACKAGE/msg/NAME`. A section of a service is named after it, as `NAME_Request`.
+/// Names a type as ROS 2 does: `PACKAGE/msg/NAME`. A section of a service or an action
+/// is named after both, as `NAME_Request` is.
 pub trait InterfaceType {
     /// The package that defines the type.
     const PACKAGE: &str;
@@ -99,6 +104,9 @@ macro_rules! sections {
 }
 
 sections!(
+    FormConfigurationFeedback = "FormConfiguration_Feedback",
+    FormConfigurationGoal = "FormConfiguration_Goal",
+    FormConfigurationResult = "FormConfiguration_Result",
     QueryStatusRequest = "QueryStatus_Request",
     QueryStatusResponse = "QueryStatus_Response",
     WithdrawTargetRequest = "WithdrawTarget_Request",

@@ -4,13 +4,13 @@ use formation::id::{ModuleId, SpotId};
 use formation::verify::{self, Outcome};
 use serde::{Deserialize, Serialize};
 
-use crate::bounds::{VIOLATION_BYTES_MAX, VIOLATIONS_MAX};
+use crate::bounds::{VIOLATION_BYTES_MAX, VIOLATIONS_MAX, shortened};
 use crate::claim::SpotSelection;
 use crate::epoch::Epoch;
 use crate::standard::Header;
 
 /// See `Verdict.msg`.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Verdict {
     pub header: Header,
@@ -75,15 +75,7 @@ impl From<&verify::Verdict> for Verdict {
 
 /// As many sentences as the message takes, each as far as it fits; the last one tells how many were left out.
 fn bounded(sentences: impl Iterator<Item = String>) -> Vec<String> {
-    let mut sentences = sentences.map(|mut sentence| {
-        let end = (0..=VIOLATION_BYTES_MAX)
-            .rev()
-            .find(|&end| sentence.is_char_boundary(end));
-        if sentence.len() > VIOLATION_BYTES_MAX {
-            sentence.truncate(end.unwrap_or(0));
-        }
-        sentence
-    });
+    let mut sentences = sentences.map(|sentence| shortened(sentence, VIOLATION_BYTES_MAX));
     let mut kept: Vec<String> = sentences.by_ref().take(VIOLATIONS_MAX).collect();
     let more = sentences.count();
     if more > 0

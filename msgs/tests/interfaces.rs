@@ -77,7 +77,11 @@ fn sections(kind: &str, file: &str) -> Vec<String> {
 }
 
 /// The kinds of files, with the ends of the names of their sections.
-const KINDS: [(&str, &[&str]); 2] = [("msg", &[""]), ("srv", &["_Request", "_Response"])];
+const KINDS: [(&str, &[&str]); 3] = [
+    ("msg", &[""]),
+    ("srv", &["_Request", "_Response"]),
+    ("action", &["_Goal", "_Result", "_Feedback"]),
+];
 
 /// A field's type as ROS 2 writes it, from what serde says.
 fn interface_name(format: &Format) -> String {
@@ -235,6 +239,8 @@ fn bounds_agree() {
         list("Verdict.open_spots", bounds::SPOTS_MAX),
         list("Verdict.unassigned_modules", bounds::MODULES_MAX),
         text("DockingResult.reason", bounds::REASON_BYTES_MAX),
+        text("FormConfiguration_Goal.scenario", bounds::NAME_BYTES_MAX),
+        text("FormConfiguration_Result.message", bounds::ANSWER_BYTES_MAX),
         text("QueryStatus_Response.target", bounds::NAME_BYTES_MAX),
         text("TargetConfiguration.name", bounds::NAME_BYTES_MAX),
         text("WithdrawTarget_Response.message", bounds::ANSWER_BYTES_MAX),

@@ -4,6 +4,7 @@
 //! into the core's messages and back, keeps time, and ends in order. Every process is one [`session::Session`]: one
 //! DDS participant, one node, and as few endpoints as it needs, however many modules it hosts.
 
+mod action;
 pub mod agents;
 pub mod announcer;
 pub mod arguments;
@@ -12,6 +13,7 @@ mod drive;
 mod drivers;
 pub mod environment;
 mod facilities;
+mod goals;
 mod host;
 mod inbox;
 mod inlet;

@@ -27,10 +27,15 @@ pub(crate) trait Sink<M> {
 
 impl<M: Serialize> Sink<M> for Publisher<M> {
     fn offer(&self, sample: M) -> Result<(), Declined<M>> {
-        self.publish(sample).map_err(|error| match error {
-            WriteError::WouldBlock { data } => Declined::Full(data),
-            other => Declined::Broken(other.forget_data().to_string()),
-        })
+        self.publish(sample).map_err(declined)
+    }
+}
+
+/// What the library's refusal of a sample means.
+pub(crate) fn declined<M>(error: WriteError<M>) -> Declined<M> {
+    match error {
+        WriteError::WouldBlock { data } => Declined::Full(data),
+        other => Declined::Broken(other.forget_data().to_string()),
     }
 }
 

@@ -3,10 +3,10 @@
 use std::time::{Duration, Instant};
 
 use async_io::Timer;
-use futures::StreamExt;
 use futures::stream::LocalBoxStream;
+use futures::{Stream, StreamExt};
 use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
-use ros2_client::{RmwRequestId, Server};
+use ros2_client::{ReadResult, RmwRequestId, Server, WriteResult};
 use rustdds::{DomainParticipant, GUID, RTPSEntity};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
@@ -34,7 +34,7 @@ pub(crate) struct Carried<T>(pub T);
 impl<T: Serialize + DeserializeOwned> ros2_client::Message for Carried<T> {}
 
 /// As many requests of one service wait to be answered.
-pub(crate) const WAITING_MAX: usize = 16;
+const WAITING_MAX: usize = 16;
 /// A client whose subscription to replies does not show by then is answered all the same.
 const CLIENT_WAIT: Duration = Duration::from_secs(1);
 /// Between two looks for it.
@@ -53,7 +53,6 @@ pub(crate) type LibraryServer<S> =
 
 /// The serving end of a service.
 pub struct ServiceServer<S: ServiceType> {
-    name: String,
     server: LibraryServer<S>,
     clients: Clients,
 }
@@ -68,40 +67,26 @@ impl<S: ServiceType> ServiceServer<S> {
         Ok(Self {
             server: session.server::<S>(&name)?,
             clients: Clients::of(session, &name),
-            name,
         })
     }
 
     /// The fully qualified name.
     #[must_use]
     pub fn name(&self) -> &str {
-        &self.name
+        &self.clients.service
     }
 
     /// Every request that comes in, for ever. One that does not decode is logged and dropped.
     pub fn requests(&self) -> LocalBoxStream<'_, (RequestId, S::Request)> {
-        self.server
-            .receive_request_stream()
-            .filter_map(move |taken| async move {
-                taken
-                    .inspect_err(|error| {
-                        tracing::warn!(service = self.name, "refused a request: {error}");
-                    })
-                    .ok()
-            })
-            .map(move |(id, Carried(request))| async move {
-                self.clients.wait_for(id).await;
-                (id, request)
-            })
-            .buffered(WAITING_MAX)
+        passed_on(self.server.receive_request_stream(), &self.clients)
+            .map(|(id, Carried(request))| (id, request))
             .boxed_local()
     }
 
     /// Answers a request.
     pub fn answer(&self, id: RequestId, response: S::Response) {
-        if let Err(error) = self.server.send_response(id, Carried(response)) {
-            tracing::warn!(service = self.name, "could not answer: {error:?}");
-        }
+        self.clients
+            .note(&self.server.send_response(id, Carried(response)));
     }
 }
 
@@ -110,6 +95,7 @@ impl<S: ServiceType> ServiceServer<S> {
 /// A client may ask before this process has found its subscription to the replies, and would wait in vain for an answer
 /// that is given at once. So a request is passed on when that subscription is known.
 pub(crate) struct Clients {
+    service: String,
     participant: DomainParticipant,
     reply_topic: String,
 }
@@ -120,17 +106,25 @@ impl Clients {
         Self {
             participant: session.participant(),
             reply_topic: format!("rr{name}Reply"),
+            service: name.to_owned(),
+        }
+    }
+
+    /// Logs what went wrong with an answer.
+    pub(crate) fn note(&self, sent: &WriteResult<(), ()>) {
+        if let Err(error) = sent {
+            tracing::warn!(service = self.service, "could not answer: {error:?}");
         }
     }
 
     /// Waits until a client is seen to subscribe to the replies, but not for ever.
-    pub(crate) async fn wait_for(&self, id: RequestId) {
+    async fn wait_for(&self, id: RequestId) {
         let deadline = Instant::now() + CLIENT_WAIT;
         let mut waited = false;
         while !self.knows(id) {
             if Instant::now() >= deadline {
                 tracing::debug!(
-                    topic = self.reply_topic,
+                    service = self.service,
                     "a client shows no subscription to replies"
                 );
                 return;
@@ -154,6 +148,27 @@ impl Clients {
                     && *reader.subscription_topic_data.topic_name() == self.reply_topic
             })
     }
+}
+
+/// Every request of a stream, as soon as its client can hear the answer. One that does not decode is logged and dropped.
+pub(crate) fn passed_on<'a, Q: 'a>(
+    requests: impl Stream<Item = ReadResult<(RequestId, Q)>> + 'a,
+    clients: &'a Clients,
+) -> LocalBoxStream<'a, (RequestId, Q)> {
+    requests
+        .filter_map(move |taken| async move {
+            taken
+                .inspect_err(|error| {
+                    tracing::warn!(service = clients.service, "refused a request: {error}");
+                })
+                .ok()
+        })
+        .map(move |(id, request)| async move {
+            clients.wait_for(id).await;
+            (id, request)
+        })
+        .buffered(WAITING_MAX)
+        .boxed_local()
 }
 
 /// What ROS 2 uses for services.

@@ -5,13 +5,14 @@ use std::net::Ipv4Addr;
 use formation::agent::SourceId;
 use formation_msgs::InterfaceType;
 use ros2_client::{
-    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, Publisher,
-    ServiceTypeName, Subscription,
+    ActionTypeName, Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions,
+    Publisher, ServiceTypeName, Subscription,
 };
 use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
 use serde::Serialize;
 use thiserror::Error;
 
+use crate::action::{ActionType, LibraryAction, action_qos};
 use crate::arguments::{NodeIdentity, RemapRules, Resource};
 use crate::environment::DiscoveryRange;
 use crate::interfaces::{discovery_obstacle, interfaces};
@@ -258,6 +259,22 @@ impl Session {
                 service_qos(),
             )
             .map_err(|error| self.library(format!("serve `{name}`"), &error))
+    }
+
+    /// The serving end of an action with this fully qualified name.
+    pub(crate) fn action_server<A: ActionType>(
+        &mut self,
+        name: &str,
+    ) -> Result<LibraryAction<A>, SessionError> {
+        let parsed = Name::parse(name).map_err(|error| bad_name(name, &error))?;
+        self.node
+            .create_action_server(
+                self.service_mapping.library(),
+                &parsed,
+                &ActionTypeName::new(A::PACKAGE, A::NAME),
+                action_qos(),
+            )
+            .map_err(|error| self.library(format!("serve the action `{name}`"), &error))
     }
 
     /// The fully qualified name of what this node knows as `name`.

@@ -67,6 +67,16 @@ pub const TRANSFORMS: Topic<TFMessage> = Topic::prompt("/tf", 1);
 /// Where spots lie, for all of ROS 2.
 pub const FIXED_TRANSFORMS: Topic<TFMessage> = Topic::latched("/tf_static", 1);
 
+/// How far the goals of an action have come, in the quality that ROS 2 gives it.
+pub(crate) fn action_feedback<M>() -> Topic<M> {
+    Topic::prompt("feedback", 10)
+}
+
+/// In which state the goals of an action are, in the quality that ROS 2 gives it.
+pub(crate) fn action_status<M>() -> Topic<M> {
+    Topic::latched("status", 1)
+}
+
 /// What units decide in their turns, kept for the whole of an epoch by a process that hosts `modules` modules.
 ///
 /// A module decides once as a singleton, or once for each ever smaller piece of its configuration that it leads.

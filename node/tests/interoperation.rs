@@ -46,13 +46,15 @@ fn announcer(domain: &str) -> (Sender<()>, thread::JoinHandle<()>) {
     let problem = scenario.problem();
     let process = TargetProcess {
         settings: settings(domain),
-        announcement: TargetAnnouncement {
+        announcement: Some(TargetAnnouncement {
             revision: 7,
             name: scenario.name().to_owned(),
             target: Some(Arc::clone(problem.target())),
             parameters: *problem.parameters(),
-            expected_modules: Some(1),
-        },
+            expected_modules: None,
+        }),
+        expected_modules: Some(1),
+        scenario_folder: None,
     };
     let (stop, stopped) = bounded(1);
     let running = thread::spawn(move || process.run(&stopped).unwrap());

@@ -1,8 +1,9 @@
 """Holds the Python of the repository to what it uses: syntax, a linter, and interfaces that exist.
 
-Follows values of message types through each file (from constructors, subscriptions, list fields, and calls of the
-file's own functions) and reports every field, constant or keyword that its type does not have, and every topic of the suite
-that is used with another type than it carries. Types come from the .msg files and, for other packages, from rosbags.
+Follows values of message types through each file (from constructors, subscriptions, list fields, annotations, and calls
+of the file's own functions) and reports every field, constant or keyword that its type does not have, and every topic,
+service or action of the suite that is used with another type than it has. Types come from the interface files and, for
+other packages, from rosbags.
 
 Usage:
     check_python.py [FILE...]   all Python of the repository, if none is named
@@ -39,11 +40,31 @@ TOPIC_TYPES = {
 }
 
 
+# The same for services and actions.
+SERVICE_TYPES = {
+    "query_status": "formation_msgs/srv/QueryStatus",
+    "withdraw_target": "formation_msgs/srv/WithdrawTarget",
+    "form_configuration": "formation_msgs/action/FormConfiguration",
+}
+
+# The sections of an interface file, by its kind.
+SECTIONS = {"msg": [""], "srv": ["Request", "Response"], "action": ["Goal", "Result", "Feedback"]}
+
+
 def load_definitions():
-    """Fields and constants of every type, by full name."""
+    """Fields and constants of every type, by full name; sections of services and actions are types of their own."""
     definitions = dict(get_typestore(Stores.ROS2_JAZZY).fielddefs)
-    for path in (ROOT / "msgs" / "msg").glob("*.msg"):
-        definitions.update(get_types_from_msg(path.read_text(), f"formation_msgs/msg/{path.stem}"))
+
+    def define(name, text):
+        definitions.update(get_types_from_msg(text, f"formation_msgs/msg/{name}"))
+
+    for kind, sections in SECTIONS.items():
+        for path in (ROOT / "msgs" / kind).glob(f"*.{kind}"):
+            for section, text in zip(sections, path.read_text().split("\n---\n"), strict=True):
+                define(f"{path.stem}_{section}" if section else path.stem, text)
+            if kind == "action":
+                feedback = f"formation_msgs/{path.stem}_Feedback feedback"
+                define(f"{path.stem}_FeedbackMessage", f"unique_identifier_msgs/UUID goal_id\n{feedback}")
     return definitions
 
 
@@ -57,6 +78,15 @@ class ListOf(str):
 
 class Class(str):
     """A message class itself, by its full name."""
+
+
+class Interface(str):
+    """A service or an action, by its full name."""
+
+    def section(self, name):
+        """The type of one of its sections, which counts as a message."""
+        package, _, base = self.split("/")
+        return f"{package}/msg/{base}_{name}"
 
 
 class Checker:
@@ -80,14 +110,18 @@ class Checker:
 
     def check(self):
         for node in ast.walk(self.tree):
-            if isinstance(node, ast.ImportFrom) and node.module and node.module.endswith(".msg"):
-                package = node.module.removesuffix(".msg")
+            if isinstance(node, ast.ImportFrom) and node.module and node.module.endswith((".msg", ".srv", ".action")):
+                package, _, kind = node.module.rpartition(".")
+                if package == "rclpy":
+                    continue
                 for alias in node.names:
-                    name = f"{package}/msg/{alias.name}"
-                    if name in self.definitions:
-                        self.classes[alias.asname or alias.name] = name
+                    name = f"{package}/{kind}/{alias.name}"
+                    known = Class(name) if kind == "msg" else Interface(name)
+                    first = name if kind == "msg" else known.section(SECTIONS[kind][0])
+                    if first in self.definitions:
+                        self.classes[alias.asname or alias.name] = known
                     else:
-                        self.fault(node, f"there is no message {name}")
+                        self.fault(node, f"there is no {'message' if kind == 'msg' else kind} {name}")
         for _ in range(5):
             known = (len(self.parameters), len(self.attributes))
             self.block(self.tree.body, {})
@@ -116,6 +150,10 @@ class Checker:
             value = self.visit(node.value, scope)
             for target in node.targets:
                 self.bind(target, value, node.value, scope)
+            return
+        if isinstance(node, ast.AnnAssign):
+            kind = self.visit(node.annotation, scope)
+            self.bind(node.target, Message(kind) if isinstance(kind, Class) else None, node.value, scope)
             return
         if isinstance(node, ast.For):
             self.bind(node.target, self.entry(self.visit(node.iter, scope)), None, scope)
@@ -150,7 +188,7 @@ class Checker:
         if isinstance(node, ast.Name):
             if node.id in scope:
                 return scope[node.id]
-            return Class(self.classes[node.id]) if node.id in self.classes else None
+            return self.classes.get(node.id)
         if isinstance(node, ast.Attribute):
             return self.attribute(node, self.visit(node.value, scope))
         if isinstance(node, ast.Call):
@@ -180,6 +218,12 @@ class Checker:
         return None
 
     def attribute(self, node, kind):
+        if isinstance(kind, Interface):
+            section = kind.section(node.attr)
+            if section in self.definitions:
+                return Class(section)
+            self.fault(node, f"{kind} has no section `{node.attr}`")
+            return None
         if isinstance(kind, Message | Class):
             constants, fields = self.definitions[kind]
             if isinstance(kind, Class):
@@ -215,6 +259,13 @@ class Checker:
             self.endpoint(node, arguments[0])
             if name == "create_subscription":
                 self.callback(node.args[2], arguments[0], scope)
+        elif name in ("create_client", "ActionClient") and any(isinstance(kind, Interface) for kind in arguments):
+            position = next(index for index, kind in enumerate(arguments) if isinstance(kind, Interface))
+            self.service(node, node.args[position + 1], arguments[position])
+        elif name == "send_goal_async" and arguments and isinstance(arguments[0], Message):
+            for keyword in node.keywords:
+                if keyword.arg == "feedback_callback":
+                    self.callback(keyword.value, f"{arguments[0].removesuffix('_Goal')}_FeedbackMessage", scope)
         else:
             self.pass_on(name, arguments)
         return None
@@ -235,17 +286,23 @@ class Checker:
             self.pass_on(name, [Message(kind)])
 
     def endpoint(self, node, kind):
-        topic = node.args[1]
-        if isinstance(topic, ast.JoinedStr) and isinstance(topic.values[-1], ast.Constant):
-            topic = topic.values[-1]
-        if not isinstance(topic, ast.Constant):
-            self.fault(node, "the name of a topic must be written where it is used")
+        self.named(node, node.args[1], "topic", TOPIC_TYPES, kind)
+
+    def service(self, node, name, kind):
+        self.named(node, name, "service or action", SERVICE_TYPES, kind)
+
+    def named(self, node, name, what, types, kind):
+        """Whether something of that name has this type."""
+        if isinstance(name, ast.JoinedStr) and isinstance(name.values[-1], ast.Constant):
+            name = name.values[-1]
+        if not isinstance(name, ast.Constant):
+            self.fault(node, f"the name of a {what} must be written where it is used")
             return
-        name = topic.value.rsplit("/", 1)[-1]
-        if name not in TOPIC_TYPES:
-            self.fault(node, f"the suite has no topic `{name}`")
-        elif TOPIC_TYPES[name] != kind:
-            self.fault(node, f"`{name}` carries {TOPIC_TYPES[name]}, not {kind}")
+        last = name.value.rsplit("/", 1)[-1]
+        if last not in types:
+            self.fault(node, f"the suite has no {what} `{last}`")
+        elif types[last] != kind:
+            self.fault(node, f"`{last}` carries {types[last]}, not {kind}")
 
 
 def check_interfaces(paths):
@@ -285,6 +342,15 @@ MISTAKES = {
         ("state.sequence", "state.number", "has no field `number`"),
         ("verdict.violations", "verdict.faults", "has no field `faults`"),
         ("follower.verdict is None", "follower.verdict is None", None),
+    ],
+    "launch_scripts/examples/form_target.py": [
+        ("scenario=options", "name=options", "has no field `name`"),
+        ("FormConfiguration.Goal(", "FormConfiguration.Request(", "has no section `Request`"),
+        ("message.feedback.progress", "message.progress", "has no field `progress`"),
+        ("progress.settled", "progress.arrived", "has no field `arrived`"),
+        ("print(result.message)", "print(result.text)", "has no field `text`"),
+        ('"form_configuration"', '"form"', "no service or action `form`"),
+        ("action import FormConfiguration", "action import Form", "there is no action formation_msgs/action/Form"),
     ],
     "launch_scripts/examples/drive_modules.py": [
         ("message.pose.position", "message.position", "has no field `position`"),

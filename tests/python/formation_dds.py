@@ -79,13 +79,17 @@ class Types:
             self.definitions.update(get_types_from_msg(path.read_text(), f"{PACKAGE}/msg/{path.stem}"))
         self.made = {}
 
+    def add(self, name, text):
+        """Defines a type, such as a section of an action."""
+        ((_, self.definitions[name]),) = get_types_from_msg(text, name).items()
+
     def get(self, name):
         """The class of a type such as `formation_msgs/msg/Verdict`."""
         if name not in self.made:
-            package, _, base = name.split("/")
+            package, kind, base = name.split("/")
             _, fields = self.definitions[name]
             self.made[name] = make_idl_struct(
-                base, f"{package}::msg::dds_::{base}_", {field: self.field(node) for field, node in fields}
+                base, f"{package}::{kind}::dds_::{base}_", {field: self.field(node) for field, node in fields}
             )
         return self.made[name]
 

@@ -193,7 +193,7 @@ class Client:
 
     def __init__(self, participant, interfaces, service, name):
         request, response = SERVICES[name]
-        package, _, base = name.split("/")
+        package, package_part, base = name.split("/")
         self.interfaces = interfaces
         self.fields = {}
         for kind, text in (("Request", request), ("Response", response)):
@@ -203,7 +203,7 @@ class Client:
         def topic(prefix, suffix, kind):
             idl = make_idl_struct(
                 f"{base}_{kind}",
-                f"{package}::srv::dds_::{base}_{kind}_",
+                f"{package}::{package_part}::dds_::{base}_{kind}_",
                 {
                     "header_client": types.uint64,
                     "header_sequence": types.int64,
@@ -224,22 +224,30 @@ class Client:
         served = {(endpoint["topic"], endpoint["kind"]) for endpoint in known.endpoints()}
         return served.issuperset(self.topics.items())
 
-    def call(self, arguments, raw):
+    def send(self, raw):
+        """Sends a request and returns its number."""
         self.sequence += 1
         fields = self.fields["Request"]
         values = {field: self.interfaces.field_value(node, raw.get(field)) for field, node in fields}
         self.requests.write(self.request(header_client=self.client, header_sequence=self.sequence, **values))
+        return self.sequence
 
-        def reply():
-            for sample in self.replies.take(N=10):
-                if sample.sample_info.valid_data and sample.header_client == self.client:
-                    return sample
+    def taken(self):
+        """The replies that came in: the number of the request, and what was answered."""
+        replies = []
+        for sample in self.replies.take(N=10):
+            if sample.sample_info.valid_data and sample.header_client == self.client:
+                reply = dataclasses.asdict(sample)
+                fields = {key: value for key, value in reply.items() if not key.startswith("header_")}
+                replies.append((sample.header_sequence, fields))
+        return replies
 
-        sample = wait(arguments, "a reply", reply)
-        if sample.header_sequence != self.sequence:
-            sys.exit(f"asked as number {self.sequence}, answered as number {sample.header_sequence}")
-        reply = dataclasses.asdict(sample)
-        return {key: value for key, value in reply.items() if not key.startswith("header_")}
+    def call(self, arguments, raw):
+        sequence = self.send(raw)
+        ((answered, reply),) = wait(arguments, "a reply", self.taken)
+        if answered != sequence:
+            sys.exit(f"asked as number {sequence}, answered as number {answered}")
+        return reply
 
 
 def call(arguments):

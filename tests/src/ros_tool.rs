@@ -1,5 +1,6 @@
 //! What `ros2` tools do, done by CycloneDDS for Python.
 
+use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read, Write};
 use std::process::{Child, ChildStdout, Stdio};
 
@@ -7,26 +8,38 @@ use serde_json::{Value, json};
 
 use crate::python::Python;
 
-const SCRIPT: &str = "tests/python/ros_tools.py";
-
-/// The script at work; it is ended at the latest with this value.
+/// A script at work; it is ended at the latest with this value.
 pub struct RosTool {
     child: Child,
     output: BufReader<ChildStdout>,
+    /// Lines that were passed over.
+    kept: VecDeque<Value>,
     advice: String,
 }
 
 impl RosTool {
-    /// Starts the script; `None`, said aloud, where the user chose to go without Python.
+    /// Starts `ros_tools.py`; `None`, said aloud, where the user chose to go without Python.
     #[must_use]
     pub fn start(arguments: &[&str]) -> Option<Self> {
+        Self::start_script("ros_tools.py", arguments)
+    }
+
+    /// Starts `action_client.py`, likewise.
+    #[must_use]
+    pub fn start_action_client(arguments: &[&str]) -> Option<Self> {
+        Self::start_script("action_client.py", arguments)
+    }
+
+    fn start_script(name: &str, arguments: &[&str]) -> Option<Self> {
         let python = Python::find("`ros2` tools were not stood in for")?;
-        let mut child = python.start(SCRIPT, arguments, Stdio::inherit());
+        let script = format!("tests/python/{name}");
+        let mut child = python.start(&script, arguments, Stdio::inherit());
         let output = BufReader::new(child.stdout.take().unwrap());
         let advice = python.advice();
         Some(Self {
             child,
             output,
+            kept: VecDeque::new(),
             advice,
         })
     }
@@ -41,6 +54,20 @@ impl RosTool {
             self.advice
         );
         serde_json::from_str(&line).unwrap()
+    }
+
+    /// The next line that has `key`, be it one that was passed over before; others are kept.
+    pub fn next_with(&mut self, key: &str) -> Value {
+        if let Some(kept) = self.kept.iter().position(|line| !line[key].is_null()) {
+            return self.kept.remove(kept).unwrap();
+        }
+        loop {
+            let line = self.next_line();
+            if !line[key].is_null() {
+                return line;
+            }
+            self.kept.push_back(line);
+        }
     }
 
     /// Gives it a line.

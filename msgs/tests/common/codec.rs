@@ -128,7 +128,7 @@ pub fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
     codec::<T, T>()
 }
 
-/// Every type of the package, in the order of the files' names; those of messages before those of services.
+/// Every type of the package, in the order of the files' names; messages before services before actions.
 pub fn all() -> Vec<Codec> {
     vec![
         part::<wire::CausalMark>(),
@@ -156,5 +156,8 @@ pub fn all() -> Vec<Codec> {
         part::<wire::QueryStatusResponse>(),
         part::<wire::WithdrawTargetRequest>(),
         part::<wire::WithdrawTargetResponse>(),
+        part::<wire::FormConfigurationGoal>(),
+        part::<wire::FormConfigurationResult>(),
+        part::<wire::FormConfigurationFeedback>(),
     ]
 }

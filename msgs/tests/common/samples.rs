@@ -69,6 +69,24 @@ impl Collection {
         self.add_all(&claim.evictions);
     }
 
+    fn add_action(
+        &mut self,
+        runner: &mut TestRunner,
+        target: wire::TargetConfiguration,
+        verdict: wire::Verdict,
+        progress: wire::Progress,
+    ) {
+        let scenario = draw(runner, &sentence());
+        let message = draw(runner, &sentence());
+        self.add(&wire::FormConfigurationGoal {
+            scenario,
+            expected_modules: target.expected_modules,
+            target,
+        });
+        self.add(&wire::FormConfigurationResult { verdict, message });
+        self.add(&wire::FormConfigurationFeedback { progress });
+    }
+
     fn add_services(&mut self, runner: &mut TestRunner, progress: wire::Progress) {
         let (include_waiting, success, revision) = draw(runner, &any::<(bool, bool, u64)>());
         let message = draw(runner, &sentence());
@@ -188,10 +206,11 @@ pub fn samples(count: usize) -> Vec<Sample> {
     let mut samples = Collection(Vec::new());
     for _ in 0..count {
         let header = draw(&mut runner, &header());
-        samples.add_target(&wire::TargetConfiguration {
+        let target = wire::TargetConfiguration {
             header: header.clone(),
             ..wire::TargetConfiguration::from(&draw(&mut runner, &core_values::announcement()))
-        });
+        };
+        samples.add_target(&target);
         let states = draw(&mut runner, &core_values::module_states());
         samples.add_states(&wire::ModuleStates::new(header, &states));
         samples.add_roster(&(&draw(&mut runner, &core_values::roster_message())).into());
@@ -201,11 +220,13 @@ pub fn samples(count: usize) -> Vec<Sample> {
         let heartbeat = wire::Heartbeat::new(&draw(&mut runner, &core_values::heartbeats()));
         samples.add_all(&heartbeat.modules);
         samples.add(&heartbeat);
-        samples.add(&draw(&mut runner, &verdict()));
+        let verdict = draw(&mut runner, &verdict());
+        samples.add(&verdict);
         samples.add(&draw(&mut runner, &docking_request()));
         samples.add(&draw(&mut runner, &docking_result()));
         let progress = draw(&mut runner, &progress());
         samples.add(&progress);
+        samples.add_action(&mut runner, target, verdict, progress.clone());
         samples.add_services(&mut runner, progress);
     }
     samples.0

@@ -1,20 +1,29 @@
-//! What is announced, by this process and by others, and how far modules have come with it. It knows no DDS.
+//! What is announced, by this process and by others, how far modules have come with it, and what the verifier found. It
+//! knows no DDS.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::message::{Message, TargetAnnouncement};
-use formation::verify::{Observer, ObserverParameters};
-use formation_msgs::{
-    Progress, QueryStatusRequest, QueryStatusResponse, WithdrawTargetRequest,
-    WithdrawTargetResponse,
-};
+use formation::MODULES_MAX;
+use formation::id::ModuleId;
+use formation::message::{Heartbeat, Message, ModulePhase, TargetAnnouncement};
+use formation::verify::{self, Observer, ObserverParameters};
+use formation_msgs::{Epoch, Progress, QueryStatusRequest, QueryStatusResponse, Verdict};
+use ros2_client::builtin_interfaces::Time;
+
+/// A module that was not heard for so long is not waited for.
+const LIVING: Duration = Duration::from_secs(5);
 
 /// What is announced, and how far modules have come with it.
 pub(super) struct Register {
     /// What this process announced last.
     own: Option<Arc<TargetAnnouncement>>,
     observer: Observer,
+    /// The latest heartbeat of each module, and when it came.
+    heartbeats: BTreeMap<ModuleId, (Heartbeat, Duration)>,
+    /// What the verifier found last, and when that came.
+    verdict: Option<(Verdict, Duration)>,
 }
 
 impl Register {
@@ -23,6 +32,8 @@ impl Register {
         Self {
             own: None,
             observer: Observer::new(ObserverParameters::default()),
+            heartbeats: BTreeMap::new(),
+            verdict: None,
         }
     }
 
@@ -34,6 +45,68 @@ impl Register {
     /// Takes in what others say.
     pub(super) fn hear(&mut self, now: Duration, message: &Message) {
         self.observer.handle(now, message);
+        if let Message::Heartbeat(heartbeat) = message {
+            let known = self.heartbeats.get(&heartbeat.module);
+            let order = |heartbeat: &Heartbeat| (heartbeat.incarnation, heartbeat.sequence);
+            let is_new = known.is_none_or(|(known, _)| order(known) < order(heartbeat));
+            let has_room = known.is_some() || self.heartbeats.len() < MODULES_MAX;
+            if is_new && has_room {
+                self.heartbeats.insert(heartbeat.module, (*heartbeat, now));
+            }
+        }
+    }
+
+    /// Takes in what the verifier found.
+    pub(super) fn hear_verdict(&mut self, now: Duration, verdict: Verdict) {
+        self.verdict = Some((verdict, now));
+    }
+
+    /// How far the formation has come.
+    pub(super) fn progress(&self) -> verify::Progress {
+        self.observer.progress()
+    }
+
+    /// What the verifier found of the target that holds, for a goal that began at `began` and was accepted at `stamp`.
+    ///
+    /// A formation may have been done before it was asked for; that it failed before proves nothing. A verdict without an
+    /// epoch, which failures to come to any plan have, tells by its stamp alone which target it is about.
+    pub(super) fn verdict_on(&self, began: Duration, stamp: Time) -> Option<&Verdict> {
+        let (verdict, heard) = self.verdict.as_ref()?;
+        let failed = verdict.outcome == Verdict::OUTCOME_FAILED;
+        let fits = if verdict.epoch.number == 0 {
+            let found = verdict.header.stamp;
+            failed && Time::new(found.sec, found.nanosec) >= stamp
+        } else {
+            let current = self.observer.current_epoch()?;
+            verdict.epoch == Epoch::from(&current)
+        };
+        (fits && (!failed || *heard >= began)).then_some(verdict)
+    }
+
+    /// What took the place of the target of this revision, if anything did.
+    pub(super) fn newer_than(&self, revision: u64) -> Option<String> {
+        let known = self.observer.target()?;
+        let newer = known.revision;
+        (newer > revision).then(|| match known.target {
+            Some(_) => format!("the target of revision {newer} took the place of this one"),
+            None => format!("revision {newer} withdrew the target"),
+        })
+    }
+
+    /// How many modules live, and which of them do not say that they stand and wait for a target.
+    pub(super) fn restless(&self, now: Duration) -> (usize, Vec<ModuleId>) {
+        let living = self
+            .heartbeats
+            .values()
+            .filter(|(_, heard)| now.saturating_sub(*heard) < LIVING);
+        let restless = living.clone().filter(|(heartbeat, _)| {
+            !matches!(
+                heartbeat.phase,
+                ModulePhase::Listening | ModulePhase::WaitingForQuorum
+            )
+        });
+        let restless = restless.map(|(heartbeat, _)| heartbeat.module).collect();
+        (living.count(), restless)
     }
 
     /// From now on this is what the process announces.
@@ -44,7 +117,23 @@ impl Register {
         self.own = Some(announcement);
     }
 
-    /// How far the formation has come.
+    /// The same, under a revision of at least `fresh` that outweighs all others; returns that revision.
+    pub(super) fn announce_above_all(
+        &mut self,
+        now: Duration,
+        fresh: u64,
+        announcement: TargetAnnouncement,
+    ) -> Result<u64, String> {
+        let revision = self.next_revision(fresh)?;
+        let announcement = TargetAnnouncement {
+            revision,
+            ..announcement
+        };
+        self.announce(now, announcement);
+        Ok(revision)
+    }
+
+    /// What somebody is told who asks how far the formation has come.
     pub(super) fn status(&self, request: QueryStatusRequest) -> QueryStatusResponse {
         let mut progress = Progress::from(&self.observer.progress());
         if !request.include_waiting {
@@ -58,31 +147,14 @@ impl Register {
         }
     }
 
-    /// Withdraws the target that holds, whoever announced it; `fresh` is the revision of what is announced now.
+    /// Withdraws the target that holds, whoever announced it, if it is the one that is meant; 0 means any. `fresh` is the
+    /// revision of what is announced now. Says what was withdrawn, or why nothing was.
     pub(super) fn withdraw(
         &mut self,
         now: Duration,
         fresh: u64,
-        request: WithdrawTargetRequest,
-    ) -> WithdrawTargetResponse {
-        match self.withdrawal(fresh, request.revision) {
-            Ok(withdrawal) => {
-                let message = format!("withdrew `{}`", withdrawal.name);
-                self.announce(now, withdrawal);
-                WithdrawTargetResponse {
-                    success: true,
-                    message,
-                }
-            }
-            Err(message) => WithdrawTargetResponse {
-                success: false,
-                message,
-            },
-        }
-    }
-
-    /// What withdraws the target that holds, if it is the one that is meant; 0 means any.
-    fn withdrawal(&self, fresh: u64, meant: u64) -> Result<TargetAnnouncement, String> {
+        meant: u64,
+    ) -> Result<String, String> {
         let Some(known) = self.observer.target() else {
             return Err("no target was announced".to_owned());
         };
@@ -93,11 +165,13 @@ impl Register {
         if meant != 0 && meant != revision {
             return Err(format!("revision {revision} holds, not {meant}"));
         }
-        Ok(TargetAnnouncement {
-            revision: self.next_revision(fresh)?,
+        let withdrawal = TargetAnnouncement {
             target: None,
             ..(**known).clone()
-        })
+        };
+        let told = format!("withdrew `{}`", withdrawal.name);
+        self.announce_above_all(now, fresh, withdrawal)?;
+        Ok(told)
     }
 
     /// A revision that outweighs all that were announced.
@@ -135,12 +209,7 @@ singletons: [{id: 1, x: 3.0, y: 9.5}, {id: 2, x: 0.0, y: 0.0}]
     }
 
     fn withdraw(register: &mut Register, revision: u64) -> Result<String, String> {
-        let response = register.withdraw(NOW, 100, WithdrawTargetRequest { revision });
-        if response.success {
-            Ok(response.message)
-        } else {
-            Err(response.message)
-        }
+        register.withdraw(NOW, 100, revision)
     }
 
     #[test]

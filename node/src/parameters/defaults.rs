@@ -44,7 +44,7 @@ fn declarations() -> Vec<Declaration> {
         &command.timing.parameters().unwrap(),
         &command.motion.parameters(),
     ));
-    declarations.extend(announcer_declarations(None));
+    declarations.extend(announcer_declarations());
     declarations.extend(judging_declarations(&judging));
     declarations.extend(visualisation_declarations(
         &VisualisationParameters::default(),
