@@ -21,7 +21,7 @@ pub(super) const CASE_STUDIES: Experiment = Experiment {
 };
 
 /// How far markers of one case stand from each other, where cases are 1 apart.
-const BESIDE: f64 = 0.16;
+const BESIDE: f64 = 0.2;
 
 const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
 
@@ -94,7 +94,7 @@ fn report(_: &Settings, store: &Store) -> Report {
                 plan.port_changes
             ));
             // Beside each other, so that equal values do not hide each other.
-            let x = place as f64 + BESIDE * column as f64;
+            let x = place as f64 + BESIDE * (column as f64 - 0.5);
             times[column].push(Point::new(x, milliseconds));
             broken[column].push(Point::new(x, plan.broken_links as f64));
             ports[column].push(Point::new(x + BESIDE, plan.port_changes as f64));
@@ -113,7 +113,7 @@ fn report(_: &Settings, store: &Store) -> Report {
         look: Look::stated(),
         points: (0..)
             .zip(&paper::CASES)
-            .map(|(place, case)| Point::new(f64::from(place) - BESIDE, value(case)))
+            .map(|(place, case)| Point::new(f64::from(place) - 1.5 * BESIDE, value(case)))
             .collect(),
     };
     let names = || Axis::names("case", (1..=CASES.len()).map(|n| n.to_string()).collect());
@@ -141,7 +141,7 @@ fn report(_: &Settings, store: &Store) -> Report {
             Panel {
                 title: "what is taken apart".to_owned(),
                 x: names(),
-                y: Axis::from_zero("disconnections, broken links, port changes"),
+                y: Axis::from_zero("broken links, or port changes"),
                 series: vec![
                     stated(|case| case.1 as f64),
                     series(

@@ -172,21 +172,8 @@ fn plot(settings: &Settings, store: &Store) -> Plot {
             })
             .collect(),
     };
-    let mut times = vec![stated(|row| row.planning_ms)];
-    for contender in CONTENDERS {
-        times.push(Series {
-            name: contender.label().to_owned(),
-            look: contender.look(),
-            points: curve(Docked::Lattice, contender, &|plan| plan.planning_us / 1e3),
-        });
-    }
     let size_axis = || Axis::from_zero("size of all configurations (modules)");
-    let mut panels = vec![Panel {
-        title: format!("planning time, {}", TREES[0].0),
-        x: size_axis(),
-        y: Axis::logarithmic("planning time (ms)"),
-        series: times,
-    }];
+    let mut panels = Vec::new();
     let looks = [
         Look::new(colour::PURPLE, Marker::Cross),
         Look::new(colour::BLUE, Marker::Circle),
@@ -194,6 +181,20 @@ fn plot(settings: &Settings, store: &Store) -> Plot {
         Look::new(colour::ORANGE, Marker::Ring),
     ];
     for (trees, docked) in TREES {
+        let mut times = vec![stated(|row| row.planning_ms)];
+        for contender in CONTENDERS {
+            times.push(Series {
+                name: contender.label().to_owned(),
+                look: contender.look(),
+                points: curve(docked, contender, &|plan| plan.planning_us / 1e3),
+            });
+        }
+        panels.push(Panel {
+            title: format!("planning time, {trees}"),
+            x: size_axis(),
+            y: Axis::logarithmic("planning time (ms)"),
+            series: times,
+        });
         let mut series = vec![stated(|row| row.disconnected)];
         for ((_, legend, count), look) in COUNTS.into_iter().zip(looks) {
             series.push(Series {

@@ -267,16 +267,14 @@ fn over_time(settings: &Settings, store: &Store) -> Report {
             correlations.push(correlation(&curve));
             let look = Look {
                 opacity: 0.5,
-                marker: Marker::None,
-                line: match contender {
-                    Contender::PaperPolicy => Line::ThinDashed,
-                    _ => Line::Thin,
-                },
+                // At its end alone.
+                marker_every: usize::MAX,
+                line: Line::Thin,
                 ..contender.look()
             };
             let series = |points| Series {
                 name: if number == 0 {
-                    format!("{}, a line a run", contender.label())
+                    format!("{}: a line a run, marked at its end", contender.label())
                 } else {
                     String::new()
                 },

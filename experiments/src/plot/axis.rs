@@ -2,8 +2,8 @@
 
 use super::Series;
 
-/// By how much the greatest value stays below the upper edge.
-const HEADROOM: f64 = 1.02;
+/// The upper edge of a vertical axis is at least this many times the greatest value, so that curves stay clear of it.
+pub(super) const HEADROOM: f64 = 1.02;
 
 /// One axis.
 #[derive(Clone, Debug)]
@@ -65,10 +65,12 @@ impl Axis {
         }
     }
 
-    /// The range and the ticks for series whose values along this axis `value` gives, with their deviations.
+    /// The range and the ticks for series whose values along this axis `value` gives, with their deviations. A range that
+    /// is not set reaches to `headroom` times the greatest value at least.
     pub(crate) fn scale(
         &self,
         series: &[Series],
+        headroom: f64,
         value: impl Fn(&super::Point) -> (f64, f64),
     ) -> Scale {
         let all = || series.iter().flat_map(|one| &one.points).map(&value);
@@ -86,12 +88,8 @@ impl Axis {
             Kind::FromZero => {
                 let highest = if highest > 0.0 { highest } else { 1.0 };
                 let step = step_for(highest);
-                // The greatest value stays clear of the upper edge.
-                linear(
-                    0.0,
-                    (highest * HEADROOM / step).ceil().max(1.0) * step,
-                    step,
-                )
+                let steps = (highest * headroom / step - 1e-9).ceil().max(1.0);
+                linear(0.0, steps * step, step)
             }
             Kind::Around => {
                 let step = step_for(if highest > lowest {
@@ -102,7 +100,7 @@ impl Axis {
                 let (from, to) = ((lowest / step).floor(), (highest / step).ceil());
                 linear(from * step, to.max(from + 1.0) * step, step)
             }
-            Kind::Logarithmic => decades(least, highest),
+            Kind::Logarithmic => decades(least, highest * headroom),
             Kind::Names(names) => Scale {
                 from: -0.5,
                 to: names.len() as f64 - 0.5,
@@ -164,10 +162,7 @@ fn linear(from: f64, to: f64, step: f64) -> Scale {
 
 fn decades(least: f64, greatest: f64) -> Scale {
     let from = least.max(1e-9).log10().floor();
-    let to = (greatest.max(1e-9) * HEADROOM)
-        .log10()
-        .ceil()
-        .max(from + 1.0);
+    let to = greatest.max(1e-9).log10().ceil().max(from + 1.0);
     let mut ticks = Vec::new();
     let mut place = from;
     while place <= to + 1e-6 {
@@ -226,7 +221,9 @@ mod tests {
     }
 
     fn names(axis: &Axis, values: &[f64]) -> Vec<String> {
-        let scale = axis.scale(&series(values), |point| (point.y, point.deviation));
+        let scale = axis.scale(&series(values), HEADROOM, |point| {
+            (point.y, point.deviation)
+        });
         scale.ticks.into_iter().map(|tick| tick.1).collect()
     }
 
@@ -234,6 +231,8 @@ mod tests {
     fn ticks_are_round_and_span_the_values() {
         let axis = Axis::from_zero("x");
         assert_eq!(names(&axis, &[3.0, 9.3]), ["0", "2", "4", "6", "8", "10"]);
+        let bare = axis.scale(&series(&[10.0, 100.0]), 1.0, |point| (point.y, 0.0));
+        assert_eq!(bare.name(bare.to), "100");
         assert_eq!(
             names(&axis, &[950_000.0]),
             ["0", "200,000", "400,000", "600,000", "800,000", "1,000,000"]
@@ -256,7 +255,8 @@ mod tests {
 
     #[test]
     fn a_value_lies_where_its_tick_is() {
-        let scale = Axis::logarithmic("x").scale(&series(&[1.0, 1000.0]), |point| (point.y, 0.0));
+        let scale =
+            Axis::logarithmic("x").scale(&series(&[1.0, 1000.0]), 1.0, |point| (point.y, 0.0));
         assert_eq!(scale.name(scale.place(100.0)), "100");
         assert_eq!(scale.name(scale.place(200.0)), "");
     }

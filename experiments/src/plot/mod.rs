@@ -2,6 +2,7 @@
 
 mod axis;
 mod draw;
+mod path;
 
 pub(crate) use axis::Axis;
 pub(crate) use draw::draw;
@@ -54,12 +55,12 @@ impl Point {
 }
 
 /// How a series looks: colour and marker tell the same, so that neither is needed alone.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Look {
     pub colour: (u8, u8, u8),
     pub opacity: f64,
     pub marker: Marker,
-    /// A marker on every so many points.
+    /// A marker on the last point and on every so many before it.
     pub marker_every: usize,
     pub line: Line,
 }
@@ -82,8 +83,8 @@ pub(crate) enum Line {
     None,
     Solid,
     Dashed,
+    Dotted,
     Thin,
-    ThinDashed,
 }
 
 /// Colours that people with any kind of colour vision tell apart (M. Okabe and K. Ito, "Color Universal Design").
@@ -170,8 +171,8 @@ impl Contender {
             Self::PaperPolicy => Look::new(colour::VERMILION, Marker::Square),
             Self::Ours => Look::new(colour::BLUE, Marker::Circle),
             Self::OursSizeFirst => Look::new(colour::SKY, Marker::Triangle),
-            Self::Auction => Look::new(colour::ORANGE, Marker::Cross),
-            Self::Hungarian => Look::new(colour::GREEN, Marker::Ring),
+            Self::Auction => Look::new(colour::ORANGE, Marker::Cross).with_line(Line::Dashed),
+            Self::Hungarian => Look::new(colour::GREEN, Marker::Ring).with_line(Line::Dotted),
         }
     }
 }
