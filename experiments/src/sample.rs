@@ -1,4 +1,4 @@
-//! Means and standard deviations.
+//! Means and standard deviations; medians and ranges.
 
 /// Some numbers of one kind, summed up.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -33,6 +33,45 @@ impl Sample {
     /// Mean and deviation, for people.
     pub(crate) fn with_deviation(self) -> String {
         format!("{} ± {}", short(self.mean), short(self.deviation))
+    }
+}
+
+/// Where few numbers of one kind lie, of which single ones may be far out.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub(crate) struct Spread {
+    pub median: f64,
+    pub least: f64,
+    pub greatest: f64,
+}
+
+impl Spread {
+    pub(crate) fn of(values: impl IntoIterator<Item = f64>) -> Self {
+        let mut values: Vec<f64> = values.into_iter().collect();
+        values.sort_by(f64::total_cmp);
+        let (Some(&least), Some(&greatest)) = (values.first(), values.last()) else {
+            return Self::default();
+        };
+        let middle = values.len() / 2;
+        let median = if values.len() % 2 == 1 {
+            values[middle]
+        } else {
+            f64::midpoint(values[middle - 1], values[middle])
+        };
+        Self {
+            median,
+            least,
+            greatest,
+        }
+    }
+
+    /// For people: the median, and the range in brackets.
+    pub(crate) fn with_range(self) -> String {
+        format!(
+            "{} ({} to {})",
+            short(self.median),
+            short(self.least),
+            short(self.greatest)
+        )
     }
 }
 
@@ -71,5 +110,15 @@ mod tests {
         assert_eq!(exact(0.5), "0.5");
         assert_eq!(exact(-0.000_01), "0");
         assert_eq!(short(1234.5), "1234");
+    }
+
+    #[test]
+    fn the_median_and_the_range() {
+        let spread = Spread::of([126.0, 40.0, 300.0]);
+        assert_eq!(spread.with_range(), "126 (40.0 to 300)");
+        assert_eq!(
+            Spread::of([4.0, 1.0, 2.0, 8.0]).with_range(),
+            "3.00 (1.00 to 8.00)"
+        );
     }
 }

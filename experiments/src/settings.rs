@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// How many runs of real processes are made of each cell at most: each takes seconds, most of them discovery.
-const PROCESS_RUNS_MAX: u64 = 3;
+const PROCESS_RUNS_MAX: u64 = 10;
 
 /// What decides every number but the times; a directory of results belongs to one set of settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -153,6 +153,7 @@ mod tests {
         assert_eq!(settings.surplus_sizes(), [50, 60, 70, 80, 90, 100]);
         assert_eq!(settings.equal_sizes(), [10, 20, 25, 50]);
         assert!((2..=10).all(|size| settings.configuration_sizes().contains(&size)));
-        assert_eq!(settings.process_seeds(), [1, 2, 3]);
+        assert_eq!(settings.process_seeds().len(), 10);
+        assert_eq!(Settings::paper(2, 1).process_seeds(), [1, 2]);
     }
 }

@@ -1,11 +1,11 @@
 //! Planning time of real processes over DDS.
 
-use super::{Experiment, Report, mixed, point, sample};
+use super::{Experiment, Report, mixed};
 use crate::cell::Cell;
 use crate::contender::Contender;
 use crate::measure::processes::ProcessMeasurement;
-use crate::plot::{Axis, Look, Marker, Panel, Plot, Series, colour};
-use crate::sample::exact;
+use crate::plot::{Axis, Line, Look, Marker, Panel, Plot, Point, Series, colour};
+use crate::sample::{Spread, exact, short};
 use crate::settings::Settings;
 use crate::store::Store;
 use crate::table::Table;
@@ -17,6 +17,9 @@ pub(super) const PROCESSES: Experiment = Experiment {
     cells,
     report,
 };
+
+/// How far the single runs are drawn from their median.
+const BESIDE: f64 = 0.12;
 
 /// The paper policy leaves holes in some plans, and the launcher starts no processes for a plan with a hole.
 fn cell(modules: usize, modules_per_process: usize, seed: u64) -> Cell {
@@ -42,10 +45,11 @@ fn report(settings: &Settings, store: &Store) -> Report {
         "modules",
         "processes",
         "runs",
-        "planning_ms_mean",
-        "planning_ms_std",
-        "discovery_ms_mean",
-        "core_ms_mean",
+        "planning_ms_median",
+        "planning_ms_least",
+        "planning_ms_greatest",
+        "discovery_ms_median",
+        "core_ms_median",
     ]);
     let mut summary = Table::new(&[
         "modules",
@@ -56,7 +60,7 @@ fn report(settings: &Settings, store: &Store) -> Report {
         "discovery, ms",
     ]);
     let mut names = Vec::new();
-    let (mut over_dds, mut core) = (Vec::new(), Vec::new());
+    let (mut over_dds, mut each, mut core) = (Vec::new(), Vec::new(), Vec::new());
     for (place, (modules, per_process)) in settings.process_sizes().into_iter().enumerate() {
         let processes = modules.div_ceil(per_process);
         names.push(format!("{modules} on {processes}"));
@@ -65,29 +69,47 @@ fn report(settings: &Settings, store: &Store) -> Report {
             .into_iter()
             .filter_map(|seed| store.processes(cell(modules, per_process, seed)))
             .collect();
-        let planning = sample(&cells, |cell| cell.planning_ms as f64);
-        let discovery = sample(&cells, |cell| cell.discovery_ms as f64);
-        let alone = sample(&cells, |cell| cell.core_us as f64 / 1e3);
+        let spread = |value: fn(&ProcessMeasurement) -> f64| {
+            Spread::of(cells.iter().map(|cell| value(cell)))
+        };
+        let planning = spread(|cell| cell.planning_ms as f64);
+        let discovery = spread(|cell| cell.discovery_ms as f64);
+        let alone = spread(|cell| cell.core_us as f64 / 1e3);
         table.row(vec![
             modules.to_string(),
             processes.to_string(),
             cells.len().to_string(),
-            exact(planning.mean),
-            exact(planning.deviation),
-            exact(discovery.mean),
-            exact(alone.mean),
+            exact(planning.median),
+            exact(planning.least),
+            exact(planning.greatest),
+            exact(discovery.median),
+            exact(alone.median),
         ]);
         summary.row(vec![
             modules.to_string(),
             processes.to_string(),
             cells.len().to_string(),
-            planning.with_deviation(),
-            alone.short(),
-            discovery.short(),
+            planning.with_range(),
+            short(alone.median),
+            discovery.with_range(),
         ]);
-        over_dds.push(point(place as f64, planning));
-        core.push(point(place as f64, alone));
+        let place = place as f64;
+        for cell in cells {
+            each.push(Point::new(place + BESIDE, cell.planning_ms as f64));
+        }
+        over_dds.push(Point::new(place, planning.median));
+        core.push(Point::new(place, alone.median));
     }
+    // Without lines: what stands beside each other differs in more than one thing.
+    let apart = |name: &str, look: Look, points| Series {
+        name: name.to_owned(),
+        look: look.with_line(Line::None),
+        points,
+    };
+    let every_run = Look {
+        opacity: 0.6,
+        ..Look::new(colour::BLUE, Marker::Cross)
+    };
     let plot = Plot {
         title: "Planning time of real processes over DDS, mixed instances".to_owned(),
         panels: vec![Panel {
@@ -95,16 +117,13 @@ fn report(settings: &Settings, store: &Store) -> Report {
             x: Axis::names("modules on processes", names),
             y: Axis::logarithmic("planning time (ms)"),
             series: vec![
-                Series {
-                    name: "ours, DDS".to_owned(),
-                    look: Contender::Ours.look(),
-                    points: over_dds,
-                },
-                Series {
-                    name: "ours, core alone".to_owned(),
-                    look: Look::new(colour::SKY, Marker::Triangle),
-                    points: core,
-                },
+                apart("ours over DDS, median", Contender::Ours.look(), over_dds),
+                apart("ours over DDS, each run", every_run, each),
+                apart(
+                    "ours, core alone, median",
+                    Look::new(colour::SKY, Marker::Triangle),
+                    core,
+                ),
             ],
         }],
     };
@@ -113,8 +132,8 @@ fn report(settings: &Settings, store: &Store) -> Report {
         plot,
         text: format!(
             "`formation run --plan-only --json`: from the roster until the last claim was applied, on loopback of one \
-             machine. Each cell starts all processes anew, so there are at most three runs of each. The paper \
-             policy is not run: the launcher starts no processes for a plan with a hole, and the paper policy leaves some.\n\n{}",
+             machine; medians, least and greatest. Each run starts all processes anew. The paper policy is not run: the \
+             launcher starts no processes for a plan with a hole, and the paper policy leaves some.\n\n{}",
             summary.to_markdown()
         ),
     }
