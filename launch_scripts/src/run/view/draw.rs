@@ -6,7 +6,7 @@ use ::console::truncate_str;
 use formation::id::ModuleId;
 
 use super::map::map;
-use super::watched::{Waiting, Watched, named};
+use super::watched::{LOG_MAX, Waiting, Watched, named};
 use crate::failure::one_line;
 
 /// How large a terminal is.
@@ -87,7 +87,6 @@ const PHASES: [&str; 5] = ["gathering", "planning", "agreeing", "acting", "done"
 const WAITING_MAX: usize = 3;
 /// Below the map, so many of the last happenings are told at least.
 const LOG_MIN: usize = 2;
-const LOG_MAX: usize = 5;
 
 /// Draws a run: phases, how far it has come, whose turn it is and who waits for whom, a map, and what happened last;
 /// as much of it as fits.

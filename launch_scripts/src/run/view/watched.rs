@@ -12,7 +12,7 @@ use super::super::progress::Progress;
 use crate::plan::CheckedPlan;
 
 /// So many of the last happenings are kept.
-const LOG_MAX: usize = 8;
+pub const LOG_MAX: usize = 20;
 
 /// How a spot is doing.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -293,11 +293,13 @@ pub fn named(modules: &[ModuleId]) -> String {
 }
 
 fn claim_text(turn: u32, claimant: ModuleId, decision: &Decision) -> String {
-    let evicted: Vec<ModuleId> = decision
+    // A chain may evict one module more than once.
+    let evicted: BTreeSet<ModuleId> = decision
         .evictions
         .iter()
         .map(|eviction| eviction.evicted)
         .collect();
+    let evicted: Vec<ModuleId> = evicted.into_iter().collect();
     let takers: BTreeSet<ModuleId> = decision
         .selections
         .iter()
