@@ -31,6 +31,7 @@ pub mod session;
 pub mod settings;
 mod speakers;
 pub mod stamp;
+mod standstill;
 mod tally;
 pub mod topics;
 pub mod traffic;

@@ -24,6 +24,7 @@ use crate::pulse::Pulse;
 use crate::service::{LibraryServer, ServiceType, service_qos};
 use crate::service_mapping::ServiceMapping;
 use crate::settings::Settings;
+use crate::standstill::Watch;
 use crate::topics::Topic;
 
 /// A process's place in the ROS 2 graph.
@@ -40,6 +41,7 @@ pub struct Session {
     context: Context,
     participant: DomainParticipant,
     pulse: Pulse,
+    watch: Watch,
     identity: NodeIdentity,
     remaps: RemapRules,
     service_mapping: ServiceMapping,
@@ -117,14 +119,16 @@ impl Session {
             DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
         };
         let pulse = Pulse::before_start();
-        let participant = builder
-            .build()
+        let watch = Watch::start();
+        let participant = watch
+            .over(|| builder.build())
             .map_err(|error| library("create a DDS participant", &error))?;
         let participants = participant.participant_id().saturating_add(1);
         if let Some(obstacle) = discovery_obstacle(environment.range, &interfaces(), participants) {
             return Err(SessionError::Discovery(obstacle));
         }
-        let context = Context::from_domain_participant(participant.clone())
+        let context = watch
+            .over(|| Context::from_domain_participant(participant.clone()))
             .map_err(|error| library("create a ROS 2 context", &error))?;
         // The library's own parameter services know one mapping only, and its log no bounds.
         let mut options = NodeOptions::new()
@@ -134,8 +138,8 @@ impl Session {
         for (name, value) in parameters.values().iter() {
             options = options.declare_parameter(name, value.clone());
         }
-        let node = context
-            .new_node(node_name, options)
+        let node = watch
+            .over(|| context.new_node(node_name, options))
             .map_err(|error| library("create a ROS 2 node", &error))?;
         pulse.started();
         tracing::info!(
@@ -151,6 +155,7 @@ impl Session {
             context,
             participant,
             pulse,
+            watch,
             identity,
             remaps: settings.ros.remaps.clone(),
             service_mapping,
@@ -212,8 +217,9 @@ impl Session {
         topic: &Topic<M>,
     ) -> Result<Publisher<M>, SessionError> {
         let dds_topic = self.dds_topic(topic, &topic.publisher_qos())?;
-        self.node
-            .create_publisher(&dds_topic, Some(topic.publisher_qos()))
+        let quality = Some(topic.publisher_qos());
+        self.watch
+            .over(|| self.node.create_publisher(&dds_topic, quality))
             .map_err(|error| self.library(format!("publish `{}`", topic.path()), &error))
     }
 
@@ -222,8 +228,9 @@ impl Session {
         topic: &Topic<M>,
     ) -> Result<Subscription<M>, SessionError> {
         let dds_topic = self.dds_topic(topic, &topic.subscription_qos())?;
-        self.node
-            .create_subscription(&dds_topic, Some(topic.subscription_qos()))
+        let quality = Some(topic.subscription_qos());
+        self.watch
+            .over(|| self.node.create_subscription(&dds_topic, quality))
             .map_err(|error| self.library(format!("subscribe `{}`", topic.path()), &error))
     }
 
@@ -234,8 +241,9 @@ impl Session {
     ) -> Result<rustdds::Topic, SessionError> {
         let resolved = self.resolve(Resource::Topic, &topic.path())?;
         let name = Name::parse(&resolved).map_err(|error| bad_name(&resolved, &error))?;
-        self.node
-            .create_topic(&name, MessageTypeName::new(M::PACKAGE, M::NAME), qos)
+        let type_name = MessageTypeName::new(M::PACKAGE, M::NAME);
+        self.watch
+            .over(|| self.node.create_topic(&name, type_name, qos))
             .map_err(|error| self.library(format!("create topic `{}`", topic.path()), &error))
     }
 
@@ -250,14 +258,15 @@ impl Session {
         name: &str,
     ) -> Result<LibraryServer<S>, SessionError> {
         let parsed = Name::parse(name).map_err(|error| bad_name(name, &error))?;
-        self.node
-            .create_server(
-                self.service_mapping.library(),
-                &parsed,
-                &ServiceTypeName::new(S::PACKAGE, S::NAME),
-                service_qos(),
-                service_qos(),
-            )
+        let type_name = ServiceTypeName::new(S::PACKAGE, S::NAME);
+        let mapping = self.service_mapping.library();
+        let make = || {
+            let (request, response) = (service_qos(), service_qos());
+            self.node
+                .create_server(mapping, &parsed, &type_name, request, response)
+        };
+        self.watch
+            .over(make)
             .map_err(|error| self.library(format!("serve `{name}`"), &error))
     }
 
