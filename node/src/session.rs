@@ -276,13 +276,14 @@ impl Session {
         name: &str,
     ) -> Result<LibraryAction<A>, SessionError> {
         let parsed = Name::parse(name).map_err(|error| bad_name(name, &error))?;
-        self.node
-            .create_action_server(
-                self.service_mapping.library(),
-                &parsed,
-                &ActionTypeName::new(A::PACKAGE, A::NAME),
-                action_qos(),
-            )
+        let type_name = ActionTypeName::new(A::PACKAGE, A::NAME);
+        let mapping = self.service_mapping.library();
+        let make = || {
+            self.node
+                .create_action_server(mapping, &parsed, &type_name, action_qos())
+        };
+        self.watch
+            .over(make)
             .map_err(|error| self.library(format!("serve the action `{name}`"), &error))
     }
 
