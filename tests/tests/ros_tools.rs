@@ -428,7 +428,11 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
         traffic["claims.sent"].parse::<u64>().unwrap() >= 10,
         "{traffic:?}"
     );
-    assert_eq!(traffic["target.received"], "1");
+    // More where another publisher speaks in this domain, as when two of these tests run on one machine.
+    assert!(
+        traffic["target.received"].parse::<u64>().unwrap() >= 1,
+        "{traffic:?}"
+    );
 
     let line = std::iter::from_fn(|| Some(log.next_line()))
         .find(|line| line["msg"].as_str().unwrap().starts_with("settled on"))
