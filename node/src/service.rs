@@ -26,6 +26,62 @@ pub trait ServiceType {
     type Response: Serialize + DeserializeOwned + 'static;
 }
 
+/// Declares the services that a part of a node serves: their types, a struct of their serving ends, and an enum of what one
+/// of them was asked. Each line gives the type, its end's field, its name, and what is asked and answered.
+macro_rules! services {
+    (
+        $(#[$about_ends:meta])*
+        $ends:ident,
+        $(#[$about_asked:meta])*
+        $asked:ident in $package:literal:
+        $($service:ident $field:ident $name:literal: $request:ty => $response:ty;)+
+    ) => {
+        $(
+            pub(crate) struct $service;
+
+            impl $crate::service::ServiceType for $service {
+                const PACKAGE: &'static str = $package;
+                const NAME: &'static str = stringify!($service);
+                type Request = $request;
+                type Response = $response;
+            }
+        )+
+
+        $(#[$about_ends])*
+        pub(crate) struct $ends {
+            $(pub(crate) $field: $crate::service::ServiceServer<$service>,)+
+        }
+
+        $(#[$about_asked])*
+        pub(crate) enum $asked {
+            $($service($crate::service::RequestId, $request),)+
+        }
+
+        impl $ends {
+            /// Begins to serve.
+            pub(crate) fn open(
+                session: &mut $crate::session::Session,
+            ) -> Result<Self, $crate::session::SessionError> {
+                Ok(Self {
+                    $($field: $crate::service::ServiceServer::open(session, $name)?,)+
+                })
+            }
+
+            /// Every request that comes in, for ever.
+            pub(crate) fn requests(&self) -> Vec<futures::stream::LocalBoxStream<'_, $asked>> {
+                use futures::StreamExt;
+                vec![$(
+                    self.$field
+                        .requests()
+                        .map(|(id, request)| $asked::$service(id, request))
+                        .boxed_local(),
+                )+]
+            }
+        }
+    };
+}
+pub(crate) use services;
+
 /// What travels, with the library's own trait, which types of other crates cannot have.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 #[serde(transparent)]

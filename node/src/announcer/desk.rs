@@ -80,7 +80,7 @@ impl Desk {
             })
         });
         arrivals.push(verdicts.boxed_local());
-        for questions in self.services.questions() {
+        for questions in self.services.requests() {
             arrivals.push(questions.map(Arrival::Question).boxed_local());
         }
         for requests in self.action.requests() {

@@ -216,11 +216,11 @@ impl Announcer<'_> {
     fn answer(&mut self, question: &Question) {
         let Some(desk) = self.desk else { return };
         match *question {
-            Question::Status(id, request) => {
+            Question::QueryStatus(id, request) => {
                 let response = self.conduct.register.status(request);
-                desk.services.answer_status(id, response);
+                desk.services.query_status.answer(id, response);
             }
-            Question::Withdraw(id, request) => {
+            Question::WithdrawTarget(id, request) => {
                 let now = self.start.elapsed();
                 let register = &mut self.conduct.register;
                 let outcome = register.withdraw(now, stamp::revision(), request.revision);
@@ -230,7 +230,7 @@ impl Announcer<'_> {
                     success: outcome.is_ok(),
                     message: answer(outcome.unwrap_or_else(|reason| reason)),
                 };
-                desk.services.answer_withdrawal(id, response);
+                desk.services.withdraw_target.answer(id, response);
             }
         }
     }

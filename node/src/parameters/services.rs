@@ -1,8 +1,6 @@
 //! The six services through which tools reach the parameters of a node. All six must exist: tools take a node that
 //! lacks one for unreachable, and some wait for ever.
 
-use futures::StreamExt;
-use futures::stream::LocalBoxStream;
 use ros2_client::ParameterValue;
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::{
@@ -13,60 +11,23 @@ use ros2_client::rcl_interfaces::{
 };
 
 use super::store::{Parameters, Values};
-use crate::service::{RequestId, ServiceServer, ServiceType};
-use crate::session::{Session, SessionError};
+use crate::service::services;
 
-macro_rules! parameter_services {
-    ($($service:ident $field:ident: $request:ty => $response:ty;)+) => {
-        $(
-            struct $service;
-
-            impl ServiceType for $service {
-                const PACKAGE: &'static str = "rcl_interfaces";
-                const NAME: &'static str = stringify!($service);
-                type Request = $request;
-                type Response = $response;
-            }
-        )+
-
-        /// The serving ends.
-        pub(crate) struct ParameterServices {
-            $($field: ServiceServer<$service>,)+
-        }
-
-        /// What one of them was asked.
-        pub(crate) enum ParameterRequest {
-            $($service(RequestId, $request),)+
-        }
-
-        impl ParameterServices {
-            /// Serves the parameters of the session's node.
-            pub(crate) fn open(session: &mut Session) -> Result<Self, SessionError> {
-                Ok(Self {
-                    $($field: ServiceServer::open(session, concat!("~/", stringify!($field)))?,)+
-                })
-            }
-
-            /// Every request that comes in, for ever.
-            pub(crate) fn requests(&self) -> Vec<LocalBoxStream<'_, ParameterRequest>> {
-                vec![$(
-                    self.$field
-                        .requests()
-                        .map(|(id, request)| ParameterRequest::$service(id, request))
-                        .boxed_local(),
-                )+]
-            }
-        }
-    };
-}
-
-parameter_services! {
-    DescribeParameters describe_parameters: DescribeParametersRequest => DescribeParametersResponse;
-    GetParameters get_parameters: GetParametersRequest => GetParametersResponse;
-    GetParameterTypes get_parameter_types: GetParameterTypesRequest => GetParameterTypesResponse;
-    ListParameters list_parameters: ListParametersRequest => ListParametersResponse;
-    SetParameters set_parameters: SetParametersRequest => SetParametersResponse;
-    SetParametersAtomically set_parameters_atomically: SetParametersRequest => SetParametersAtomicallyResponse;
+services! {
+    /// The serving ends.
+    ParameterServices,
+    /// What one of them was asked.
+    ParameterRequest in "rcl_interfaces":
+    DescribeParameters describe_parameters "~/describe_parameters":
+        DescribeParametersRequest => DescribeParametersResponse;
+    GetParameters get_parameters "~/get_parameters": GetParametersRequest => GetParametersResponse;
+    GetParameterTypes get_parameter_types "~/get_parameter_types":
+        GetParameterTypesRequest => GetParameterTypesResponse;
+    ListParameters list_parameters "~/list_parameters":
+        ListParametersRequest => ListParametersResponse;
+    SetParameters set_parameters "~/set_parameters": SetParametersRequest => SetParametersResponse;
+    SetParametersAtomically set_parameters_atomically "~/set_parameters_atomically":
+        SetParametersRequest => SetParametersAtomicallyResponse;
 }
 
 impl ParameterServices {
