@@ -93,7 +93,10 @@ def launch_setup(context):
         )
 
     scenario = ["--scenario", path]
-    verifier = node("verifier", "verifier", ["--time-limit-s", value["time_limit_s"]])
+    # Goals that are sent later want a verdict as well.
+    ends = value["shutdown_on_verdict"].lower() in ("true", "1")
+    patience = ["--time-limit-s", value["time_limit_s"]]
+    verifier = node("verifier", "verifier", patience if ends else [*patience, "--keep-watching"])
     motion = ["--motion", value["motion"], "--speed", value["speed"]]
     agents = [
         node(program, name, [*hosted, *scenario, *motion])

@@ -101,7 +101,7 @@ fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_hav
             "target_publisher",
             ["--expected-modules", "--scenario"].as_slice(),
         ),
-        ("verifier", ["--time-limit-s"].as_slice()),
+        ("verifier", ["--time-limit-s", "--keep-watching"].as_slice()),
     ] {
         assert!(launch.contains(&format!("\"{program}\"")), "{program}");
         let help = formation_tests::Running::start(program, "95", &["--help"])
@@ -110,7 +110,7 @@ fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_hav
         for option in options.iter().chain(&["--log-level"]) {
             assert!(launch.contains(&format!("\"{option}\"")), "{option}");
             assert!(
-                help.contains(&format!("{option} ")),
+                help.split_whitespace().any(|word| word == *option),
                 "{program} {option}: {help}"
             );
         }
