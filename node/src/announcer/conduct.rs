@@ -327,3 +327,6 @@ fn judged(verdict: &Verdict) -> (GoalStatusEnum, FormConfigurationResult) {
     };
     (status, result)
 }
+
+#[cfg(test)]
+mod tests;
