@@ -1,9 +1,11 @@
 #!/usr/bin/env python3
-"""Adds a module to a running formation: starts its process, and waits until it has a spot or stands by as a spare.
+"""Adds a module to a running formation, and waits until it has a spot or stands by as a spare.
 
-A module announces itself; nobody has to be told. If a spot is open it is given one, else it stands by.
+A module announces itself; nobody has to be told. If a spot is open it is given one, else it stands by. Without --agent a
+process of its own is started for it, which Ctrl-C ends again; with --agent a running one takes it in.
 
     python3 add_module.py --module 18 --x 2.5 --y 3.0
+    python3 add_module.py --module 18 --x 2.5 --y 3.0 --agent module_4
 """
 
 import argparse
@@ -12,6 +14,7 @@ import sys
 
 import rclpy
 from formation_msgs.msg import ModuleState, ModuleStates
+from formation_msgs.srv import AddModule
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
@@ -37,6 +40,27 @@ class Watch(Node):
         return self.state is not None and self.state.phase in (ModuleState.PHASE_SETTLED, ModuleState.PHASE_SPARE)
 
 
+def start_process(options):
+    """Starts a process for the module."""
+    command = [options.program, "--module", str(options.module), "--namespace", options.namespace]
+    command += [f"--x={options.x}", f"--y={options.y}", f"--theta={options.theta}"]
+    return subprocess.Popen(command)
+
+
+def ask_agent(watch, options):
+    """Has a running agent take the module in."""
+    client = watch.create_client(AddModule, f"{options.agent}/add_module")
+    if not client.wait_for_service(timeout_sec=10.0):
+        sys.exit(f"nobody serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
+    request = AddModule.Request(module_id=options.module, x=options.x, y=options.y, theta=options.theta)
+    answer = client.call_async(request)
+    rclpy.spin_until_future_complete(watch, answer)
+    response: AddModule.Response = answer.result()
+    print(response.message, flush=True)
+    if not response.success:
+        sys.exit(1)
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--module", type=int, required=True, help="the new module's identifier")
@@ -44,28 +68,32 @@ def main():
     parser.add_argument("--y", type=float, required=True)
     parser.add_argument("--theta", type=float, default=0.0)
     parser.add_argument("--namespace", default="/formation")
+    parser.add_argument("--agent", help="the node of a running agent that is to host the module, such as module_4")
     parser.add_argument("--program", default="module_agent", help="the program, if it is not on the PATH")
     options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
-    command = [options.program, "--module", str(options.module), "--namespace", options.namespace]
-    command += [f"--x={options.x}", f"--y={options.y}", f"--theta={options.theta}"]
-    agent = subprocess.Popen(command)
     watch = Watch(options.module, options.namespace)
+    process = None
     try:
-        told = False
-        while agent.poll() is None:
+        if options.agent:
+            ask_agent(watch, options)
+        else:
+            process = start_process(options)
+        while not watch.is_placed() and (process is None or process.poll() is None):
             rclpy.spin_once(watch, timeout_sec=0.5)
-            if watch.is_placed() and not told:
-                settled = watch.state.phase == ModuleState.PHASE_SETTLED
-                where = f"settled on spot {watch.state.spot_id}" if settled else "is a spare"
-                print(f"module {options.module} {where}; Ctrl-C takes it away again", flush=True)
-                told = True
+        if watch.is_placed():
+            settled = watch.state.phase == ModuleState.PHASE_SETTLED
+            where = f"settled on spot {watch.state.spot_id}" if settled else "is a spare"
+            print(f"module {options.module} {where}", flush=True)
+        if process is not None:
+            process.wait()
     except (KeyboardInterrupt, ExternalShutdownException):
         pass
     finally:
-        agent.terminate()
+        if process is not None:
+            process.terminate()
         rclpy.try_shutdown()
-    return agent.wait()
+    return 0 if process is None else process.wait()
 
 
 if __name__ == "__main__":

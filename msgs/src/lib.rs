@@ -40,7 +40,8 @@ pub use module_state::{CausalMark, ModuleState, ModuleStates};
 pub use progress::Progress;
 pub use roster::{Roster, RosterMember};
 pub use services::{
-    QueryStatusRequest, QueryStatusResponse, WithdrawTargetRequest, WithdrawTargetResponse,
+    AddModuleRequest, AddModuleResponse, QueryStatusRequest, QueryStatusResponse,
+    RetireModuleRequest, RetireModuleResponse, WithdrawTargetRequest, WithdrawTargetResponse,
 };
 pub use standard::{Duration, Header, Time};
 pub use target::{Edge, PlannerParameters, Spot, TargetConfiguration};
@@ -104,11 +105,15 @@ macro_rules! sections {
 }
 
 sections!(
+    AddModuleRequest = "AddModule_Request",
+    AddModuleResponse = "AddModule_Response",
     FormConfigurationFeedback = "FormConfiguration_Feedback",
     FormConfigurationGoal = "FormConfiguration_Goal",
     FormConfigurationResult = "FormConfiguration_Result",
     QueryStatusRequest = "QueryStatus_Request",
     QueryStatusResponse = "QueryStatus_Response",
+    RetireModuleRequest = "RetireModule_Request",
+    RetireModuleResponse = "RetireModule_Response",
     WithdrawTargetRequest = "WithdrawTarget_Request",
     WithdrawTargetResponse = "WithdrawTarget_Response",
 );

@@ -38,3 +38,41 @@ pub struct WithdrawTargetResponse {
     pub success: bool,
     pub message: String,
 }
+
+/// The request of `AddModule.srv`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(rename = "AddModule_Request")]
+#[expect(missing_docs, reason = "the .srv file documents the fields")]
+pub struct AddModuleRequest {
+    pub module_id: u32,
+    pub x: f64,
+    pub y: f64,
+    pub theta: f64,
+}
+
+/// The response of `AddModule.srv`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename = "AddModule_Response")]
+#[expect(missing_docs, reason = "the .srv file documents the fields")]
+pub struct AddModuleResponse {
+    pub success: bool,
+    pub message: String,
+}
+
+/// The request of `RetireModule.srv`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename = "RetireModule_Request")]
+#[expect(missing_docs, reason = "the .srv file documents the fields")]
+pub struct RetireModuleRequest {
+    pub module_id: u32,
+    pub rejoin: bool,
+}
+
+/// The response of `RetireModule.srv`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename = "RetireModule_Response")]
+#[expect(missing_docs, reason = "the .srv file documents the fields")]
+pub struct RetireModuleResponse {
+    pub success: bool,
+    pub message: String,
+}

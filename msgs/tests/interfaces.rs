@@ -238,10 +238,12 @@ fn bounds_agree() {
         list("Verdict.assignments", bounds::SPOTS_MAX),
         list("Verdict.open_spots", bounds::SPOTS_MAX),
         list("Verdict.unassigned_modules", bounds::MODULES_MAX),
+        text("AddModule_Response.message", bounds::ANSWER_BYTES_MAX),
         text("DockingResult.reason", bounds::REASON_BYTES_MAX),
         text("FormConfiguration_Goal.scenario", bounds::NAME_BYTES_MAX),
         text("FormConfiguration_Result.message", bounds::ANSWER_BYTES_MAX),
         text("QueryStatus_Response.target", bounds::NAME_BYTES_MAX),
+        text("RetireModule_Response.message", bounds::ANSWER_BYTES_MAX),
         text("TargetConfiguration.name", bounds::NAME_BYTES_MAX),
         text("WithdrawTarget_Response.message", bounds::ANSWER_BYTES_MAX),
         (

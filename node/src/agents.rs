@@ -1,10 +1,12 @@
 //! The loop of a process that hosts modules.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::agent::{AgentParameters, Identity};
 use formation::id::ModuleId;
+use formation::message::Service;
 use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use futures::StreamExt;
 use ros2_client::Publisher;
@@ -19,8 +21,9 @@ use crate::facilities::{Facilities, FacilityArrival, FacilityInlets};
 use crate::host::{Host, Outgoing};
 use crate::inbox::{Inbox, Wake};
 use crate::inlet::{Delivery, Inlet};
+use crate::membership::{MembershipRequest, MembershipServices};
 use crate::outlet::Outlet;
-use crate::parameters::{Declaration, ParameterError, Values};
+use crate::parameters::{Declaration, NodeWide, ParameterError, Values};
 use crate::session::{Session, SessionError};
 use crate::settings::Settings;
 use crate::stamp;
@@ -51,45 +54,65 @@ pub struct ModuleProcess {
 impl ModuleProcess {
     /// Hosts the modules until `stop` yields, then leaves the graph.
     ///
-    /// When the DDS library stops listening, the modules start anew where they stand, as if the process had.
+    /// When the DDS library stops listening, the modules start anew where they stand, as if the process had; those that
+    /// were added and those out of service as well.
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined, or no driver told where its module stands.
-    pub fn run(mut self, stop: &Receiver<()>) -> Result<(), SessionError> {
+    pub fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
+        let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
+        let name = node_name(&ids);
+        let active = |module: &Identity| (module.clone(), Service::Active);
+        let mut modules = self.modules.iter().map(active).collect();
         loop {
-            match self.take_part(stop) {
+            match self.take_part(&name, &mut modules, stop) {
                 Err(deaf @ SessionError::Deaf) => tracing::warn!("{deaf}; joining anew"),
                 end => return end,
             }
         }
     }
 
-    fn take_part(&mut self, stop: &Receiver<()>) -> Result<(), SessionError> {
-        let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
-        let name = node_name(&ids);
+    /// Takes part with these modules until `stop` yields or the library stops listening, and leaves them as they are then.
+    fn take_part(
+        &self,
+        name: &str,
+        modules: &mut Vec<(Identity, Service)>,
+        stop: &Receiver<()>,
+    ) -> Result<(), SessionError> {
         let declarations = declarations(&self.parameters, &self.motion);
-        let parameters = self.settings.declare(&name, declarations)?;
+        let parameters = self.settings.declare(name, declarations)?;
         let (agents, motion) = tunables(parameters.values())?;
-        let mut session = Session::open(&self.settings, &name, parameters)?;
+        let mut session = Session::open(&self.settings, name, parameters)?;
         let mut traffic = Traffic::default();
         let drivers = match &motion {
             MotionParameters::Simulated { .. } => None,
             MotionParameters::External(motion) => {
-                let drivers = Drivers::open(&mut session, &self.modules, motion, &self.frame_id)?;
+                let (identities, services): (Vec<_>, Vec<_>) = std::mem::take(modules)
+                    .into_iter()
+                    .map(|(identity, service)| (identity.clone(), (identity.module, service)))
+                    .unzip();
+                let services: BTreeMap<ModuleId, Service> = services.into_iter().collect();
+                let drivers = Drivers::open(&mut session, &identities, motion, &self.frame_id)?;
                 let present = drivers.wait_for_poses(
                     &session,
                     motion,
-                    std::mem::take(&mut self.modules),
+                    identities,
                     stop.clone(),
                     &mut traffic,
                 )?;
                 let Some(present) = present else {
                     return Ok(());
                 };
-                self.modules = present;
+                let in_service = |module: &Identity| services.get(&module.module).copied();
+                modules.extend(present.into_iter().map(|module| {
+                    let service = in_service(&module).unwrap_or_default();
+                    (module, service)
+                }));
                 Some(drivers)
             }
         };
+        let hosted = modules.len();
+        let serves = NodeWide::of(session.parameters().values())?.parameter_services;
         let (driver_inlets, driver_outlets) = drivers
             .map(|drivers| (drivers.inlets, drivers.outlets))
             .unzip();
@@ -98,25 +121,23 @@ impl ModuleProcess {
             target: Inlet::open(&mut session, &topics::TARGET)?,
             states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
             roster: Inlet::open(&mut session, &topics::ROSTER)?,
-            claims: Inlet::open(&mut session, &topics::claims(ids.len()))?,
+            claims: Inlet::open(&mut session, &topics::claims(hosted))?,
             heartbeats: Inlet::open(&mut session, &topics::HEARTBEATS)?,
             facilities: FacilityInlets::open(&self.settings, &mut session)?,
+            membership: serves
+                .then(|| MembershipServices::open(&mut session))
+                .transpose()?,
         };
         let outlets = Outlets {
             states: Outlet::open(&mut session, &topics::MODULE_STATES)?,
-            claims: Outlet::open(&mut session, &topics::claims(ids.len()))?,
+            claims: Outlet::open(&mut session, &topics::claims(hosted))?,
             heartbeats: Outlet::open(&mut session, &topics::HEARTBEATS)?,
             roster: None,
             evictions: None,
             drivers: driver_outlets,
         };
         let facilities = Facilities::open(&self.settings, &mut session)?;
-        let host = Host::new(
-            session.source(),
-            self.modules.iter().cloned(),
-            agents,
-            &motion,
-        );
+        let host = Host::new(session.source(), modules.iter().cloned(), agents, &motion);
         let mut process = Running {
             start: Instant::now(),
             session,
@@ -133,8 +154,8 @@ impl ModuleProcess {
                 tracing::info!(module = module.0, "refused: {refusals}");
             }
         }
-        for identity in &mut self.modules {
-            process.host.bring_up_to_date(identity);
+        *modules = process.host.modules();
+        for (identity, _) in modules {
             identity.incarnation = stamp::incarnation();
         }
         drop(inlets);
@@ -205,6 +226,7 @@ enum Arrival {
     Message(Delivery),
     Driver(DriverWord),
     Facility(FacilityArrival),
+    Membership(MembershipRequest),
 }
 
 struct Inlets {
@@ -215,6 +237,8 @@ struct Inlets {
     claims: Inlet<SpotClaim>,
     heartbeats: Inlet<Heartbeat>,
     facilities: FacilityInlets,
+    /// Left out where the node answers no tools, as discovery grows with the number of endpoints.
+    membership: Option<MembershipServices>,
 }
 
 type Wire<M> = Outlet<M, Publisher<M>>;
@@ -281,12 +305,15 @@ impl Running {
         ];
         let drivers = inlets.drivers.iter().flat_map(DriverInlets::words);
         let facilities = inlets.facilities.arrivals().into_iter();
+        let membership = inlets.membership.iter();
+        let membership = membership.flat_map(MembershipServices::requests);
         let mut inbox = Inbox::new(
             messages
                 .into_iter()
                 .map(|stream| stream.map(Arrival::Message).boxed_local())
                 .chain(drivers.map(|stream| stream.map(Arrival::Driver).boxed_local()))
-                .chain(facilities.map(|stream| stream.map(Arrival::Facility).boxed_local())),
+                .chain(facilities.map(|stream| stream.map(Arrival::Facility).boxed_local()))
+                .chain(membership.map(|stream| stream.map(Arrival::Membership).boxed_local())),
             stop.clone(),
         );
         loop {
@@ -325,6 +352,12 @@ impl Running {
             Arrival::Driver(word) => {
                 if let Some((module, news)) = word.accept(&mut self.traffic) {
                     self.host.hear_driver(self.start.elapsed(), module, news);
+                }
+                return;
+            }
+            Arrival::Membership(request) => {
+                if let Some(services) = &inlets.membership {
+                    services.answer(&request, &mut self.host, self.start.elapsed());
                 }
                 return;
             }

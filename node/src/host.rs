@@ -1,15 +1,17 @@
 //! The modules that one process hosts: their agents, their drives, and what they have to say together.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::agent::{
-    Agent, AgentParameters, Event, Identity, Input, Output, RefusalCounts, Severity, SourceId,
+    Agent, AgentParameters, Command, Event, Identity, Input, Output, RefusalCounts, Severity,
+    SourceId,
 };
+use formation::geometry::Pose;
 use formation::id::ModuleId;
 use formation::message::{
-    EvictionNotice, Heartbeat, Message, ModuleState, RosterMessage, SpotClaim,
+    EvictionNotice, Heartbeat, Message, ModulePhase, ModuleState, RosterMessage, Service, SpotClaim,
 };
 use formation::motion::{DockingAction, DriveCommand};
 
@@ -17,6 +19,7 @@ use crate::diagnostics::Report;
 use crate::drive::{Drive, MotionParameters};
 use crate::drivers::DriverNews;
 use crate::tally::Tally;
+use crate::topics;
 use crate::traffic::worth_a_line;
 
 /// A message between two hosted modules is handed over at once, but after so many the loop turns to the network
@@ -42,6 +45,7 @@ pub(crate) enum Outgoing {
 
 struct Seat {
     module: ModuleId,
+    identity: Identity,
     agent: Agent,
     drive: Drive,
     /// The state that the next sample will carry for this module.
@@ -55,9 +59,36 @@ struct Seat {
     tally: Tally,
 }
 
+impl Seat {
+    fn new(
+        identity: Identity,
+        service: Service,
+        parameters: AgentParameters,
+        motion: &MotionParameters,
+        now: Duration,
+    ) -> Self {
+        Self {
+            module: identity.module,
+            identity: identity.clone(),
+            drive: Drive::new(&identity, motion, parameters.lease),
+            agent: Agent::new(identity, parameters, now).in_service(service),
+            state: None,
+            state_is_new: false,
+            heartbeat: None,
+            refusals_told: 0,
+            duplicates_told: 0,
+            tally: Tally::default(),
+        }
+    }
+}
+
 /// The agents of a process, and what they say, gathered into as few samples as possible.
 pub(crate) struct Host {
     source: SourceId,
+    parameters: AgentParameters,
+    motion: MotionParameters,
+    /// At most so many modules are hosted.
+    room: usize,
     seats: Vec<Seat>,
     /// Messages of a hosted module on their way to the others, by the sender's seat.
     local: VecDeque<(usize, Message)>,
@@ -65,33 +96,139 @@ pub(crate) struct Host {
 }
 
 impl Host {
-    /// Hosts an agent for each identity, started at time zero; `source` is the participant that speaks for them.
+    /// Hosts an agent for each module, started at time zero in or out of service; `source` is the participant that speaks
+    /// for them.
     pub(crate) fn new(
         source: SourceId,
-        identities: impl IntoIterator<Item = Identity>,
+        modules: impl IntoIterator<Item = (Identity, Service)>,
         parameters: AgentParameters,
         motion: &MotionParameters,
     ) -> Self {
-        let seats = identities
+        let seats: Vec<Seat> = modules
             .into_iter()
-            .map(|identity| Seat {
-                module: identity.module,
-                drive: Drive::new(&identity, motion, parameters.lease),
-                agent: Agent::new(identity, parameters, Duration::ZERO),
-                state: None,
-                state_is_new: false,
-                heartbeat: None,
-                refusals_told: 0,
-                duplicates_told: 0,
-                tally: Tally::default(),
+            .map(|(identity, service)| {
+                Seat::new(identity, service, parameters, motion, Duration::ZERO)
             })
             .collect();
         Self {
             source,
+            parameters,
+            motion: motion.clone(),
+            room: topics::room_for_modules(seats.len()),
             seats,
             local: VecDeque::new(),
             outgoing: Vec::new(),
         }
+    }
+
+    /// Hosts one more module, which is told what the others know of the latched topics.
+    ///
+    /// # Errors
+    /// Says why this process takes no more.
+    pub(crate) fn add(&mut self, now: Duration, identity: Identity) -> Result<(), String> {
+        if let MotionParameters::External(_) = self.motion {
+            return Err(format!(
+                "the modules of this process have drivers outside, which are set up at its start; start another process: \
+                 module_agent --motion external --module {}",
+                identity.module.0
+            ));
+        }
+        if self.seats.len() >= self.room {
+            return Err(format!(
+                "this process keeps the decisions of at most {} modules for late subscribers; start another process",
+                self.room
+            ));
+        }
+        let briefing = self.briefing(identity.module);
+        let seat = self.seats.len();
+        let (parameters, motion) = (self.parameters, self.motion.clone());
+        self.seats.push(Seat::new(
+            identity,
+            Service::Active,
+            parameters,
+            &motion,
+            now,
+        ));
+        for (source, message) in briefing {
+            self.tell(seat, now, Input::Message { source, message });
+        }
+        Ok(())
+    }
+
+    /// What a module has missed that is hosted from now on.
+    fn briefing(&self, newcomer: ModuleId) -> Vec<(Option<SourceId>, Message)> {
+        let Some(first) = self.seats.first() else {
+            return Vec::new();
+        };
+        let own = first.state.iter().cloned().map(Message::ModuleState);
+        own.map(|own| (Some(self.source), own))
+            .chain(first.agent.briefing())
+            .filter(|(_, message)| match message {
+                // An earlier run of the newcomer is no news to it.
+                Message::ModuleState(state) => state.module != newcomer,
+                _ => true,
+            })
+            .collect()
+    }
+
+    /// Tells a hosted module what to do.
+    pub(crate) fn command(&mut self, now: Duration, module: ModuleId, command: Command) {
+        if let Some(seat) = self.seats.iter().position(|seat| seat.module == module) {
+            self.tell(seat, now, Input::Command(command));
+        }
+    }
+
+    /// Whether a hosted module takes a spot when it can.
+    pub(crate) fn service_of(&self, module: ModuleId) -> Option<Service> {
+        self.seat_of(module).map(|seat| seat.agent.service())
+    }
+
+    /// What a hosted module is doing.
+    pub(crate) fn phase_of(&self, module: ModuleId) -> Option<ModulePhase> {
+        self.seat_of(module).map(|seat| seat.agent.phase())
+    }
+
+    fn seat_of(&self, module: ModuleId) -> Option<&Seat> {
+        self.seats.iter().find(|seat| seat.module == module)
+    }
+
+    /// Where the hosted modules stand, and all others that live, as far as they said.
+    pub(crate) fn standing(&self) -> BTreeMap<ModuleId, Option<Pose>> {
+        let peers = self
+            .seats
+            .iter()
+            .flat_map(|seat| seat.agent.living_peers())
+            .map(|(module, state)| (module, state.map(|state| state.pose)));
+        let own = self
+            .seats
+            .iter()
+            .map(|seat| (seat.module, Some(seat.agent.pose())));
+        peers.chain(own).collect()
+    }
+
+    /// The hosted modules by number, for people.
+    pub(crate) fn named(&self) -> String {
+        let numbers: Vec<String> = self
+            .seats
+            .iter()
+            .map(|seat| seat.module.0.to_string())
+            .collect();
+        numbers.join(", ")
+    }
+
+    /// The hosted modules as they are by now, for a host that takes them over.
+    pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
+        self.seats
+            .iter()
+            .map(|seat| {
+                let identity = Identity {
+                    pose: seat.agent.pose(),
+                    links: seat.agent.links().clone(),
+                    ..seat.identity.clone()
+                };
+                (identity, seat.agent.service())
+            })
+            .collect()
     }
 
     /// Hands a message of another process to every hosted module.
@@ -194,6 +331,8 @@ impl Host {
         parameters: AgentParameters,
         motion: &MotionParameters,
     ) {
+        self.parameters = parameters;
+        self.motion = motion.clone();
         for seat in 0..self.seats.len() {
             self.seats[seat].agent.set_parameters(parameters);
             self.seats[seat].drive.set_parameters(motion);
@@ -298,18 +437,6 @@ impl Host {
         }
     }
 
-    /// Where a hosted module stands by now, and what it is docked to.
-    pub(crate) fn bring_up_to_date(&self, identity: &mut Identity) {
-        if let Some(seat) = self
-            .seats
-            .iter()
-            .find(|seat| seat.module == identity.module)
-        {
-            identity.pose = seat.agent.pose();
-            identity.links = seat.agent.links().clone();
-        }
-    }
-
     /// How many messages of others each hosted module refused, by kind.
     pub(crate) fn refusals(&self) -> impl Iterator<Item = (ModuleId, &RefusalCounts)> {
         let seats = self.seats.iter();
@@ -318,180 +445,4 @@ impl Host {
 }
 
 #[cfg(test)]
-mod tests {
-    use std::collections::BTreeMap;
-
-    use formation::id::Incarnation;
-    use formation::message::{ModulePhase, TargetAnnouncement};
-    use formation::scenario::Scenario;
-
-    use super::*;
-
-    const SCENARIO: &str = "
-target: {spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}, {id: 3, x: 7.0, y: 5.0}], edges: [[1, 2], [2, 3]]}
-configurations:
-  - {id: 7, leader: 5, modules: [{id: 4, x: 1.0, y: 2.0}, {id: 5, x: 2.0, y: 2.0}], edges: [[4, 5]]}
-singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
-";
-    const TARGET_PUBLISHER: SourceId = SourceId(1);
-    const OTHER_PROCESS: SourceId = SourceId(2);
-
-    fn host(modules: &[u32]) -> (Host, Message) {
-        let scenario = Scenario::from_yaml(SCENARIO).unwrap();
-        let problem = scenario.problem();
-        let identities = problem
-            .modules()
-            .iter()
-            .filter(|module| modules.contains(&module.id.0))
-            .map(|module| Identity {
-                module: module.id,
-                incarnation: Incarnation(1),
-                pose: module.pose,
-                links: module.links.clone(),
-                configuration: module.configuration,
-                leader: module.leader,
-            });
-        let source = SourceId(u128::from(modules[0]) + 100);
-        let motion = MotionParameters::Simulated {
-            speed_units_per_s: 5.0,
-        };
-        let host = Host::new(source, identities, AgentParameters::default(), &motion);
-        let target = Message::Target(Arc::new(TargetAnnouncement {
-            revision: 1,
-            name: String::new(),
-            target: Some(Arc::clone(problem.target())),
-            parameters: *problem.parameters(),
-            expected_modules: Some(3),
-        }));
-        (host, target)
-    }
-
-    /// What the processes say to each other and to whoever watches, until all is still for `idle` or the time is up.
-    fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
-        let mut said = Vec::new();
-        let mut now = Duration::ZERO;
-        while now < limit {
-            for speaker in 0..hosts.len() {
-                hosts[speaker].advance(now);
-                let outgoing = hosts[speaker].take_outgoing();
-                let source = hosts[speaker].source;
-                for listener in (0..hosts.len()).filter(|&listener| listener != speaker) {
-                    for message in outgoing.iter().flat_map(messages_of) {
-                        hosts[listener].receive(now, source, &message);
-                    }
-                }
-                said.extend(outgoing);
-            }
-            now = hosts
-                .iter()
-                .filter_map(Host::due)
-                .min()
-                .map_or(limit, |due| due.max(now + Duration::from_millis(1)));
-        }
-        said
-    }
-
-    fn messages_of(outgoing: &Outgoing) -> Vec<Message> {
-        match outgoing.clone() {
-            Outgoing::ModuleStates(states) => {
-                states.into_iter().map(Message::ModuleState).collect()
-            }
-            Outgoing::Heartbeats(heartbeats) => {
-                heartbeats.into_iter().map(Message::Heartbeat).collect()
-            }
-            Outgoing::Roster(roster) => vec![Message::Roster(roster)],
-            Outgoing::Claim(claim) => vec![Message::Claim(claim)],
-            Outgoing::Eviction(notice) => vec![Message::Eviction(notice)],
-            Outgoing::Drive(..) => Vec::new(),
-        }
-    }
-
-    fn states_of(said: &[Outgoing]) -> Vec<&Vec<Arc<ModuleState>>> {
-        said.iter()
-            .filter_map(|outgoing| match outgoing {
-                Outgoing::ModuleStates(states) => Some(states),
-                _ => None,
-            })
-            .collect()
-    }
-
-    fn assert_all_settle(groups: &[&[u32]]) {
-        let mut hosts: Vec<Host> = Vec::new();
-        for group in groups {
-            let (mut host, target) = host(group);
-            host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
-            hosts.push(host);
-        }
-        let said = run(&mut hosts, Duration::from_secs(30));
-        let mut settled = BTreeMap::new();
-        for state in states_of(&said).into_iter().flatten() {
-            if state.phase == ModulePhase::Settled {
-                settled.insert(state.module.0, state.spot.map(|spot| spot.0));
-            }
-        }
-        let spots: std::collections::BTreeSet<_> = settled.values().copied().collect();
-        assert_eq!(settled.len(), 3, "{groups:?}: {settled:?}");
-        assert_eq!(spots, [Some(1), Some(2), Some(3)].into(), "{groups:?}");
-    }
-
-    #[test]
-    fn modules_form_the_target_however_they_are_spread_over_processes() {
-        assert_all_settle(&[&[4, 5, 17]]);
-        assert_all_settle(&[&[4, 17], &[5]]);
-        assert_all_settle(&[&[4], &[5], &[17]]);
-    }
-
-    #[test]
-    fn every_sample_lists_all_hosted_modules_and_no_state_is_skipped() {
-        let (mut host, target) = host(&[4, 5, 17]);
-        host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
-        let said = run(&mut [host], Duration::from_secs(30));
-        let mut latest: BTreeMap<u32, u64> = BTreeMap::new();
-        for states in states_of(&said) {
-            let modules: Vec<u32> = states.iter().map(|state| state.module.0).collect();
-            assert_eq!(modules, [4, 5, 17]);
-            for state in states {
-                let last = latest.entry(state.module.0).or_insert(state.sequence);
-                assert!(
-                    state.sequence - *last <= 1,
-                    "{}: {} follows {last}",
-                    state.module,
-                    state.sequence
-                );
-                *last = state.sequence;
-            }
-        }
-        assert!(latest.values().all(|&sequence| sequence > 5), "{latest:?}");
-    }
-
-    #[test]
-    fn heartbeats_that_fall_due_together_share_a_sample() {
-        let (host, _) = host(&[4, 5, 17]);
-        let said = run(&mut [host], Duration::from_secs(5));
-        let beats: Vec<usize> = said
-            .iter()
-            .filter_map(|outgoing| match outgoing {
-                Outgoing::Heartbeats(heartbeats) => Some(heartbeats.len()),
-                _ => None,
-            })
-            .collect();
-        assert_eq!(beats, [3; 10], "two a second, each for all three");
-    }
-
-    #[test]
-    fn a_message_that_an_agent_refuses_is_counted_for_it() {
-        let (mut host, target) = host(&[4, 5]);
-        let now = Duration::from_secs(1);
-        host.advance(now);
-        host.receive(now, TARGET_PUBLISHER, &target);
-        let Message::Target(announcement) = &target else {
-            unreachable!("it was made as a target");
-        };
-        let mut other = announcement.as_ref().clone();
-        other.expected_modules = Some(9);
-        host.receive(now, OTHER_PROCESS, &Message::Target(Arc::new(other)));
-        for (module, refusals) in host.refusals() {
-            assert_eq!(refusals.to_string(), "contradicting_target 1", "{module}");
-        }
-    }
-}
+mod tests;

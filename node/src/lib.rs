@@ -20,6 +20,7 @@ mod inlet;
 pub mod interfaces;
 pub mod lifetime;
 pub mod logging;
+mod membership;
 pub mod outcome;
 mod outlet;
 pub mod parameters;

@@ -77,12 +77,28 @@ pub(crate) fn action_status<M>() -> Topic<M> {
     Topic::latched("status", 1)
 }
 
-/// What units decide in their turns, kept for the whole of an epoch by a process that hosts `modules` modules.
-///
 /// A module decides once as a singleton, or once for each ever smaller piece of its configuration that it leads.
+const CLAIMS_PER_MODULE: usize = 4;
+/// So many decisions a process keeps at least, which leaves room for modules that are added.
+const CLAIMS_MIN: usize = 64;
+/// And so many at the most, as RustDDS does.
+const CLAIMS_MAX: usize = 8_192;
+
+/// What units decide in their turns, kept for the whole of an epoch by a process that starts with `modules` modules.
 #[must_use]
 pub fn claims(modules: usize) -> Topic<SpotClaim> {
-    Topic::latched(topic::CLAIMS, modules.saturating_mul(4).clamp(16, 8_192))
+    Topic::latched(topic::CLAIMS, claims_depth(modules))
+}
+
+fn claims_depth(modules: usize) -> usize {
+    modules
+        .saturating_mul(CLAIMS_PER_MODULE)
+        .clamp(CLAIMS_MIN, CLAIMS_MAX)
+}
+
+/// How many modules a process can come to host that starts with `modules` modules.
+pub(crate) fn room_for_modules(modules: usize) -> usize {
+    modules.max(claims_depth(modules) / CLAIMS_PER_MODULE)
 }
 
 /// Where a module's driver is to go; repeated while the goal holds.
@@ -284,7 +300,9 @@ mod tests {
 
     #[test]
     fn claims_of_an_epoch_fit_whatever_a_process_hosts() {
-        assert_eq!(claims(1).quality(), Quality::Latched { depth: 16 });
+        assert_eq!(claims(1).quality(), Quality::Latched { depth: 64 });
+        assert_eq!(room_for_modules(1), 16);
+        assert_eq!(room_for_modules(100), 100);
         assert_eq!(claims(100).quality(), Quality::Latched { depth: 400 });
         assert_eq!(claims(10_000).quality(), Quality::Latched { depth: 8_192 });
     }

@@ -31,3 +31,13 @@ fn a_number_of_modules_that_cannot_be_is_bad_usage() {
     let told = String::from_utf8(output.stderr).unwrap();
     assert!(told.contains("--expected-modules"), "{told}");
 }
+
+#[test]
+fn what_belongs_to_a_scenario_needs_one() {
+    for argument in [["--revision", "3"].as_slice(), &["--withdraw"]] {
+        let output = publisher(argument);
+        assert_eq!(output.status.code(), Some(2));
+        let told = String::from_utf8(output.stderr).unwrap();
+        assert!(told.contains("--scenario"), "{told}");
+    }
+}

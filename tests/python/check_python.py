@@ -42,7 +42,9 @@ TOPIC_TYPES = {
 
 # The same for services and actions.
 SERVICE_TYPES = {
+    "add_module": "formation_msgs/srv/AddModule",
     "query_status": "formation_msgs/srv/QueryStatus",
+    "retire_module": "formation_msgs/srv/RetireModule",
     "withdraw_target": "formation_msgs/srv/WithdrawTarget",
     "form_configuration": "formation_msgs/action/FormConfiguration",
 }
@@ -351,6 +353,12 @@ MISTAKES = {
         ("print(result.message)", "print(result.text)", "has no field `text`"),
         ('"form_configuration"', '"form"', "no service or action `form`"),
         ("action import FormConfiguration", "action import Form", "there is no action formation_msgs/action/Form"),
+    ],
+    "launch_scripts/examples/retire_module.py": [
+        ("module_id=options", "module=options", "has no field `module`"),
+        ("print(response.message)", "print(response.text)", "has no field `text`"),
+        ("}/retire_module", "}/add_module", "carries formation_msgs/srv/AddModule"),
+        ("srv import RetireModule", "srv import Retire", "there is no srv formation_msgs/srv/Retire"),
     ],
     "launch_scripts/examples/drive_modules.py": [
         ("message.pose.position", "message.position", "has no field `position`"),

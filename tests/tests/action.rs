@@ -2,6 +2,7 @@
 
 #![allow(
     clippy::unwrap_used,
+    clippy::panic,
     reason = "a failure in a helper fails the test that calls it"
 )]
 
@@ -104,6 +105,81 @@ fn a_goal_names_a_scenario_is_followed_and_ends_with_the_verdict() {
         (&last["joined"], &last["planned"]),
         (&json!(10), &json!(10))
     );
+
+    // Its endpoints are those that tools look for.
+    let node = "/formation/target_publisher";
+    let graph = RosTool::start(&["graph", node, "--domain", domain])
+        .unwrap()
+        .next_line();
+    let endpoints = graph["endpoints"].as_array().unwrap();
+    for (topic, kind, base, latched) in [
+        (
+            "rq{}send_goalRequest",
+            "subscription",
+            "FormConfiguration_SendGoal_Request_",
+            false,
+        ),
+        (
+            "rr{}send_goalReply",
+            "publisher",
+            "FormConfiguration_SendGoal_Response_",
+            false,
+        ),
+        (
+            "rq{}get_resultRequest",
+            "subscription",
+            "FormConfiguration_GetResult_Request_",
+            false,
+        ),
+        (
+            "rr{}get_resultReply",
+            "publisher",
+            "FormConfiguration_GetResult_Response_",
+            false,
+        ),
+        (
+            "rt{}feedback",
+            "publisher",
+            "FormConfiguration_FeedbackMessage_",
+            false,
+        ),
+        (
+            "rq{}cancel_goalRequest",
+            "subscription",
+            "action_msgs::srv::dds_::CancelGoal_Request_",
+            false,
+        ),
+        (
+            "rr{}cancel_goalReply",
+            "publisher",
+            "action_msgs::srv::dds_::CancelGoal_Response_",
+            false,
+        ),
+        (
+            "rt{}status",
+            "publisher",
+            "action_msgs::msg::dds_::GoalStatusArray_",
+            true,
+        ),
+    ] {
+        let topic = topic.replace("{}", &format!("{ACTION}/_action/"));
+        let endpoint = endpoints
+            .iter()
+            .find(|endpoint| endpoint["topic"] == topic.as_str() && endpoint["kind"] == kind);
+        let endpoint = endpoint.unwrap_or_else(|| panic!("no {kind} of {topic} in {endpoints:#?}"));
+        let expected = if base.contains("::") {
+            base.to_owned()
+        } else {
+            format!("formation_msgs::action::dds_::{base}")
+        };
+        assert_eq!(endpoint["type"], expected.as_str(), "{topic}");
+        assert_eq!(
+            (&endpoint["reliable"], &endpoint["transient_local"]),
+            (&json!(true), &json!(latched)),
+            "{topic}"
+        );
+    }
+    assert_eq!(graph["ownerless"], json!([]), "all belong to the node");
 
     // Whoever asks late is told the same, and that other goals are unknown.
     client.tell(&json!({"result": goal}));

@@ -136,10 +136,12 @@ fn tools_see_the_names_types_and_owners_of_all_endpoints() {
         })
         .collect();
     let expected = [
+        "add_module",
         "describe_parameters",
         "get_parameter_types",
         "list_parameters",
         "parameters",
+        "retire_module",
         "set_parameters",
         "set_parameters_atomically",
     ];
@@ -149,8 +151,13 @@ fn tools_see_the_names_types_and_owners_of_all_endpoints() {
         let endpoint = found[&("publisher", reply.as_str())];
         assert_eq!(quality(endpoint), (true, false), "{reply}");
         let name = endpoint["type"].as_str().unwrap();
+        let package = if service.ends_with("_module") {
+            "formation_msgs"
+        } else {
+            "rcl_interfaces"
+        };
         assert!(
-            name.starts_with("rcl_interfaces::srv::dds_::") && name.ends_with("_Response_"),
+            name.starts_with(&format!("{package}::srv::dds_::")) && name.ends_with("_Response_"),
             "{name}"
         );
     }

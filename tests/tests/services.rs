@@ -32,12 +32,13 @@ fn query_status(tool: &mut RosTool) -> Value {
     )
 }
 
-/// Asks again and again until the formation has come to this stage of `Progress.msg`.
-fn wait_for_stage(tool: &mut RosTool, stage: u8) -> Value {
+/// Asks again and again until the formation is done with so many modules settled.
+fn wait_until_done(tool: &mut RosTool, settled: u32) -> Value {
     let deadline = Instant::now() + PATIENCE;
     loop {
         let status = query_status(tool);
-        if status["progress"]["stage"] == stage {
+        let progress = &status["progress"];
+        if progress["stage"] == 6 && progress["settled"] == settled {
             return status;
         }
         assert!(Instant::now() < deadline, "still at {status}");
@@ -57,7 +58,7 @@ fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
     let publisher = start("target_publisher", domain, "singletons_10", &named);
     let hosted = ["--modules", "1-10", "--speed", "50"];
     let agents = start("module_agent", domain, "singletons_10", &hosted);
-    let done = wait_for_stage(&mut tool, 6);
+    let done = wait_until_done(&mut tool, 10);
     assert_eq!(done["target"], "singletons-10");
     assert_eq!(done["revision"], 7);
     let progress = &done["progress"];
@@ -104,4 +105,75 @@ fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
     assert_eq!(publisher.status, 0);
     let announced = publisher.stderr.matches("announced the target").count();
     assert_eq!(announced, 1, "{}", publisher.stderr);
+}
+
+#[test]
+fn modules_are_retired_and_added_and_stay_so_when_their_process_joins_anew() {
+    let _alone = alone();
+    let domain = "54";
+    let node = "/formation/modules_1_to_10";
+    let Some(mut tool) = RosTool::start(&["call", node, "--domain", domain]) else {
+        return;
+    };
+    let _publisher = start("target_publisher", domain, "singletons_10", &[]);
+    let quick =
+        "--suspicion-s 2.5 --lease-s 1.25 --heartbeat-s 0.25 --gather-s 1 --epoch-interval-s 0.5";
+    let hosted = ["--modules", "1-10", "--speed", "50"];
+    let quick: Vec<&str> = hosted.into_iter().chain(quick.split(' ')).collect();
+    let agents = start("module_agent", domain, "singletons_10", &quick);
+    wait_until_done(&mut tool, 10);
+
+    let retire = |tool: &mut RosTool, module: u32, rejoin: bool| {
+        let request = json!({"module_id": module, "rejoin": rejoin});
+        tool.call("retire_module", "formation_msgs/srv/RetireModule", &request)
+    };
+    let elsewhere = retire(&mut tool, 77, false);
+    let told = "module 77 is not hosted by this process, which hosts 1, 2, 3, 4, 5, 6, 7, 8, 9, 10";
+    assert_eq!(elsewhere, json!({"success": false, "message": told}));
+    let leaving = retire(&mut tool, 3, false);
+    assert_eq!(leaving["success"], true);
+    let told = leaving["message"].as_str().unwrap();
+    assert!(told.contains("a spare takes its spot"), "{told}");
+    wait_until_done(&mut tool, 9);
+
+    let add = |tool: &mut RosTool, module: u32, x: f64| {
+        let request = json!({"module_id": module, "x": x, "y": -5.0});
+        tool.call("add_module", "formation_msgs/srv/AddModule", &request)
+    };
+    let known = add(&mut tool, 3, 0.0);
+    assert_eq!(known["success"], false);
+    assert_eq!(add(&mut tool, 11, 0.0)["success"], true);
+    let full = wait_until_done(&mut tool, 10);
+    assert_eq!(full["progress"]["joined"], 11);
+
+    // When the library lost its threads the process begins anew, with what it had become.
+    let states = Peer::start("take", "module_states", domain).unwrap();
+    let before = state_of(&states.taken(), 3).unwrap()["incarnation"].as_u64();
+    agents.signal("STOP");
+    agents.signal("CONT");
+    let anew = agents.wait_for_log(0, "joining anew", PATIENCE);
+    assert!(anew.is_some(), "it did not notice that it went deaf");
+    let settled = 7;
+    loop {
+        let sample = states.taken();
+        // A process that begins has not every module's state at once.
+        let (Some(retired), Some(added)) = (state_of(&sample, 3), state_of(&sample, 11)) else {
+            continue;
+        };
+        assert_eq!(retired["service"], 2, "{retired}");
+        assert_eq!(added["service"], 1, "{added}");
+        if retired["incarnation"].as_u64() > before && added["phase"] == settled {
+            assert_ne!(retired["phase"], settled);
+            break;
+        }
+    }
+    assert_eq!(retire(&mut tool, 3, true)["success"], true);
+    tool.finish();
+    assert_eq!(agents.stop().status, 0);
+}
+
+/// One module's state in a sample of `module_states`.
+fn state_of(sample: &Value, module: u32) -> Option<Value> {
+    let mut states = sample["modules"].as_array()?.iter();
+    states.find(|state| state["module_id"] == module).cloned()
 }

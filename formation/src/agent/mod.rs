@@ -15,6 +15,7 @@
 //! earlier one, so messages may come late, twice or in any order across writers.
 
 mod acting;
+mod briefing;
 mod convening;
 #[cfg(feature = "mutations")]
 mod fingerprint;

@@ -52,6 +52,11 @@ impl Peer {
         }
     }
 
+    /// Who speaks for it, as far as the transport tells.
+    pub fn source(&self) -> Option<SourceId> {
+        self.source
+    }
+
     /// How old the latest heartbeat is; `None` without one.
     pub fn age(&self, now: Duration) -> Option<Duration> {
         self.alive_at.map(|at| now.saturating_sub(at))

@@ -97,7 +97,26 @@ impl Collection {
             progress,
         });
         self.add(&wire::WithdrawTargetRequest { revision });
-        self.add(&wire::WithdrawTargetResponse { success, message });
+        self.add(&wire::WithdrawTargetResponse {
+            success,
+            message: message.clone(),
+        });
+        let (module_id, x, y, theta) = draw(runner, &any::<(u32, i16, i16, i16)>());
+        self.add(&wire::AddModuleRequest {
+            module_id,
+            x: x.into(),
+            y: y.into(),
+            theta: theta.into(),
+        });
+        self.add(&wire::AddModuleResponse {
+            success,
+            message: message.clone(),
+        });
+        self.add(&wire::RetireModuleRequest {
+            module_id,
+            rejoin: include_waiting,
+        });
+        self.add(&wire::RetireModuleResponse { success, message });
     }
 }
 

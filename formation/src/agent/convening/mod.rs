@@ -100,7 +100,7 @@ impl Agent {
     }
 
     /// The latest roster, whether or not it lists this module.
-    fn roster(&self) -> Option<&Arc<Roster>> {
+    pub(in crate::agent) fn roster(&self) -> Option<&Arc<Roster>> {
         match &self.stage {
             Stage::Planning(turns) => Some(turns.roster()),
             Stage::Acting(acting) => Some(acting.roster()),

@@ -1,0 +1,37 @@
+#!/usr/bin/env python3
+"""Takes a module out of the formation, or back into it, by asking the agent that hosts it.
+
+    python3 retire_module.py --agent module_4 --module 4
+    python3 retire_module.py --agent module_4 --module 4 --rejoin
+"""
+
+import argparse
+import sys
+
+import rclpy
+from formation_msgs.srv import RetireModule
+from rclpy.node import Node
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser.add_argument("--agent", required=True, help="the node that hosts the module, such as module_4")
+    parser.add_argument("--module", type=int, required=True)
+    parser.add_argument("--rejoin", action="store_true", help="take it back instead")
+    parser.add_argument("--namespace", default="/formation")
+    options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
+    rclpy.init(args=sys.argv)
+    node = Node("retire_module", namespace=options.namespace)
+    client = node.create_client(RetireModule, f"{options.agent}/retire_module")
+    if not client.wait_for_service(timeout_sec=10.0):
+        sys.exit(f"nobody serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
+    answer = client.call_async(RetireModule.Request(module_id=options.module, rejoin=options.rejoin))
+    rclpy.spin_until_future_complete(node, answer)
+    response: RetireModule.Response = answer.result()
+    print(response.message)
+    rclpy.try_shutdown()
+    return 0 if response.success else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

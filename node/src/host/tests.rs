@@ -1,0 +1,212 @@
+//! Processes that host several modules, without DDS between them.
+
+use formation::id::Incarnation;
+use formation::message::TargetAnnouncement;
+use formation::scenario::Scenario;
+
+use super::*;
+
+const SCENARIO: &str = "
+target: {spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}, {id: 3, x: 7.0, y: 5.0}], edges: [[1, 2], [2, 3]]}
+configurations:
+  - {id: 7, leader: 5, modules: [{id: 4, x: 1.0, y: 2.0}, {id: 5, x: 2.0, y: 2.0}], edges: [[4, 5]]}
+singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
+";
+const TARGET_PUBLISHER: SourceId = SourceId(1);
+const OTHER_PROCESS: SourceId = SourceId(2);
+
+fn host(modules: &[u32]) -> (Host, Message) {
+    let scenario = Scenario::from_yaml(SCENARIO).unwrap();
+    let problem = scenario.problem();
+    let identities = problem
+        .modules()
+        .iter()
+        .filter(|module| modules.contains(&module.id.0))
+        .map(|module| Identity {
+            module: module.id,
+            incarnation: Incarnation(1),
+            pose: module.pose,
+            links: module.links.clone(),
+            configuration: module.configuration,
+            leader: module.leader,
+        })
+        .map(|identity| (identity, Service::Active));
+    let source = SourceId(u128::from(modules[0]) + 100);
+    let motion = MotionParameters::Simulated {
+        speed_units_per_s: 5.0,
+    };
+    let host = Host::new(source, identities, AgentParameters::default(), &motion);
+    let target = Message::Target(Arc::new(TargetAnnouncement {
+        revision: 1,
+        name: String::new(),
+        target: Some(Arc::clone(problem.target())),
+        parameters: *problem.parameters(),
+        expected_modules: Some(3),
+    }));
+    (host, target)
+}
+
+/// What the processes say to each other and to whoever watches, until all is still for `idle` or the time is up.
+fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
+    let mut said = Vec::new();
+    let mut now = Duration::ZERO;
+    while now < limit {
+        for speaker in 0..hosts.len() {
+            hosts[speaker].advance(now);
+            let outgoing = hosts[speaker].take_outgoing();
+            let source = hosts[speaker].source;
+            for listener in (0..hosts.len()).filter(|&listener| listener != speaker) {
+                for message in outgoing.iter().flat_map(messages_of) {
+                    hosts[listener].receive(now, source, &message);
+                }
+            }
+            said.extend(outgoing);
+        }
+        now = hosts
+            .iter()
+            .filter_map(Host::due)
+            .min()
+            .map_or(limit, |due| due.max(now + Duration::from_millis(1)));
+    }
+    said
+}
+
+fn messages_of(outgoing: &Outgoing) -> Vec<Message> {
+    match outgoing.clone() {
+        Outgoing::ModuleStates(states) => states.into_iter().map(Message::ModuleState).collect(),
+        Outgoing::Heartbeats(heartbeats) => {
+            heartbeats.into_iter().map(Message::Heartbeat).collect()
+        }
+        Outgoing::Roster(roster) => vec![Message::Roster(roster)],
+        Outgoing::Claim(claim) => vec![Message::Claim(claim)],
+        Outgoing::Eviction(notice) => vec![Message::Eviction(notice)],
+        Outgoing::Drive(..) => Vec::new(),
+    }
+}
+
+fn states_of(said: &[Outgoing]) -> Vec<&Vec<Arc<ModuleState>>> {
+    said.iter()
+        .filter_map(|outgoing| match outgoing {
+            Outgoing::ModuleStates(states) => Some(states),
+            _ => None,
+        })
+        .collect()
+}
+
+fn assert_all_settle(groups: &[&[u32]]) {
+    let mut hosts: Vec<Host> = Vec::new();
+    for group in groups {
+        let (mut host, target) = host(group);
+        host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
+        hosts.push(host);
+    }
+    let said = run(&mut hosts, Duration::from_secs(30));
+    let mut settled = BTreeMap::new();
+    for state in states_of(&said).into_iter().flatten() {
+        if state.phase == ModulePhase::Settled {
+            settled.insert(state.module.0, state.spot.map(|spot| spot.0));
+        }
+    }
+    let spots: std::collections::BTreeSet<_> = settled.values().copied().collect();
+    assert_eq!(settled.len(), 3, "{groups:?}: {settled:?}");
+    assert_eq!(spots, [Some(1), Some(2), Some(3)].into(), "{groups:?}");
+}
+
+#[test]
+fn modules_form_the_target_however_they_are_spread_over_processes() {
+    assert_all_settle(&[&[4, 5, 17]]);
+    assert_all_settle(&[&[4, 17], &[5]]);
+    assert_all_settle(&[&[4], &[5], &[17]]);
+}
+
+#[test]
+fn every_sample_lists_all_hosted_modules_and_no_state_is_skipped() {
+    let (mut host, target) = host(&[4, 5, 17]);
+    host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
+    let said = run(&mut [host], Duration::from_secs(30));
+    let mut latest: BTreeMap<u32, u64> = BTreeMap::new();
+    for states in states_of(&said) {
+        let modules: Vec<u32> = states.iter().map(|state| state.module.0).collect();
+        assert_eq!(modules, [4, 5, 17]);
+        for state in states {
+            let last = latest.entry(state.module.0).or_insert(state.sequence);
+            assert!(
+                state.sequence - *last <= 1,
+                "{}: {} follows {last}",
+                state.module,
+                state.sequence
+            );
+            *last = state.sequence;
+        }
+    }
+    assert!(latest.values().all(|&sequence| sequence > 5), "{latest:?}");
+}
+
+#[test]
+fn heartbeats_that_fall_due_together_share_a_sample() {
+    let (host, _) = host(&[4, 5, 17]);
+    let said = run(&mut [host], Duration::from_secs(5));
+    let beats: Vec<usize> = said
+        .iter()
+        .filter_map(|outgoing| match outgoing {
+            Outgoing::Heartbeats(heartbeats) => Some(heartbeats.len()),
+            _ => None,
+        })
+        .collect();
+    assert_eq!(beats, [3; 10], "two a second, each for all three");
+}
+
+#[test]
+fn a_message_that_an_agent_refuses_is_counted_for_it() {
+    let (mut host, target) = host(&[4, 5]);
+    let now = Duration::from_secs(1);
+    host.advance(now);
+    host.receive(now, TARGET_PUBLISHER, &target);
+    let Message::Target(announcement) = &target else {
+        unreachable!("it was made as a target");
+    };
+    let mut other = announcement.as_ref().clone();
+    other.expected_modules = Some(9);
+    host.receive(now, OTHER_PROCESS, &Message::Target(Arc::new(other)));
+    for (module, refusals) in host.refusals() {
+        assert_eq!(refusals.to_string(), "contradicting_target 1", "{module}");
+    }
+}
+
+#[test]
+fn a_module_that_is_added_hears_what_it_missed_and_takes_an_open_spot() {
+    let (mut host, target) = host(&[4, 5, 17]);
+    let mut now = Duration::ZERO;
+    let mut pass = |host: &mut Host, seconds| {
+        let end = now + Duration::from_secs(seconds);
+        while now < end {
+            host.advance(now);
+            host.take_outgoing();
+            let due = host.due().unwrap_or(end);
+            now = due.max(now + Duration::from_millis(1)).min(end);
+        }
+        now
+    };
+    host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
+    let formed = pass(&mut host, 40);
+    for module in [4, 5, 17] {
+        let phase = host.phase_of(ModuleId(module));
+        assert_eq!(phase, Some(ModulePhase::Settled), "module {module}");
+    }
+    host.command(formed, ModuleId(17), Command::Retire);
+    let left = pass(&mut host, 40);
+    assert_eq!(host.phase_of(ModuleId(17)), Some(ModulePhase::Spare));
+    // Nobody announces the target again.
+    let newcomer = Identity {
+        module: ModuleId(18),
+        incarnation: Incarnation(2),
+        pose: Pose::default(),
+        links: [].into(),
+        configuration: None,
+        leader: None,
+    };
+    host.add(left, newcomer).unwrap();
+    pass(&mut host, 40);
+    let phase = host.phase_of(ModuleId(18));
+    assert_eq!(phase, Some(ModulePhase::Settled));
+}
