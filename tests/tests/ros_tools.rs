@@ -177,7 +177,8 @@ fn parameters_are_listed_described_read_and_changed() {
         "--domain",
         domain,
         "--count",
-        "2",
+        "1000",
+        "--latched",
     ]) else {
         return;
     };
@@ -285,8 +286,16 @@ fn parameters_are_listed_described_read_and_changed() {
     tool.finish();
 
     // What changed is told, and what was refused is not.
+    let mut next_change = || {
+        loop {
+            let event = events.next_line();
+            if event["changed_parameters"] != json!([]) {
+                return event;
+            }
+        }
+    };
     for (name, value) in [("speed", 3.5), ("gather_limit_s", 40.0)] {
-        let event = events.next_line();
+        let event = next_change();
         assert_eq!(event["node"], node);
         assert_eq!(event["changed_parameters"][0]["name"], name);
         assert_eq!(
@@ -294,7 +303,6 @@ fn parameters_are_listed_described_read_and_changed() {
             value
         );
     }
-    events.finish();
     let finished = module.stop();
     assert!(
         finished.stderr.contains("parameter speed is now 3.5"),
