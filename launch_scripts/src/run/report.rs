@@ -81,6 +81,8 @@ impl Verdict {
 pub struct RunReport {
     verdict: Verdict,
     differences: Vec<String>,
+    /// Who has no spot, other than in the offline plan.
+    left_out: Vec<ModuleId>,
     /// The processes that died on the way.
     deaths: Deaths,
     /// How many spots were to be filled, had nobody died.
@@ -143,6 +145,7 @@ impl RunReport {
         .collect();
         Ok(Self {
             differences: differences(&plan.statistics.assignments, &seen.assignments),
+            left_out: left_out(&plan.statistics.assignments, &seen.assignments),
             verdict: seen,
             deaths,
             to_fill: plan.statistics.assignments.len(),
@@ -302,13 +305,32 @@ impl RunReport {
             return Ok(());
         }
         if !self.differences.is_empty() {
+            let advice = if self.left_out.is_empty() {
+                String::new()
+            } else {
+                format!(
+                    "; who is not heard before the gathering ends is left out, as {} may have been: on a busy machine, \
+                     host several modules in each process with --modules-per-process",
+                    listed("module", self.left_out.iter().map(|module| module.0))
+                )
+            };
             return Err(Failure::Failed(anyhow!(
-                "the processes formed another allocation than the offline plan: {}",
+                "the processes formed another allocation than the offline plan: {}{advice}",
                 self.differences.join("; ")
             )));
         }
         Ok(())
     }
+}
+
+/// Who was to get a spot and has none.
+fn left_out(planned: &[Assignment], seen: &[Taken]) -> Vec<ModuleId> {
+    let seated: BTreeSet<ModuleId> = seen.iter().map(|taken| taken.module).collect();
+    planned
+        .iter()
+        .map(|assignment| assignment.module)
+        .filter(|module| !seated.contains(module))
+        .collect()
 }
 
 /// Where what was seen differs from what was planned.
@@ -471,6 +493,22 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
              module 8 took spot 1 instead of spot 2"
         );
         assert_eq!(report.json()["assignments"][0]["spot"], 2);
+    }
+
+    #[test]
+    fn who_was_left_out_is_named() {
+        let mut verdict = verdict("AGREED", [1, 2]);
+        verdict["assignments"] = json!([{"module": 8, "spot": 1}]);
+        let report = RunReport::new(&plan(), &verdict, &Course::default()).unwrap();
+        let failure = report.conclusion().unwrap_err().to_string();
+        assert!(
+            failure.contains("module 7 took no spot instead of spot 1"),
+            "{failure}"
+        );
+        assert!(
+            failure.contains("is left out, as module 7 may have been"),
+            "{failure}"
+        );
     }
 
     #[test]
