@@ -45,7 +45,7 @@ pub(crate) fn node_wide(values: NodeWide) -> Vec<Declaration> {
     vec![
         Declaration {
             name: SERVICES,
-            description: "Whether the node serves its parameters; that takes 12 endpoints",
+            description: "Whether the node serves its parameters, which takes 12 endpoints, and whatever else it serves",
             value: ParameterValue::Boolean(values.parameter_services),
             range: Range::Any,
             change: Change::AtStart(ENDPOINTS_REASON),
