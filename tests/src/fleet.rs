@@ -45,6 +45,8 @@ impl Timing {
                 "0.5",
                 "--gather-s",
                 "1",
+                // In 118 starts of ten modules on two overloaded cores, the last froze 3.9 s after the first at the worst;
+                // a death before the first roster is waited for so long.
                 "--gather-limit-s",
                 "8",
                 "--epoch-interval-s",
