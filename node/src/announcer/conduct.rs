@@ -154,7 +154,7 @@ impl<Q> Conduct<Q> {
     /// Ends the goal on its way, if it is done, was given up, or waited for long enough.
     pub(super) fn advance(&mut self, now: Duration, limits: Limits) {
         self.end(|register, pursuit| match pursuit.cancelled {
-            Some(since) => given_up(register, now, since, limits),
+            Some(since) => given_up(register, now, pursuit, since, limits),
             None => came_to_an_end(register, now, pursuit, limits),
         });
     }
@@ -253,15 +253,19 @@ fn without_verdict(message: String) -> FormConfigurationResult {
     }
 }
 
-/// A goal that is being cancelled ends when the modules that live stand still, or were waited for long enough.
+/// A goal that is being cancelled ends when the modules that live stand still, when they have another target and so will
+/// not, or when they were waited for long enough.
 fn given_up(
     register: &Register,
     now: Duration,
+    pursuit: &Pursuit,
     since: Duration,
     limits: Limits,
 ) -> Option<(GoalStatusEnum, FormConfigurationResult)> {
     let (living, restless) = register.restless(now);
-    let message = if restless.is_empty() {
+    let message = if let Some(newer) = register.target_newer_than(pursuit.revision) {
+        newer
+    } else if restless.is_empty() {
         format!("the target is withdrawn, and the {living} modules that were heard stand still")
     } else if now >= since.saturating_add(limits.standstill) {
         let named: Vec<String> = restless.iter().map(|module| module.0.to_string()).collect();

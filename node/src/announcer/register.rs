@@ -83,14 +83,20 @@ impl Register {
         (fits && (!failed || *heard >= began)).then_some(verdict)
     }
 
-    /// What took the place of the target of this revision, if anything did.
+    /// What took the place of the target of this revision, if anything did: another target, or a withdrawal.
     pub(super) fn newer_than(&self, revision: u64) -> Option<String> {
+        self.target_newer_than(revision).or_else(|| {
+            let newer = self.observer.target()?.revision;
+            (newer > revision).then(|| format!("revision {newer} withdrew the target"))
+        })
+    }
+
+    /// Which target took the place of the one of this revision, if any did.
+    pub(super) fn target_newer_than(&self, revision: u64) -> Option<String> {
         let known = self.observer.target()?;
         let newer = known.revision;
-        (newer > revision).then(|| match known.target {
-            Some(_) => format!("the target of revision {newer} took the place of this one"),
-            None => format!("revision {newer} withdrew the target"),
-        })
+        (known.target.is_some() && newer > revision)
+            .then(|| format!("the target of revision {newer} took the place of this one"))
     }
 
     /// How many modules live, and which of them do not say that they stand and wait for a target.

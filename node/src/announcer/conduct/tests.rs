@@ -200,6 +200,26 @@ fn who_does_not_say_that_it_stands_is_named() {
 }
 
 #[test]
+fn a_cancelled_goal_does_not_wait_for_modules_that_have_another_target() {
+    let (mut conduct, goal) = begun();
+    beat(&mut conduct, at(2), 1, ModulePhase::Moving);
+    let meant = GoalInfo {
+        goal_id: goal,
+        stamp: Time::ZERO,
+    };
+    conduct.cancel(at(3), FRESH, &meant);
+    assert_eq!(ended(&mut conduct, at(3)), None, "one is on its way");
+    let foreign = TargetAnnouncement {
+        revision: 500,
+        ..wanted().unwrap()
+    };
+    conduct.hear(at(4), &Message::Target(Arc::new(foreign)));
+    let (status, message) = ended(&mut conduct, at(4)).unwrap();
+    assert_eq!(status, GoalStatusEnum::Canceled);
+    assert!(message.contains("revision 500"), "{message}");
+}
+
+#[test]
 fn what_cannot_be_formed_ends_at_once_and_leaves_the_goal_on_its_way() {
     let (mut conduct, _) = begun();
     let other = GoalId::new_random();
