@@ -133,8 +133,9 @@ impl Formation<'_> {
             .map_err(Failure::Failed)?;
         let mut display = Display::start(self.scenario.name(), self.plan);
         let start = Instant::now();
-        let deadline = start + self.arguments.timeout + VERDICT_MARGIN;
         let ended = self.start_all(&mut supervisor).map(|cast| {
+            // The verifier's time begins with the target, which is announced last.
+            let deadline = Instant::now() + self.arguments.timeout + VERDICT_MARGIN;
             conduct(
                 &mut supervisor,
                 &cast,

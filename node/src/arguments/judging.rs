@@ -20,7 +20,7 @@ pub struct JudgingArguments {
     /// Scenario file whose modules are to take part, so that absent ones can be named
     #[arg(long, value_name = "FILE")]
     pub scenario: Option<PathBuf>,
-    /// A formation that is not done after this has failed
+    /// A formation that is not done so long after its target was announced has failed
     #[arg(long, alias = "timeout-s", value_name = "SECONDS", default_value_t = Seconds(Duration::from_secs(60)))]
     pub time_limit_s: Seconds,
     /// How far a settled module may stand from its spot, in units
@@ -90,7 +90,7 @@ pub(crate) fn judging_declarations(values: &ObserverParameters) -> Vec<Declarati
     vec![
         declaration(
             TIME_LIMIT,
-            "A formation that is not done after so many seconds has failed",
+            "A formation that is not done so many seconds after its target was announced has failed",
             values.time_limit.as_secs_f64(),
             SECONDS,
         ),

@@ -38,8 +38,8 @@ pub struct ObserverParameters {
     pub position_tolerance: MicroUnits,
     /// By how much its heading may differ, in micro-radians.
     pub heading_tolerance: MicroUnits,
-    /// After this time since the observer's start, or since the first target after a verdict, a formation that is not
-    /// done has failed.
+    /// So long after a target was announced that asks for something new, or after the observer's start while there is
+    /// none, a formation that is not done has failed.
     pub time_limit: Duration,
     /// How long an end state that is reached, but not yet right, may take to become right: messages that prove it may
     /// still be on their way. As long, an end state with fewer modules than expected waits for more of them.
@@ -132,8 +132,9 @@ impl Observer {
                         .target
                         .as_ref()
                         .is_some_and(|known| ask_the_same(known, announcement));
-                    if self.verdict.is_some() && !asks_the_same {
-                        self.has_new_target = true;
+                    if !asks_the_same {
+                        self.has_new_target = self.verdict.is_some();
+                        // Time that went by before it was asked for is not taken from a formation.
                         self.limit_from = now;
                     }
                     self.target = Some(Arc::clone(announcement));

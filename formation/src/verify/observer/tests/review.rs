@@ -42,7 +42,7 @@ fn the_end_of_the_time_names_who_is_silent() {
     };
     let mut observer = observe(&good_run().messages(), parameters);
     beat(&mut observer, at(30), [1, 2, 4, 5]);
-    let verdict = observer.verdict(at(30)).unwrap();
+    let verdict = observer.verdict(at(31)).unwrap();
     assert_eq!(verdict.outcome, Outcome::Failed);
     assert_eq!(
         verdict.missing,
@@ -168,4 +168,22 @@ fn a_new_target_takes_the_verdict_away_and_has_the_whole_time_limit() {
     assert_eq!(late.outcome, Outcome::Failed);
     assert_eq!(late.missing, [Missing::Roster { revision: 2 }]);
     assert_eq!(late.epoch, None, "the old plan is not judged again");
+}
+
+#[test]
+fn a_target_has_the_whole_time_limit_though_nothing_was_judged_before_it() {
+    let parameters = ObserverParameters {
+        time_limit: at(60),
+        ..patient()
+    };
+    let mut observer = Observer::new(parameters);
+    assert_eq!(outcome(observer.review(at(50))), None);
+    observer.handle(at(50), &announced(1, |_| ()));
+    assert_eq!(outcome(observer.review(at(109))), None);
+    observer.handle(at(109), &announced(2, |_| ()));
+    assert_eq!(observer.poll_timeout(), Some(at(110)), "as it was");
+    let other = announced(3, |target| target.parameters.keep_all_spots = true);
+    observer.handle(at(109), &other);
+    assert_eq!(outcome(observer.review(at(168))), None);
+    assert_eq!(outcome(observer.review(at(169))), Some(Outcome::Failed));
 }
