@@ -248,6 +248,8 @@ impl Announcer<'_> {
             }
             ActionRequest::CancelGoal(id, meant) => {
                 let response = self.conduct.cancel(now, stamp::revision(), &meant);
+                // A goal that came in at the same time must not take its place unseen: modules would not plan anew.
+                self.publish();
                 desk.action.answer_cancellation(id, response);
             }
             ActionRequest::GetResult(id, goal) => self.conduct.ask(goal, id),
