@@ -170,7 +170,11 @@ impl<A: ActionType> ActionServer<A> {
                 .boxed_local(),
             passed_on(cancellations, &self.cancellations)
                 .filter_map(|(id, request)| async move {
-                    Some(ActionRequest::CancelGoal(id, goals_named(&request)?))
+                    let named = goals_named(&request);
+                    if named.is_none() {
+                        tracing::warn!("dropped a request to cancel, which the library does not write out any more");
+                    }
+                    Some(ActionRequest::CancelGoal(id, named?))
                 })
                 .boxed_local(),
             passed_on(results, &self.results)
