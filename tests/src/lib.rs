@@ -23,5 +23,5 @@ pub use peer::Peer;
 pub use programs::{Finished, Running, alone, program, root, scenario_path};
 pub use python::Python;
 pub use ros_tool::RosTool;
-pub use scenario_file::ScenarioFile;
+pub use scenario_file::{EIGHT, ScenarioFile};
 pub use transcript::{Line, Transcript};

@@ -12,7 +12,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation::scenario::Scenario;
-use formation_tests::{Finished, Peer, Running, ScenarioFile, alone, scenario_path};
+use formation_tests::{EIGHT, Finished, Peer, Running, ScenarioFile, alone, scenario_path};
 use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -94,33 +94,6 @@ fn a_configuration_that_cannot_fit_whole_breaks() {
     let run = runs_as_planned("mcs_detach", "65", "COMPLETE");
     assert!(run["broken_links"].as_u64().unwrap() > 0);
 }
-
-const EIGHT: &str = "
-name: eight
-target:
-  frame_id: map
-  spots:
-    - {id: 1, x: 5, y: 5}
-    - {id: 2, x: 6, y: 5}
-    - {id: 3, x: 7, y: 5}
-    - {id: 4, x: 8, y: 5}
-    - {id: 5, x: 5, y: 6}
-    - {id: 6, x: 6, y: 6}
-    - {id: 7, x: 7, y: 6}
-    - {id: 8, x: 8, y: 6}
-  edges: [[1, 2], [2, 3], [3, 4], [1, 5], [2, 6], [3, 7], [4, 8]]
-configurations:
-  - id: 1
-    leader: 2
-    modules: [{id: 1, x: 1, y: 1}, {id: 2, x: 2, y: 1}, {id: 3, x: 3, y: 1}]
-    edges: [[1, 2], [2, 3]]
-singletons:
-  - {id: 4, x: 9, y: 2}
-  - {id: 5, x: 2, y: 9, theta: 1.0}
-  - {id: 6, x: 9, y: 9}
-  - {id: 7, x: 6, y: 2}
-  - {id: 8, x: 4, y: 3}
-";
 
 /// Eight agents, each a process of its own; module 2 leads its configuration.
 fn start_eight(file: &ScenarioFile, domain: &str) -> Vec<Running> {

@@ -3,40 +3,12 @@
 use std::collections::BTreeMap;
 use std::process::Stdio;
 
-use formation_tests::{Finished, Python, Running, ScenarioFile, Transcript, alone};
+use formation_tests::{EIGHT, Finished, Python, Running, ScenarioFile, Transcript, alone};
 use serde_json::Value;
 
 use super::{PATIENCE, tell};
 
 const DOMAIN: &str = "78";
-
-/// Eight spots for eight modules; modules 1, 2 and 3 are docked.
-const EIGHT: &str = "
-name: eight
-target:
-  frame_id: map
-  spots:
-    - {id: 1, x: 5, y: 5}
-    - {id: 2, x: 6, y: 5}
-    - {id: 3, x: 7, y: 5}
-    - {id: 4, x: 8, y: 5}
-    - {id: 5, x: 5, y: 6}
-    - {id: 6, x: 6, y: 6}
-    - {id: 7, x: 7, y: 6}
-    - {id: 8, x: 8, y: 6}
-  edges: [[1, 2], [2, 3], [3, 4], [1, 5], [2, 6], [3, 7], [4, 8]]
-configurations:
-  - id: 1
-    leader: 2
-    modules: [{id: 1, x: 1, y: 1}, {id: 2, x: 2, y: 1}, {id: 3, x: 3, y: 1}]
-    edges: [[1, 2], [2, 3]]
-singletons:
-  - {id: 4, x: 9, y: 2}
-  - {id: 5, x: 2, y: 9, theta: 1.0}
-  - {id: 6, x: 9, y: 9}
-  - {id: 7, x: 6, y: 2}
-  - {id: 8, x: 4, y: 3}
-";
 
 /// What came of a run of eight modules in two processes.
 struct Outcome {
