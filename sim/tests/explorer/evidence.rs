@@ -1,0 +1,205 @@
+//! What an observer has seen of a search, and what it makes of that.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::id::{Digest, Epoch, ModuleId, SpotId};
+use formation::message::{Message, ModulePhase, RosterMessage};
+
+use super::world::{World, id};
+use super::{Bound, MODULES};
+
+/// After the last disturbance, everything must have ended within this time.
+const PATIENCE: Duration = Duration::from_secs(120);
+/// What has ended must stay so for longer than it takes to miss somebody.
+const CALM: Duration = Duration::from_secs(6);
+
+pub(super) type PlanKey = (Epoch, Digest);
+
+/// What an observer has seen, as far as later judgements depend on it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Evidence {
+    pub(super) rosters: BTreeMap<Epoch, Vec<ModuleId>>,
+    pub(super) shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
+    pub(super) begun: BTreeSet<PlanKey>,
+    /// The epoch that each module showed last, and since when.
+    pub(super) in_epoch: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
+    pub(super) settled: BTreeMap<(Epoch, Digest, SpotId), ModuleId>,
+}
+
+impl Evidence {
+    /// Whether these modules are more than half of the last roster for which all members showed one digest, or just half
+    /// with the lowest of them. The first roster needs more than half of all.
+    fn allows(&self, members: &[ModuleId]) -> bool {
+        let agreed = self.rosters.iter().rev().find(|(epoch, roster)| {
+            let mut plans = self.shown.iter().filter(|((of, _), _)| of == *epoch);
+            plans.any(|(_, shown)| roster.iter().all(|member| shown.contains_key(member)))
+        });
+        let Some((_, roster)) = agreed else {
+            return members.len() * 2 > MODULES;
+        };
+        let present = roster
+            .iter()
+            .filter(|member| members.contains(member))
+            .count()
+            * 2;
+        let lowest = roster
+            .first()
+            .is_some_and(|lowest| members.contains(lowest));
+        present > roster.len() || (present == roster.len() && lowest)
+    }
+}
+
+impl World {
+    pub(super) fn note(&mut self, index: usize, message: &Message) {
+        let (now, module) = (self.now, id(index));
+        let evidence = Rc::make_mut(&mut self.evidence);
+        match message {
+            Message::Heartbeat(heartbeat) => {
+                self.heartbeats.insert(index, *heartbeat);
+                let entry = evidence
+                    .in_epoch
+                    .entry(module)
+                    .or_insert((heartbeat.epoch, now));
+                if entry.0 > heartbeat.epoch {
+                    self.violation = Some(format!("{module} went back from {:?}", entry.0));
+                }
+                if entry.0 != heartbeat.epoch {
+                    *entry = (heartbeat.epoch, now);
+                }
+                if let Some(plan) = heartbeat.epoch.zip(heartbeat.digest) {
+                    evidence
+                        .shown
+                        .entry(plan)
+                        .or_default()
+                        .entry(module)
+                        .or_insert(now);
+                }
+            }
+            Message::Roster(RosterMessage::Plan(roster)) => {
+                let members: Vec<_> = roster
+                    .members
+                    .iter()
+                    .map(|member| member.module.id)
+                    .collect();
+                if !evidence.allows(&members) {
+                    self.violation = Some(format!("a minority plans {}", roster.epoch));
+                }
+                if evidence.rosters.insert(roster.epoch, members).is_some() {
+                    self.violation = Some(format!("two rosters for {}", roster.epoch));
+                }
+                // What came long before no longer matters.
+                while evidence.rosters.len() > 4 {
+                    evidence.rosters.pop_first();
+                }
+                let oldest = evidence.rosters.keys().next().copied();
+                evidence
+                    .shown
+                    .retain(|(epoch, _), _| Some(*epoch) >= oldest);
+                evidence.begun.retain(|(epoch, _)| Some(*epoch) >= oldest);
+                evidence
+                    .settled
+                    .retain(|(epoch, ..), _| Some(*epoch) >= oldest);
+            }
+            Message::ModuleState(state) => {
+                self.states.insert(index, Arc::clone(state));
+                if let (ModulePhase::Settled, Some(epoch), Some(digest), Some(spot)) =
+                    (state.phase, state.epoch, state.digest, state.spot)
+                {
+                    let holder = *evidence
+                        .settled
+                        .entry((epoch, digest, spot))
+                        .or_insert(module);
+                    if holder != module {
+                        self.violation = Some(format!("{holder} and {module} both on {spot}"));
+                    }
+                }
+            }
+            _ => {}
+        }
+    }
+
+    /// A drive is told to go, or to go on.
+    pub(super) fn set_off(&mut self, index: usize, plan: Option<PlanKey>, lease: Duration) {
+        let module = id(index);
+        let now = self.now;
+        let Some(plan) = plan else {
+            self.violation = Some(format!("{module} moves without a plan"));
+            return;
+        };
+        for (other, actor) in self.actors.iter().enumerate() {
+            let Some((_, arrives, told, others)) = actor.as_ref().and_then(|actor| actor.drive)
+            else {
+                continue;
+            };
+            let still_going = arrives > now && told + lease >= now && !self.is_down(other);
+            if still_going && other != index && others != Some(plan) {
+                self.violation = Some(format!(
+                    "{module} and {} move on different plans",
+                    id(other)
+                ));
+            }
+        }
+        let evidence = Rc::make_mut(&mut self.evidence);
+        let shown = evidence.shown.get(&plan).cloned().unwrap_or_default();
+        let members = evidence.rosters.get(&plan.0).cloned().unwrap_or_default();
+        if members.is_empty() || members.iter().any(|member| !shown.contains_key(member)) {
+            self.violation = Some(format!("{module} moves before all have agreed"));
+            return;
+        }
+        let last = shown.values().max().copied().unwrap_or_default();
+        if evidence.begun.insert(plan) && now < last + lease {
+            self.violation = Some(format!("{module} sets off before the lease has passed"));
+        }
+        // Heartbeats take no time here unless a timer overtakes them, which a second covers.
+        let margin = Duration::from_secs(1);
+        for member in members {
+            if let Some(&(epoch, since)) = evidence.in_epoch.get(&member)
+                && epoch != Some(plan.0)
+                && now > since + lease + margin
+            {
+                self.violation = Some(format!("{module} moves long after {member} left"));
+            }
+        }
+    }
+
+    /// Notes whether everything has come to its end, and whether it should have by now.
+    pub(super) fn judge(&mut self) {
+        let live: Vec<usize> = (0..MODULES)
+            .filter(|&index| self.actors[index].is_some())
+            .collect();
+        let plans: BTreeSet<_> = live
+            .iter()
+            .filter_map(|index| self.heartbeats.get(index))
+            .map(|heartbeat| (heartbeat.epoch, heartbeat.digest))
+            .collect();
+        let spots: BTreeSet<_> = live
+            .iter()
+            .filter_map(|index| self.states.get(index))
+            .filter(|state| state.phase == ModulePhase::Settled)
+            .filter(|state| plans.contains(&(state.epoch, state.digest)))
+            .filter_map(|state| state.spot)
+            .collect();
+        let ended = self.agenda.is_none() && plans.len() == 1 && spots.len() == live.len();
+        self.ended_since = match self.ended_since {
+            Some(since) if ended => Some(since),
+            _ => ended.then_some(self.now),
+        };
+        if !ended && self.agenda.is_none() && self.now > self.disturbed + PATIENCE {
+            let phases: Vec<_> = live
+                .iter()
+                .filter_map(|index| self.heartbeats.get(index))
+                .map(|heartbeat| (heartbeat.module.0, heartbeat.phase))
+                .collect();
+            self.violation = Some(format!("no end: {phases:?}"));
+        }
+    }
+
+    pub(super) fn has_ended(&self, bound: Bound) -> bool {
+        let undisturbed = self.now >= bound.until || (self.deviations == 0 && !self.fault);
+        self.ended_since
+            .is_some_and(|since| undisturbed && self.now >= since.max(self.disturbed) + CALM)
+    }
+}

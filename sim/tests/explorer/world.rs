@@ -1,0 +1,217 @@
+//! The state of a search: agents, what is under way between them, and which steps may come next.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt::{self, Write as _};
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::rc::Rc;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::agent::{Agent, MotionGoal};
+use formation::geometry::Pose;
+use formation::id::{Incarnation, ModuleId};
+use formation::message::{Heartbeat, Message, ModuleState};
+
+use super::evidence::{Evidence, PlanKey};
+use super::{Bound, MODULES, Step, Trail};
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Agenda {
+    Restart(usize),
+    Heal,
+}
+
+#[derive(Clone)]
+pub(super) struct Flight {
+    pub(super) from: Option<usize>,
+    pub(super) to: usize,
+    pub(super) topic: u8,
+    pub(super) message: Message,
+    pub(super) hash: u64,
+}
+
+/// The goal, when it is reached, when the drive was last told, and the plan that sent it.
+pub(super) type Journey = (MotionGoal, Duration, Duration, Option<PlanKey>);
+
+#[derive(Clone)]
+pub(super) struct Actor {
+    pub(super) agent: Agent,
+    pub(super) incarnation: Incarnation,
+    pub(super) pose: Pose,
+    pub(super) drive: Option<Journey>,
+    pub(super) hash: u64,
+}
+
+#[derive(Clone)]
+pub(super) struct World {
+    pub(super) now: Duration,
+    pub(super) actors: [Option<Rc<Actor>>; MODULES],
+    pub(super) flights: Vec<Rc<Flight>>,
+    pub(super) held: Vec<Rc<Flight>>,
+    pub(super) cut: Option<usize>,
+    pub(super) agenda: Option<(Duration, Agenda)>,
+    pub(super) deviations: u8,
+    pub(super) fault: bool,
+    pub(super) disturbed: Duration,
+    /// What each module last published on its latched topics, for those that start later.
+    pub(super) latched: BTreeMap<(usize, u8), Vec<Message>>,
+    pub(super) heartbeats: BTreeMap<usize, Heartbeat>,
+    pub(super) states: BTreeMap<usize, Arc<ModuleState>>,
+    pub(super) ended_since: Option<Duration>,
+    pub(super) evidence: Rc<Evidence>,
+    pub(super) violation: Option<String>,
+    pub(super) trail: Option<Rc<Trail>>,
+}
+
+struct HashingWriter(DefaultHasher);
+
+impl fmt::Write for HashingWriter {
+    fn write_str(&mut self, text: &str) -> fmt::Result {
+        self.0.write(text.as_bytes());
+        Ok(())
+    }
+}
+
+pub(super) fn hash_of(value: &impl fmt::Debug) -> u64 {
+    let mut writer = HashingWriter(DefaultHasher::new());
+    write!(writer, "{value:?}").unwrap();
+    writer.0.finish()
+}
+
+fn topic_of(message: &Message) -> u8 {
+    match message {
+        Message::Target(_) => 0,
+        Message::ModuleState(_) => 1,
+        Message::Roster(_) => 2,
+        Message::Claim(_) => 3,
+        Message::Eviction(_) => 4,
+        Message::Heartbeat(_) => 5,
+    }
+}
+
+const HEARTBEATS: u8 = 5;
+const CLAIMS: u8 = 3;
+
+pub(super) fn id(index: usize) -> ModuleId {
+    ModuleId(u32::try_from(index).unwrap() + 1)
+}
+
+impl Actor {
+    pub(super) fn due(&self) -> Duration {
+        let timeout = self.agent.poll_timeout();
+        self.drive
+            .map_or(timeout, |(_, arrives, ..)| arrives.min(timeout))
+    }
+}
+
+impl World {
+    pub(super) fn hash(&self) -> u64 {
+        let mut hasher = DefaultHasher::new();
+        self.now.hash(&mut hasher);
+        for actor in &self.actors {
+            actor.as_ref().map(|actor| actor.hash).hash(&mut hasher);
+        }
+        for flights in [&self.flights, &self.held] {
+            flights.len().hash(&mut hasher);
+            for flight in flights {
+                (flight.from, flight.to, flight.hash).hash(&mut hasher);
+            }
+        }
+        (self.cut, self.agenda, self.deviations, self.fault).hash(&mut hasher);
+        (self.disturbed, self.ended_since).hash(&mut hasher);
+        hash_of(&self.evidence).hash(&mut hasher);
+        hasher.finish()
+    }
+
+    pub(super) fn is_down(&self, index: usize) -> bool {
+        matches!(self.agenda, Some((_, Agenda::Restart(down))) if down == index)
+    }
+
+    pub(super) fn remove(&mut self, index: usize) {
+        self.actors[index] = None;
+        self.flights.retain(|flight| flight.to != index);
+        self.latched.retain(|(from, _), _| *from != index);
+        self.heartbeats.remove(&index);
+        self.states.remove(&index);
+        Rc::make_mut(&mut self.evidence).in_epoch.remove(&id(index));
+    }
+
+    pub(super) fn deviate(&mut self) {
+        self.deviations -= 1;
+        self.disturbed = self.now;
+    }
+
+    pub(super) fn strike(&mut self) {
+        self.fault = false;
+        self.disturbed = self.now;
+    }
+
+    pub(super) fn choices(&self, bound: Bound) -> Vec<Step> {
+        let mut steps = Vec::new();
+        let in_time = self.now < bound.until;
+        let deviates = self.deviations > 0 && in_time;
+        let mut channels = BTreeSet::new();
+        for (index, flight) in self.flights.iter().enumerate() {
+            let first = channels.insert((flight.from, flight.to, flight.topic));
+            if index == 0 || (deviates && first) {
+                steps.push(Step::Deliver(index));
+            }
+            if deviates && flight.topic == HEARTBEATS {
+                steps.push(Step::Lose(index));
+            }
+        }
+        if self.flights.is_empty() || deviates {
+            steps.push(Step::RunTimer);
+        }
+        if self.fault && in_time {
+            for index in 0..MODULES {
+                steps.push(Step::Crash(index));
+                steps.push(Step::CrashAndRestart(index));
+                steps.push(Step::CutOff(index));
+            }
+        }
+        steps
+    }
+
+    pub(super) fn send(&mut self, from: Option<usize>, to: usize, message: &Message) {
+        if self.actors[to].is_none() || self.is_down(to) {
+            return;
+        }
+        let topic = topic_of(message);
+        let flight = Rc::new(Flight {
+            from,
+            to,
+            topic,
+            message: message.clone(),
+            hash: hash_of(message),
+        });
+        let severed = self
+            .cut
+            .is_some_and(|cut| from.is_some() && (from == Some(cut)) != (to == cut));
+        if !severed {
+            self.flights.push(flight);
+        } else if topic != HEARTBEATS {
+            // Only the latest of a latched topic gets through when the cut ends; of claims, all.
+            if topic != CLAIMS {
+                self.held
+                    .retain(|held| (held.from, held.to, held.topic) != (from, to, topic));
+            }
+            self.held.push(flight);
+        }
+    }
+
+    pub(super) fn publish(&mut self, index: usize, message: &Message) {
+        let topic = topic_of(message);
+        if topic != HEARTBEATS {
+            let latched = self.latched.entry((index, topic)).or_default();
+            if topic != CLAIMS {
+                latched.clear();
+            }
+            latched.push(message.clone());
+        }
+        self.note(index, message);
+        for to in (0..MODULES).filter(|&to| to != index) {
+            self.send(Some(index), to, message);
+        }
+    }
+}
