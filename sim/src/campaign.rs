@@ -17,6 +17,9 @@ use crate::invariants::{Violation, Watch};
 use crate::network::NetworkParameters;
 use crate::process::AgentFactory;
 
+/// Two clocks that drift apart by twice this are just within what agents allow for.
+const HOSTILE_DRIFT_PPM: u32 = 480;
+
 /// What every run of a campaign has in common.
 #[derive(Clone, Debug)]
 pub struct CampaignParameters {
@@ -161,12 +164,16 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         &mut random,
     );
     let network = match parameters.faults {
-        FaultKind::Mixed => NetworkParameters::rough(),
+        FaultKind::Mixed | FaultKind::Hostile => NetworkParameters::rough(),
         _ => NetworkParameters::default(),
     };
     let cluster_parameters = ClusterParameters {
         agent: agent_parameters(),
         network,
+        drift_ppm_max: match parameters.faults {
+            FaultKind::Hostile => HOSTILE_DRIFT_PPM,
+            _ => ClusterParameters::default().drift_ppm_max,
+        },
         ..ClusterParameters::default()
     };
     // A slow process gets round to what it was sent a little later still.
@@ -247,6 +254,7 @@ fn strike(
         Strike::Pause(module, duration) => cluster.pause(*module, *duration),
         Strike::Slow { module, lag, span } => cluster.slow_down(*module, *lag, *span),
         Strike::Cut(aside) => cluster.cut(aside),
+        Strike::Sever(links) => cluster.sever(links),
         Strike::Heal => cluster.heal(),
         Strike::Retire(module) => cluster.command(*module, Command::Retire),
         Strike::BreakDrive(module) => cluster.break_drive(*module, true),

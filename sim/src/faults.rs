@@ -1,5 +1,7 @@
 //! Which faults strike a run, and when; drawn from its seed.
 
+mod hostile;
+
 use std::collections::BTreeSet;
 use std::fmt;
 use std::str::FromStr;
@@ -21,6 +23,9 @@ pub enum FaultKind {
     /// All that can be drawn: crashes, restarts, late starts, cuts, slow and stopped processes, broken drives,
     /// retirements, changed targets, forged claims, and a network that loses, delays and repeats.
     Mixed,
+    /// All that is in `Mixed`, more often and in a row: repeated crashes of one module, cuts that change without healing
+    /// or flap, links that carry one way only, longer pauses, several targets, and clocks that drift as far as is allowed.
+    Hostile,
 }
 
 impl FromStr for FaultKind {
@@ -32,7 +37,10 @@ impl FromStr for FaultKind {
             "crash" => Ok(Self::Crash),
             "partition" => Ok(Self::Partition),
             "mixed" => Ok(Self::Mixed),
-            other => Err(format!("{other} is none of none, crash, partition, mixed")),
+            "hostile" => Ok(Self::Hostile),
+            other => Err(format!(
+                "{other} is none of none, crash, partition, mixed, hostile"
+            )),
         }
     }
 }
@@ -44,6 +52,7 @@ impl fmt::Display for FaultKind {
             Self::Crash => "crash",
             Self::Partition => "partition",
             Self::Mixed => "mixed",
+            Self::Hostile => "hostile",
         })
     }
 }
@@ -59,7 +68,9 @@ pub enum Strike {
     Pause(ModuleId, Duration),
     /// These modules are cut off from the others.
     Cut(BTreeSet<ModuleId>),
-    /// The cut ends.
+    /// Only these links are severed, each from its first module to its second.
+    Sever(BTreeSet<(ModuleId, ModuleId)>),
+    /// The cut ends, and all links work.
     Heal,
     /// For a span, each input keeps a process busy for so long.
     Slow {
@@ -114,6 +125,9 @@ pub fn draw(
     end: Duration,
     random: &mut Random,
 ) -> Vec<Fault> {
+    if kind == FaultKind::Hostile {
+        return hostile::draw(modules, end, random);
+    }
     let mut faults = Vec::new();
     let crashes = matches!(kind, FaultKind::Crash | FaultKind::Mixed);
     let cuts = matches!(kind, FaultKind::Partition | FaultKind::Mixed);

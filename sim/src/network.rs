@@ -101,6 +101,8 @@ pub(crate) struct Network {
     random: Random,
     /// The side of a cut on which each module stands; all on side 0 when there is none.
     sides: BTreeMap<ModuleId, u32>,
+    /// The links that carry nothing in one direction: from the first module to the second.
+    severed: BTreeSet<(ModuleId, ModuleId)>,
     /// When the latest message of a reliable channel arrives: none overtakes it.
     last_arrival: BTreeMap<Channel, Duration>,
 }
@@ -111,6 +113,7 @@ impl Network {
             parameters,
             random,
             sides: BTreeMap::new(),
+            severed: BTreeSet::new(),
             last_arrival: BTreeMap::new(),
         }
     }
@@ -119,8 +122,13 @@ impl Network {
         self.sides = aside.iter().map(|&module| (module, 1)).collect();
     }
 
+    pub fn sever(&mut self, links: &BTreeSet<(ModuleId, ModuleId)>) {
+        self.severed.clone_from(links);
+    }
+
     pub fn heal(&mut self) {
         self.sides.clear();
+        self.severed.clear();
     }
 
     /// Whether a message can pass now. The target's publisher is on the side of most.
@@ -128,7 +136,9 @@ impl Network {
         let side = |module: ModuleId| self.sides.get(&module).copied().unwrap_or(0);
         match from {
             Participant::TargetPublisher => side(to) == 0,
-            Participant::Module(from) => side(from) == side(to),
+            Participant::Module(from) => {
+                side(from) == side(to) && !self.severed.contains(&(from, to))
+            }
         }
     }
 

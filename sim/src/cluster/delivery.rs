@@ -2,6 +2,7 @@
 
 use std::sync::Arc;
 
+use formation::agent::SourceId;
 use formation::id::ModuleId;
 use formation::message::Message;
 
@@ -82,6 +83,15 @@ impl Cluster {
         }
     }
 
+    /// What the transport tells of a writer.
+    fn source(&self, writer: Participant) -> Option<SourceId> {
+        let Participant::Module(module) = writer else {
+            return None;
+        };
+        let run = self.processes.get(&module)?.incarnation;
+        Some(SourceId(u128::from(module.0) << 64 | u128::from(run.0)))
+    }
+
     pub(super) fn send(&mut self, channel: Channel, sample: u64, message: Message) {
         let Some(reader) = self
             .processes
@@ -99,11 +109,13 @@ impl Cluster {
             }
             return;
         }
+        let source = self.source(channel.from);
         for at in self.network.arrivals(self.now, channel) {
             self.schedule(
                 at,
                 Happening::Deliver {
                     channel,
+                    source,
                     reader,
                     sample,
                     message: message.clone(),

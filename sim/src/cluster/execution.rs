@@ -4,14 +4,13 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use formation::agent::{Input, MotionReport, Output, SourceId};
+use formation::agent::{Input, MotionReport, Output};
 use formation::id::{Incarnation, ModuleId};
 use formation::message::Message;
 use formation::motion::SimulatedDrive;
 
 use super::schedule::{Happening, Scheduled};
 use super::{Cluster, Observation};
-use crate::network::Participant;
 use crate::process::Process;
 
 impl Cluster {
@@ -55,6 +54,7 @@ impl Cluster {
             Happening::Start(module) => self.start(module),
             Happening::Deliver {
                 channel,
+                source,
                 reader,
                 sample,
                 message,
@@ -70,10 +70,6 @@ impl Cluster {
                     .get(&channel.to)
                     .map(|process| process.incarnation);
                 if !skipped && current == Some(reader) {
-                    let source = match channel.from {
-                        Participant::TargetPublisher => None,
-                        Participant::Module(module) => Some(SourceId(u128::from(module.0))),
-                    };
                     self.input(channel.to, Input::Message { source, message });
                 }
             }
@@ -107,7 +103,9 @@ impl Cluster {
         let identity = remains.identity.clone();
         let incarnation = identity.incarnation;
         let clock_offset = Duration::from_micros(self.random.below(1_000_000_000));
-        let drift = i64::try_from(self.random.below(401)).unwrap_or(0) - 200;
+        let drift_max = i64::from(self.parameters.drift_ppm_max);
+        let drift = self.random.below(drift_max.unsigned_abs() * 2 + 1);
+        let drift = i64::try_from(drift).unwrap_or(0) - drift_max;
         let mut process = Process {
             drive: SimulatedDrive::new(
                 identity.pose,

@@ -133,12 +133,29 @@ impl Cluster {
         self.network.cut(aside);
         let names: Vec<String> = aside.iter().map(|module| module.0.to_string()).collect();
         self.fault(format!("cut off: {}", names.join(", ")));
+        self.release();
     }
 
-    /// Ends the cut; reliable messages that were held are sent again.
+    /// Lets these links carry nothing from the first module to the second, and all others of them work again.
+    pub fn sever(&mut self, links: &BTreeSet<(ModuleId, ModuleId)>) {
+        self.network.sever(links);
+        let names: Vec<String> = links
+            .iter()
+            .map(|(from, to)| format!("{}-{}", from.0, to.0))
+            .collect();
+        self.fault(format!("severed: {}", names.join(", ")));
+        self.release();
+    }
+
+    /// Ends the cut and mends all links; reliable messages that were held are sent again.
     pub fn heal(&mut self) {
         self.network.heal();
         self.fault("the network is whole again".to_owned());
+        self.release();
+    }
+
+    /// Sends again what was held; what cannot pass yet is held on.
+    fn release(&mut self) {
         for (channel, samples) in std::mem::take(&mut self.held) {
             for (sample, message) in samples {
                 self.send(channel, sample, message);

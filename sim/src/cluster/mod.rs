@@ -36,6 +36,8 @@ pub struct ClusterParameters {
     pub drive_tick: Duration,
     /// The processes start within this time of each other.
     pub start_spread: Duration,
+    /// By how many millionths a clock runs fast or slow at most.
+    pub drift_ppm_max: u32,
 }
 
 impl Default for ClusterParameters {
@@ -46,6 +48,7 @@ impl Default for ClusterParameters {
             speed_units_per_s: 5.0,
             drive_tick: Duration::from_millis(100),
             start_spread: Duration::from_millis(500),
+            drift_ppm_max: 200,
         }
     }
 }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use formation::agent::SourceId;
 use formation::id::{Incarnation, ModuleId};
 use formation::message::Message;
 
@@ -11,6 +12,8 @@ pub(super) enum Happening {
     Start(ModuleId),
     Deliver {
         channel: Channel,
+        /// The participant that wrote it: each run of a process is one of its own.
+        source: Option<SourceId>,
         /// The incarnation of the reader for which it is meant; a restarted reader asks anew.
         reader: Incarnation,
         sample: u64,
