@@ -47,6 +47,15 @@ pub const NO_ID: u32 = u32::MAX;
 #[serde(transparent)]
 pub struct Incarnation(pub u64);
 
+/// One run of one module's process.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Run {
+    /// The module.
+    pub module: ModuleId,
+    /// Which start of its process.
+    pub incarnation: Incarnation,
+}
+
 /// One attempt at agreeing on a plan; ordered by number, then by the convener that opened it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Epoch {

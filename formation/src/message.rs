@@ -8,7 +8,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::geometry::Pose;
-use crate::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, SpotId};
+use crate::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, Run, SpotId};
 use crate::parameters::PlannerParameters;
 use crate::problem::{PlanningModule, PlanningProblem, ProblemError};
 use crate::target::Target;
@@ -135,6 +135,17 @@ pub struct RosterMember {
     pub module: PlanningModule,
 }
 
+impl RosterMember {
+    /// Which run of which module it is.
+    #[must_use]
+    pub fn run(&self) -> Run {
+        Run {
+            module: self.module.id,
+            incarnation: self.incarnation,
+        }
+    }
+}
+
 /// The members of an earlier epoch, by which a majority is counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct QuorumBasis {
@@ -142,8 +153,8 @@ pub struct QuorumBasis {
     pub epoch: Epoch,
     /// Whether all of its members were seen to agree.
     pub agreed: bool,
-    /// Its members in ascending order.
-    pub modules: Vec<ModuleId>,
+    /// Its active members in ascending order, in the runs that took part.
+    pub members: Vec<Run>,
 }
 
 /// The whole input of one epoch's plan.
@@ -163,11 +174,11 @@ impl Roster {
     /// The members of which a later roster must hold a majority, ascending: the active ones. Those out of service agreed
     /// to this roster like the others, and with that to being counted no more.
     #[must_use]
-    pub fn quorum_basis(&self) -> Vec<ModuleId> {
+    pub fn quorum_basis(&self) -> Vec<Run> {
         self.members
             .iter()
             .filter(|member| member.service == Service::Active)
-            .map(|member| member.module.id)
+            .map(RosterMember::run)
             .collect()
     }
 

@@ -1,6 +1,6 @@
 //! Epochs, and what is kept of earlier ones; several messages carry them.
 
-use formation::id::ModuleId;
+use formation::id::{Incarnation, ModuleId, Run};
 use formation::message;
 use serde::{Deserialize, Serialize};
 
@@ -23,6 +23,7 @@ pub struct QuorumBasis {
     pub epoch: Epoch,
     pub agreed: bool,
     pub module_ids: Vec<u32>,
+    pub incarnations: Vec<u64>,
 }
 
 impl From<&formation::id::Epoch> for Epoch {
@@ -64,17 +65,29 @@ impl From<&message::QuorumBasis> for QuorumBasis {
         Self {
             epoch: Epoch::from(&basis.epoch),
             agreed: basis.agreed,
-            module_ids: basis.modules.iter().map(|module| module.0).collect(),
+            module_ids: basis.members.iter().map(|run| run.module.0).collect(),
+            incarnations: basis.members.iter().map(|run| run.incarnation.0).collect(),
         }
     }
 }
 
 impl QuorumBasis {
     fn validated(&self) -> Checked<message::QuorumBasis> {
+        let modules = check::module_ids("module_ids", &self.module_ids, MODULES_MAX)?;
+        if self.incarnations.len() != modules.len() {
+            let fault = Fault::Contradiction("must have as many entries as module_ids");
+            return Err(FieldError::new("incarnations", fault));
+        }
+        let runs = modules.into_iter().zip(&self.incarnations);
         Ok(message::QuorumBasis {
             epoch: self.epoch.required()?,
             agreed: self.agreed,
-            modules: check::module_ids("module_ids", &self.module_ids, MODULES_MAX)?,
+            members: runs
+                .map(|(module, &incarnation)| Run {
+                    module,
+                    incarnation: Incarnation(incarnation),
+                })
+                .collect(),
         })
     }
 }

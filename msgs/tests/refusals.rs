@@ -58,6 +58,7 @@ fn basis(number: u64) -> wire::QuorumBasis {
         },
         agreed: true,
         module_ids: vec![1, 4],
+        incarnations: vec![7, 7],
     }
 }
 
@@ -146,6 +147,8 @@ fn module_states() {
         sample => sample.modules[1].quorum_bases[0].module_ids = vec![4, 1],
             "module_states: modules[1].quorum_bases[0].module_ids[1]: module 4 must stand after module 1, the list \
              ascends";
+        sample => sample.modules[1].quorum_bases[0].incarnations = vec![7],
+            "module_states: modules[1].quorum_bases[0].incarnations: must have as many entries as module_ids";
         sample => sample.modules[1].quorum_bases[0].module_ids = (0..=10_000).collect(),
             "module_states: modules[1].quorum_bases[0].module_ids: 10001 entries, at most 10000 are allowed";
         sample => sample.modules[1].quorum_bases = (1..=257).map(basis).collect(),

@@ -6,7 +6,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::id::{Digest, Epoch, ModuleId, SpotId};
+use formation::id::{Digest, Epoch, ModuleId, Run, SpotId};
 use formation::message::{Heartbeat, ModulePhase, ModuleState, Service};
 
 use crate::campaign::Ending;
@@ -141,7 +141,7 @@ impl Watch {
 
     /// Whether a group surely holds a majority of every roster that may count: those for which any member ever showed a
     /// digest, from the last one on that some running member of the group saw agreed. Only active members count in a
-    /// roster, and an exact half with the lowest of them. Before any was agreed, more than half of the expected number is needed as well.
+    /// roster, in the runs that it lists, for later ones have forgotten what they agreed on; and an exact half with the lowest of them. Before any was agreed, more than half of the expected number is needed as well.
     fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
         let agreed = modules
             .iter()
@@ -160,11 +160,12 @@ impl Watch {
         bases
             .filter_map(|epoch| self.rosters.get(&epoch))
             .all(|known| {
-                let present = known.active.intersection(modules).count() * 2;
-                let lowest = known
-                    .active
-                    .first()
-                    .is_some_and(|lowest| modules.contains(lowest));
+                let remembers = |run: &&Run| {
+                    modules.contains(&run.module)
+                        && cluster.incarnation(run.module) == Some(run.incarnation)
+                };
+                let present = known.active.iter().filter(remembers).count() * 2;
+                let lowest = known.active.first().filter(remembers).is_some();
                 present > known.active.len() || (present == known.active.len() && lowest)
             })
     }

@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::agent::Event;
-use formation::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
+use formation::id::{Digest, Epoch, Incarnation, ModuleId, Run, SpotId};
 use formation::message::{
-    Heartbeat, Message, ModulePhase, ModuleState, Roster, RosterMessage, Service,
+    Heartbeat, Message, ModulePhase, ModuleState, Roster, RosterMember, RosterMessage, Service,
 };
 
 use crate::cluster::{Cluster, Observation};
@@ -49,6 +49,8 @@ pub enum ViolationKind {
     NotWhereFrozen,
     /// A quorum lives and can hear each other, and still waits for one.
     QuorumDenied,
+    /// A module says that it has settled, and stands elsewhere than on its spot.
+    SettledElsewhere,
     /// Two groups that cannot hear each other both hold a formation.
     TwoFormations,
 }
@@ -71,6 +73,7 @@ impl fmt::Display for ViolationKind {
             Self::PinForgotten => "pin forgotten",
             Self::NotWhereFrozen => "not where frozen",
             Self::QuorumDenied => "quorum denied",
+            Self::SettledElsewhere => "settled elsewhere",
             Self::TwoFormations => "two formations",
         })
     }
@@ -91,7 +94,7 @@ pub(crate) struct KnownRoster {
     pub roster: Arc<Roster>,
     pub members: BTreeSet<ModuleId>,
     /// Those that take part in the plan.
-    pub active: BTreeSet<ModuleId>,
+    pub active: BTreeSet<Run>,
     /// Those that no claim may evict.
     fixed: BTreeSet<ModuleId>,
 }
@@ -164,6 +167,7 @@ impl Watch {
                         self.last.entry(run).or_default().target_revision =
                             cluster.target_revision(module);
                         self.moves_alone(at, state, cluster);
+                        self.stands_on_its_spot(at, state, cluster);
                     }
                 }
                 Observation::SetOff(module, plan) => self.set_off(at, module, plan, cluster),
@@ -215,7 +219,7 @@ impl Watch {
                 self.check_pins(at, roster);
                 let known = KnownRoster {
                     roster: Arc::clone(roster),
-                    active: active().map(|member| member.module.id).collect(),
+                    active: active().map(RosterMember::run).collect(),
                     members,
                     fixed,
                 };
@@ -370,6 +374,22 @@ impl Watch {
         for other in others {
             let detail = format!("{} while {other} moves in {}", state.module, plan.0);
             self.violate(at, ViolationKind::TwoUnitsInMotion, detail);
+        }
+    }
+
+    /// Whoever says that it has settled stands where the target of its roster has its spot.
+    fn stands_on_its_spot(&mut self, at: Duration, state: &ModuleState, cluster: &Cluster) {
+        let spot = state
+            .epoch
+            .filter(|_| state.phase == ModulePhase::Settled)
+            .and_then(|epoch| self.rosters.get(&epoch)?.roster.target.target.as_ref())
+            .and_then(|target| target.spot(state.spot?));
+        let (Some(spot), Some(standing)) = (spot, cluster.standing(state.module)) else {
+            return;
+        };
+        if spot.pose != standing.pose {
+            let detail = format!("{} beside {}", state.module, spot.id);
+            self.violate(at, ViolationKind::SettledElsewhere, detail);
         }
     }
 

@@ -73,6 +73,16 @@ fn cuts_alone_leave_no_hole() {
     run_all(&parameters, 0..seeds() / 10);
 }
 
+#[test]
+fn hostile_faults_leave_no_hole() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        modules_max: 16,
+        ..CampaignParameters::default()
+    };
+    run_all(&parameters, 0..seeds() / 10);
+}
+
 /// A state that came while its sender's earlier run still counted as living was lost; a target that changed between
 /// freezing and the roster made members refuse it for good. Both left a quorum waiting for itself.
 #[test]

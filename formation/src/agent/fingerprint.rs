@@ -31,7 +31,10 @@ impl Agent {
             self.body,
             self.service,
             self.peers,
-            self.announcement.as_ref().map(|known| known.revision),
+            (
+                self.announcement.as_ref().map(|known| known.revision),
+                &self.targets
+            ),
             self.epoch,
             self.quorum,
             self.convening,

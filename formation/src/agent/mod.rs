@@ -29,7 +29,7 @@ mod refusal;
 mod service;
 mod turns;
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -56,6 +56,9 @@ use mutation::Switch;
 use peers::{Hearing, Peers};
 use quorum::Quorum;
 use turns::{EarlyClaims, Turns};
+
+/// So many revisions of the target are remembered, for conveners that have yet to hear of the latest.
+const TARGETS_KEPT: usize = 16;
 
 /// How far the epoch has come.
 #[derive(Clone)]
@@ -129,6 +132,8 @@ pub struct Agent {
     switch: Switch,
     peers: Peers,
     announcement: Option<Arc<TargetAnnouncement>>,
+    /// What the latest revisions of the target were.
+    targets: BTreeMap<u64, Digest>,
     epoch: Option<Epoch>,
     stage: Stage,
     quorum: Quorum,
@@ -168,6 +173,7 @@ impl Agent {
             wake: None,
             peers: Peers::default(),
             announcement: None,
+            targets: BTreeMap::new(),
             epoch: None,
             stage: Stage::Idle,
             quorum: Quorum::default(),
@@ -330,6 +336,15 @@ impl Agent {
             self.voice.state_changed = true;
         }
         self.peers.expect(announcement.expected_modules);
+        self.know_target(announcement);
+    }
+
+    fn know_target(&mut self, announcement: Arc<TargetAnnouncement>) {
+        self.targets
+            .insert(announcement.revision, digest::of_target(&announcement));
+        while self.targets.len() > TARGETS_KEPT {
+            self.targets.pop_first();
+        }
         self.announcement = Some(announcement);
     }
 
@@ -429,6 +444,8 @@ impl Agent {
                 self.voice.state_changed = true;
             }
             MotionReport::Failed => {
+                // One that gave up on its way may coast; a failed drive need not report that it halted.
+                self.stand_still();
                 self.body.moving = false;
                 self.body.ports_busy.clear();
                 self.fail_motion();
@@ -505,8 +522,9 @@ impl Agent {
             quorum_bases: Vec::new(),
         };
         match &mut self.stage {
-            Stage::Gathering(_) => {
-                state.spot = self.pin();
+            Stage::Gathering(gathering) => {
+                let revision = gathering.target_revision();
+                state.spot = self.pin_at_revision(revision);
                 state.quorum_bases = self.quorum.bases();
             }
             Stage::Acting(acting) => acting.describe(&mut state),
@@ -537,14 +555,25 @@ impl Agent {
         }
     }
 
-    /// The spot on which it has settled for the present target, and stays.
-    fn pin(&self) -> Option<SpotId> {
+    /// The spot of this target on which it has settled, and stays.
+    fn pin_for(&self, target: &TargetAnnouncement) -> Option<SpotId> {
         if self.switch.is(Mutation::ForgetPins) {
             return None;
         }
-        let target = digest::of_target(self.announcement.as_ref()?);
         let settled = self.body.settled_on?;
-        (settled.target == target).then_some(settled.spot)
+        (settled.target == digest::of_target(target)).then_some(settled.spot)
+    }
+
+    /// The pin to freeze with: none unless it knows the very target that is gathered for, since a pin names a spot only.
+    fn pin_at_revision(&self, target_revision: u64) -> Option<SpotId> {
+        if self.switch.is(Mutation::PinForAnyTarget) {
+            return self.pin_for(self.announcement.as_ref()?);
+        }
+        if self.switch.is(Mutation::ForgetPins) {
+            return None;
+        }
+        let settled = self.body.settled_on?;
+        (self.targets.get(&target_revision) == Some(&settled.target)).then_some(settled.spot)
     }
 
     fn stand_still(&mut self) {

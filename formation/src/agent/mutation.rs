@@ -24,10 +24,14 @@ pub enum Mutation {
     ApplyOutOfTurn,
     /// Needs no majority of earlier rosters.
     IgnoreQuorum,
+    /// Counts a module that was started anew as if it remembered what it agreed on.
+    CountForgetful,
     /// Moves without waiting for earlier units.
     MoveOutOfOrder,
     /// Forgets the spot on which it has settled.
     ForgetPins,
+    /// Freezes with the spot of whatever target it knows.
+    PinForAnyTarget,
     /// Plans as if nobody were docked, and so evicts members of configurations.
     EvictConfigurationMember,
     /// Takes everybody that was ever heard for living.

@@ -18,6 +18,9 @@ const PEERS_MIN: usize = 1_024;
 /// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
 const DRIFT_DIVISOR: u32 = 1_000;
 
+/// After so many rosters in vain, the time for which a module is not wanted doubles no more.
+const VAIN_DOUBLINGS_MAX: u32 = 5;
+
 /// One other module, as heard.
 #[derive(Clone, Debug)]
 pub(super) struct Peer {
@@ -35,6 +38,10 @@ pub(super) struct Peer {
     clock_offset_us: Option<(i128, Duration)>,
     /// Until when it is taken for dead because it made no progress.
     excluded_until: Duration,
+    /// In how many rosters it was listed since it last agreed to one.
+    vain_rosters: u32,
+    /// Until when no epoch is opened for its sake, because rosters with it came to nothing, and one without it agreed.
+    unwanted_until: Duration,
 }
 
 impl Peer {
@@ -49,6 +56,8 @@ impl Peer {
             first_heard: now,
             clock_offset_us: None,
             excluded_until: Duration::ZERO,
+            vain_rosters: 0,
+            unwanted_until: Duration::ZERO,
         }
     }
 
@@ -296,6 +305,34 @@ impl Peers {
         if let Some(peer) = self.peers.get_mut(&module) {
             peer.excluded_until = peer.excluded_until.max(until);
         }
+    }
+
+    /// A roster lists these modules; whether they will agree to it is open.
+    pub fn listed(&mut self, members: impl Iterator<Item = ModuleId>) {
+        for module in members {
+            if let Some(peer) = self.peers.get_mut(&module) {
+                peer.vain_rosters = (peer.vain_rosters + 1).min(VAIN_DOUBLINGS_MAX);
+            }
+        }
+    }
+
+    /// The members of a roster have agreed, and want none of those for a while with whom rosters came to nothing: twice as
+    /// long each time, lest one that hears only some of the others halts them all again and again.
+    pub fn agreed(&mut self, now: Duration, least: Duration, is_member: impl Fn(ModuleId) -> bool) {
+        for (&module, peer) in &mut self.peers {
+            if is_member(module) {
+                peer.vain_rosters = 0;
+                peer.unwanted_until = Duration::ZERO;
+            } else if peer.vain_rosters > 0 {
+                peer.unwanted_until = now + least * (1 << (peer.vain_rosters - 1));
+            }
+        }
+    }
+
+    /// Whether an epoch may be opened for a module's sake.
+    pub fn is_wanted(&self, now: Duration, module: ModuleId) -> bool {
+        let peer = self.peers.get(&module);
+        peer.is_none_or(|peer| peer.unwanted_until <= now)
     }
 }
 

@@ -1,8 +1,13 @@
 //! Majorities: of which earlier rosters a new one must hold more than half, so that no two plans live at once.
+//!
+//! It is runs of processes that count, not modules: one that was started anew has forgotten which later roster it may have
+//! agreed on, and so can vouch for none (Liskov and Cowling, "Viewstamped Replication Revisited", 2012, section 4.3: a
+//! replica that recovers takes no part before a majority that remembers has told it). Where every module of a roster is
+//! there, no majority of it is left that could have gone on elsewhere, and those that forgot may stay forgetful.
 
 use std::collections::BTreeMap;
 
-use crate::id::{Epoch, ModuleId};
+use crate::id::{Epoch, Run};
 use crate::message::QuorumBasis;
 
 /// At most this many rosters are kept that were shown and not known to be agreed.
@@ -21,14 +26,14 @@ pub(super) struct Shortfall {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quorum {
     /// The last roster of which all members were seen to agree.
-    agreed: Option<(Epoch, Vec<ModuleId>)>,
+    agreed: Option<(Epoch, Vec<Run>)>,
     /// Later ones for which some member showed a digest: they may have agreed unseen.
-    shown: BTreeMap<Epoch, Vec<ModuleId>>,
+    shown: BTreeMap<Epoch, Vec<Run>>,
 }
 
 impl Quorum {
     /// Notes that some member of a roster showed a digest for it.
-    pub fn note_shown(&mut self, epoch: Epoch, modules: &[ModuleId]) {
+    pub fn note_shown(&mut self, epoch: Epoch, members: &[Run]) {
         if self
             .agreed
             .as_ref()
@@ -37,15 +42,15 @@ impl Quorum {
         {
             return;
         }
-        self.shown.retain(|_, known| known != modules);
-        self.shown.insert(epoch, modules.to_vec());
+        self.shown.retain(|_, known| known != members);
+        self.shown.insert(epoch, members.to_vec());
         while self.shown.len() > QUORUM_BASES_MAX {
             self.shown.pop_first();
         }
     }
 
     /// Notes that all members of a roster showed the same digest for it; earlier ones no longer count.
-    pub fn note_agreed(&mut self, epoch: Epoch, modules: &[ModuleId]) {
+    pub fn note_agreed(&mut self, epoch: Epoch, members: &[Run]) {
         if self
             .agreed
             .as_ref()
@@ -53,7 +58,7 @@ impl Quorum {
         {
             return;
         }
-        self.agreed = Some((epoch, modules.to_vec()));
+        self.agreed = Some((epoch, members.to_vec()));
         self.shown.retain(|&shown, _| shown > epoch);
     }
 
@@ -61,24 +66,24 @@ impl Quorum {
     pub fn learn(&mut self, bases: &[QuorumBasis]) {
         for basis in bases {
             if basis.agreed {
-                self.note_agreed(basis.epoch, &basis.modules);
+                self.note_agreed(basis.epoch, &basis.members);
             } else {
-                self.note_shown(basis.epoch, &basis.modules);
+                self.note_shown(basis.epoch, &basis.members);
             }
         }
     }
 
     /// What this module knows, to tell others.
     pub fn bases(&self) -> Vec<QuorumBasis> {
-        let basis = |agreed, (epoch, modules): (&Epoch, &Vec<ModuleId>)| QuorumBasis {
+        let basis = |agreed, (epoch, members): (&Epoch, &Vec<Run>)| QuorumBasis {
             epoch: *epoch,
             agreed,
-            modules: modules.clone(),
+            members: members.clone(),
         };
         let agreed = self
             .agreed
             .iter()
-            .map(|(epoch, modules)| basis(true, (epoch, modules)));
+            .map(|(epoch, members)| basis(true, (epoch, members)));
         agreed
             .chain(self.shown.iter().map(|entry| basis(false, entry)))
             .collect()
@@ -89,10 +94,11 @@ impl Quorum {
         self.agreed.is_some()
     }
 
-    /// The first basis of which `present` (ascending) holds no majority; an exact half wins with the lowest module.
+    /// The first basis of which `present` (ascending) holds no majority; an exact half wins with the lowest module, and all
+    /// of its modules win whichever of them were started anew.
     ///
     /// Before anything was agreed, a majority of the expected number is needed, where it is known.
-    pub fn shortfall(&self, present: &[ModuleId], expected: Option<u32>) -> Option<Shortfall> {
+    pub fn shortfall(&self, present: &[Run], expected: Option<u32>) -> Option<Shortfall> {
         if self.agreed.is_none()
             && let Some(expected) = expected
             && present.len() * 2 <= expected as usize
@@ -102,16 +108,15 @@ impl Quorum {
                 basis: expected as usize,
             });
         }
-        let bases = self.agreed.iter().map(|(_, modules)| modules);
+        let bases = self.agreed.iter().map(|(_, members)| members);
         bases.chain(self.shown.values()).find_map(|basis| {
-            let count = basis
-                .iter()
-                .filter(|module| present.binary_search(module).is_ok())
-                .count();
-            let lowest = basis
-                .first()
-                .is_some_and(|first| present.binary_search(first).is_ok());
-            let wins = count * 2 > basis.len() || (count * 2 == basis.len() && lowest);
+            let remembers = |run: &Run| present.binary_search(run).is_ok();
+            let count = basis.iter().filter(|run| remembers(run)).count();
+            let lowest = basis.first().is_some_and(remembers);
+            let is_back = |run: &Run| present.iter().any(|here| here.module == run.module);
+            let wins = count * 2 > basis.len()
+                || (count * 2 == basis.len() && lowest)
+                || (!basis.is_empty() && basis.iter().all(is_back));
             (!wins).then_some(Shortfall {
                 present: count,
                 basis: basis.len(),
@@ -123,9 +128,19 @@ impl Quorum {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::id::{Incarnation, ModuleId};
 
-    fn modules(ids: &[u32]) -> Vec<ModuleId> {
-        ids.iter().map(|&id| ModuleId(id)).collect()
+    fn runs(runs: &[(u32, u64)]) -> Vec<Run> {
+        let run = |&(id, incarnation)| Run {
+            module: ModuleId(id),
+            incarnation: Incarnation(incarnation),
+        };
+        runs.iter().map(run).collect()
+    }
+
+    fn modules(ids: &[u32]) -> Vec<Run> {
+        let first: Vec<(u32, u64)> = ids.iter().map(|&id| (id, 1)).collect();
+        runs(&first)
     }
 
     fn epoch(number: u64) -> Epoch {
@@ -160,5 +175,17 @@ mod tests {
         quorum.note_agreed(epoch(3), &modules(&[1, 2, 3, 4]));
         assert!(quorum.shortfall(&modules(&[1, 2, 3]), None).is_none());
         assert_eq!(quorum.bases().len(), 1);
+    }
+
+    #[test]
+    fn whoever_was_started_anew_vouches_for_nothing_unless_all_are_there() {
+        let mut quorum = Quorum::default();
+        quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4, 5]));
+        let shortfall = |present: &[(u32, u64)]| quorum.shortfall(&runs(present), None);
+        assert!(shortfall(&[(3, 1), (4, 1), (5, 1)]).is_none());
+        // The third may have agreed with the first two on a roster of which it knows nothing any more.
+        assert!(shortfall(&[(3, 2), (4, 1), (5, 1)]).is_some());
+        assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (5, 1)]).is_none());
+        assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (9, 1)]).is_some());
     }
 }

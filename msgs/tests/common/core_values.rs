@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use formation::fixed::MicroUnits;
 use formation::geometry::Pose;
-use formation::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, SpotId};
+use formation::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, Run, SpotId};
 use formation::message::{
     CausalMark, Decision, EvictionNotice, EvictionRecord, Heartbeat, ModulePhase, ModuleState,
     QuorumBasis, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotSelection,
@@ -211,15 +211,21 @@ fn marks() -> impl Strategy<Value = Vec<CausalMark>> {
 }
 
 fn quorum_bases() -> impl Strategy<Value = Vec<QuorumBasis>> {
-    vec((epoch(), any::<bool>(), module_ids()), 0..3).prop_map(|bases| {
+    vec((epoch(), any::<bool>(), module_ids(), any::<u64>()), 0..3).prop_map(|bases| {
         let mut seen = BTreeSet::new();
         bases
             .into_iter()
             .filter(|(epoch, ..)| seen.insert(*epoch))
-            .map(|(epoch, agreed, modules)| QuorumBasis {
+            .map(|(epoch, agreed, modules, incarnation)| QuorumBasis {
                 epoch,
                 agreed,
-                modules,
+                members: modules
+                    .into_iter()
+                    .map(|module| Run {
+                        module,
+                        incarnation: Incarnation(incarnation),
+                    })
+                    .collect(),
             })
             .collect()
     })

@@ -175,6 +175,10 @@ impl Agent {
         };
         acting.agreed_at = Some(self.now);
         acting.told_waiting.clear();
+        self.peers
+            .agreed(self.now, self.parameters.stuck, |module| {
+                acting.incarnations.contains_key(&module)
+            });
         let epoch = acting.epoch;
         let basis = acting.roster.quorum_basis();
         let spare = acting.task == Task::Spare;
@@ -249,7 +253,7 @@ impl Agent {
                 }
             }
             Task::Moving { since, held } => self.watch_motion(&place, since, held, lagging),
-            Task::Docking => self.dock(&place),
+            Task::Docking => self.dock(&place, lagging),
             Task::Spare | Task::Settled | Task::GivenUp => {}
         }
     }
@@ -349,7 +353,7 @@ impl Agent {
             .min()
     }
 
-    fn dock(&mut self, place: &Place) {
+    fn dock(&mut self, place: &Place, lagging: &[ModuleId]) {
         let Stage::Acting(acting) = &mut self.stage else {
             return;
         };
@@ -367,6 +371,9 @@ impl Agent {
             });
             self.voice.state_changed = true;
             self.emit(Event::Settled(place.spot));
+            return;
+        }
+        if !lagging.is_empty() {
             return;
         }
         let ready: Vec<ModuleId> = missing

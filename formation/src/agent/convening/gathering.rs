@@ -5,9 +5,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::digest;
-use crate::id::{Epoch, Incarnation, ModuleId};
+use crate::id::{Digest, Epoch, Incarnation, ModuleId, Run};
 use crate::message::{
     Message, ModulePhase, ModuleState, Roster, RosterMember, RosterMessage, Service,
+    TargetAnnouncement,
 };
 use crate::problem::PlanningModule;
 
@@ -32,6 +33,8 @@ pub(in crate::agent) struct Gathering {
 /// What a convener remembers while it collects.
 #[derive(Clone, Debug)]
 struct Collection {
+    /// The target that the members were told of: their pins are for this one.
+    target: Digest,
     frozen: usize,
     last_new: Duration,
     told_missing: bool,
@@ -39,6 +42,11 @@ struct Collection {
 }
 
 impl Gathering {
+    /// The revision of the target that will be planned for, unless another is announced meanwhile.
+    pub(in crate::agent) fn target_revision(&self) -> u64 {
+        self.target_revision
+    }
+
     /// Whether this module is the one that collects the members.
     pub(super) fn is_collected_here(&self) -> bool {
         self.collection.is_some()
@@ -103,12 +111,17 @@ impl Agent {
             convener_incarnation,
             since: self.now,
             target_revision,
-            collection: (epoch.convener == self.module).then_some(Collection {
-                frozen: 0,
-                last_new: self.now,
-                told_missing: false,
-                told_limit: false,
-            }),
+            collection: self
+                .announcement
+                .as_ref()
+                .filter(|_| epoch.convener == self.module)
+                .map(|announcement| Collection {
+                    target: digest::of_target(announcement),
+                    frozen: 0,
+                    last_new: self.now,
+                    told_missing: false,
+                    told_limit: false,
+                }),
         });
         self.voice.state_changed = true;
         self.emit(Event::Gathered(epoch));
@@ -126,15 +139,11 @@ impl Agent {
             return;
         }
         let Some(convener) = self.peers.get(epoch.convener) else {
-            // A latched roster may arrive before the first heartbeat of its convener, and comes only once.
-            let known = self.convening.early_roster.as_ref();
-            if known.is_none_or(|(_, known)| known.epoch() <= epoch) {
-                self.convening.early_roster = Some((source, message));
-            }
-            return;
+            return self.keep_early_roster(source, message);
         };
         let incarnation = convener.incarnation;
         if let Err(refusal) = self.peers.check_source(epoch.convener, incarnation, source) {
+            self.keep_early_roster(source, message);
             return self.refuse(Some(epoch.convener), refusal);
         }
         if !self.convening.is_plausible(epoch) {
@@ -150,6 +159,15 @@ impl Agent {
                 target_revision, ..
             } => self.enter_gathering(epoch, incarnation, target_revision),
             RosterMessage::Plan(roster) => self.hear_plan(roster),
+        }
+    }
+
+    /// A roster may arrive before the first heartbeat of its convener, or while the run before that one still counts as
+    /// living. It comes only once.
+    fn keep_early_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
+        let known = self.convening.early_roster.as_ref();
+        if known.is_none_or(|(_, known)| known.epoch() <= message.epoch()) {
+            self.convening.early_roster = Some((source, message));
         }
     }
 
@@ -175,21 +193,14 @@ impl Agent {
             .iter()
             .find(|member| member.module.id == self.module);
         if let Some(mine) = mine {
-            // The convener may drop a pin, where two modules claim one spot, but may not invent one.
-            let mut announced = self.as_member();
+            let mut announced = self.as_member(&roster.target);
             if self.switch.is(Mutation::DropIncarnationCheck)
                 && mine.incarnation != self.incarnation
             {
                 return self.adopt(roster);
             }
-            if mine.module.pin.is_none() {
-                announced.module.pin = None;
-            }
-            // Another target may have been announced since it froze; its pin was for this one.
-            if let Some(settled) = self.body.settled_on
-                && settled.target == digest::of_target(&roster.target)
-                && mine.module.pin == Some(settled.spot)
-            {
+            // The convener may drop a pin, where two modules claim one spot, but may not invent one.
+            if mine.module.pin.is_none() || self.switch.is(Mutation::PinForAnyTarget) {
                 announced.module.pin = mine.module.pin;
             }
             // It may have been retired since it froze; that calls for another epoch, not for a quarrel about this one.
@@ -220,13 +231,9 @@ impl Agent {
             }
         }
         self.quorum.learn(&roster.quorum_bases);
-        let members: Vec<ModuleId> = roster
-            .members
-            .iter()
-            .map(|member| member.module.id)
-            .collect();
+        let runs: Vec<Run> = roster.members.iter().map(RosterMember::run).collect();
         if self
-            .shortfall(&members, roster.target.expected_modules)
+            .shortfall(&runs, roster.target.expected_modules)
             .is_some()
         {
             return self.refuse(Some(epoch.convener), Refusal::NoQuorum);
@@ -237,7 +244,7 @@ impl Agent {
             .as_ref()
             .is_none_or(|known| known.revision < roster.target.revision)
         {
-            self.announcement = Some(Arc::new(roster.target.clone()));
+            self.know_target(Arc::new(roster.target.clone()));
         }
         if listed {
             self.begin_turns(roster);
@@ -259,8 +266,8 @@ impl Agent {
         self.begin_turns(roster);
     }
 
-    /// This module as it announced itself when it froze.
-    fn as_member(&self) -> RosterMember {
+    /// This module as it announced itself when it froze for a plan for this target.
+    fn as_member(&self, target: &TargetAnnouncement) -> RosterMember {
         RosterMember {
             incarnation: self.incarnation,
             service: self.service,
@@ -270,7 +277,7 @@ impl Agent {
                 links: self.body.links.clone(),
                 configuration: self.identity.configuration,
                 leader: self.identity.leader,
-                pin: self.pin(),
+                pin: self.pin_for(target),
             },
         }
     }
@@ -360,7 +367,7 @@ impl Agent {
             return;
         };
         let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
-        members.push(self.as_member());
+        members.push(self.as_member(&announcement));
         members.sort_by_key(|member| member.module.id);
         if members
             .iter()
@@ -372,12 +379,23 @@ impl Agent {
         if let Some(target) = &announcement.target {
             pins::settle(&mut members, target, announcement.parameters);
         }
-        let modules: Vec<ModuleId> = members.iter().map(|member| member.module.id).collect();
-        let shortfall = self.shortfall(&modules, announcement.expected_modules);
+        let runs: Vec<Run> = members.iter().map(RosterMember::run).collect();
+        let shortfall = self.shortfall(&runs, announcement.expected_modules);
         self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
         if shortfall.is_some() {
             // The frozen wait; when more are within reach, the gathering goes on where it stood.
             return;
+        }
+        let gathered_for = match &self.stage {
+            Stage::Gathering(gathering) => gathering.collection.as_ref().map(|one| one.target),
+            _ => None,
+        };
+        if gathered_for != Some(digest::of_target(&announcement))
+            && !self.switch.is(Mutation::PinForAnyTarget)
+        {
+            // Another target was announced since. The members froze with pins for the former; they have to say again
+            // where they stand in this one.
+            return self.open_epoch(EpochReason::NewTarget);
         }
         let roster = Arc::new(Roster {
             epoch,
@@ -395,6 +413,8 @@ impl Agent {
     pub(in crate::agent) fn begin_turns(&mut self, roster: Arc<Roster>) {
         let members = roster.members.len();
         let epoch = roster.epoch;
+        self.peers
+            .listed(roster.members.iter().map(|member| member.module.id));
         let expected = roster.target.expected_modules;
         self.convening.number_was_met |=
             expected.is_some_and(|expected| members >= expected as usize);

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::digest;
-use crate::id::{Epoch, ModuleId};
-use crate::message::{Message, Roster, RosterMessage, Service};
+use crate::id::{Epoch, Incarnation, ModuleId, Run};
+use crate::message::{Message, ModulePhase, Roster, RosterMessage, Service};
 
 pub(in crate::agent) use gathering::Gathering;
 
@@ -156,16 +156,39 @@ impl Agent {
             self.wake_at(due);
             return;
         }
-        let shortfall = self.shortfall(&living, self.expected());
+        let present: Vec<Run> = living.iter().filter_map(|&id| self.run_of(id)).collect();
+        let shortfall = self.shortfall(&present, self.expected());
         self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
         if shortfall.is_none() {
             self.open_epoch(reason);
         }
     }
 
-    fn shortfall(&self, present: &[ModuleId], expected: Option<u32>) -> Option<Shortfall> {
+    fn run_of(&self, module: ModuleId) -> Option<Run> {
+        let incarnation = if module == self.module {
+            self.incarnation
+        } else {
+            self.peers.get(module)?.incarnation
+        };
+        Some(Run {
+            module,
+            incarnation,
+        })
+    }
+
+    fn shortfall(&self, present: &[Run], expected: Option<u32>) -> Option<Shortfall> {
         if self.switch.is(Mutation::IgnoreQuorum) {
             return None;
+        }
+        if self.switch.is(Mutation::CountForgetful) {
+            let runs = present.iter().flat_map(|run| {
+                let earlier = (0..=run.incarnation.0).map(Incarnation);
+                earlier.map(|incarnation| Run {
+                    incarnation,
+                    ..*run
+                })
+            });
+            return self.quorum.shortfall(&runs.collect::<Vec<_>>(), expected);
         }
         self.quorum.shortfall(present, expected)
     }
@@ -204,6 +227,17 @@ impl Agent {
                 .iter()
                 .filter(|member| member.module.id != self.module)
         };
+        let is_in_charge = |id| {
+            let heartbeat = self.peers.get(id).and_then(|peer| peer.heartbeat);
+            self.peers.is_live(self.now, self.parameters.suspicion, id)
+                && heartbeat.is_some_and(|one| one.phase != ModulePhase::WaitingForQuorum)
+        };
+        let is_outsider = matches!(self.stage, Stage::Outsider(_));
+        if is_outsider && others().any(|member| is_in_charge(member.module.id)) {
+            // The members judge whom they miss and whom they want. One of whom they hear nothing, or that does not hear
+            // all of them, would halt them again and again.
+            return None;
+        }
         let restarted: Vec<ModuleId> = others()
             .filter(|member| {
                 self.peers
@@ -271,13 +305,19 @@ impl Agent {
             return Vec::new();
         }
         let is_planned = |id: ModuleId| active.clone().any(|member| member.module.id == id);
+        // Whoever hears the members follows them to their epoch. One that does not would not hear itself be called either.
+        let follows = |id: ModuleId| {
+            let heartbeat = self.peers.get(id).and_then(|peer| peer.heartbeat);
+            id == self.module || heartbeat.is_some_and(|heartbeat| heartbeat.epoch >= self.epoch)
+        };
         self.living()
             .into_iter()
             .filter(|&id| !is_planned(id) && self.service_of(id) == Some(Service::Active))
+            .filter(|&id| follows(id) && self.peers.is_wanted(self.now, id))
             .collect()
     }
 
-    fn open_epoch(&mut self, reason: EpochReason) {
+    pub(super) fn open_epoch(&mut self, reason: EpochReason) {
         let Some(announcement) = self.announcement.clone() else {
             return;
         };
