@@ -226,6 +226,7 @@ fn bounds_agree() {
         list("ModuleState.waited_for", bounds::MODULES_MAX),
         list("ModuleStates.modules", bounds::MODULES_MAX),
         list("Progress.waiting_for", bounds::MODULES_MAX),
+        list("QuorumBasis.incarnations", bounds::MODULES_MAX),
         list("QuorumBasis.module_ids", bounds::MODULES_MAX),
         list("Roster.members", bounds::MODULES_MAX),
         list("Roster.quorum_bases", bounds::QUORUM_BASES_MAX),

@@ -39,7 +39,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 14] = [
         2,
         ViolationKind::ConfigurationMemberEvicted,
     ),
-    (Mutation::CountDeadAsAlive, 0, ViolationKind::NoEnd),
+    (Mutation::CountDeadAsAlive, 2, ViolationKind::NoEnd),
     (
         Mutation::TrustBufferedHeartbeats,
         3,
