@@ -83,6 +83,20 @@ fn hostile_faults_leave_no_hole() {
     run_all(&parameters, 0..seeds() / 10);
 }
 
+/// A goal was given out in the very moment in which its sender left the plan; one that the last roster left out, and
+/// heard a later run only of one that it lists, did not say that it waits for a quorum.
+#[test]
+fn goals_end_with_their_plan_and_all_say_that_they_wait() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        modules_max: 16,
+        ..CampaignParameters::default()
+    };
+    for seed in [2_991, 5_082] {
+        run_all(&parameters, seed..seed + 1);
+    }
+}
+
 /// A state that came while its sender's earlier run still counted as living was lost; a target that changed between
 /// freezing and the roster made members refuse it for good. Both left a quorum waiting for itself.
 #[test]

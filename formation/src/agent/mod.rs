@@ -577,6 +577,9 @@ impl Agent {
     }
 
     fn stand_still(&mut self) {
+        // A goal of the same moment, which nobody has heard yet, must not outlive the plan that it came from.
+        self.outputs
+            .retain(|output| !matches!(output, Output::Move(_)));
         if self.body.moving {
             self.outputs.push_back(Output::Halt);
         }

@@ -227,13 +227,17 @@ impl Agent {
                 .iter()
                 .filter(|member| member.module.id != self.module)
         };
-        let is_in_charge = |id| {
-            let heartbeat = self.peers.get(id).and_then(|peer| peer.heartbeat);
-            self.peers.is_live(self.now, self.parameters.suspicion, id)
-                && heartbeat.is_some_and(|one| one.phase != ModulePhase::WaitingForQuorum)
+        let is_in_charge = |run: Run| {
+            let heartbeat = self.peers.get(run.module).and_then(|peer| peer.heartbeat);
+            self.peers
+                .is_live(self.now, self.parameters.suspicion, run.module)
+                && heartbeat.is_some_and(|heartbeat| {
+                    heartbeat.incarnation == run.incarnation
+                        && heartbeat.phase != ModulePhase::WaitingForQuorum
+                })
         };
         let is_outsider = matches!(self.stage, Stage::Outsider(_));
-        if is_outsider && others().any(|member| is_in_charge(member.module.id)) {
+        if is_outsider && others().any(|member| is_in_charge(member.run())) {
             // The members judge whom they miss and whom they want. One of whom they hear nothing, or that does not hear
             // all of them, would halt them again and again.
             return None;
