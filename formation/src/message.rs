@@ -52,6 +52,24 @@ pub enum ModulePhase {
     WaitingForQuorum,
 }
 
+impl ModulePhase {
+    /// What it is called before people and in `ModuleState.msg`.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Listening => "LISTENING",
+            Self::Gathered => "GATHERED",
+            Self::Planning => "PLANNING",
+            Self::Agreeing => "AGREEING",
+            Self::Waiting => "WAITING",
+            Self::Moving => "MOVING",
+            Self::Settled => "SETTLED",
+            Self::Spare => "SPARE",
+            Self::WaitingForQuorum => "WAITING_FOR_QUORUM",
+        }
+    }
+}
+
 /// Whether a module takes a spot when it can.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Service {

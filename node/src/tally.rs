@@ -63,7 +63,7 @@ impl Tally {
         let since = self.phase.map_or(now, |(_, since)| since);
         let or_none = |value: Option<String>| value.unwrap_or_else(|| "none".to_owned());
         let mut values = vec![
-            ("phase", phase_name(phase).to_owned()),
+            ("phase", phase.name().to_owned()),
             (
                 "time_in_phase_s",
                 format!("{:.1}", now.saturating_sub(since).as_secs_f64()),
@@ -102,7 +102,7 @@ impl Tally {
                 DiagnosticLevel::Warning,
                 "too few modules are within reach to decide anything".to_owned(),
             ),
-            None => (DiagnosticLevel::Ok, phase_name(phase).to_owned()),
+            None => (DiagnosticLevel::Ok, phase.name().to_owned()),
         };
         Report {
             part: format!("module {module}"),
@@ -111,20 +111,5 @@ impl Tally {
             message,
             values,
         }
-    }
-}
-
-/// The phase as `ModuleState.msg` names it.
-fn phase_name(phase: ModulePhase) -> &'static str {
-    match phase {
-        ModulePhase::Listening => "LISTENING",
-        ModulePhase::Gathered => "GATHERED",
-        ModulePhase::Planning => "PLANNING",
-        ModulePhase::Agreeing => "AGREEING",
-        ModulePhase::Waiting => "WAITING",
-        ModulePhase::Moving => "MOVING",
-        ModulePhase::Settled => "SETTLED",
-        ModulePhase::Spare => "SPARE",
-        ModulePhase::WaitingForQuorum => "WAITING_FOR_QUORUM",
     }
 }

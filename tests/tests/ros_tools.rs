@@ -425,10 +425,7 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
     let module = values("module 3");
     assert_eq!(module["phase"], "SETTLED");
     assert_eq!(module["turn"], "10");
-    assert!(
-        module["epoch"].starts_with("epoch") || module["epoch"].contains('1'),
-        "{module:?}"
-    );
+    assert!(module["epoch"].starts_with("epoch "), "{module:?}");
     for key in ["messages_sent", "messages_received"] {
         assert!(
             module[key].parse::<u64>().unwrap() > 10,

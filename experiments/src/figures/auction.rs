@@ -167,11 +167,7 @@ fn compare(
     ]);
     let mut series: Vec<Series> = CONTENDERS
         .iter()
-        .map(|contender| Series {
-            name: contender.label().to_owned(),
-            look: contender.look(),
-            points: Vec::new(),
-        })
+        .map(|contender| contender.series(Vec::new()))
         .collect();
     for size in settings.sizes() {
         let mut row = vec![size.to_string(), "figure only".to_owned()];
@@ -222,11 +218,7 @@ fn messages(settings: &Settings, store: &Store) -> Report {
     ]);
     let mut series: Vec<Series> = [Contender::PaperPolicy, Contender::Ours, Contender::Auction]
         .iter()
-        .map(|contender| Series {
-            name: contender.label().to_owned(),
-            look: contender.look(),
-            points: Vec::new(),
-        })
+        .map(|contender| contender.series(Vec::new()))
         .collect();
     for size in settings.sizes() {
         let mut row = vec![size.to_string(), "figure only".to_owned()];

@@ -183,11 +183,7 @@ fn plot(settings: &Settings, store: &Store) -> Plot {
     for (trees, docked) in TREES {
         let mut times = vec![stated(|row| row.planning_ms)];
         for contender in CONTENDERS {
-            times.push(Series {
-                name: contender.label().to_owned(),
-                look: contender.look(),
-                points: curve(docked, contender, &|plan| plan.planning_us / 1e3),
-            });
+            times.push(contender.series(curve(docked, contender, &|plan| plan.planning_us / 1e3)));
         }
         panels.push(Panel {
             title: format!("planning time, {trees}"),

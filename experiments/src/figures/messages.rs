@@ -131,17 +131,19 @@ const HEADS: [&str; 12] = [
     "whole_sets_pairs_std",
 ];
 
+/// What both summaries count.
+const COUNTS: [&str; 6] = [
+    "paper, states",
+    "paper policy, pairs in whole sets",
+    "paper policy, pairs",
+    "ours, pairs",
+    "paper policy, deliveries",
+    "ours, deliveries",
+];
+
 fn messages(settings: &Settings, store: &Store) -> Report {
     let mut table = Table::new(&HEADS);
-    let mut summary = Table::new(&[
-        "modules",
-        "paper, states",
-        "paper policy, pairs in whole sets",
-        "paper policy, pairs",
-        "ours, pairs",
-        "paper policy, deliveries",
-        "ours, deliveries",
-    ]);
+    let mut summary = Table::new(&[&["modules"], &COUNTS[..]].concat());
     let mut curves: [Vec<Point>; 4] = Default::default();
     for size in settings.sizes() {
         let [paper_policy, ours] = CONTENDERS
@@ -360,16 +362,7 @@ fn correlation(curve: &[Moment]) -> f64 {
 fn few_spots(settings: &Settings, store: &Store) -> Report {
     let few = settings.few_spots();
     let mut table = Table::new(&HEADS);
-    let mut summary = Table::new(&[
-        "modules",
-        "spots",
-        "paper, states",
-        "paper policy, pairs in whole sets",
-        "paper policy, pairs",
-        "ours, pairs",
-        "paper policy, deliveries",
-        "ours, deliveries",
-    ]);
+    let mut summary = Table::new(&[&["modules", "spots"], &COUNTS[..]].concat());
     let mut curves: [Vec<Point>; 4] = Default::default();
     for size in settings.surplus_sizes() {
         for spots in [few, size] {

@@ -120,11 +120,7 @@ fn collect(
     ]);
     let mut series: Vec<Series> = CONTENDERS
         .iter()
-        .map(|contender| Series {
-            name: contender.label().to_owned(),
-            look: contender.look(),
-            points: Vec::new(),
-        })
+        .map(|contender| contender.series(Vec::new()))
         .collect();
     for size in settings.sizes() {
         let mut row = vec![size.to_string(), "figure only".to_owned()];

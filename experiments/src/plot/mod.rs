@@ -175,4 +175,13 @@ impl Contender {
             Self::Hungarian => Look::new(colour::GREEN, Marker::Ring).with_line(Line::Dotted),
         }
     }
+
+    /// Its curve through these points.
+    pub(crate) fn series(self, points: Vec<Point>) -> Series {
+        Series {
+            name: self.label().to_owned(),
+            look: self.look(),
+            points,
+        }
+    }
 }

@@ -281,21 +281,6 @@ fn or_nothing(spot: Option<SpotId>) -> String {
 fn in_phase(phase: Option<ModulePhase>) -> String {
     phase.map_or_else(
         || "; no state of it was heard".to_owned(),
-        |phase| format!("; it is {}", phase_name(phase)),
+        |phase| format!("; it is {}", phase.name()),
     )
-}
-
-/// A phase as it stands in messages to people and on the wire.
-pub(super) fn phase_name(phase: ModulePhase) -> &'static str {
-    match phase {
-        ModulePhase::Listening => "LISTENING",
-        ModulePhase::Gathered => "GATHERED",
-        ModulePhase::Planning => "PLANNING",
-        ModulePhase::Agreeing => "AGREEING",
-        ModulePhase::Waiting => "WAITING",
-        ModulePhase::Moving => "MOVING",
-        ModulePhase::Settled => "SETTLED",
-        ModulePhase::Spare => "SPARE",
-        ModulePhase::WaitingForQuorum => "WAITING_FOR_QUORUM",
-    }
 }
