@@ -1,6 +1,6 @@
 //! Who is compared with whom.
 
-use formation::parameters::{PlannerParameters, Policy, TurnOrder};
+use formation::model::{PlannerParameters, Policy, TurnOrder};
 use serde::{Deserialize, Serialize};
 
 /// A planner and how it is set.

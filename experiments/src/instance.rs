@@ -3,8 +3,7 @@
 use std::sync::Arc;
 
 use formation::generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
-use formation::problem::PlanningProblem;
-use formation::scenario::{RawScenario, Scenario, ScenarioError};
+use formation::model::{PlanningProblem, RawScenario, Scenario, ScenarioError};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

@@ -19,9 +19,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::planning::Planning;
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
+use formation::model::{PlanningProblem, Scenario};
+use formation::planner::Planning;
 
 use support::processor_time;
 

@@ -16,14 +16,11 @@ use criterion::measurement::{Measurement, ValueFormatter, WallTime};
 use criterion::{
     BenchmarkGroup, BenchmarkId, Criterion, SamplingMode, criterion_group, criterion_main,
 };
-use formation::common_subtree;
 use formation::generate::{GeneratorParameters, Grouping, Random, generate};
-use formation::instance::Instance;
-use formation::matching::MatchingInput;
-use formation::planning::{self, Planning};
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
-use formation::topology::Topology;
+use formation::model::{PlanningProblem, Scenario, Topology};
+use formation::planner::assignment::Instance;
+use formation::planner::placement::{MatchingInput, common_subtree};
+use formation::planner::{self, Planning};
 use pathfinding::matrix::Matrix;
 use pathfinding::prelude::kuhn_munkres;
 use petgraph::algo::subgraph_isomorphisms_iter;
@@ -191,7 +188,7 @@ fn plans(criterion: &mut Criterion<ProcessorTime>) {
                 bencher.iter(|| {
                     let problem = turns.next().unwrap();
                     if whole {
-                        planning::plan(Arc::clone(problem)).decisions.len()
+                        planner::plan(Arc::clone(problem)).decisions.len()
                     } else {
                         allocate(problem)
                     }

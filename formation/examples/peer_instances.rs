@@ -16,16 +16,12 @@ use std::hint::black_box;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use formation::centrality::betweenness;
-use formation::common_subtree;
-use formation::fixed::MicroUnits;
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::instance::Instance;
-use formation::matching::MatchingInput;
-use formation::planning::Planning;
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
-use formation::topology::Topology;
+use formation::model::{MicroUnits, PlanningProblem, Scenario, Topology};
+use formation::planner::Planning;
+use formation::planner::assignment::Instance;
+use formation::planner::betweenness;
+use formation::planner::placement::{MatchingInput, common_subtree};
 use serde::Serialize;
 
 use support::processor_time;

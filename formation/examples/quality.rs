@@ -13,13 +13,11 @@ use std::ops::Range;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use formation::fixed::MicroUnits;
 use formation::generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
-use formation::parameters::{CutPrice, PlannerParameters, Policy, TurnOrder};
-use formation::planning::Planning;
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
-use formation::statistics::Statistics;
+use formation::model::{
+    CutPrice, MicroUnits, PlannerParameters, PlanningProblem, Policy, Scenario, TurnOrder,
+};
+use formation::planner::{Planning, Statistics};
 
 use pathfinding::matrix::Matrix;
 use pathfinding::prelude::kuhn_munkres;

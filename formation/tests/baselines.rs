@@ -7,11 +7,8 @@ mod support;
 use std::sync::Arc;
 
 use formation::generate::Grouping;
-use formation::message::Decision;
-use formation::parameters::{PlannerParameters, Policy, TurnOrder};
-use formation::planning::{PlanOutcome, Planning, plan};
-use formation::problem::PlanningProblem;
-use formation::statistics::Statistics;
+use formation::model::{Decision, PlannerParameters, PlanningProblem, Policy, TurnOrder};
+use formation::planner::{PlanOutcome, Planning, Statistics, plan};
 use formation::verify::{Violation, check_plan};
 
 use support::{problem, with_parameters};

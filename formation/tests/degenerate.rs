@@ -7,14 +7,11 @@ mod support;
 
 use std::sync::Arc;
 
-use formation::fixed::{COORDINATE_LIMIT_UNITS, WEIGHT_LIMIT};
-use formation::geometry::Pose;
-use formation::id::ModuleId;
-use formation::parameters::{PlannerParameters, Weights};
-use formation::planning::{Planning, plan};
-use formation::problem::{PlanningModule, PlanningProblem};
-use formation::target::{RawSpot, RawTarget, Target};
-use formation::{MODULES_MAX, SPOTS_MAX};
+use formation::model::{
+    COORDINATE_LIMIT_UNITS, MODULES_MAX, ModuleId, PlannerParameters, PlanningModule,
+    PlanningProblem, Pose, RawSpot, RawTarget, SPOTS_MAX, Target, WEIGHT_LIMIT, Weights,
+};
+use formation::planner::{Planning, plan};
 
 use support::hungarian;
 

@@ -8,14 +8,12 @@ mod support;
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use formation::MODULES_MAX;
-use formation::fixed::{COORDINATE_LIMIT_UNITS, MicroUnits, WEIGHT_LIMIT};
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::parameters::{CutPrice, PlannerParameters, Policy, TurnOrder, Weights};
-use formation::planning::{Planning, plan};
-use formation::problem::{PlanningProblem, ProblemError};
-use formation::scenario::{RawScenario, Scenario};
-use formation::statistics::Statistics;
+use formation::model::{
+    COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, PlannerParameters, PlanningProblem,
+    Policy, ProblemError, RawScenario, Scenario, TurnOrder, WEIGHT_LIMIT, Weights,
+};
+use formation::planner::{Planning, Statistics, plan};
 use formation::verify::check_plan;
 
 use support::{hungarian, with_parameters};
@@ -32,7 +30,7 @@ fn at_opposite_corners(modules: usize, spots: usize, grouping: Grouping) -> RawS
         let inward = f64::from(u32::try_from(number / 3).unwrap());
         (module.x, module.y) = (inward - COORDINATE_LIMIT_UNITS, -COORDINATE_LIMIT_UNITS);
     }
-    let most = |of: fn(&formation::target::RawSpot) -> f64| {
+    let most = |of: fn(&formation::model::RawSpot) -> f64| {
         raw.target.spots.iter().map(of).fold(f64::MIN, f64::max)
     };
     let (most_x, most_y) = (most(|spot| spot.x), most(|spot| spot.y));

@@ -6,10 +6,10 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{Agent, AgentParameters, Identity, Input, Output, SourceId};
-use formation::id::{Incarnation, ModuleId};
-use formation::message::{Heartbeat, Message, ModulePhase, TargetAnnouncement};
-use formation::scenario::Scenario;
+use formation::model::{
+    Heartbeat, Incarnation, Message, ModuleId, ModulePhase, Scenario, TargetAnnouncement,
+};
+use formation::protocol::{Agent, AgentParameters, Identity, Input, Output, SourceId};
 
 const SCENARIO: &str = "
 target: {spots: [{id: 1, x: 5.0, y: 5.0}], edges: []}

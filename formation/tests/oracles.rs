@@ -7,15 +7,11 @@ mod support;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use formation::centrality::betweenness;
-use formation::common_subtree;
-use formation::fixed::MicroUnits;
 use formation::generate::Grouping;
-use formation::id::ModuleId;
-use formation::matching::MatchingInput;
-use formation::parameters::{CutPrice, PlannerParameters};
-use formation::planning::{Planning, plan};
-use formation::topology::Topology;
+use formation::model::{CutPrice, MicroUnits, ModuleId, PlannerParameters, Topology};
+use formation::planner::betweenness;
+use formation::planner::placement::{MatchingInput, common_subtree};
+use formation::planner::{Planning, plan};
 use formation::verify::check_plan;
 
 use support::brute_force::best_common_subtree;

@@ -8,10 +8,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use formation::generate::Grouping;
-use formation::message::Decision;
-use formation::parameters::PlannerParameters;
-use formation::planning::{ClaimRefused, Planning, plan};
-use formation::statistics::Statistics;
+use formation::model::{Decision, PlannerParameters};
+use formation::planner::{ClaimRefused, Planning, Statistics, plan};
 
 use support::{problem, size_first};
 

@@ -9,10 +9,8 @@ mod support;
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use formation::id::{ModuleId, SpotId};
-use formation::message::Decision;
-use formation::planning::{Planning, Turn, plan};
-use formation::problem::PlanningProblem;
+use formation::model::{Decision, ModuleId, PlanningProblem, SpotId};
+use formation::planner::{Planning, Turn, plan};
 use formation::verify::check_plan;
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;

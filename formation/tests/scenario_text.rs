@@ -7,8 +7,8 @@
 use std::fmt::Write;
 use std::sync::Arc;
 
-use formation::planning;
-use formation::scenario::Scenario;
+use formation::model::Scenario;
+use formation::planner;
 use formation::verify;
 use proptest::collection::vec;
 use proptest::prelude::*;
@@ -42,7 +42,7 @@ fn try_all(text: &str) {
             let problem = scenario.problem().clone();
             let size = problem.modules().len().max(problem.target().spots().len());
             if size <= PLANNED_MAX {
-                let planned = planning::plan(Arc::new(problem.clone()));
+                let planned = planner::plan(Arc::new(problem.clone()));
                 let spots = problem.target().spots().len();
                 let filled = problem.modules().len().min(spots);
                 assert_eq!(planned.plan.assignments.len(), filled, "{text}");
@@ -241,7 +241,7 @@ fn what_is_unspoilt_is_planned_and_right() {
     for text in VALID {
         let problem = Arc::new(Scenario::from_yaml(text).unwrap().problem().clone());
         try_all(text);
-        let planned = planning::plan(Arc::clone(&problem));
+        let planned = planner::plan(Arc::clone(&problem));
         let decisions: Vec<_> = planned
             .decisions
             .iter()

@@ -8,12 +8,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use formation::generate::Grouping;
-use formation::id::{ModuleId, SpotId};
-use formation::parameters::{PlannerParameters, Policy, TurnOrder};
-use formation::plan::AssemblyWarning;
-use formation::planning::{PlanOutcome, Planning, plan};
-use formation::problem::PlanningProblem;
-use formation::target::Target;
+use formation::model::{
+    AssemblyWarning, ModuleId, PlannerParameters, PlanningProblem, Policy, SpotId, Target,
+    TurnOrder,
+};
+use formation::planner::{PlanOutcome, Planning, plan};
 
 use support::{hungarian, problem, with_parameters};
 

@@ -3,11 +3,8 @@
 use std::sync::Arc;
 
 use formation::generate::{GeneratorParameters, Grouping, Random, TreeKind, generate};
-use formation::id::SpotId;
-use formation::parameters::TurnOrder;
-use formation::planning;
-use formation::problem::PlanningProblem;
-use formation::scenario::{RawScenario, Scenario};
+use formation::model::{PlanningProblem, RawScenario, Scenario, SpotId, TurnOrder};
+use formation::planner;
 use formation::verify::check_plan;
 
 /// Plans a scenario and fails with its text if the plan breaks a promise.
@@ -20,7 +17,7 @@ fn assert_verified(raw: RawScenario) -> Result<(), Box<dyn std::error::Error>> {
 
 /// Plans a problem and fails with `text` if the plan breaks a promise.
 fn assert_plan_verified(problem: &Arc<PlanningProblem>, text: &str) {
-    let outcome = planning::plan(Arc::clone(problem));
+    let outcome = planner::plan(Arc::clone(problem));
     let decisions: Vec<_> = outcome
         .decisions
         .into_iter()

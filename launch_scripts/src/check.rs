@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use formation::scenario::Scenario;
+use formation::model::Scenario;
 
 use crate::failure::Failure;
 use crate::{console, scenario_file, warnings};

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use anyhow::anyhow;
 use formation::generate::{GenerateError, GeneratorParameters, Grouping, generate};
-use formation::scenario::{RawModule, RawScenario};
+use formation::model::{RawModule, RawScenario};
 
 use crate::arguments::GenerateArguments;
 use crate::console;
@@ -107,7 +107,7 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use formation::scenario::RawPlanner;
+    use formation::model::RawPlanner;
 
     use super::*;
 

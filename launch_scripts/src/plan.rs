@@ -6,12 +6,8 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use formation::id::{ModuleId, SpotId};
-use formation::message::Decision;
-use formation::planning::{PlanOutcome, Planning};
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
-use formation::statistics::Statistics;
+use formation::model::{Decision, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation::planner::{PlanOutcome, Planning, Statistics};
 use formation::verify::check_plan;
 use serde::Serialize;
 

@@ -4,7 +4,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use formation::chronicle::Entry;
+use formation::event_log::Entry;
 use formation_report::{Fact, Subject, Summary, Tone, after, before, course_of_plan, page};
 use serde::Serialize;
 

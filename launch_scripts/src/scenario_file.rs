@@ -5,7 +5,7 @@ use std::io::{ErrorKind, Read};
 use std::path::Path;
 
 use anyhow::{Context, anyhow, bail};
-use formation::scenario::{Scenario, ScenarioError};
+use formation::model::{Scenario, ScenarioError};
 
 use crate::failure::Failure;
 

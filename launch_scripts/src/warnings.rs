@@ -3,9 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-use formation::fixed::{MICRO_PER_UNIT, MicroUnits};
-use formation::geometry::Pose;
-use formation::problem::PlanningProblem;
+use formation::model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 
 use crate::check::counted;
 

@@ -7,7 +7,7 @@ use std::path::PathBuf;
 use std::process::ExitCode;
 
 use clap::Parser;
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 use formation_node::agents::ModuleProcess;
 use formation_node::arguments::{
     self, HostedModules, MotionArguments, NetworkArguments, TimingArguments, read_scenario,

@@ -1,17 +1,17 @@
 //! How much one message may hold; the `.msg` files state the same numbers.
 
 /// Modules in one message, and lists with one entry a module.
-pub const MODULES_MAX: usize = formation::MODULES_MAX;
+pub const MODULES_MAX: usize = formation::model::MODULES_MAX;
 /// Spots in one message, and lists with one entry a spot.
-pub const SPOTS_MAX: usize = formation::SPOTS_MAX;
+pub const SPOTS_MAX: usize = formation::model::SPOTS_MAX;
 /// Edges of one target.
-pub const EDGES_MAX: usize = formation::EDGES_MAX;
+pub const EDGES_MAX: usize = formation::model::EDGES_MAX;
 /// Links of one module.
-pub const LINKS_MAX: usize = formation::LINKS_MAX;
+pub const LINKS_MAX: usize = formation::model::LINKS_MAX;
 /// Earlier rosters that a roster refers to.
 pub const QUORUM_BASES_MAX: usize = 256;
 /// Bytes of a name or of a frame's name.
-pub const NAME_BYTES_MAX: usize = formation::NAME_BYTES_MAX;
+pub const NAME_BYTES_MAX: usize = formation::model::NAME_BYTES_MAX;
 /// Violations in one verdict.
 pub const VIOLATIONS_MAX: usize = 256;
 /// Bytes of one violation.

@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use formation::fixed::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT, MicroUnits};
-use formation::geometry::{Pose, PoseError};
-use formation::id::{Digest, Epoch, ModuleId, NO_ID};
+use formation::model::{
+    COORDINATE_LIMIT_UNITS, Digest, Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, NO_ID, Pose,
+    PoseError,
+};
 
 use crate::bounds::{LINKS_MAX, NAME_BYTES_MAX};
 use crate::error::{Fault, MessageError};

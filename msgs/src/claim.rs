@@ -1,7 +1,6 @@
 //! What travels on `claims` and `evictions`.
 
-use formation::id::{Incarnation, ModuleId, SpotId};
-use formation::message::{self, Decision, EvictionNotice};
+use formation::model::{self, Decision, EvictionNotice, Incarnation, ModuleId, SpotId};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, SPOTS_MAX};
@@ -55,8 +54,8 @@ impl EvictionRecord {
     pub const NONE: u32 = NONE;
 }
 
-impl From<&message::SpotSelection> for SpotSelection {
-    fn from(selection: &message::SpotSelection) -> Self {
+impl From<&model::SpotSelection> for SpotSelection {
+    fn from(selection: &model::SpotSelection) -> Self {
         Self {
             spot_id: selection.spot.0,
             module_id: selection.module.0,
@@ -65,17 +64,14 @@ impl From<&message::SpotSelection> for SpotSelection {
 }
 
 /// Pairs in ascending order of spot, none with a spot or module of another.
-pub(crate) fn selections(
-    field: &str,
-    raw: &[SpotSelection],
-) -> Checked<Vec<message::SpotSelection>> {
+pub(crate) fn selections(field: &str, raw: &[SpotSelection]) -> Checked<Vec<model::SpotSelection>> {
     check::count(field, raw.len(), SPOTS_MAX)?;
     let selections = raw
         .iter()
         .enumerate()
         .map(|(index, selection)| {
             let within = |error: FieldError| error.within_entry(field, index);
-            Ok(message::SpotSelection {
+            Ok(model::SpotSelection {
                 spot: check::id("spot_id", selection.spot_id, SpotId).map_err(within)?,
                 module: check::id("module_id", selection.module_id, ModuleId).map_err(within)?,
             })
@@ -86,8 +82,8 @@ pub(crate) fn selections(
     Ok(selections)
 }
 
-impl From<&message::EvictionRecord> for EvictionRecord {
-    fn from(record: &message::EvictionRecord) -> Self {
+impl From<&model::EvictionRecord> for EvictionRecord {
+    fn from(record: &model::EvictionRecord) -> Self {
         Self {
             evicted_module_id: record.evicted.0,
             by_module_id: record.by.0,
@@ -98,8 +94,8 @@ impl From<&message::EvictionRecord> for EvictionRecord {
 }
 
 impl EvictionRecord {
-    fn validated(self) -> Checked<message::EvictionRecord> {
-        let record = message::EvictionRecord {
+    fn validated(self) -> Checked<model::EvictionRecord> {
+        let record = model::EvictionRecord {
             evicted: check::id("evicted_module_id", self.evicted_module_id, ModuleId)?,
             by: check::id("by_module_id", self.by_module_id, ModuleId)?,
             from: check::id("from_spot_id", self.from_spot_id, SpotId)?,
@@ -117,8 +113,8 @@ impl EvictionRecord {
     }
 }
 
-impl From<&message::SpotClaim> for SpotClaim {
-    fn from(claim: &message::SpotClaim) -> Self {
+impl From<&model::SpotClaim> for SpotClaim {
+    fn from(claim: &model::SpotClaim) -> Self {
         let decision = &claim.decision;
         Self {
             epoch: Epoch::from(&claim.epoch),
@@ -140,7 +136,7 @@ impl From<&message::SpotClaim> for SpotClaim {
     }
 }
 
-impl TryFrom<SpotClaim> for message::SpotClaim {
+impl TryFrom<SpotClaim> for model::SpotClaim {
     type Error = MessageError;
 
     fn try_from(claim: SpotClaim) -> Result<Self, MessageError> {
@@ -149,9 +145,9 @@ impl TryFrom<SpotClaim> for message::SpotClaim {
 }
 
 impl SpotClaim {
-    fn validated(&self) -> Checked<message::SpotClaim> {
+    fn validated(&self) -> Checked<model::SpotClaim> {
         check::count("evictions", self.evictions.len(), MODULES_MAX)?;
-        Ok(message::SpotClaim {
+        Ok(model::SpotClaim {
             epoch: self.epoch.required()?,
             turn: self.turn,
             claimant: check::id("claimant_id", self.claimant_id, ModuleId)?,

@@ -1,6 +1,6 @@
 //! What travels on `module_N/docking` and `module_N/docking_result`.
 
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 use formation::motion;
 use serde::{Deserialize, Serialize};
 

@@ -1,6 +1,6 @@
 //! The poses that drivers tell, in either of two message types.
 
-use formation::geometry;
+use formation::model;
 
 use crate::check::{self, Checked, FieldError};
 use crate::error::{Fault, MessageError};
@@ -15,11 +15,11 @@ pub trait DriverPose {
     ///
     /// # Errors
     /// The pose is given in another frame, is no number, or lies too far away.
-    fn in_frame(&self, frame_id: &str) -> Result<geometry::Pose, MessageError>;
+    fn in_frame(&self, frame_id: &str) -> Result<model::Pose, MessageError>;
 }
 
 impl DriverPose for PoseStamped {
-    fn in_frame(&self, frame_id: &str) -> Result<geometry::Pose, MessageError> {
+    fn in_frame(&self, frame_id: &str) -> Result<model::Pose, MessageError> {
         same_frame(&self.header, frame_id)
             .and_then(|()| self.pose.in_plane().map_err(|error| error.within("pose")))
             .map_err(|error| error.on(topic::POSE))
@@ -27,7 +27,7 @@ impl DriverPose for PoseStamped {
 }
 
 impl DriverPose for Odometry {
-    fn in_frame(&self, frame_id: &str) -> Result<geometry::Pose, MessageError> {
+    fn in_frame(&self, frame_id: &str) -> Result<model::Pose, MessageError> {
         same_frame(&self.header, frame_id)
             .and_then(|()| {
                 let pose = self.pose.pose.in_plane();

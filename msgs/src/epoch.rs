@@ -1,7 +1,7 @@
 //! Epochs, and what is kept of earlier ones; several messages carry them.
 
-use formation::id::{Incarnation, ModuleId, Run};
-use formation::message;
+use formation::model;
+use formation::model::{Incarnation, ModuleId, Run};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, QUORUM_BASES_MAX};
@@ -26,8 +26,8 @@ pub struct QuorumBasis {
     pub incarnations: Vec<u64>,
 }
 
-impl From<&formation::id::Epoch> for Epoch {
-    fn from(epoch: &formation::id::Epoch) -> Self {
+impl From<&model::Epoch> for Epoch {
+    fn from(epoch: &model::Epoch) -> Self {
         Self {
             number: epoch.number,
             convener: epoch.convener.0,
@@ -35,33 +35,33 @@ impl From<&formation::id::Epoch> for Epoch {
     }
 }
 
-impl From<Option<&formation::id::Epoch>> for Epoch {
-    fn from(epoch: Option<&formation::id::Epoch>) -> Self {
+impl From<Option<&model::Epoch>> for Epoch {
+    fn from(epoch: Option<&model::Epoch>) -> Self {
         epoch.map_or_else(Self::default, Self::from)
     }
 }
 
 impl Epoch {
     /// The epoch, or none.
-    pub(crate) fn validated(self) -> Checked<Option<formation::id::Epoch>> {
+    pub(crate) fn validated(self) -> Checked<Option<model::Epoch>> {
         if self.number == 0 {
             return Ok(None);
         }
-        Ok(Some(formation::id::Epoch {
+        Ok(Some(model::Epoch {
             number: self.number,
             convener: check::id("epoch.convener", self.convener, ModuleId)?,
         }))
     }
 
     /// The epoch, where there must be one.
-    pub(crate) fn required(self) -> Checked<formation::id::Epoch> {
+    pub(crate) fn required(self) -> Checked<model::Epoch> {
         self.validated()?
             .ok_or_else(|| FieldError::new("epoch", Fault::NoEpoch))
     }
 }
 
-impl From<&message::QuorumBasis> for QuorumBasis {
-    fn from(basis: &message::QuorumBasis) -> Self {
+impl From<&model::QuorumBasis> for QuorumBasis {
+    fn from(basis: &model::QuorumBasis) -> Self {
         Self {
             epoch: Epoch::from(&basis.epoch),
             agreed: basis.agreed,
@@ -72,14 +72,14 @@ impl From<&message::QuorumBasis> for QuorumBasis {
 }
 
 impl QuorumBasis {
-    fn validated(&self) -> Checked<message::QuorumBasis> {
+    fn validated(&self) -> Checked<model::QuorumBasis> {
         let modules = check::module_ids("module_ids", &self.module_ids, MODULES_MAX)?;
         if self.incarnations.len() != modules.len() {
             let fault = Fault::Contradiction("must have as many entries as module_ids");
             return Err(FieldError::new("incarnations", fault));
         }
         let runs = modules.into_iter().zip(&self.incarnations);
-        Ok(message::QuorumBasis {
+        Ok(model::QuorumBasis {
             epoch: self.epoch.required()?,
             agreed: self.agreed,
             members: runs
@@ -93,7 +93,7 @@ impl QuorumBasis {
 }
 
 /// The bases of distinct epochs.
-pub(crate) fn quorum_bases(field: &str, raw: &[QuorumBasis]) -> Checked<Vec<message::QuorumBasis>> {
+pub(crate) fn quorum_bases(field: &str, raw: &[QuorumBasis]) -> Checked<Vec<model::QuorumBasis>> {
     check::count(field, raw.len(), QUORUM_BASES_MAX)?;
     let bases = raw
         .iter()

@@ -1,10 +1,9 @@
 //! What can be wrong with a message.
 
-use formation::fixed::{MICRO_PER_UNIT, QuantiseError};
-use formation::id::{ModuleId, NO_ID, SpotId};
-use formation::parameters::{CutPriceError, WeightsError};
-use formation::problem::ProblemError;
-use formation::target::TargetError;
+use formation::model::{
+    CutPriceError, MICRO_PER_UNIT, ModuleId, NO_ID, ProblemError, QuantiseError, SpotId,
+    TargetError, WeightsError,
+};
 use thiserror::Error;
 
 use crate::check::COORDINATE_LIMIT_MICRO;

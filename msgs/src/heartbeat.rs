@@ -1,7 +1,7 @@
 //! What travels on `heartbeats`.
 
-use formation::id::{Incarnation, ModuleId};
-use formation::message;
+use formation::model;
+use formation::model::{Incarnation, ModuleId};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
@@ -35,8 +35,8 @@ pub struct Heartbeat {
     pub modules: Vec<ModuleHeartbeat>,
 }
 
-impl From<&message::Heartbeat> for ModuleHeartbeat {
-    fn from(heartbeat: &message::Heartbeat) -> Self {
+impl From<&model::Heartbeat> for ModuleHeartbeat {
+    fn from(heartbeat: &model::Heartbeat) -> Self {
         Self {
             module_id: heartbeat.module.0,
             incarnation: heartbeat.incarnation.0,
@@ -52,7 +52,7 @@ impl From<&message::Heartbeat> for ModuleHeartbeat {
     }
 }
 
-impl TryFrom<ModuleHeartbeat> for message::Heartbeat {
+impl TryFrom<ModuleHeartbeat> for model::Heartbeat {
     type Error = MessageError;
 
     fn try_from(heartbeat: ModuleHeartbeat) -> Result<Self, MessageError> {
@@ -63,7 +63,7 @@ impl TryFrom<ModuleHeartbeat> for message::Heartbeat {
 }
 
 impl ModuleHeartbeat {
-    fn validated(&self) -> Checked<message::Heartbeat> {
+    fn validated(&self) -> Checked<model::Heartbeat> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
         let digest = check::digest(epoch, self.has_digest, self.digest)?;
@@ -78,7 +78,7 @@ impl ModuleHeartbeat {
         if epoch.is_none() && self.applied_turns > 0 {
             return contradiction("applied_turns", "must be 0 without an epoch");
         }
-        Ok(message::Heartbeat {
+        Ok(model::Heartbeat {
             module,
             incarnation: Incarnation(self.incarnation),
             sequence: self.sequence,
@@ -94,14 +94,14 @@ impl ModuleHeartbeat {
 
 impl Heartbeat {
     /// One sample of the heartbeats of all modules that a process hosts.
-    pub fn new<'a>(heartbeats: impl IntoIterator<Item = &'a message::Heartbeat>) -> Self {
+    pub fn new<'a>(heartbeats: impl IntoIterator<Item = &'a model::Heartbeat>) -> Self {
         Self {
             modules: heartbeats.into_iter().map(ModuleHeartbeat::from).collect(),
         }
     }
 }
 
-impl TryFrom<Heartbeat> for Vec<message::Heartbeat> {
+impl TryFrom<Heartbeat> for Vec<model::Heartbeat> {
     type Error = MessageError;
 
     /// The heartbeats of distinct modules, in the order in which they came.

@@ -4,7 +4,7 @@
 //! the same types in Rust. Each struct here has the name of a `.msg` file, or of a section of a `.srv` or `.action`
 //! file, and its fields in the order of that file; the file says what each field means and in which unit.
 //!
-//! Whatever arrives is raw. `TryFrom` makes validated data of [`formation::message`] of it, or a [`MessageError`]
+//! Whatever arrives is raw. `TryFrom` makes validated data of [`formation::model`] of it, or a [`MessageError`]
 //! that names the topic, the field and the reason; `From<&_>` goes the other way. Going out and in again changes
 //! nothing. Neither way panics, and nothing grows beyond a constant factor of the bytes that arrived.
 
@@ -48,7 +48,7 @@ pub use target::{Edge, PlannerParameters, Spot, TargetConfiguration};
 pub use verdict::Verdict;
 
 /// Stands for "none" where an identifier is optional.
-pub const NONE: u32 = formation::id::NO_ID;
+pub const NONE: u32 = formation::model::NO_ID;
 
 /// Names a type as ROS 2 does: `PACKAGE/msg/NAME`. A section of a service or an action
 /// is named after both, as `NAME_Request` is.

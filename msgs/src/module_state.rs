@@ -1,7 +1,8 @@
 //! What travels on `module_states`, and the parts of it that other messages use too.
 
-use formation::id::{ConfigurationId, Incarnation, ModuleId, SpotId};
-use formation::message::{self, ModulePhase, Service};
+use formation::model::{
+    self, ConfigurationId, Incarnation, ModuleId, ModulePhase, Service, SpotId,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
@@ -130,8 +131,8 @@ pub(crate) fn service_from_wire(value: u8) -> Checked<Service> {
     })
 }
 
-impl From<&message::CausalMark> for CausalMark {
-    fn from(mark: &message::CausalMark) -> Self {
+impl From<&model::CausalMark> for CausalMark {
+    fn from(mark: &model::CausalMark) -> Self {
         Self {
             module_id: mark.module.0,
             sequence: mark.sequence,
@@ -140,13 +141,13 @@ impl From<&message::CausalMark> for CausalMark {
 }
 
 /// Marks of distinct modules.
-fn marks(field: &str, raw: &[CausalMark]) -> Checked<Vec<message::CausalMark>> {
+fn marks(field: &str, raw: &[CausalMark]) -> Checked<Vec<model::CausalMark>> {
     check::count(field, raw.len(), MODULES_MAX)?;
     let marks = raw
         .iter()
         .enumerate()
         .map(|(index, mark)| {
-            Ok(message::CausalMark {
+            Ok(model::CausalMark {
                 module: check::id("module_id", mark.module_id, ModuleId)
                     .map_err(|error| error.within_entry(field, index))?,
                 sequence: mark.sequence,
@@ -157,8 +158,8 @@ fn marks(field: &str, raw: &[CausalMark]) -> Checked<Vec<message::CausalMark>> {
     Ok(marks)
 }
 
-impl From<&message::ModuleState> for ModuleState {
-    fn from(state: &message::ModuleState) -> Self {
+impl From<&model::ModuleState> for ModuleState {
+    fn from(state: &model::ModuleState) -> Self {
         Self {
             module_id: state.module.0,
             incarnation: state.incarnation.0,
@@ -184,7 +185,7 @@ impl From<&message::ModuleState> for ModuleState {
     }
 }
 
-impl TryFrom<ModuleState> for message::ModuleState {
+impl TryFrom<ModuleState> for model::ModuleState {
     type Error = MessageError;
 
     fn try_from(state: ModuleState) -> Result<Self, MessageError> {
@@ -195,10 +196,10 @@ impl TryFrom<ModuleState> for message::ModuleState {
 }
 
 impl ModuleState {
-    fn validated(&self) -> Checked<message::ModuleState> {
+    fn validated(&self) -> Checked<model::ModuleState> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
-        Ok(message::ModuleState {
+        Ok(model::ModuleState {
             module,
             incarnation: Incarnation(self.incarnation),
             sequence: self.sequence,
@@ -238,7 +239,7 @@ impl ModuleStates {
     /// One sample of the states of all modules that a process hosts.
     pub fn new<'a>(
         header: Header,
-        states: impl IntoIterator<Item = &'a message::ModuleState>,
+        states: impl IntoIterator<Item = &'a model::ModuleState>,
     ) -> Self {
         Self {
             header,
@@ -247,7 +248,7 @@ impl ModuleStates {
     }
 }
 
-impl TryFrom<ModuleStates> for Vec<message::ModuleState> {
+impl TryFrom<ModuleStates> for Vec<model::ModuleState> {
     type Error = MessageError;
 
     /// The states of distinct modules, in the order in which they came.

@@ -2,10 +2,9 @@
 
 use std::sync::Arc;
 
-use formation::geometry::Pose;
-use formation::id::{ConfigurationId, Incarnation, ModuleId, SpotId};
-use formation::message::{self, RosterMessage};
-use formation::problem::PlanningModule;
+use formation::model::{
+    self, ConfigurationId, Incarnation, ModuleId, PlanningModule, Pose, RosterMessage, SpotId,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
@@ -55,8 +54,8 @@ impl Roster {
     pub const STAGE_PLAN: u8 = 2;
 }
 
-impl From<&message::RosterMember> for RosterMember {
-    fn from(member: &message::RosterMember) -> Self {
+impl From<&model::RosterMember> for RosterMember {
+    fn from(member: &model::RosterMember) -> Self {
         let module = &member.module;
         Self {
             module_id: module.id.0,
@@ -74,9 +73,9 @@ impl From<&message::RosterMember> for RosterMember {
 }
 
 impl RosterMember {
-    fn validated(&self) -> Checked<message::RosterMember> {
+    fn validated(&self) -> Checked<model::RosterMember> {
         let id = check::id("module_id", self.module_id, ModuleId)?;
-        Ok(message::RosterMember {
+        Ok(model::RosterMember {
             incarnation: Incarnation(self.incarnation),
             service: service_from_wire(self.service)?,
             module: PlanningModule {
@@ -95,8 +94,8 @@ impl RosterMember {
     }
 }
 
-impl From<&message::Roster> for Roster {
-    fn from(roster: &message::Roster) -> Self {
+impl From<&model::Roster> for Roster {
+    fn from(roster: &model::Roster) -> Self {
         Self {
             epoch: Epoch::from(&roster.epoch),
             stage: Self::STAGE_PLAN,
@@ -192,7 +191,7 @@ impl Roster {
             })
             .collect::<Checked<Vec<_>>>()?;
         check::ascending("members", members.iter().map(|member| member.module.id))?;
-        let roster = message::Roster {
+        let roster = model::Roster {
             epoch,
             target,
             members,

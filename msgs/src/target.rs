@@ -2,9 +2,10 @@
 
 use std::sync::Arc;
 
-use formation::message::TargetAnnouncement;
-use formation::parameters::{self, CutPrice, Policy, TurnOrder, Weights, WeightsError};
-use formation::target::{RawSpot, RawTarget, Target};
+use formation::model::{
+    self, CutPrice, Policy, RawSpot, RawTarget, Target, TargetAnnouncement, TurnOrder, Weights,
+    WeightsError,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
@@ -73,13 +74,13 @@ impl PlannerParameters {
 
 impl Default for PlannerParameters {
     fn default() -> Self {
-        Self::from(&parameters::PlannerParameters::default())
+        Self::from(&model::PlannerParameters::default())
     }
 }
 
-impl From<&parameters::PlannerParameters> for PlannerParameters {
+impl From<&model::PlannerParameters> for PlannerParameters {
     /// A `d_max` beyond the wire's range goes out as the greatest number there is, which no chain can reach.
-    fn from(parameters: &parameters::PlannerParameters) -> Self {
+    fn from(parameters: &model::PlannerParameters) -> Self {
         Self {
             policy: match parameters.policy {
                 Policy::Exact => Self::POLICY_EXACT,
@@ -105,11 +106,11 @@ impl From<&parameters::PlannerParameters> for PlannerParameters {
 }
 
 impl PlannerParameters {
-    pub(crate) fn validated(self) -> Checked<parameters::PlannerParameters> {
+    pub(crate) fn validated(self) -> Checked<model::PlannerParameters> {
         let unknown = |field, value: i64, known| {
             Err(FieldError::new(field, Fault::UnknownValue { value, known }))
         };
-        Ok(parameters::PlannerParameters {
+        Ok(model::PlannerParameters {
             policy: match self.policy {
                 Self::POLICY_EXACT => Policy::Exact,
                 Self::POLICY_PAPER => Policy::Paper,

@@ -1,6 +1,6 @@
 //! What travels on `verdict`.
 
-use formation::id::{ModuleId, SpotId};
+use formation::model::{ModuleId, SpotId};
 use formation::verify::{self, Outcome};
 use serde::{Deserialize, Serialize};
 

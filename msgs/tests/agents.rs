@@ -7,9 +7,7 @@ use std::time::Duration;
 
 use common::codec::over_the_wire;
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::id::ModuleId;
-use formation::message::{self, Message, RosterMessage};
-use formation::scenario::Scenario;
+use formation::model::{self, Message, ModuleId, RosterMessage, Scenario};
 use formation_msgs as wire;
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters, Observation};
 
@@ -31,7 +29,7 @@ fn check(said: &Message, heard: &mut Heard) {
     match said {
         Message::Target(announcement) => {
             let sent = over_the_wire(wire::TargetConfiguration::from(&**announcement));
-            let back = message::TargetAnnouncement::try_from(sent);
+            let back = model::TargetAnnouncement::try_from(sent);
             assert_eq!(back.as_ref(), Ok(&**announcement));
         }
         Message::ModuleState(state) => {
@@ -48,13 +46,13 @@ fn check(said: &Message, heard: &mut Heard) {
         }
         Message::Claim(claim) => {
             let sent = over_the_wire(wire::SpotClaim::from(&**claim));
-            assert_eq!(message::SpotClaim::try_from(sent).as_ref(), Ok(&**claim));
+            assert_eq!(model::SpotClaim::try_from(sent).as_ref(), Ok(&**claim));
             heard.claims_with_evictions += usize::from(!claim.decision.evictions.is_empty());
             heard.claims_with_detached += usize::from(!claim.decision.detached.is_empty());
         }
         Message::Eviction(notice) => {
             let sent = over_the_wire(wire::Eviction::from(notice));
-            assert_eq!(message::EvictionNotice::try_from(sent).as_ref(), Ok(notice));
+            assert_eq!(model::EvictionNotice::try_from(sent).as_ref(), Ok(notice));
         }
         Message::Heartbeat(heartbeat) => {
             let sent = over_the_wire(wire::Heartbeat::new([heartbeat]));

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 
 use common::codec::{Codec, part};
 use common::python;
-use formation::geometry;
+use formation::model;
 use formation_msgs::foreign::geometry_msgs::{
     Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,
     TwistWithCovariance, Vector3,
@@ -228,7 +228,7 @@ fn stamped(frame_id: &str, pose: Pose) -> PoseStamped {
 #[test]
 fn poses_survive_the_way_out_and_in() {
     for theta in [0.0, 1.0, -1.0, 3.1, -3.1, 1.5] {
-        let pose = geometry::Pose::from_units(-3.25, 1e6, theta).unwrap();
+        let pose = model::Pose::from_units(-3.25, 1e6, theta).unwrap();
         let back = stamped("map", (&pose).into()).in_frame("map").unwrap();
         assert_eq!((back.x, back.y), (pose.x, pose.y));
         assert!(

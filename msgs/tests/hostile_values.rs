@@ -18,11 +18,11 @@ use std::time::Duration;
 use common::cases;
 use common::codec::{self, Codec, read};
 use common::hostile::Writer;
-use formation::agent::{Agent, AgentParameters, Identity, Input, MotionReport, Output, SourceId};
 use formation::generate::Random;
-use formation::geometry::Pose;
-use formation::id::{Incarnation, ModuleId};
-use formation::message::Message;
+use formation::model::{Incarnation, Message, ModuleId, Pose};
+use formation::protocol::{
+    Agent, AgentParameters, Identity, Input, MotionReport, Output, SourceId,
+};
 use formation::verify::{Observer, ObserverParameters};
 use formation_msgs as wire;
 use proptest::prelude::*;
@@ -112,12 +112,12 @@ fn drain(agent: &mut Agent, now: Duration, said: &mut Vec<Message>) {
 
 /// A real target, so that agents have something to quarrel about.
 fn target() -> Message {
-    let scenario = formation::scenario::Scenario::from_yaml(
+    let scenario = formation::model::Scenario::from_yaml(
         "target: {spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}], edges: [[1, 2]]}\n\
          singletons: [{id: 1, x: 1.0, y: 0.0}, {id: 2, x: 2.0, y: 0.0}]",
     )
     .unwrap();
-    Message::Target(Arc::new(formation::message::TargetAnnouncement {
+    Message::Target(Arc::new(formation::model::TargetAnnouncement {
         revision: 1,
         name: String::new(),
         target: Some(Arc::clone(scenario.problem().target())),

@@ -5,7 +5,7 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-use formation::message;
+use formation::model;
 use formation_msgs as wire;
 use formation_msgs::{MessageError, NONE, bounds};
 
@@ -99,7 +99,7 @@ fn module_states() {
             state(),
         ],
     };
-    refusals!(valid, Vec<message::ModuleState>:
+    refusals!(valid, Vec<model::ModuleState>:
         sample => sample.header.frame_id = "m".repeat(256),
             "module_states: header.frame_id: 256 bytes, at most 255 are allowed";
         sample => sample.modules[1].module_id = 8, "module_states: modules[1]: module 8 is listed twice";
@@ -156,7 +156,7 @@ fn module_states() {
         sample => sample.modules = vec![state(); bounds::MODULES_MAX + 1],
             "module_states: modules: 10001 entries, at most 10000 are allowed";
     );
-    refusals!(state(), message::ModuleState:
+    refusals!(state(), model::ModuleState:
         state => state.y = f64::NAN, "module_states: y: must be a finite number, got NaN";
     );
 }
@@ -182,7 +182,7 @@ fn target() -> wire::TargetConfiguration {
 
 #[test]
 fn targets() {
-    refusals!(target(), message::TargetAnnouncement:
+    refusals!(target(), model::TargetAnnouncement:
         target => target.header.frame_id = "m".repeat(256),
             "target: header.frame_id: 256 bytes, at most 255 are allowed";
         target => target.name = "\u{20ac}".repeat(86), "target: name: 258 bytes, at most 255 are allowed";
@@ -222,7 +222,7 @@ fn targets() {
         edges: Vec::new(),
         ..target()
     };
-    let announcement = message::TargetAnnouncement::try_from(withdrawn).unwrap();
+    let announcement = model::TargetAnnouncement::try_from(withdrawn).unwrap();
     assert_eq!(announcement.target, None);
     assert_eq!(announcement.expected_modules, None);
 }
@@ -252,7 +252,7 @@ fn rosters() {
         members: vec![member(1), member(4)],
         quorum_bases: vec![basis(1), basis(2)],
     };
-    refusals!(plan, message::RosterMessage:
+    refusals!(plan, model::RosterMessage:
         roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
         roster => roster.stage = 0, "roster: stage: 0 is unknown; known are GATHER 1, PLAN 2";
         roster => roster.stage = wire::Roster::STAGE_GATHER,
@@ -291,7 +291,7 @@ fn rosters() {
         target_revision: 5,
         ..wire::Roster::default()
     };
-    refusals!(gather, message::RosterMessage:
+    refusals!(gather, model::RosterMessage:
         roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
         roster => roster.members = vec![member(1)], "roster: members: must be empty while the epoch gathers";
         roster => roster.quorum_bases = vec![basis(1)],
@@ -322,7 +322,7 @@ fn claims() {
         evictions: vec![eviction()],
         detached: vec![6, 7],
     };
-    refusals!(claim, message::SpotClaim:
+    refusals!(claim, model::SpotClaim:
         claim => claim.epoch = NO_EPOCH, "claims: epoch: number 0 stands for no epoch, but one is needed here";
         claim => claim.claimant_id = NONE,
             "claims: claimant_id: 4294967295 stands for none and cannot be used here";
@@ -357,7 +357,7 @@ fn evictions() {
         turn: 3,
         eviction: eviction(),
     };
-    refusals!(notice, message::EvictionNotice:
+    refusals!(notice, model::EvictionNotice:
         notice => notice.epoch = NO_EPOCH, "evictions: epoch: number 0 stands for no epoch, but one is needed here";
         notice => notice.eviction.evicted_module_id = NONE,
             "evictions: eviction.evicted_module_id: 4294967295 stands for none and cannot be used here";
@@ -385,7 +385,7 @@ fn heartbeats() {
     let valid = wire::Heartbeat {
         modules: vec![heartbeat(4), heartbeat(1)],
     };
-    refusals!(valid, Vec<message::Heartbeat>:
+    refusals!(valid, Vec<model::Heartbeat>:
         sample => sample.modules[1].module_id = 4, "heartbeats: modules[1]: module 4 is listed twice";
         sample => sample.modules[1].uptime.sec = -1,
             "heartbeats: modules[1].uptime: needs sec >= 0 and nanosec < 10^9";
@@ -411,7 +411,7 @@ fn heartbeats() {
         sample => sample.modules = vec![heartbeat(1); bounds::MODULES_MAX + 1],
             "heartbeats: modules: 10001 entries, at most 10000 are allowed";
     );
-    refusals!(heartbeat(1), message::Heartbeat:
+    refusals!(heartbeat(1), model::Heartbeat:
         heartbeat => heartbeat.module_id = NONE,
             "heartbeats: module_id: 4294967295 stands for none and cannot be used here";
     );

@@ -5,8 +5,7 @@ mod common;
 use common::codec::over_the_wire;
 use common::core_values;
 use common::samples::header;
-use formation::fixed::MicroUnits;
-use formation::message;
+use formation::model::{self, MicroUnits};
 use formation_msgs as wire;
 use proptest::prelude::*;
 
@@ -19,49 +18,49 @@ proptest! {
     #[test]
     fn targets(announcement in core_values::announcement()) {
         let sent = over_the_wire(wire::TargetConfiguration::from(&announcement));
-        prop_assert_eq!(message::TargetAnnouncement::try_from(sent), Ok(announcement));
+        prop_assert_eq!(model::TargetAnnouncement::try_from(sent), Ok(announcement));
     }
 
     #[test]
     fn module_states(states in core_values::module_states(), header in header()) {
         let sent = over_the_wire(wire::ModuleStates::new(header, &states));
-        prop_assert_eq!(Vec::<message::ModuleState>::try_from(sent), Ok(states));
+        prop_assert_eq!(Vec::<model::ModuleState>::try_from(sent), Ok(states));
     }
 
     #[test]
     fn one_module_state(state in core_values::module_state()) {
         let sent = over_the_wire(wire::ModuleState::from(&state));
-        prop_assert_eq!(message::ModuleState::try_from(sent), Ok(state));
+        prop_assert_eq!(model::ModuleState::try_from(sent), Ok(state));
     }
 
     #[test]
     fn rosters(roster in core_values::roster_message()) {
         let sent = over_the_wire(wire::Roster::from(&roster));
-        prop_assert_eq!(message::RosterMessage::try_from(sent), Ok(roster));
+        prop_assert_eq!(model::RosterMessage::try_from(sent), Ok(roster));
     }
 
     #[test]
     fn claims(claim in core_values::claim()) {
         let sent = over_the_wire(wire::SpotClaim::from(&claim));
-        prop_assert_eq!(message::SpotClaim::try_from(sent), Ok(claim));
+        prop_assert_eq!(model::SpotClaim::try_from(sent), Ok(claim));
     }
 
     #[test]
     fn evictions(notice in core_values::eviction_notice()) {
         let sent = over_the_wire(wire::Eviction::from(&notice));
-        prop_assert_eq!(message::EvictionNotice::try_from(sent), Ok(notice));
+        prop_assert_eq!(model::EvictionNotice::try_from(sent), Ok(notice));
     }
 
     #[test]
     fn heartbeats(heartbeats in core_values::heartbeats()) {
         let sent = over_the_wire(wire::Heartbeat::new(&heartbeats));
-        prop_assert_eq!(Vec::<message::Heartbeat>::try_from(sent), Ok(heartbeats));
+        prop_assert_eq!(Vec::<model::Heartbeat>::try_from(sent), Ok(heartbeats));
     }
 }
 
 #[test]
 fn an_unset_planner_means_the_default_one() {
-    let core = formation::parameters::PlannerParameters::default();
+    let core = model::PlannerParameters::default();
     let wire_default = wire::PlannerParameters::default();
     assert_eq!(wire_default, wire::PlannerParameters::from(&core));
     assert_eq!(wire_default.d_max, wire::PlannerParameters::D_MAX_UNBOUNDED);

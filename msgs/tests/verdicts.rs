@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::id::{Epoch, ModuleId, SpotId};
+use formation::model::{Epoch, ModuleId, SpotId};
 use formation::verify::{Counts, Missing, Outcome, Timings, Verdict, Violation};
 use formation_msgs as wire;
 use formation_msgs::bounds::VIOLATIONS_MAX;

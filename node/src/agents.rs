@@ -4,9 +4,8 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::agent::{AgentParameters, Identity};
-use formation::id::ModuleId;
-use formation::message::Service;
+use formation::model::{ModuleId, Service};
+use formation::protocol::{AgentParameters, Identity};
 use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use futures::StreamExt;
 use ros2_client::Publisher;

@@ -3,9 +3,9 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use formation::agent::{Identity, MotionGoal, MotionReport};
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 use formation::motion::{DockingAction, DriveCommand, DriveFault, ExternalDrive, SimulatedDrive};
+use formation::protocol::{Identity, MotionGoal, MotionReport};
 
 use crate::drivers::{DriverNews, ExternalMotion};
 

@@ -4,10 +4,9 @@ use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::agent::Identity;
-use formation::geometry::Pose;
-use formation::id::ModuleId;
+use formation::model::{ModuleId, Pose};
 use formation::motion::{self, DriveCommand, ExternalParameters};
+use formation::protocol::Identity;
 use formation_msgs::foreign::geometry_msgs::PoseStamped;
 use formation_msgs::foreign::nav_msgs::Odometry;
 use formation_msgs::{

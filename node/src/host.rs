@@ -4,16 +4,15 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{
+use formation::model::{
+    EvictionNotice, Heartbeat, Message, ModuleId, ModulePhase, ModuleState, Pose, RosterMessage,
+    Service, SpotClaim,
+};
+use formation::motion::{DockingAction, DriveCommand};
+use formation::protocol::{
     Agent, AgentParameters, Command, Event, Identity, Input, Output, RefusalCounts, Severity,
     SourceId,
 };
-use formation::geometry::Pose;
-use formation::id::ModuleId;
-use formation::message::{
-    EvictionNotice, Heartbeat, Message, ModulePhase, ModuleState, RosterMessage, Service, SpotClaim,
-};
-use formation::motion::{DockingAction, DriveCommand};
 
 use crate::diagnostics::Report;
 use crate::drive::{Drive, MotionParameters};

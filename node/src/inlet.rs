@@ -1,7 +1,7 @@
 //! Taking in what others publish: bytes become validated messages, or a counted refusal.
 
-use formation::agent::SourceId;
-use formation::message::Message;
+use formation::model::Message;
+use formation::protocol::SourceId;
 use formation_msgs::{
     Eviction, Heartbeat, InterfaceType, MessageError, ModuleStates, Roster, SpotClaim,
     TargetConfiguration,
@@ -113,13 +113,12 @@ impl<M: Carrier> Inlet<M> {
 
 #[cfg(test)]
 mod tests {
-    use formation::id::{Incarnation, ModuleId};
-    use formation::message::ModulePhase;
+    use formation::model::{Incarnation, ModuleId, ModulePhase};
 
     use super::*;
 
-    fn heartbeat(module: u32) -> formation::message::Heartbeat {
-        formation::message::Heartbeat {
+    fn heartbeat(module: u32) -> formation::model::Heartbeat {
+        formation::model::Heartbeat {
             module: ModuleId(module),
             incarnation: Incarnation(1),
             sequence: 1,

@@ -2,11 +2,8 @@
 
 use std::time::Duration;
 
-use formation::agent::{Command, Identity};
-use formation::fixed::MicroUnits;
-use formation::geometry::{Pose, PoseError};
-use formation::id::{ModuleId, NO_ID};
-use formation::message::{ModulePhase, Service};
+use formation::model::{MicroUnits, ModuleId, ModulePhase, NO_ID, Pose, PoseError, Service};
+use formation::protocol::{Command, Identity};
 use formation_msgs::{
     AddModuleRequest, AddModuleResponse, RetireModuleRequest, RetireModuleResponse, bounds,
 };
@@ -141,9 +138,8 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
 
 #[cfg(test)]
 mod tests {
-    use formation::agent::{AgentParameters, SourceId};
-    use formation::id::Incarnation;
-    use formation::message::{Heartbeat, Message};
+    use formation::model::{Heartbeat, Incarnation, Message};
+    use formation::protocol::{AgentParameters, SourceId};
 
     use super::*;
     use crate::drive::MotionParameters;

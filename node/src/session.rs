@@ -2,7 +2,7 @@
 
 use std::net::Ipv4Addr;
 
-use formation::agent::SourceId;
+use formation::protocol::SourceId;
 use formation_msgs::InterfaceType;
 use ros2_client::{
     ActionTypeName, Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions,

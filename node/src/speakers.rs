@@ -5,10 +5,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::MODULES_MAX;
-use formation::agent::SourceId;
-use formation::id::{Incarnation, ModuleId};
-use formation::message::{Message, RosterMessage};
+use formation::model::{Incarnation, MODULES_MAX, Message, ModuleId, RosterMessage};
+use formation::protocol::SourceId;
 
 /// At most this many runs are kept; of those that come after, nothing is known.
 const RUNS_MAX: usize = 2 * MODULES_MAX;
@@ -51,8 +49,7 @@ impl Speakers {
 mod tests {
     use std::sync::Arc;
 
-    use formation::id::Epoch;
-    use formation::message::{Decision, SpotClaim};
+    use formation::model::{Decision, Epoch, SpotClaim};
 
     use super::*;
 

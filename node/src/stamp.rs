@@ -2,7 +2,7 @@
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
-use formation::id::Incarnation;
+use formation::model::Incarnation;
 use formation_msgs::{Header, Time};
 
 fn since_epoch() -> Duration {

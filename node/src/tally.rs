@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use formation::agent::{Agent, Event, Severity};
-use formation::message::{Message, ModulePhase, ModuleState};
+use formation::model::{Message, ModulePhase, ModuleState};
+use formation::protocol::{Agent, Event, Severity};
 
 use crate::diagnostics::{DiagnosticLevel, Report};
 

@@ -2,7 +2,7 @@
 
 use std::marker::PhantomData;
 
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 use formation_msgs::foreign::geometry_msgs::PoseStamped;
 use formation_msgs::foreign::nav_msgs::Odometry;
 use formation_msgs::foreign::tf2_msgs::TFMessage;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt::{self, Display};
 use std::time::Duration;
 
-use formation::chronicle::Entry;
-use formation::id::{Epoch, ModuleId, SpotId};
+use formation::event_log::Entry;
+use formation::model::{Epoch, ModuleId, SpotId};
 use formation::verify::{Agreement, Outcome, Progress, Verdict};
 use serde_json::{Value, json};
 

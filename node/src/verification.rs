@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::chronicle::{Chronicler, Entry};
+use formation::event_log::{Chronicler, Entry};
 use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdict};
 use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;

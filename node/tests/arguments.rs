@@ -9,7 +9,7 @@ use std::os::unix::ffi::OsStringExt;
 use std::time::Duration;
 
 use clap::Parser;
-use formation::MODULES_MAX;
+use formation::model::MODULES_MAX;
 use formation_node::arguments::{
     ModuleArguments, ModuleList, MotionArguments, RosArguments, Seconds, TimingArguments,
 };

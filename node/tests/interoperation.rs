@@ -12,8 +12,7 @@ use std::thread;
 use std::time::Duration;
 
 use async_channel::{Sender, bounded};
-use formation::message::TargetAnnouncement;
-use formation::scenario::Scenario;
+use formation::model::{Scenario, TargetAnnouncement};
 use formation::verify::{ObserverParameters, Outcome, Stage};
 use formation_node::announcer::TargetProcess;
 use formation_node::environment::{DiscoveryRange, Environment, Overrides};

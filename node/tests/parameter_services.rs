@@ -14,9 +14,8 @@ use std::time::Duration;
 
 use async_channel::bounded;
 use async_io::Timer;
-use formation::agent::{AgentParameters, Identity};
-use formation::geometry::Pose;
-use formation::id::{Incarnation, ModuleId};
+use formation::model::{Incarnation, ModuleId, Pose};
+use formation::protocol::{AgentParameters, Identity};
 use formation_node::MotionParameters;
 use formation_node::agents::ModuleProcess;
 use formation_node::arguments::RosArguments;

@@ -1,6 +1,6 @@
 //! How spots, links and modules look; shared by the pictures and the page's player.
 
-use formation::geometry::Pose;
+use formation::model::Pose;
 
 use crate::element::{Element, Short};
 use crate::frame::Frame;

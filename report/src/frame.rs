@@ -1,6 +1,6 @@
 //! From units on the ground to pixels in a picture.
 
-use formation::geometry::Pose;
+use formation::model::Pose;
 
 /// A unit is drawn this long, unless the picture would become too large.
 const PIXELS_PER_UNIT_MAX: f64 = 48.0;

@@ -4,8 +4,8 @@ use std::fmt::Display;
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use formation::chronicle::{Entry, Event};
-use formation::geometry::Pose;
+use formation::event_log::{Entry, Event};
+use formation::model::Pose;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use formation::geometry::Pose;
+use formation::model::Pose;
 
 use crate::drawing::{self, BELOW, LEFT};
 use crate::element::{Element, Short};

@@ -3,15 +3,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation::agent::MotionGoal;
-use formation::chronicle::{Entry, Event, Told};
-use formation::fixed::MicroUnits;
-use formation::id::{Epoch, ModuleId, SpotId};
-use formation::message::ModulePhase;
+use formation::event_log::{Entry, Event, Told};
+use formation::model::{
+    ActingUnit, Epoch, MicroUnits, ModuleId, ModulePhase, PlanningProblem, SpotId,
+};
 use formation::motion::SimulatedDrive;
-use formation::plan::ActingUnit;
-use formation::planning::PlanOutcome;
-use formation::problem::PlanningProblem;
+use formation::planner::PlanOutcome;
+use formation::protocol::MotionGoal;
 
 /// The course of a plan whose modules move by simulated drives at this speed.
 ///

@@ -2,10 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::geometry::Pose;
-use formation::id::{ConfigurationId, ModuleId, SpotId};
-use formation::planning::PlanOutcome;
-use formation::problem::PlanningProblem;
+use formation::model::{ConfigurationId, ModuleId, PlanningProblem, Pose, SpotId};
+use formation::planner::PlanOutcome;
 
 /// A formation from its start to its end. Modules, spots and configurations are named by their positions in the lists.
 #[derive(Clone, Debug)]

@@ -9,10 +9,8 @@ mod support;
 
 use std::time::Duration;
 
-use formation::chronicle::{Entry, Event, Told};
-use formation::geometry::Pose;
-use formation::id::{Epoch, ModuleId, SpotId};
-use formation::message::{Decision, ModulePhase, SpotSelection};
+use formation::event_log::{Entry, Event, Told};
+use formation::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId, SpotSelection};
 use formation_report::{Fact, Summary, Tone, course_of_plan, page};
 use serde_json::Value;
 use support::Formed;

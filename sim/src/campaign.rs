@@ -3,13 +3,11 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{AgentParameters, Command};
 use formation::generate::{GenerateError, GeneratorParameters, Grouping, Random};
-use formation::id::ModuleId;
-use formation::message::TargetAnnouncement;
-use formation::problem::PlanningProblem;
-use formation::scenario::{Scenario, ScenarioError};
-use formation::target::Target;
+use formation::model::{
+    ModuleId, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
+};
+use formation::protocol::{AgentParameters, Command};
 
 use crate::cluster::{Cluster, ClusterParameters};
 use crate::faults::{Fault, FaultKind, Strike, draw};

@@ -6,8 +6,9 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::id::{Digest, Epoch, ModuleId, Run, SpotId};
-use formation::message::{Heartbeat, ModulePhase, ModuleState, Service};
+use formation::model::{
+    Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Run, Service, SpotId,
+};
 
 use crate::campaign::Ending;
 use crate::cluster::Cluster;

@@ -8,7 +8,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use formation::generate::Random;
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 
 /// Which kinds of faults strike.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -8,11 +8,11 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::Event;
-use formation::id::{Digest, Epoch, Incarnation, ModuleId, Run, SpotId};
-use formation::message::{
-    Heartbeat, Message, ModulePhase, ModuleState, Roster, RosterMember, RosterMessage, Service,
+use formation::model::{
+    Digest, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Roster,
+    RosterMember, RosterMessage, Run, Service, SpotId,
 };
+use formation::protocol::Event;
 
 use crate::cluster::{Cluster, Observation};
 

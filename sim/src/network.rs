@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use formation::generate::Random;
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 
 /// How the network treats messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,10 +5,9 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{Agent, AgentParameters, Identity, Input};
-use formation::id::{Digest, Epoch, Incarnation};
-use formation::message::Message;
+use formation::model::{Digest, Epoch, Incarnation, Message};
 use formation::motion::SimulatedDrive;
+use formation::protocol::{Agent, AgentParameters, Identity, Input};
 
 use crate::network::Topic;
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation::message::{Message, RosterMessage};
+use formation::model::{Message, RosterMessage};
 
 use crate::cluster::Observation;
 

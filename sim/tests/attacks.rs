@@ -7,10 +7,9 @@ mod support;
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation::agent::{Agent, Event, Mutation};
 use formation::generate::Grouping;
-use formation::id::ModuleId;
-use formation::message::ModulePhase;
+use formation::model::{ModuleId, ModulePhase};
+use formation::protocol::{Agent, Event, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
     run_seed,

@@ -11,9 +11,8 @@ mod explorer;
 use std::time::Duration;
 
 use explorer::{Bound, Explorer};
-use formation::agent::{Agent, Mutation};
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
+use formation::model::{PlanningProblem, Scenario};
+use formation::protocol::{Agent, Mutation};
 use formation_sim::AgentFactory;
 
 const THREE: &str = "

@@ -6,9 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::generate::{GeneratorParameters, Grouping};
-use formation::planning;
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
+use formation::model::{PlanningProblem, Scenario};
+use formation::planner;
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
@@ -32,7 +31,7 @@ fn forms_as_planned(problem: &PlanningProblem, network: NetworkParameters, seed:
         "seed {seed} did not form:\n{}",
         cluster.transcript()
     );
-    let offline = planning::plan(Arc::new(problem.clone())).plan;
+    let offline = planner::plan(Arc::new(problem.clone())).plan;
     for module in cluster.running() {
         let plan = cluster
             .agent(module)

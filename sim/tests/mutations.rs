@@ -5,7 +5,7 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use formation::agent::{Agent, Mutation};
+use formation::protocol::{Agent, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, FaultKind, RunReport, ViolationKind, run_seed,
 };

@@ -7,11 +7,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::generate::{GeneratorParameters, Grouping, Random, generate};
-use formation::id::ModuleId;
-use formation::message::{Message, ModulePhase, TargetAnnouncement};
-use formation::planning;
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
+use formation::model::{
+    Message, ModuleId, ModulePhase, PlanningProblem, Scenario, TargetAnnouncement,
+};
+use formation::planner;
 use formation::verify::{Observer, ObserverParameters, Outcome, Verdict};
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters, Observation};
 
@@ -83,7 +82,7 @@ fn assert_formed(verdict: &Verdict, problem: &PlanningProblem, seed: u64) {
         (expected, &Vec::new(), &Vec::new()),
         "seed {seed}"
     );
-    let offline = planning::plan(Arc::new(problem.clone())).plan;
+    let offline = planner::plan(Arc::new(problem.clone())).plan;
     assert_eq!(verdict.assignments, offline.assignments, "seed {seed}");
 }
 

@@ -6,11 +6,9 @@ mod support;
 
 use std::time::Duration;
 
-use formation::agent::{Agent, Event, Mutation};
 use formation::generate::Grouping;
-use formation::id::ModuleId;
-use formation::message::ModulePhase;
-use formation::plan::AssemblyWarning;
+use formation::model::{AssemblyWarning, ModuleId, ModulePhase};
+use formation::protocol::{Agent, Event, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
 use support::{Stage, drawn, in_phase, scenario, spots};
 
@@ -140,7 +138,7 @@ fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
     let problem = scenario(SQUARE);
     let mut stage = Stage::new(&problem, 5);
     stage.until(Cluster::has_formed);
-    let centre = formation::id::SpotId(5);
+    let centre = formation::model::SpotId(5);
     let (lost, _) = stage
         .settled()
         .into_iter()

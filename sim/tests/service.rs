@@ -6,10 +6,9 @@ mod support;
 
 use std::time::Duration;
 
-use formation::agent::{Command, EpochReason, Event};
 use formation::generate::Grouping;
-use formation::id::ModuleId;
-use formation::message::{ModulePhase, Service};
+use formation::model::{ModuleId, ModulePhase, Service};
+use formation::protocol::{Command, EpochReason, Event};
 use formation_sim::Cluster;
 use support::{Stage, drawn, in_phase, spots};
 

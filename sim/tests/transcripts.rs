@@ -17,10 +17,9 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use formation::agent::Command;
 use formation::generate::Grouping;
-use formation::id::ModuleId;
-use formation::message::ModulePhase;
+use formation::model::{ModuleId, ModulePhase};
+use formation::protocol::Command;
 use formation_sim::Cluster;
 use support::{Stage, drawn, in_phase, scenario};
 

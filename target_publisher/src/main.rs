@@ -5,7 +5,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::Parser;
-use formation::message::TargetAnnouncement;
+use formation::model::TargetAnnouncement;
 use formation_node::announcer::TargetProcess;
 use formation_node::arguments::{self, NetworkArguments, read_scenario};
 use formation_node::lifetime::stop_requested;

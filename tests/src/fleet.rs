@@ -4,8 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation::problem::PlanningModule;
-use formation::scenario::Scenario;
+use formation::model::{PlanningModule, Scenario};
 use serde_json::Value;
 
 use crate::namespaces::Namespace;

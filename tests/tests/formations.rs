@@ -11,7 +11,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation::scenario::Scenario;
+use formation::model::Scenario;
 use formation_tests::{EIGHT, Finished, Peer, Running, ScenarioFile, alone, scenario_path};
 use serde_json::{Value, json};
 

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use formation::baseline::auction::{Bid, assign_observed};
-use formation::instance::Instance;
-use formation::problem::PlanningProblem;
+use formation::model::PlanningProblem;
+use formation::planner::assignment::Instance;
+use formation::planner::baseline::auction::{Bid, assign_observed};
 use serde::{Deserialize, Serialize};
 
 /// How many points of each curve are kept; an auction makes thousands of bids.

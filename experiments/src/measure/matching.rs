@@ -1,11 +1,9 @@
 //! How long it takes to find where one configuration fits into one target.
 
-use formation::baseline::paper_candidates;
-use formation::common_subtree;
-use formation::instance::Instance;
-use formation::matching::MatchingInput;
-use formation::problem::PlanningProblem;
-use formation::topology::Topology;
+use formation::model::{PlanningProblem, Topology};
+use formation::planner::assignment::Instance;
+use formation::planner::baseline::paper_candidates;
+use formation::planner::placement::{MatchingInput, common_subtree};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

@@ -3,11 +3,8 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use formation::message::Decision;
-use formation::parameters::Policy;
-use formation::planning::Planning;
-use formation::problem::PlanningProblem;
-use formation::statistics::Statistics;
+use formation::model::{Decision, PlanningProblem, Policy};
+use formation::planner::{Planning, Statistics};
 use formation::verify::check_plan;
 use serde::{Deserialize, Serialize};
 

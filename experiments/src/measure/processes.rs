@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use formation::scenario::RawScenario;
+use formation::model::RawScenario;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 

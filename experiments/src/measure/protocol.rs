@@ -7,11 +7,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{AgentParameters, Event};
-use formation::id::ModuleId;
-use formation::message::{Decision, Message, RosterMessage};
-use formation::planning;
-use formation::problem::PlanningProblem;
+use formation::model::{Decision, Message, ModuleId, PlanningProblem, RosterMessage};
+use formation::planner;
+use formation::protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
@@ -132,7 +130,7 @@ pub(crate) fn measure(
             });
         }
     }
-    let offline = planning::plan(Arc::clone(problem)).plan;
+    let offline = planner::plan(Arc::clone(problem)).plan;
     let agrees = |module: ModuleId| {
         let agent = cluster.agent(module);
         agent.and_then(|agent| agent.plan()) == Some(&offline)

@@ -2,8 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::id::{ModuleId, SpotId};
-use formation::message::Decision;
+use formation::model::{Decision, ModuleId, SpotId};
 
 /// The spot-selector pairs, as anybody who hears all claims knows them.
 #[derive(Default)]

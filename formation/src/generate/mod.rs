@@ -13,10 +13,10 @@ mod tree;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::fixed::{MICRO_PER_UNIT, MicroUnits};
-use crate::scenario::{RawConfiguration, RawModule, RawPlanner, RawScenario};
-use crate::target::{RawSpot, RawTarget};
-use crate::{MODULES_MAX, SPOTS_MAX};
+use crate::model::{
+    MICRO_PER_UNIT, MODULES_MAX, MicroUnits, RawConfiguration, RawModule, RawPlanner, RawScenario,
+    RawSpot, RawTarget, SPOTS_MAX,
+};
 pub use random::Random;
 use tree::{Cell, DrawnTree};
 
@@ -322,8 +322,7 @@ impl StartPose {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::id::ModuleId;
-    use crate::scenario::Scenario;
+    use crate::model::{ModuleId, Scenario};
     use std::collections::BTreeSet;
 
     fn text(parameters: &GeneratorParameters) -> String {

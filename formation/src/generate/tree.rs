@@ -154,7 +154,7 @@ fn decode_pruefer(node_count: usize, sequence: &[usize]) -> Vec<(usize, usize)> 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::topology::Topology;
+    use crate::model::Topology;
     use std::collections::BTreeMap;
 
     fn assert_tree(tree: &DrawnTree, node_count: usize, degree_max: usize) {

@@ -3,8 +3,8 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use crate::agent::MotionReport;
-use crate::id::ModuleId;
+use crate::model::ModuleId;
+use crate::protocol::MotionReport;
 
 /// A request that was not answered is sent again after so long: drivers may come late, and messages may be lost.
 const REPEAT_AFTER: Duration = Duration::from_millis(500);

@@ -5,10 +5,8 @@ use std::collections::VecDeque;
 use std::fmt;
 use std::time::Duration;
 
-use crate::agent::{MotionGoal, MotionReport};
-use crate::fixed::MicroUnits;
-use crate::geometry::Pose;
-use crate::id::ModuleId;
+use crate::model::{MicroUnits, ModuleId, Pose};
+use crate::protocol::{MotionGoal, MotionReport};
 
 use super::docking::{DockingAction, DockingFault, DockingQueue, DockingRequest, DockingResult};
 

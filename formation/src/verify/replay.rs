@@ -3,10 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::Violation;
-use crate::id::{ModuleId, SpotId};
-use crate::message::{Decision, SpotSelection};
-use crate::parameters::Policy;
-use crate::problem::PlanningProblem;
+use crate::model::{Decision, ModuleId, PlanningProblem, Policy, SpotId, SpotSelection};
 
 /// Who holds which spot after the turns replayed so far, and every promise that they broke.
 #[derive(Clone, Debug)]

@@ -4,9 +4,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use crate::fixed::MicroUnits;
-use crate::id::{Digest, Epoch, ModuleId, SpotId};
-use crate::message::ModulePhase;
+use crate::model::{Digest, Epoch, MicroUnits, ModuleId, ModulePhase, SpotId};
 
 /// One promise that was not kept; each message names the modules and spots concerned.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Error)]

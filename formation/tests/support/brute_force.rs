@@ -1,7 +1,6 @@
 //! Maximum common subtrees by trying everything.
 
-use formation::fixed::MicroUnits;
-use formation::topology::Topology;
+use formation::model::{MicroUnits, Topology};
 
 /// The greatest (size, utility) over all ways to lay a connected part of a tree into another tree, edges on edges.
 ///

@@ -10,10 +10,7 @@
 use std::sync::Arc;
 
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::parameters::{PlannerParameters, TurnOrder};
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
-use formation::topology::Topology;
+use formation::model::{PlannerParameters, PlanningProblem, Scenario, Topology, TurnOrder};
 
 pub mod brute_force;
 pub mod hungarian;

@@ -3,12 +3,10 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use formation::fixed::MicroUnits;
-use formation::geometry::Pose;
-use formation::id::{ModuleId, SpotId};
-use formation::parameters::{CutPrice, PlannerParameters, TurnOrder};
-use formation::problem::{PlanningModule, PlanningProblem};
-use formation::target::{RawSpot, RawTarget, Target};
+use formation::model::{
+    CutPrice, MicroUnits, ModuleId, PlannerParameters, PlanningModule, PlanningProblem, Pose,
+    RawSpot, RawTarget, SpotId, Target, TurnOrder,
+};
 use proptest::prelude::*;
 
 use super::Numbers;

@@ -3,7 +3,7 @@
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
-use formation::chronicle::Entry;
+use formation::event_log::Entry;
 use serde::Deserialize;
 use serde_json::Value;
 
@@ -177,7 +177,7 @@ mod tests {
     use std::collections::BTreeMap;
     use std::process::Command;
 
-    use formation::id::ModuleId;
+    use formation::model::ModuleId;
 
     use super::super::supervisor::Output;
     use super::*;

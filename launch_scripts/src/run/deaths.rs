@@ -5,7 +5,7 @@ use std::fmt;
 use std::process::ExitStatus;
 use std::time::Duration;
 
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 use serde_json::{Value, json};
 
 use super::processes::module_list;

@@ -18,7 +18,7 @@ use std::process::{Command, ExitStatus};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use formation::scenario::Scenario;
+use formation::model::Scenario;
 use formation_node::arguments::MotionMode;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 

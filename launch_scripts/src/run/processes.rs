@@ -2,8 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use formation::id::ModuleId;
-use formation::problem::PlanningProblem;
+use formation::model::{ModuleId, PlanningProblem};
 
 /// So many modules fit into one process: their states are to fit into one sample.
 pub const MODULES_PER_PROCESS_MAX: usize = 25;
@@ -83,7 +82,7 @@ pub fn hosts(problem: &PlanningProblem, modules_per_process: usize) -> Vec<Host>
 
 #[cfg(test)]
 mod tests {
-    use formation::scenario::Scenario;
+    use formation::model::Scenario;
 
     use super::*;
 

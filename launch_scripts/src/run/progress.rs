@@ -2,7 +2,7 @@
 
 use std::time::{Duration, Instant};
 
-use formation::chronicle::Entry;
+use formation::event_log::Entry;
 use serde::Deserialize;
 
 use super::view::View;

@@ -2,9 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use formation::chronicle::{Entry, Event};
-use formation::id::{ModuleId, SpotId};
-use formation::message::ModulePhase;
+use formation::event_log::{Entry, Event};
+use formation::model::{ModuleId, ModulePhase, SpotId};
 use formation_report::{Ending, Fact, Subject, Summary, Tone};
 
 use crate::arguments::RunArguments;
@@ -132,8 +131,7 @@ impl Recording {
 
 #[cfg(test)]
 mod tests {
-    use formation::geometry::Pose;
-    use formation::id::Epoch;
+    use formation::model::{Epoch, Pose};
 
     use super::*;
 

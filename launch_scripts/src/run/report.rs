@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::{Context, anyhow};
-use formation::id::{ModuleId, SpotId};
-use formation::statistics::Assignment;
+use formation::model::{ModuleId, SpotId};
+use formation::planner::Assignment;
 use formation_report::Fact;
 use serde::{Deserialize, Serialize};
 use serde_json::{Value, json};
@@ -370,7 +370,7 @@ mod tests {
     use std::process::ExitStatus;
     use std::time::Duration;
 
-    use formation::scenario::Scenario;
+    use formation::model::Scenario;
 
     use super::super::deaths::Death;
     use super::*;

@@ -1,6 +1,6 @@
 //! Poses and transforms.
 
-use formation::geometry;
+use formation::model;
 use serde::{Deserialize, Serialize};
 
 use crate::check::{self, Checked, FieldError};
@@ -126,8 +126,8 @@ impl Quaternion {
     }
 }
 
-impl From<&geometry::Pose> for Pose {
-    fn from(pose: &geometry::Pose) -> Self {
+impl From<&model::Pose> for Pose {
+    fn from(pose: &model::Pose) -> Self {
         Self {
             position: Point {
                 x: pose.x.to_units(),
@@ -139,8 +139,8 @@ impl From<&geometry::Pose> for Pose {
     }
 }
 
-impl From<&geometry::Pose> for Transform {
-    fn from(pose: &geometry::Pose) -> Self {
+impl From<&model::Pose> for Transform {
+    fn from(pose: &model::Pose) -> Self {
         Self {
             translation: Vector3 {
                 x: pose.x.to_units(),
@@ -157,7 +157,7 @@ const ROTATION_SLACK: f64 = 0.01;
 
 impl Pose {
     /// The pose in the plane: height, roll and pitch are left out.
-    pub(crate) fn in_plane(&self) -> Checked<geometry::Pose> {
+    pub(crate) fn in_plane(&self) -> Checked<model::Pose> {
         let Quaternion { x, y, z, w } = self.orientation;
         let length = (x * x + y * y + z * z + w * w).sqrt();
         // A length that is no number fails as well.

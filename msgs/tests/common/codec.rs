@@ -3,8 +3,8 @@
 use std::fmt::Debug;
 
 use byteorder::{BigEndian, LittleEndian};
-use formation::id::ModuleId;
-use formation::{message, motion};
+use formation::model::ModuleId;
+use formation::{model, motion};
 use formation_msgs as wire;
 use formation_msgs::InterfaceType;
 use serde::Serialize;
@@ -136,21 +136,21 @@ pub fn all() -> Vec<Codec> {
         codec::<wire::DockingResult, (ModuleId, motion::DockingResult)>(),
         part::<wire::Edge>(),
         part::<wire::Epoch>(),
-        codec::<wire::Eviction, message::EvictionNotice>(),
+        codec::<wire::Eviction, model::EvictionNotice>(),
         part::<wire::EvictionRecord>(),
-        codec::<wire::Heartbeat, Vec<message::Heartbeat>>(),
-        codec::<wire::ModuleHeartbeat, message::Heartbeat>(),
-        codec::<wire::ModuleState, message::ModuleState>(),
-        codec::<wire::ModuleStates, Vec<message::ModuleState>>(),
+        codec::<wire::Heartbeat, Vec<model::Heartbeat>>(),
+        codec::<wire::ModuleHeartbeat, model::Heartbeat>(),
+        codec::<wire::ModuleState, model::ModuleState>(),
+        codec::<wire::ModuleStates, Vec<model::ModuleState>>(),
         part::<wire::PlannerParameters>(),
         part::<wire::Progress>(),
         part::<wire::QuorumBasis>(),
-        codec::<wire::Roster, message::RosterMessage>(),
+        codec::<wire::Roster, model::RosterMessage>(),
         part::<wire::RosterMember>(),
         part::<wire::Spot>(),
-        codec::<wire::SpotClaim, message::SpotClaim>(),
+        codec::<wire::SpotClaim, model::SpotClaim>(),
         part::<wire::SpotSelection>(),
-        codec::<wire::TargetConfiguration, message::TargetAnnouncement>(),
+        codec::<wire::TargetConfiguration, model::TargetAnnouncement>(),
         part::<wire::Verdict>(),
         part::<wire::AddModuleRequest>(),
         part::<wire::AddModuleResponse>(),

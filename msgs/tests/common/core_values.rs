@@ -4,17 +4,13 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::fixed::MicroUnits;
-use formation::geometry::Pose;
-use formation::id::{ConfigurationId, Digest, Epoch, Incarnation, ModuleId, Run, SpotId};
-use formation::message::{
-    CausalMark, Decision, EvictionNotice, EvictionRecord, Heartbeat, ModulePhase, ModuleState,
-    QuorumBasis, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotSelection,
-    TargetAnnouncement,
+use formation::model::{
+    CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice, EvictionRecord,
+    Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters,
+    PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Roster, RosterMember,
+    RosterMessage, Run, Service, SpotClaim, SpotId, SpotSelection, Target, TargetAnnouncement,
+    TurnOrder, Weights,
 };
-use formation::parameters::{CutPrice, PlannerParameters, Policy, TurnOrder, Weights};
-use formation::problem::PlanningModule;
-use formation::target::{RawSpot, RawTarget, Target};
 use proptest::collection::{btree_set, vec};
 use proptest::option;
 use proptest::prelude::*;

@@ -3,7 +3,7 @@
 
 use std::time::Duration;
 
-use formation::message::{Message, TargetAnnouncement};
+use formation::model::{Message, TargetAnnouncement};
 use formation::verify::Progress;
 use formation_msgs::{FormConfigurationFeedback, FormConfigurationResult, Verdict};
 use ros2_client::action::{CancelGoalResponse, GoalId, GoalInfo, GoalStatusEnum};

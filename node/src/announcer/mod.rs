@@ -11,7 +11,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::message::TargetAnnouncement;
+use formation::model::TargetAnnouncement;
 use formation_msgs::{FormConfigurationGoal, TargetConfiguration, WithdrawTargetResponse, bounds};
 use ros2_client::Publisher;
 use ros2_client::builtin_interfaces::Time;

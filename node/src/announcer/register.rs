@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::MODULES_MAX;
-use formation::id::ModuleId;
-use formation::message::{Heartbeat, Message, ModulePhase, TargetAnnouncement};
+use formation::model::{
+    Heartbeat, MODULES_MAX, Message, ModuleId, ModulePhase, TargetAnnouncement,
+};
 use formation::verify::{self, Observer, ObserverParameters};
 use formation_msgs::{Epoch, Progress, QueryStatusRequest, QueryStatusResponse, Verdict};
 use ros2_client::builtin_interfaces::Time;
@@ -192,7 +192,7 @@ impl Register {
 
 #[cfg(test)]
 mod tests {
-    use formation::scenario::Scenario;
+    use formation::model::Scenario;
 
     use super::*;
 

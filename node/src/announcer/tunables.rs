@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use formation::MODULES_MAX;
+use formation::model::MODULES_MAX;
 use ros2_client::ParameterValue;
 
 use super::conduct::Limits;

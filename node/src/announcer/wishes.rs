@@ -3,8 +3,7 @@
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use formation::MODULES_MAX;
-use formation::message::TargetAnnouncement;
+use formation::model::{MODULES_MAX, TargetAnnouncement};
 use formation_msgs::FormConfigurationGoal;
 
 use crate::arguments::read_scenario;

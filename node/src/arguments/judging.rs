@@ -4,7 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use formation::fixed::MicroUnits;
+use formation::model::MicroUnits;
 use formation::verify::ObserverParameters;
 use ros2_client::ParameterValue;
 

@@ -5,12 +5,10 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Args;
-use formation::MODULES_MAX;
-use formation::agent::Identity;
-use formation::geometry::{Pose, PoseError};
-use formation::id::{ConfigurationId, ModuleId, NO_ID};
-use formation::problem::PlanningModule;
-use formation::scenario::Scenario;
+use formation::model::{
+    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlanningModule, Pose, PoseError, Scenario,
+};
+use formation::protocol::Identity;
 
 use super::read_scenario;
 use crate::outcome::Failure;

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use clap::{Args, ValueEnum};
-use formation::fixed::MicroUnits;
+use formation::model::MicroUnits;
 use formation::motion::ExternalParameters;
 use ros2_client::ParameterValue;
 

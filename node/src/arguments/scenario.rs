@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use formation::scenario::Scenario;
+use formation::model::Scenario;
 
 use super::text_file;
 use crate::outcome::Failure;

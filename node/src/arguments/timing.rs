@@ -5,7 +5,7 @@ use std::str::FromStr;
 use std::time::Duration;
 
 use clap::Args;
-use formation::agent::{AgentParameters, ParametersError};
+use formation::protocol::{AgentParameters, ParametersError};
 use ros2_client::ParameterValue;
 
 use crate::outcome::Failure;

@@ -1,8 +1,6 @@
 //! Processes that host several modules, without DDS between them.
 
-use formation::id::Incarnation;
-use formation::message::TargetAnnouncement;
-use formation::scenario::Scenario;
+use formation::model::{Incarnation, Scenario, TargetAnnouncement};
 
 use super::*;
 

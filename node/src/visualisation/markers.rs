@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::geometry::Pose;
-use formation::id::ModuleId;
-use formation::message::ModulePhase;
+use formation::model::{ModuleId, ModulePhase, Pose};
 use formation_msgs::Header;
 use formation_msgs::foreign::geometry_msgs::{self, Point, Vector3};
 use formation_msgs::foreign::std_msgs::ColorRGBA;
@@ -312,7 +310,7 @@ mod tests {
     use std::sync::Arc;
     use std::time::Duration;
 
-    use formation::message::Message;
+    use formation::model::Message;
 
     use super::super::scene::tests::{pose, scene, state};
     use super::*;

@@ -7,7 +7,7 @@ mod transforms;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::message::Message;
+use formation::model::Message;
 use formation_msgs::foreign::tf2_msgs::TFMessage;
 use formation_msgs::foreign::visualization_msgs::MarkerArray;
 use formation_msgs::{Heartbeat, ModuleStates, SpotClaim, TargetConfiguration};

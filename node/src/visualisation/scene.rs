@@ -4,11 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::fixed::MicroUnits;
-use formation::geometry::Pose;
-use formation::id::{Epoch, Incarnation, ModuleId, SpotId};
-use formation::message::{Message, ModuleState, SpotClaim};
-use formation::target::Target;
+use formation::model::{
+    Epoch, Incarnation, Message, MicroUnits, ModuleId, ModuleState, Pose, SpotClaim, SpotId, Target,
+};
 
 /// A trail keeps so many corners; the oldest go.
 const CORNERS_MAX: usize = 64;
@@ -182,12 +180,10 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 
 #[cfg(test)]
 pub(super) mod tests {
-    use formation::id::ConfigurationId;
-    use formation::message::{
-        Decision, EvictionRecord, Heartbeat, ModulePhase, Service, SpotSelection,
-        TargetAnnouncement,
+    use formation::model::{
+        ConfigurationId, Decision, EvictionRecord, Heartbeat, ModulePhase, Scenario, Service,
+        SpotSelection, TargetAnnouncement,
     };
-    use formation::scenario::Scenario;
 
     use super::*;
 

@@ -1,6 +1,6 @@
 //! The frames of modules and spots (REP-105: children of the frame of all poses).
 
-use formation::target::Target;
+use formation::model::Target;
 use formation_msgs::Header;
 use formation_msgs::foreign::geometry_msgs::TransformStamped;
 use formation_msgs::foreign::tf2_msgs::TFMessage;

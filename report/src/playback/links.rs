@@ -2,8 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::chronicle::Told;
-use formation::id::ModuleId;
+use formation::event_log::Told;
+use formation::model::ModuleId;
 use serde::Serialize;
 
 use super::track::time;

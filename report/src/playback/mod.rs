@@ -11,9 +11,8 @@ mod track;
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::chronicle::{Entry, Event, Told};
-use formation::id::{ModuleId, SpotId};
-use formation::message::{Decision, ModulePhase};
+use formation::event_log::{Entry, Event, Told};
+use formation::model::{Decision, ModuleId, ModulePhase, SpotId};
 use serde::Serialize;
 
 use crate::frame::Frame;

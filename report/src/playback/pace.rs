@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use formation::chronicle::{Entry, Event};
-use formation::message::ModulePhase;
+use formation::event_log::{Entry, Event};
+use formation::model::ModulePhase;
 
 use super::track::time;
 

@@ -1,7 +1,6 @@
 //! What happens in a step, in words.
 
-use formation::id::{ModuleId, SpotId};
-use formation::message::Decision;
+use formation::model::{Decision, ModuleId, SpotId};
 
 /// More names than these say nothing more.
 const NAMES_MAX: usize = 10;
@@ -117,7 +116,7 @@ fn listed(noun: &str, ids: &[u32]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use formation::message::{EvictionRecord, SpotSelection};
+    use formation::model::{EvictionRecord, SpotSelection};
 
     use super::*;
 

@@ -1,7 +1,6 @@
 //! The way of one module through the film.
 
-use formation::geometry::Pose;
-use formation::message::ModulePhase;
+use formation::model::{ModulePhase, Pose};
 use serde::Serialize;
 
 use crate::frame::Frame;

@@ -3,10 +3,8 @@
 use std::fs;
 use std::sync::Arc;
 
-use formation::planning::{PlanOutcome, plan};
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
-use formation::statistics::Statistics;
+use formation::model::{PlanningProblem, Scenario};
+use formation::planner::{PlanOutcome, Statistics, plan};
 use formation_report::Subject;
 
 /// A scenario with its plan.

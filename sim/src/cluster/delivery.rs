@@ -2,9 +2,8 @@
 
 use std::sync::Arc;
 
-use formation::agent::SourceId;
-use formation::id::ModuleId;
-use formation::message::Message;
+use formation::model::{Message, ModuleId};
+use formation::protocol::SourceId;
 
 use super::schedule::Happening;
 use super::{Cluster, Observation};

@@ -4,10 +4,9 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use formation::agent::{Input, MotionReport, Output};
-use formation::id::{Incarnation, ModuleId};
-use formation::message::Message;
+use formation::model::{Incarnation, Message, ModuleId};
 use formation::motion::SimulatedDrive;
+use formation::protocol::{Input, MotionReport, Output};
 
 use super::schedule::{Happening, Scheduled};
 use super::{Cluster, Observation};

@@ -4,9 +4,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{Command, Input};
-use formation::id::ModuleId;
-use formation::message::{Decision, Message, SpotClaim};
+use formation::model::{Decision, Message, ModuleId, SpotClaim};
+use formation::protocol::{Command, Input};
 
 use super::schedule::Happening;
 use super::{Cluster, Observation};

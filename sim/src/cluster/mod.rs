@@ -11,11 +11,9 @@ use std::collections::{BTreeMap, BinaryHeap};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{AgentParameters, Identity};
 use formation::generate::Random;
-use formation::id::{Incarnation, ModuleId};
-use formation::message::{Message, TargetAnnouncement};
-use formation::problem::PlanningProblem;
+use formation::model::{Incarnation, Message, ModuleId, PlanningProblem, TargetAnnouncement};
+use formation::protocol::{AgentParameters, Identity};
 
 pub use observation::{Observation, Standing};
 use schedule::{Happening, Scheduled};

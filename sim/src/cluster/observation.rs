@@ -4,10 +4,8 @@ use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::time::Duration;
 
-use formation::agent::{Agent, Event};
-use formation::geometry::Pose;
-use formation::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
-use formation::message::{Message, ModulePhase};
+use formation::model::{Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, Pose, SpotId};
+use formation::protocol::{Agent, Event};
 
 use super::Cluster;
 use crate::network::Participant;

@@ -2,9 +2,8 @@
 
 use std::time::Duration;
 
-use formation::agent::SourceId;
-use formation::id::{Incarnation, ModuleId};
-use formation::message::Message;
+use formation::model::{Incarnation, Message, ModuleId};
+use formation::protocol::SourceId;
 
 use crate::network::Channel;
 

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation::generate::Random;
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 
 use super::{Fault, Strike, draw_rarer, time};
 

@@ -5,8 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::id::{Digest, Epoch, ModuleId, SpotId};
-use formation::message::{Message, ModulePhase, RosterMessage};
+use formation::model::{Digest, Epoch, Message, ModuleId, ModulePhase, RosterMessage, SpotId};
 
 use super::world::{World, id};
 use super::{Bound, MODULES};

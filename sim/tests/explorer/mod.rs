@@ -16,10 +16,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::AgentParameters;
-use formation::id::Incarnation;
-use formation::message::TargetAnnouncement;
-use formation::problem::PlanningProblem;
+use formation::model::{Incarnation, PlanningProblem, TargetAnnouncement};
+use formation::protocol::AgentParameters;
 use formation_sim::AgentFactory;
 
 use world::World;

@@ -5,10 +5,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{Identity, Input, MotionReport, Output, SourceId};
-use formation::geometry::Pose;
-use formation::id::{Incarnation, ModuleId};
-use formation::message::Message;
+use formation::model::{Incarnation, Message, ModuleId, Pose};
+use formation::protocol::{Identity, Input, MotionReport, Output, SourceId};
 
 use super::world::{Actor, Agenda, World, hash_of, id};
 use super::{Explorer, MODULES, Step, Trail};

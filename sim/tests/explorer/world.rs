@@ -7,10 +7,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::{Agent, MotionGoal};
-use formation::geometry::Pose;
-use formation::id::{Incarnation, ModuleId};
-use formation::message::{Heartbeat, Message, ModuleState};
+use formation::model::{Heartbeat, Incarnation, Message, ModuleId, ModuleState, Pose};
+use formation::protocol::{Agent, MotionGoal};
 
 use super::evidence::{Evidence, PlanKey};
 use super::{Bound, MODULES, Step, Trail};

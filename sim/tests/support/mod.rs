@@ -6,12 +6,11 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::agent::Event;
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::id::{ModuleId, SpotId};
-use formation::message::{Message, ModulePhase, Roster, RosterMessage};
-use formation::problem::PlanningProblem;
-use formation::scenario::Scenario;
+use formation::model::{
+    Message, ModuleId, ModulePhase, PlanningProblem, Roster, RosterMessage, Scenario, SpotId,
+};
+use formation::protocol::Event;
 use formation_sim::{AgentFactory, Cluster, ClusterParameters, Observation};
 
 pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation::planning;
-use formation::scenario::Scenario;
+use formation::model::Scenario;
+use formation::planner;
 use formation_tests::{Fleet, Peer, Timing, alone};
 
 use super::{PATIENCE, SPARES};
@@ -123,7 +123,7 @@ fn a_process_that_wakes_after_another_took_its_place_disturbs_nothing() {
 /// A module that travels alone in the plan, far enough to be stopped on its way.
 fn lone_traveller() -> u32 {
     let problem = Scenario::from_yaml(SPARES).unwrap().problem().clone();
-    let plan = planning::plan(Arc::new(problem.clone())).plan;
+    let plan = planner::plan(Arc::new(problem.clone())).plan;
     let mut alone = plan
         .assignments
         .keys()

@@ -3,8 +3,7 @@
 use std::time::Duration;
 
 use super::record::{EpochRecord, HeardClaim, HeardRoster};
-use crate::id::Epoch;
-use crate::problem::PlanningProblem;
+use crate::model::{Epoch, PlanningProblem};
 use crate::verify::Violation;
 use crate::verify::replay::Replay;
 

@@ -5,11 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::claims::Claimed;
 use super::record::{EpochRecord, HeardRoster, ModuleRecord};
 use super::{Observer, ObserverParameters};
-use crate::fixed::MicroUnits;
-use crate::geometry::Pose;
-use crate::id::{Digest, Epoch, ModuleId, SpotId};
-use crate::message::{ModulePhase, ModuleState};
-use crate::problem::PlanningProblem;
+use crate::model::{
+    Digest, Epoch, MicroUnits, ModuleId, ModulePhase, ModuleState, PlanningProblem, Pose, SpotId,
+};
 use crate::verify::plan::check_filled;
 use crate::verify::{Missing, Violation};
 

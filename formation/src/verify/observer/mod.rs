@@ -19,17 +19,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::{Missing, Violation};
-use crate::MODULES_MAX;
-use crate::fixed::MicroUnits;
-use crate::id::{Epoch, ModuleId, SpotId};
-use crate::message::{Message, ModulePhase, RosterMessage, TargetAnnouncement};
+use crate::model::{
+    Epoch, MODULES_MAX, Message, MicroUnits, ModuleId, ModulePhase, RosterMessage, SpotId,
+    TargetAnnouncement,
+};
 use claims::{Claimed, replay_claims};
 use end_state::EndState;
 use order::Acts;
 use record::{EpochRecord, Epochs, HeardRoster, ModuleRecord};
 pub use verdict::{Agreement, Counts, Outcome, Progress, Stage, Timings, Verdict};
 
-use crate::problem::PlanningProblem;
+use crate::model::PlanningProblem;
 
 /// How an observer judges.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -4,10 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::record::{Act, EpochRecord, HeardRoster};
-use crate::fixed::MicroUnits;
-use crate::id::{Digest, Epoch, ModuleId, SpotId};
-use crate::message::RosterMember;
-use crate::problem::PlanningProblem;
+use crate::model::{Digest, Epoch, MicroUnits, ModuleId, PlanningProblem, RosterMember, SpotId};
 use crate::verify::Violation;
 use crate::verify::plan::filled_parts;
 

@@ -4,12 +4,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::MODULES_MAX;
-use crate::fixed::MicroUnits;
-use crate::geometry::Pose;
-use crate::id::{Digest, Epoch, Incarnation, ModuleId, SpotId};
-use crate::message::{CausalMark, Heartbeat, ModulePhase, ModuleState, Roster, SpotClaim};
-use crate::problem::PlanningProblem;
+use crate::model::{
+    CausalMark, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits, ModuleId,
+    ModulePhase, ModuleState, PlanningProblem, Pose, Roster, SpotClaim, SpotId,
+};
 use crate::verify::Violation;
 
 /// How many runs of one module are kept, the latest.

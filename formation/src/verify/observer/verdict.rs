@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use crate::id::{Epoch, ModuleId, SpotId};
+use crate::model::{Epoch, ModuleId, SpotId};
 use crate::verify::{Missing, Violation};
 
 /// How a formation ended.

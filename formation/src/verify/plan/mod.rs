@@ -4,10 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Violation;
 use super::replay::{Replay, groups};
-use crate::id::{ModuleId, SpotId};
-use crate::message::Decision;
-use crate::plan::Plan;
-use crate::problem::PlanningProblem;
+use crate::model::{Decision, ModuleId, Plan, PlanningProblem, SpotId};
 
 /// Checks that a plan keeps every guarantee that does not depend on the policy:
 ///

@@ -3,12 +3,10 @@
 use std::sync::Arc;
 
 use super::*;
-use crate::geometry::Pose;
-use crate::message::{EvictionRecord, SpotSelection};
-use crate::parameters::PlannerParameters;
-use crate::plan::ActingUnit;
-use crate::problem::PlanningModule;
-use crate::target::{RawSpot, RawTarget, Target};
+use crate::model::{
+    ActingUnit, EvictionRecord, PlannerParameters, PlanningModule, Pose, RawSpot, RawTarget,
+    SpotSelection, Target,
+};
 
 /// A path of six spots, 1 to 6, and six modules: 1, 2 and 3 docked in a row, the others single.
 struct Case {

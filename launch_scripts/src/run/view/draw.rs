@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ::console::truncate_str;
-use formation::id::ModuleId;
+use formation::model::ModuleId;
 
 use super::map::map;
 use super::watched::{LOG_MAX, Waiting, Watched, named};

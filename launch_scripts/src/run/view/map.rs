@@ -2,8 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::fixed::MICRO_PER_UNIT;
-use formation::target::Target;
+use formation::model::{MICRO_PER_UNIT, Target};
 
 use super::draw::{Paint, Style, colour_of};
 use super::watched::{SpotStatus, Watched};

@@ -10,7 +10,7 @@ use std::io::{IsTerminal, Stderr, stderr};
 use std::time::{Duration, Instant};
 
 use ::console::{Term, colors_enabled_stderr};
-use formation::chronicle::Entry;
+use formation::event_log::Entry;
 
 use super::progress::Progress;
 use crate::plan::CheckedPlan;

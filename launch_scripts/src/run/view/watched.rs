@@ -2,10 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use formation::chronicle::{Entry, Event, Told};
-use formation::id::{Epoch, ModuleId, SpotId};
-use formation::message::{Decision, ModulePhase};
-use formation::plan::ActingUnit;
+use formation::event_log::{Entry, Event, Told};
+use formation::model::{ActingUnit, Decision, Epoch, ModuleId, ModulePhase, SpotId};
 
 use super::super::processes::id_list;
 use super::super::progress::Progress;

@@ -2,11 +2,10 @@
 
 use std::sync::Arc;
 
-use formation::id::{Epoch, Incarnation, ModuleId};
-use formation::message::{
-    Heartbeat, ModulePhase, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement,
+use formation::model::{
+    Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, Roster, RosterMember, RosterMessage,
+    Scenario, Service, TargetAnnouncement,
 };
-use formation::scenario::Scenario;
 
 use super::*;
 

@@ -11,15 +11,11 @@ use std::time::Duration;
 
 use super::*;
 use crate::generate::random::Random;
-use crate::geometry::Pose;
-use crate::id::{Digest, Incarnation};
-use crate::message::{
-    CausalMark, Decision, EvictionRecord, Heartbeat, ModuleState, Roster, RosterMember, Service,
-    SpotClaim, SpotSelection,
+use crate::model::{
+    CausalMark, Decision, Digest, EvictionRecord, Heartbeat, Incarnation, ModuleState,
+    PlannerParameters, PlanningModule, Pose, RawSpot, RawTarget, Roster, RosterMember, Service,
+    SpotClaim, SpotSelection, Target,
 };
-use crate::parameters::PlannerParameters;
-use crate::problem::PlanningModule;
-use crate::target::{RawSpot, RawTarget, Target};
 
 const EPOCH: Epoch = Epoch {
     number: 1,

@@ -1,9 +1,6 @@
 use ::console::{measure_text_width, strip_ansi_codes};
-use formation::chronicle::{Entry, Event, Told};
-use formation::geometry::Pose;
-use formation::id::{Epoch, SpotId};
-use formation::message::ModulePhase;
-use formation::scenario::Scenario;
+use formation::event_log::{Entry, Event, Told};
+use formation::model::{Epoch, ModulePhase, Pose, Scenario, SpotId};
 use formation_report::course_of_plan;
 
 use super::super::super::progress::Progress;

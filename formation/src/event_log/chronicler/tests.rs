@@ -1,0 +1,196 @@
+use super::*;
+use crate::model::{
+    Decision, MicroUnits, ModulePhase, PlannerParameters, Roster, Service, SpotId, SpotSelection,
+    TargetAnnouncement,
+};
+
+fn epoch(number: u64) -> Epoch {
+    Epoch {
+        number,
+        convener: ModuleId(1),
+    }
+}
+
+fn at(millis: u64) -> Duration {
+    Duration::from_millis(millis)
+}
+
+fn pose(x: i64) -> Pose {
+    Pose {
+        x: MicroUnits(x),
+        ..Pose::default()
+    }
+}
+
+fn state(module: u32, incarnation: u64, sequence: u64, phase: ModulePhase, x: i64) -> Message {
+    Message::ModuleState(Arc::new(ModuleState {
+        module: ModuleId(module),
+        incarnation: Incarnation(incarnation),
+        sequence,
+        epoch: Some(epoch(1)),
+        digest: None,
+        phase,
+        service: Service::Active,
+        pose: pose(x),
+        links: [ModuleId(9)].into(),
+        configuration: None,
+        leader: None,
+        spot: Some(SpotId(3)),
+        unit: None,
+        settled_since: 0,
+        waited_for: Vec::new(),
+        agreed_on: Vec::new(),
+        quorum_bases: Vec::new(),
+    }))
+}
+
+fn claim(number: u64, turn: u32, module: u32) -> Message {
+    Message::Claim(Arc::new(SpotClaim {
+        epoch: epoch(number),
+        turn,
+        claimant: ModuleId(module),
+        incarnation: Incarnation(1),
+        decision: Decision {
+            selections: vec![SpotSelection {
+                spot: SpotId(turn + 1),
+                module: ModuleId(module),
+            }],
+            ..Decision::default()
+        },
+    }))
+}
+
+fn gather(number: u64) -> Message {
+    Message::Roster(RosterMessage::Gather {
+        epoch: epoch(number),
+        target_revision: 1,
+    })
+}
+
+fn roster(number: u64) -> Message {
+    Message::Roster(RosterMessage::Plan(Arc::new(Roster {
+        epoch: epoch(number),
+        target: TargetAnnouncement {
+            revision: 1,
+            name: String::new(),
+            target: None,
+            parameters: PlannerParameters::default(),
+            expected_modules: None,
+        },
+        members: Vec::new(),
+        quorum_bases: Vec::new(),
+    })))
+}
+
+/// What a chronicler makes of messages, each heard 10 ms after the last.
+fn told(messages: &[Message]) -> Vec<String> {
+    let mut chronicler = Chronicler::default();
+    (0..)
+        .zip(messages)
+        .flat_map(|(index, message)| chronicler.hear(at(10 * index), message))
+        .map(|entry| match entry.event {
+            Event::Gathering(epoch) => format!("gathering {}", epoch.number),
+            Event::Roster { epoch, .. } => format!("roster {}", epoch.number),
+            Event::Claim { epoch, turn, .. } => format!("claim {}.{turn}", epoch.number),
+            Event::State(told) => format!("{} is {:?}", told.module, told.phase),
+            Event::Pose { module, pose } => format!("{module} at {}", pose.x.0),
+        })
+        .collect()
+}
+
+#[test]
+fn claims_come_in_the_order_of_turns_after_their_roster_and_once() {
+    assert_eq!(
+        told(&[
+            gather(1),
+            claim(1, 1, 5),
+            claim(1, 0, 4),
+            roster(1),
+            roster(1),
+            claim(1, 1, 5),
+            claim(1, 3, 7),
+            claim(1, 2, 6),
+        ]),
+        [
+            "gathering 1",
+            "roster 1",
+            "claim 1.0",
+            "claim 1.1",
+            "claim 1.2",
+            "claim 1.3"
+        ]
+    );
+}
+
+#[test]
+fn what_an_older_epoch_says_late_is_left_out() {
+    assert_eq!(
+        told(&[
+            roster(1),
+            claim(1, 0, 4),
+            claim(2, 0, 5),
+            claim(1, 1, 6),
+            gather(1),
+            roster(1),
+            gather(2),
+            roster(2),
+        ]),
+        ["roster 1", "claim 1.0", "roster 2", "claim 2.0"]
+    );
+}
+
+#[test]
+fn a_module_is_told_of_when_something_changed() {
+    use ModulePhase::{Gathered, Moving, Settled, Waiting};
+    let mut chronicler = Chronicler::default();
+    let mut hear = |millis, message: &Message| {
+        let mut entries = chronicler.hear(at(millis), message);
+        assert!(entries.len() < 2);
+        entries.pop().map(|entry| entry.event)
+    };
+    let is_state = |event: Option<Event>, phase: ModulePhase| match event {
+        Some(Event::State(told)) => told.phase == phase,
+        _ => false,
+    };
+    assert!(is_state(hear(0, &state(4, 1, 1, Waiting, 0)), Waiting));
+    assert_eq!(
+        hear(5, &state(4, 1, 2, Waiting, 0)),
+        None,
+        "nothing changed"
+    );
+    assert!(is_state(hear(10, &state(4, 1, 4, Moving, 0)), Moving));
+    assert_eq!(hear(300, &state(4, 1, 3, Waiting, 0)), None, "out of date");
+    assert_eq!(
+        hear(310, &state(4, 1, 5, Moving, 7)),
+        Some(Event::Pose {
+            module: ModuleId(4),
+            pose: pose(7)
+        })
+    );
+    assert_eq!(hear(320, &state(4, 1, 6, Moving, 8)), None, "too soon");
+    assert!(
+        is_state(hear(330, &state(4, 1, 7, Settled, 9)), Settled),
+        "a change of phase is never too soon"
+    );
+    assert!(
+        is_state(hear(340, &state(4, 2, 1, Gathered, 9)), Gathered),
+        "it started again"
+    );
+    assert_eq!(hear(350, &state(4, 1, 8, Settled, 9)), None, "the dead run");
+}
+
+#[test]
+fn entries_are_lines_of_json() {
+    let mut chronicler = Chronicler::default();
+    for message in [
+        roster(1),
+        claim(1, 0, 4),
+        state(4, 1, 1, ModulePhase::WaitingForQuorum, 3),
+    ] {
+        for entry in chronicler.hear(at(1_234), &message) {
+            let line = serde_json::to_string(&entry).unwrap();
+            assert!(line.starts_with("{\"at_ms\":1234,\""), "{line}");
+            assert_eq!(serde_json::from_str::<Entry>(&line).unwrap(), entry);
+        }
+    }
+}

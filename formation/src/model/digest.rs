@@ -1,0 +1,151 @@
+//! Digests by which agents see that they hold the same plan, whatever machine they run on.
+
+use sha2::{Digest as _, Sha256};
+
+use crate::model::{
+    Decision, Digest, ModuleId, NO_ID, PlannerParameters, Policy, Pose, Roster, Service,
+    TargetAnnouncement, TurnOrder,
+};
+
+/// Feeds numbers to SHA-256 in a fixed layout; every list is preceded by its length, so that no two inputs run together.
+struct Canonical(Sha256);
+
+impl Canonical {
+    fn new(domain: &str) -> Self {
+        let mut hasher = Sha256::new();
+        hasher.update(domain.as_bytes());
+        hasher.update([0]);
+        Self(hasher)
+    }
+
+    fn number(&mut self, number: u64) {
+        self.0.update(number.to_le_bytes());
+    }
+
+    fn signed(&mut self, number: i64) {
+        self.0.update(number.to_le_bytes());
+    }
+
+    fn length(&mut self, length: usize) {
+        self.number(length as u64);
+    }
+
+    fn identifier(&mut self, identifier: Option<u32>) {
+        self.number(u64::from(identifier.unwrap_or(NO_ID)));
+    }
+
+    fn pose(&mut self, pose: &Pose) {
+        for coordinate in [pose.x, pose.y, pose.theta] {
+            self.signed(coordinate.0);
+        }
+    }
+
+    fn finish(self) -> Digest {
+        let bytes = self.0.finalize();
+        let mut first = [0; 8];
+        first.copy_from_slice(&bytes[..8]);
+        Digest(u64::from_le_bytes(first))
+    }
+}
+
+fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
+    canonical.number(match parameters.policy {
+        Policy::Exact => 0,
+        Policy::Paper => 1,
+        Policy::Auction => 2,
+        Policy::Hungarian => 3,
+    });
+    canonical.number(match parameters.order {
+        TurnOrder::Rank => 0,
+        TurnOrder::SizeFirst => 1,
+    });
+    canonical.number(parameters.d_max.map_or(u64::MAX, u64::from));
+    canonical.number(u64::from(parameters.exact_finish));
+    for weight in [
+        parameters.weights.loc(),
+        parameters.weights.dock(),
+        parameters.weights.undock(),
+        parameters.cut_price.of_one(),
+    ] {
+        canonical.signed(weight.0);
+    }
+    canonical.number(u64::from(parameters.keep_all_spots));
+}
+
+fn put_target(canonical: &mut Canonical, announcement: &TargetAnnouncement) {
+    put_parameters(canonical, &announcement.parameters);
+    let Some(target) = &announcement.target else {
+        canonical.number(0);
+        return;
+    };
+    canonical.number(1);
+    canonical.length(target.frame_id().len());
+    canonical.0.update(target.frame_id().as_bytes());
+    canonical.length(target.spots().len());
+    for spot in target.spots() {
+        canonical.identifier(Some(spot.id.0));
+        canonical.pose(&spot.pose);
+    }
+    canonical.length(target.topology().edges().len());
+    for &(first, second) in target.topology().edges() {
+        canonical.length(first);
+        canonical.length(second);
+    }
+}
+
+/// What a target asks for, whatever its revision and name: equal for announcements that lead to the same plans.
+#[must_use]
+pub fn of_target(announcement: &TargetAnnouncement) -> Digest {
+    let mut canonical = Canonical::new("formation target 1");
+    put_target(&mut canonical, announcement);
+    canonical.finish()
+}
+
+/// The digest of a whole plan: the roster with its epoch, and every decision in the order of the turns.
+#[must_use]
+pub fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
+    let mut canonical = Canonical::new("formation plan 2");
+    canonical.number(roster.epoch.number);
+    canonical.identifier(Some(roster.epoch.convener.0));
+    put_target(&mut canonical, &roster.target);
+    canonical.length(roster.members.len());
+    for member in &roster.members {
+        let module = &member.module;
+        canonical.identifier(Some(module.id.0));
+        canonical.number(member.incarnation.0);
+        canonical.number(match member.service {
+            Service::Active => 0,
+            Service::Retired => 1,
+            Service::MotionFailed => 2,
+        });
+        canonical.pose(&module.pose);
+        canonical.length(module.links.len());
+        for link in &module.links {
+            canonical.identifier(Some(link.0));
+        }
+        canonical.identifier(module.configuration.map(|id| id.0));
+        canonical.identifier(module.leader.map(|id| id.0));
+        canonical.identifier(module.pin.map(|id| id.0));
+    }
+    canonical.length(decisions.len());
+    for (claimant, decision) in decisions {
+        canonical.identifier(Some(claimant.0));
+        canonical.length(decision.selections.len());
+        for selection in &decision.selections {
+            canonical.identifier(Some(selection.spot.0));
+            canonical.identifier(Some(selection.module.0));
+        }
+        canonical.length(decision.evictions.len());
+        for eviction in &decision.evictions {
+            canonical.identifier(Some(eviction.evicted.0));
+            canonical.identifier(Some(eviction.by.0));
+            canonical.identifier(Some(eviction.from.0));
+            canonical.identifier(eviction.to.map(|id| id.0));
+        }
+        canonical.length(decision.detached.len());
+        for module in &decision.detached {
+            canonical.identifier(Some(module.0));
+        }
+    }
+    canonical.finish()
+}

@@ -1,0 +1,12 @@
+//! The limits of what one formation can contain. Input beyond them is refused.
+
+/// The most modules that take part in one formation.
+pub const MODULES_MAX: usize = 10_000;
+/// The most spots of one target.
+pub const SPOTS_MAX: usize = 10_000;
+/// The most edges of one target.
+pub const EDGES_MAX: usize = 40_000;
+/// The most modules that are docked to one module.
+pub const LINKS_MAX: usize = 64;
+/// The most bytes of the name of a formation or of a frame.
+pub const NAME_BYTES_MAX: usize = 255;

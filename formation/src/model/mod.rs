@@ -1,0 +1,29 @@
+//! The data that every chapter shares: identifiers, fixed-point numbers, poses, graphs, targets, problems, scenarios,
+//! messages and plans.
+//!
+//! Raw input becomes a validated type here, and nowhere else.
+
+pub mod digest;
+mod fixed;
+mod geometry;
+mod id;
+mod limits;
+mod message;
+mod parameters;
+mod plan;
+mod problem;
+mod scenario;
+mod target;
+mod topology;
+
+pub use fixed::*;
+pub use geometry::*;
+pub use id::*;
+pub use limits::*;
+pub use message::*;
+pub use parameters::*;
+pub use plan::*;
+pub use problem::*;
+pub use scenario::*;
+pub use target::*;
+pub use topology::*;

@@ -1,0 +1,16 @@
+//! The planner: which module takes which spot, and in which order the modules move there.
+//!
+//! Every agent steps through the same [turns](Planning) and reaches the same plan, bit for bit. [`plan`] runs all turns at
+//! once, offline.
+
+pub(crate) mod assembly;
+pub mod assignment;
+pub mod baseline;
+pub mod placement;
+mod statistics;
+mod turns;
+mod value;
+
+pub use statistics::{Assignment, Disconnected, MessageCounts, Statistics};
+pub use turns::{ClaimRefused, PlanOutcome, Planning, Turn, plan};
+pub use value::{Utilities, betweenness};

@@ -1,0 +1,379 @@
+//! The maximum common connected subgraph, edge-preserving: most modules, then most kept links, then utility.
+
+use std::cmp::Reverse;
+
+use super::Budget;
+use crate::model::MicroUnits;
+use crate::planner::placement::MatchingInput;
+
+/// Finds the best matching whose kept links connect it, as pairs in the order of the search.
+///
+/// Branch and bound with connected branching, after McSplit (C. McCreesh, P. Prosser, J. Trimble, "A partitioning
+/// algorithm for maximum common subgraph problems", IJCAI 2017): the matching grows by a module beside a matched one onto
+/// a spot beside that one's. Each branch is one such spot for one module; the last is none of them, which forbids
+/// these pairs from there on, though the module may still be reached by another neighbour. The bound counts the modules and
+/// the spots that growth can still reach, and the links and edges among them; the lesser ones count. McSplit's label
+/// classes are of no use, as modules that are not linked may stand on adjacent spots. `incumbent` is a matching to be
+/// beaten.
+pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
+    input: &MatchingInput<'_, W>,
+    incumbent: Vec<(usize, usize)>,
+    budget: &mut Budget,
+) -> Vec<(usize, usize)> {
+    let mut search = Search::new(input);
+    search.start_from(incumbent);
+    let mut stack: Vec<Frame> = Vec::new();
+    if budget.take() {
+        stack.extend(search.branch());
+    }
+    while let Some(frame) = stack.last_mut() {
+        search.release(frame.module);
+        if let Some(spot) = frame.untried.pop() {
+            if !budget.take() {
+                break;
+            }
+            search.take(frame.module, spot);
+        } else if !frame.is_forbidden {
+            if !budget.take() {
+                break;
+            }
+            frame.is_forbidden = true;
+            search.forbid(frame.module, &frame.spots);
+        } else {
+            let Some(frame) = stack.pop() else { break };
+            search.allow(frame.module, &frame.spots);
+            continue;
+        }
+        stack.extend(search.branch());
+    }
+    search.best
+}
+
+/// One module to be matched, or not.
+struct Frame {
+    module: usize,
+    /// All spots that it could take here.
+    spots: Vec<usize>,
+    /// Those that have not been tried, the most promising last.
+    untried: Vec<usize>,
+    /// Whether the branch without any of them was entered.
+    is_forbidden: bool,
+}
+
+/// An unmatched module that can be matched next.
+struct Opening {
+    module: usize,
+    matched_neighbours: usize,
+    /// The free spots beside its matched neighbours' that it may take.
+    spots: Vec<usize>,
+}
+
+/// What a matching is judged by, in this order.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+struct Score {
+    modules: usize,
+    links: usize,
+    utility: i64,
+}
+
+struct Search<'a, W> {
+    input: &'a MatchingInput<'a, W>,
+    /// The most that each module can be worth on any spot; none if it may take none.
+    best_weight: Vec<Option<i64>>,
+    image: Vec<Option<usize>>,
+    is_taken: Vec<bool>,
+    /// How often each pair was forbidden, by module; pairs that were not are left out.
+    forbidden: Vec<Vec<usize>>,
+    /// The matched modules in the order of their matching.
+    matched: Vec<usize>,
+    score: Score,
+    best_score: Score,
+    best: Vec<(usize, usize)>,
+}
+
+impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
+    fn new(input: &'a MatchingInput<'a, W>) -> Self {
+        let (module_count, spot_count) =
+            (input.configuration.node_count(), input.target.node_count());
+        let best_weight = (0..module_count)
+            .map(|module| {
+                (0..spot_count)
+                    .filter_map(|spot| Some((input.weight)(module, spot)?.0))
+                    .max()
+            })
+            .collect();
+        Self {
+            input,
+            best_weight,
+            image: vec![None; module_count],
+            is_taken: vec![false; spot_count],
+            forbidden: vec![Vec::new(); module_count],
+            matched: Vec::new(),
+            score: Score::default(),
+            best_score: Score::default(),
+            best: Vec::new(),
+        }
+    }
+
+    fn start_from(&mut self, incumbent: Vec<(usize, usize)>) {
+        self.best_score = Score {
+            modules: incumbent.len(),
+            links: self.input.kept_links(&incumbent),
+            utility: incumbent
+                .iter()
+                .map(|&(module, spot)| self.weight(module, spot))
+                .sum(),
+        };
+        self.best = incumbent;
+    }
+
+    fn weight(&self, module: usize, spot: usize) -> i64 {
+        (self.input.weight)(module, spot).map_or(0, |weight| weight.0)
+    }
+
+    fn kept_links(&self, module: usize, spot: usize) -> usize {
+        self.input
+            .configuration
+            .neighbours(module)
+            .iter()
+            .filter_map(|&neighbour| self.image[neighbour])
+            .filter(|&image| self.input.target.has_edge(image, spot))
+            .count()
+    }
+
+    fn take(&mut self, module: usize, spot: usize) {
+        self.score.modules += 1;
+        self.score.links += self.kept_links(module, spot);
+        self.score.utility += self.weight(module, spot);
+        self.image[module] = Some(spot);
+        self.is_taken[spot] = true;
+        self.matched.push(module);
+        if self.score > self.best_score || self.best.is_empty() {
+            self.best_score = self.score;
+            self.best = self
+                .matched
+                .iter()
+                .filter_map(|&module| Some((module, self.image[module]?)))
+                .collect();
+        }
+    }
+
+    /// Takes a module off its spot, if it has one; it must be the last matched.
+    fn release(&mut self, module: usize) {
+        if let Some(spot) = self.image[module].take() {
+            self.matched.pop();
+            self.is_taken[spot] = false;
+            self.score.modules -= 1;
+            self.score.links -= self.kept_links(module, spot);
+            self.score.utility -= self.weight(module, spot);
+        }
+    }
+
+    fn forbid(&mut self, module: usize, spots: &[usize]) {
+        self.forbidden[module].extend_from_slice(spots);
+    }
+
+    fn allow(&mut self, module: usize, spots: &[usize]) {
+        let kept = self.forbidden[module].len() - spots.len();
+        self.forbidden[module].truncate(kept);
+    }
+
+    /// The next module to branch on; none if nothing better can come of this node.
+    fn branch(&self) -> Option<Frame> {
+        if self.matched.is_empty() {
+            let (module, spots) = self.first_module()?;
+            return Some(self.frame(module, spots));
+        }
+        let openings = self.openings();
+        if !self.may_improve(&openings) {
+            return None;
+        }
+        // The one with the fewest spots; of equals the one with the most matched neighbours, then with the most
+        // neighbours, then the lowest.
+        let opening = openings.into_iter().min_by_key(|opening| {
+            (
+                opening.spots.len(),
+                Reverse(opening.matched_neighbours),
+                Reverse(self.input.configuration.degree(opening.module)),
+                opening.module,
+            )
+        })?;
+        Some(self.frame(opening.module, opening.spots))
+    }
+
+    fn frame(&self, module: usize, spots: Vec<usize>) -> Frame {
+        let mut untried = spots.clone();
+        untried.sort_by_cached_key(|&spot| {
+            (
+                self.kept_links(module, spot),
+                self.weight(module, spot),
+                Reverse(spot),
+            )
+        });
+        Frame {
+            module,
+            spots,
+            untried,
+            is_forbidden: false,
+        }
+    }
+
+    /// The module of greatest degree (the lowest of equals) that has not been given up, and every spot that it may take;
+    /// none if those not given up are too few or too poor.
+    fn first_module(&self) -> Option<(usize, Vec<usize>)> {
+        let configuration = self.input.configuration;
+        let (module_count, spot_count) =
+            (configuration.node_count(), self.input.target.node_count());
+        let components = configuration.components_within(|module| self.may_begin(module));
+        let hopeful: Vec<Vec<usize>> = components
+            .into_iter()
+            .filter(|component| {
+                let mut reached = vec![false; module_count];
+                for &module in component {
+                    reached[module] = true;
+                }
+                let count = component.len().min(spot_count);
+                self.may_improve_by(&reached, count, self.input.target.edges().len())
+            })
+            .collect();
+        let module = hopeful
+            .into_iter()
+            .flatten()
+            .max_by_key(|&module| (configuration.degree(module), Reverse(module)))?;
+        let spots = (0..spot_count)
+            .filter(|&spot| (self.input.weight)(module, spot).is_some())
+            .collect();
+        Some((module, spots))
+    }
+
+    /// Before the first module is matched, forbidding means that a module is given up altogether.
+    fn may_begin(&self, module: usize) -> bool {
+        self.best_weight[module].is_some() && self.forbidden[module].is_empty()
+    }
+
+    /// The unmatched modules that have a spot to take beside a matched neighbour's.
+    fn openings(&self) -> Vec<Opening> {
+        let mut beside: Vec<usize> = self
+            .matched
+            .iter()
+            .flat_map(|&module| self.input.configuration.neighbours(module))
+            .copied()
+            .filter(|&module| self.image[module].is_none() && self.best_weight[module].is_some())
+            .collect();
+        beside.sort_unstable();
+        beside
+            .chunk_by(|one, other| one == other)
+            .map(|same| Opening {
+                module: same[0],
+                matched_neighbours: same.len(),
+                spots: self.spots_beside(same[0]),
+            })
+            .filter(|opening| !opening.spots.is_empty())
+            .collect()
+    }
+
+    /// The free spots beside the images of a module's neighbours that it may take, ascending.
+    fn spots_beside(&self, module: usize) -> Vec<usize> {
+        let mut spots: Vec<usize> = self
+            .input
+            .configuration
+            .neighbours(module)
+            .iter()
+            .filter_map(|&neighbour| self.image[neighbour])
+            .flat_map(|image| self.input.target.neighbours(image))
+            .copied()
+            .filter(|&spot| {
+                !self.is_taken[spot]
+                    && !self.forbidden[module].contains(&spot)
+                    && (self.input.weight)(module, spot).is_some()
+            })
+            .collect();
+        spots.sort_unstable();
+        spots.dedup();
+        spots
+    }
+
+    /// Whether some growth from here may give a better matching.
+    fn may_improve(&self, openings: &[Opening]) -> bool {
+        let reached = self.modules_within_reach(openings);
+        let module_count = reached.iter().filter(|&&is_reached| is_reached).count();
+        let (spot_count, edge_count) = self.spots_within_reach(module_count);
+        self.may_improve_by(&reached, module_count.min(spot_count), edge_count)
+    }
+
+    /// Whether matching at most `count` of the modules within reach, with at most `edge_count` edges for
+    /// their links, may give a better score. Looks at each part of the score only if the parts before it tie.
+    fn may_improve_by(&self, reached: &[bool], count: usize, edge_count: usize) -> bool {
+        let best = &self.best_score;
+        let modules = self.score.modules + count;
+        if modules != best.modules || self.best.is_empty() {
+            return modules > best.modules || self.best.is_empty();
+        }
+        let within = self.input.configuration.edges().iter();
+        let link_count = within
+            .filter(|&&(first, second)| {
+                (reached[first] && (reached[second] || self.image[second].is_some()))
+                    || (reached[second] && self.image[first].is_some())
+            })
+            .count();
+        let links = self.score.links + link_count.min(edge_count);
+        if links != best.links {
+            return links > best.links;
+        }
+        let mut weights: Vec<i64> = (0..reached.len())
+            .filter(|&module| reached[module])
+            .filter_map(|module| self.best_weight[module])
+            .collect();
+        weights.sort_unstable_by_key(|&weight| Reverse(weight));
+        let utility = self.score.utility + weights.iter().take(count).sum::<i64>();
+        utility > best.utility
+    }
+
+    /// Which unmatched modules growth can still reach, through any of their links.
+    fn modules_within_reach(&self, openings: &[Opening]) -> Vec<bool> {
+        let mut reached = vec![false; self.image.len()];
+        let mut modules: Vec<usize> = openings.iter().map(|opening| opening.module).collect();
+        for &module in &modules {
+            reached[module] = true;
+        }
+        while let Some(module) = modules.pop() {
+            for &neighbour in self.input.configuration.neighbours(module) {
+                if !reached[neighbour]
+                    && self.image[neighbour].is_none()
+                    && self.best_weight[neighbour].is_some()
+                {
+                    reached[neighbour] = true;
+                    modules.push(neighbour);
+                }
+            }
+        }
+        reached
+    }
+
+    /// How many free spots growth can still reach, and at most how many edges of the target end there; without bound
+    /// once there are at least `enough` spots.
+    fn spots_within_reach(&self, enough: usize) -> (usize, usize) {
+        let target = self.input.target;
+        let mut seen = self.is_taken.clone();
+        let mut waiting: Vec<usize> = self
+            .matched
+            .iter()
+            .filter_map(|&module| self.image[module])
+            .collect();
+        let (mut count, mut edge_ends) = (0, 0);
+        while let Some(spot) = waiting.pop() {
+            for &neighbour in target.neighbours(spot) {
+                if !seen[neighbour] {
+                    seen[neighbour] = true;
+                    waiting.push(neighbour);
+                    count += 1;
+                    edge_ends += target.degree(neighbour);
+                    if count >= enough {
+                        return (usize::MAX, usize::MAX);
+                    }
+                }
+            }
+        }
+        (count, edge_ends)
+    }
+}

@@ -1,0 +1,267 @@
+//! The value of a spot: its normalised betweenness centrality in the target.
+//!
+//! The paper, section "Configuration Formation as Utility Maximization Problem": a spot through which many shortest
+//! paths run is worth more. Undirected, divided by the number of pairs of other spots, so between 0 and 1.
+
+use crate::model::{MICRO_PER_UNIT, MicroUnits, Topology};
+
+/// The betweenness centrality of every node of a connected graph, in ascending order of nodes.
+///
+/// All zero for fewer than three nodes. Trees are counted in whole numbers. Other graphs follow U. Brandes, "A faster
+/// algorithm for betweenness centrality" (Journal of Mathematical Sociology 25, 2001), in floats with only the four
+/// basic operations, always in the same order, rounded once at the end, so that every replica gets the same bits.
+#[must_use]
+pub fn betweenness(topology: &Topology) -> Vec<MicroUnits> {
+    let node_count = topology.node_count();
+    if node_count < 3 {
+        return vec![MicroUnits::ZERO; node_count];
+    }
+    if topology.is_tree() {
+        tree_betweenness(topology)
+    } else {
+        general_betweenness(topology)
+    }
+}
+
+/// The nodes in breadth-first order from node 0, each with the node that it was reached from.
+fn breadth_first(topology: &Topology) -> Vec<(usize, usize)> {
+    let mut seen = vec![false; topology.node_count()];
+    seen[0] = true;
+    let mut order = vec![(0, 0)];
+    let mut next = 0;
+    while let Some(&(node, _)) = order.get(next) {
+        for &neighbour in topology.neighbours(node) {
+            if !seen[neighbour] {
+                seen[neighbour] = true;
+                order.push((neighbour, node));
+            }
+        }
+        next += 1;
+    }
+    order
+}
+
+/// On a tree, the paths through a node join the parts into which the tree falls without it.
+fn tree_betweenness(topology: &Topology) -> Vec<MicroUnits> {
+    let node_count = topology.node_count();
+    let pairs = |count: usize| count * count.saturating_sub(1) / 2;
+    let all_pairs = pairs(node_count - 1);
+    let mut sizes = vec![1_usize; node_count];
+    let mut within_parts = vec![0_usize; node_count];
+    for &(node, parent) in breadth_first(topology).iter().rev() {
+        within_parts[node] += pairs(node_count - sizes[node]);
+        if node != parent {
+            sizes[parent] += sizes[node];
+            within_parts[parent] += pairs(sizes[node]);
+        }
+    }
+    within_parts
+        .into_iter()
+        .map(|within| ratio(all_pairs - within, all_pairs))
+        .collect()
+}
+
+/// A ratio of at most 1 in micro-units, rounded half up.
+fn ratio(part: usize, whole: usize) -> MicroUnits {
+    let wide = |number: usize| i128::try_from(number).unwrap_or(i128::MAX);
+    let (part, whole) = (wide(part), wide(whole));
+    let rounded = (2 * part * i128::from(MICRO_PER_UNIT) + whole) / (2 * whole);
+    MicroUnits(i64::try_from(rounded).unwrap_or(MICRO_PER_UNIT))
+}
+
+/// A number of paths, `mantissa * RADIX^exponent`; it can grow beyond what a float holds.
+#[derive(Clone, Copy, Debug, Default)]
+struct PathCount {
+    mantissa: f64,
+    exponent: u32,
+}
+
+/// The base of the exponent of a [`PathCount`].
+const RADIX: f64 = 1.0e100;
+
+impl PathCount {
+    const ONE: Self = Self {
+        mantissa: 1.0,
+        exponent: 0,
+    };
+
+    /// The mantissa that this number has under a larger or equal exponent.
+    fn mantissa_under(self, exponent: u32) -> f64 {
+        match exponent - self.exponent {
+            0 => self.mantissa,
+            1 => self.mantissa / RADIX,
+            _ => 0.0,
+        }
+    }
+
+    fn plus(self, other: Self) -> Self {
+        let exponent = self.exponent.max(other.exponent);
+        let mantissa = self.mantissa_under(exponent) + other.mantissa_under(exponent);
+        if mantissa > RADIX {
+            Self {
+                mantissa: mantissa / RADIX,
+                exponent: exponent + 1,
+            }
+        } else {
+            Self { mantissa, exponent }
+        }
+    }
+
+    /// This number's part of a larger or equal one.
+    fn share_of(self, whole: Self) -> f64 {
+        self.mantissa_under(whole.exponent) / whole.mantissa
+    }
+}
+
+#[expect(clippy::cast_precision_loss, reason = "node counts are far below 2^53")]
+fn general_betweenness(topology: &Topology) -> Vec<MicroUnits> {
+    let node_count = topology.node_count();
+    let mut total = vec![0.0_f64; node_count];
+    let mut search = ShortestPaths::new(node_count);
+    for source in 0..node_count {
+        search.run(topology, source);
+        search.accumulate(topology, source, &mut total);
+    }
+    let other_nodes = (node_count - 1) as f64;
+    // Every pair of ends was counted from both of its ends.
+    let ordered_pairs = other_nodes * (other_nodes - 1.0);
+    total
+        .into_iter()
+        .map(|sum| MicroUnits::from_units(sum / ordered_pairs).unwrap_or(MicroUnits::ZERO))
+        .collect()
+}
+
+/// All shortest paths from one source.
+struct ShortestPaths {
+    /// The nodes by distance from the source.
+    order: Vec<usize>,
+    distance: Vec<usize>,
+    /// How many shortest paths lead to each node.
+    path_count: Vec<PathCount>,
+    dependency: Vec<f64>,
+}
+
+impl ShortestPaths {
+    fn new(node_count: usize) -> Self {
+        Self {
+            order: Vec::with_capacity(node_count),
+            distance: vec![usize::MAX; node_count],
+            path_count: vec![PathCount::default(); node_count],
+            dependency: vec![0.0; node_count],
+        }
+    }
+
+    fn run(&mut self, topology: &Topology, source: usize) {
+        self.order.clear();
+        self.distance.fill(usize::MAX);
+        self.path_count.fill(PathCount::default());
+        self.distance[source] = 0;
+        self.path_count[source] = PathCount::ONE;
+        self.order.push(source);
+        let mut next = 0;
+        while let Some(&node) = self.order.get(next) {
+            for &neighbour in topology.neighbours(node) {
+                if self.distance[neighbour] == usize::MAX {
+                    self.distance[neighbour] = self.distance[node] + 1;
+                    self.order.push(neighbour);
+                }
+                if self.distance[neighbour] == self.distance[node] + 1 {
+                    self.path_count[neighbour] =
+                        self.path_count[neighbour].plus(self.path_count[node]);
+                }
+            }
+            next += 1;
+        }
+    }
+
+    /// Adds up, from the far end, which share of the paths to all others runs through each node.
+    fn accumulate(&mut self, topology: &Topology, source: usize, total: &mut [f64]) {
+        self.dependency.fill(0.0);
+        for &node in self.order.iter().rev() {
+            if node == source {
+                continue;
+            }
+            total[node] += self.dependency[node];
+            let nearer = self.distance[node] - 1;
+            let paths = self.path_count[node];
+            let carried = 1.0 + self.dependency[node];
+            for &neighbour in topology.neighbours(node) {
+                if self.distance[neighbour] == nearer {
+                    self.dependency[neighbour] +=
+                        self.path_count[neighbour].share_of(paths) * carried;
+                }
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn micro(values: &[i64]) -> Vec<MicroUnits> {
+        values.iter().copied().map(MicroUnits).collect()
+    }
+
+    #[test]
+    fn small_graphs_have_no_centre() {
+        assert_eq!(betweenness(&Topology::new(0, &[]).unwrap()), []);
+        let pair = Topology::new(2, &[(0, 1)]).unwrap();
+        assert_eq!(betweenness(&pair), micro(&[0, 0]));
+    }
+
+    #[test]
+    fn a_path_and_a_star() {
+        let path = Topology::new(5, &[(0, 1), (1, 2), (2, 3), (3, 4)]).unwrap();
+        assert_eq!(
+            betweenness(&path),
+            micro(&[0, 500_000, 666_667, 500_000, 0])
+        );
+        let star = Topology::new(4, &[(0, 3), (1, 3), (2, 3)]).unwrap();
+        assert_eq!(betweenness(&star), micro(&[0, 0, 0, 1_000_000]));
+    }
+
+    #[test]
+    fn both_ways_of_counting_agree_on_trees() {
+        let edges: Vec<(usize, usize)> =
+            (1..200).map(|node| (node, (node * 7 + 3) % node)).collect();
+        let tree = Topology::new(200, &edges).unwrap();
+        for (exact, float) in tree_betweenness(&tree)
+            .into_iter()
+            .zip(general_betweenness(&tree))
+        {
+            assert!((exact.0 - float.0).abs() <= 1, "{exact} and {float}");
+        }
+    }
+
+    #[test]
+    fn path_counts_that_no_float_holds_still_give_shares() {
+        // A chain of 2,000 four-rings has 2^2000 shortest paths from end to end.
+        let rings = 2_000;
+        let mut edges = Vec::new();
+        for ring in 0..rings {
+            let first = 3 * ring;
+            edges.extend([
+                (first, first + 1),
+                (first, first + 2),
+                (first + 1, first + 3),
+                (first + 2, first + 3),
+            ]);
+        }
+        let chain = Topology::new(3 * rings + 1, &edges).unwrap();
+        let mut search = ShortestPaths::new(chain.node_count());
+        let mut total = vec![0.0; chain.node_count()];
+        search.run(&chain, 0);
+        search.accumulate(&chain, 0, &mut total);
+        // Beyond each joint lie all later nodes; each side of a ring carries half of what is behind it.
+        assert!((total[3] - f64::from(3 * 1_999)).abs() < 1.0e-6);
+        assert!((total[1] - (f64::from(3 * 1_999) + 1.0) / 2.0).abs() < 1.0e-6);
+        // Seen from the far end, the first ring's counts are beyond a float's range.
+        let last = chain.node_count() - 1;
+        total.fill(0.0);
+        search.run(&chain, last);
+        search.accumulate(&chain, last, &mut total);
+        assert!((total[1] - 0.5).abs() < 1.0e-6);
+        assert!((total[3] - 3.0).abs() < 1.0e-6);
+    }
+}

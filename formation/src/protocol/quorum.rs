@@ -1,0 +1,190 @@
+//! Majorities: of which earlier rosters a new one must hold more than half, so that no two plans live at once.
+//!
+//! It is runs of processes that count, not modules: one that was started anew has forgotten which later roster it may have
+//! agreed on, and so can vouch for none (Liskov and Cowling, "Viewstamped Replication Revisited", 2012, section 4.3: a
+//! replica that recovers takes no part before a majority that remembers has told it). Where every module of a roster is
+//! there, no majority of it is left that could have gone on elsewhere, and those that forgot may stay forgetful.
+
+use std::collections::BTreeMap;
+
+use crate::model::{Epoch, QuorumBasis, Run};
+
+/// At most this many rosters are kept that were shown and not known to be agreed.
+///
+/// Only rosters with different members take a place, and each new one needs a majority of all before it.
+pub const QUORUM_BASES_MAX: usize = 32;
+
+/// How far a set of modules falls short of a majority.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Shortfall {
+    pub present: usize,
+    pub basis: usize,
+}
+
+/// The rosters that count.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Quorum {
+    /// The last roster of which all members were seen to agree.
+    agreed: Option<(Epoch, Vec<Run>)>,
+    /// Later ones for which some member showed a digest: they may have agreed unseen.
+    shown: BTreeMap<Epoch, Vec<Run>>,
+}
+
+impl Quorum {
+    /// Notes that some member of a roster showed a digest for it.
+    pub fn note_shown(&mut self, epoch: Epoch, members: &[Run]) {
+        if self
+            .agreed
+            .as_ref()
+            .is_some_and(|(agreed, _)| *agreed >= epoch)
+            || self.shown.contains_key(&epoch)
+        {
+            return;
+        }
+        self.shown.retain(|_, known| known != members);
+        self.shown.insert(epoch, members.to_vec());
+        while self.shown.len() > QUORUM_BASES_MAX {
+            self.shown.pop_first();
+        }
+    }
+
+    /// Notes that all members of a roster showed the same digest for it; earlier ones no longer count.
+    pub fn note_agreed(&mut self, epoch: Epoch, members: &[Run]) {
+        if self
+            .agreed
+            .as_ref()
+            .is_some_and(|(agreed, _)| *agreed >= epoch)
+        {
+            return;
+        }
+        self.agreed = Some((epoch, members.to_vec()));
+        self.shown.retain(|&shown, _| shown > epoch);
+    }
+
+    /// Takes over what another knows.
+    pub fn learn(&mut self, bases: &[QuorumBasis]) {
+        for basis in bases {
+            if basis.agreed {
+                self.note_agreed(basis.epoch, &basis.members);
+            } else {
+                self.note_shown(basis.epoch, &basis.members);
+            }
+        }
+    }
+
+    /// What this module knows, to tell others.
+    pub fn bases(&self) -> Vec<QuorumBasis> {
+        let basis = |agreed, (epoch, members): (&Epoch, &Vec<Run>)| QuorumBasis {
+            epoch: *epoch,
+            agreed,
+            members: members.clone(),
+        };
+        let agreed = self
+            .agreed
+            .iter()
+            .map(|(epoch, members)| basis(true, (epoch, members)));
+        agreed
+            .chain(self.shown.iter().map(|entry| basis(false, entry)))
+            .collect()
+    }
+
+    /// Whether any roster was ever agreed, as far as is known.
+    pub fn has_agreed(&self) -> bool {
+        self.agreed.is_some()
+    }
+
+    /// The first basis of which `present` (ascending) holds no majority; an exact half wins with the lowest module, and all
+    /// of its modules win whichever of them were started anew.
+    ///
+    /// Before anything was agreed, a majority of the expected number is needed, where it is known.
+    pub fn shortfall(&self, present: &[Run], expected: Option<u32>) -> Option<Shortfall> {
+        if self.agreed.is_none()
+            && let Some(expected) = expected
+            && present.len() * 2 <= expected as usize
+        {
+            return Some(Shortfall {
+                present: present.len(),
+                basis: expected as usize,
+            });
+        }
+        let bases = self.agreed.iter().map(|(_, members)| members);
+        bases.chain(self.shown.values()).find_map(|basis| {
+            let remembers = |run: &Run| present.binary_search(run).is_ok();
+            let count = basis.iter().filter(|run| remembers(run)).count();
+            let lowest = basis.first().is_some_and(remembers);
+            let is_back = |run: &Run| present.iter().any(|here| here.module == run.module);
+            let wins = count * 2 > basis.len()
+                || (count * 2 == basis.len() && lowest)
+                || (!basis.is_empty() && basis.iter().all(is_back));
+            (!wins).then_some(Shortfall {
+                present: count,
+                basis: basis.len(),
+            })
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Incarnation, ModuleId};
+
+    fn runs(runs: &[(u32, u64)]) -> Vec<Run> {
+        let run = |&(id, incarnation)| Run {
+            module: ModuleId(id),
+            incarnation: Incarnation(incarnation),
+        };
+        runs.iter().map(run).collect()
+    }
+
+    fn modules(ids: &[u32]) -> Vec<Run> {
+        let first: Vec<(u32, u64)> = ids.iter().map(|&id| (id, 1)).collect();
+        runs(&first)
+    }
+
+    fn epoch(number: u64) -> Epoch {
+        Epoch {
+            number,
+            convener: ModuleId(1),
+        }
+    }
+
+    #[test]
+    fn the_first_roster_needs_more_than_half_of_the_expected() {
+        let quorum = Quorum::default();
+        assert!(quorum.shortfall(&modules(&[1, 2]), Some(4)).is_some());
+        assert!(quorum.shortfall(&modules(&[1, 2, 3]), Some(4)).is_none());
+        assert!(quorum.shortfall(&modules(&[1]), None).is_none());
+    }
+
+    #[test]
+    fn an_exact_half_wins_with_the_lowest_module_only() {
+        let mut quorum = Quorum::default();
+        quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4]));
+        assert!(quorum.shortfall(&modules(&[1, 4, 9]), None).is_none());
+        assert!(quorum.shortfall(&modules(&[2, 3, 9]), None).is_some());
+    }
+
+    #[test]
+    fn shown_rosters_count_until_a_later_one_agrees() {
+        let mut quorum = Quorum::default();
+        quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4, 5]));
+        quorum.note_shown(epoch(2), &modules(&[3, 4, 5]));
+        assert!(quorum.shortfall(&modules(&[1, 2, 3]), None).is_some());
+        quorum.note_agreed(epoch(3), &modules(&[1, 2, 3, 4]));
+        assert!(quorum.shortfall(&modules(&[1, 2, 3]), None).is_none());
+        assert_eq!(quorum.bases().len(), 1);
+    }
+
+    #[test]
+    fn whoever_was_started_anew_vouches_for_nothing_unless_all_are_there() {
+        let mut quorum = Quorum::default();
+        quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4, 5]));
+        let shortfall = |present: &[(u32, u64)]| quorum.shortfall(&runs(present), None);
+        assert!(shortfall(&[(3, 1), (4, 1), (5, 1)]).is_none());
+        // The third may have agreed with the first two on a roster of which it knows nothing any more.
+        assert!(shortfall(&[(3, 2), (4, 1), (5, 1)]).is_some());
+        assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (5, 1)]).is_none());
+        assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (9, 1)]).is_some());
+    }
+}
