@@ -7,7 +7,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
+use formation_sim::{
+    CampaignError, CampaignParameters, Ending, RunReport, Transcript, run_seed, run_seeds,
+};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
@@ -43,7 +45,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
         console::result_json(&summary.figures)?;
     } else {
         if let Some(transcript) = &summary.transcript {
-            console::result_line(transcript.trim_end())?;
+            console::result_line(transcript.to_string().trim_end())?;
         }
         console::result_line(&summary.figures.text())?;
     }
@@ -190,7 +192,7 @@ struct Summary {
     figures: Figures,
     recoveries: Vec<Duration>,
     failing: BTreeMap<u64, RunReport>,
-    transcript: Option<String>,
+    transcript: Option<Transcript>,
     keeps_transcript: bool,
 }
 
@@ -262,7 +264,7 @@ impl Summary {
         self.figures.transcript = self
             .transcript
             .as_ref()
-            .map(|transcript| transcript.lines().map(str::to_owned).collect());
+            .map(|transcript| transcript.lines().iter().map(ToString::to_string).collect());
     }
 
     /// Says which seeds failed, how, and how to see it again.
@@ -294,10 +296,10 @@ impl Summary {
             ..parameters.clone()
         };
         let report = run_seed(&told, first).map_err(bad_input)?;
-        let lines: Vec<&str> = report.transcript.lines().collect();
+        let lines = report.transcript.lines();
         console::note(&format!("the end of seed {first}:"));
         for line in &lines[lines.len().saturating_sub(TAIL_LINES)..] {
-            console::note(line);
+            console::note(&line.to_string());
         }
         Err(Failure::Failed(anyhow!(
             "{} of {} violated what must always hold",
@@ -356,7 +358,7 @@ mod tests {
             messages: 10,
             epochs: 2,
             violations,
-            transcript: String::new(),
+            transcript: Transcript::default(),
         }
     }
 

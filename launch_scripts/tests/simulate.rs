@@ -76,12 +76,12 @@ fn one_seed_is_told_in_full() {
     ];
     let text = stdout(&simulate(&options));
     for part in [
-        "convened epoch 1.",
-        "-> GATHER",
-        "-> roster",
-        "-> claim 0",
-        "crashes",
-        "settled on",
+        " convened epoch=1.",
+        " gather epoch=",
+        " roster epoch=",
+        " claim epoch=",
+        " crash module=",
+        " settled spot=",
     ] {
         assert!(text.contains(part), "{part} in\n{text}");
     }

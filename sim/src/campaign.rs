@@ -7,13 +7,14 @@ use formation::generate::{GenerateError, GeneratorParameters, Grouping, Random};
 use formation::model::{
     ModuleId, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
 };
-use formation::protocol::{AgentParameters, Command};
+use formation::protocol::AgentParameters;
 
 use crate::cluster::{Cluster, ClusterParameters};
 use crate::faults::{Fault, FaultKind, Strike, draw};
 use crate::invariants::{Violation, Watch};
 use crate::network::NetworkParameters;
 use crate::process::AgentFactory;
+use crate::transcript::Transcript;
 
 /// Two clocks that drift apart by twice this are just within what agents allow for.
 const HOSTILE_DRIFT_PPM: u32 = 480;
@@ -33,7 +34,7 @@ pub struct CampaignParameters {
     pub fault_span: Duration,
     /// How long after the last fault everything must have come to an end.
     pub patience: Duration,
-    /// Whether to keep the readable account of each run.
+    /// Whether to keep the transcript of each run.
     pub transcripts: bool,
     /// How agents are made.
     pub agents: AgentFactory,
@@ -98,8 +99,8 @@ pub struct RunReport {
     pub epochs: u64,
     /// Every breach.
     pub violations: Vec<Violation>,
-    /// The readable account, if it was kept.
-    pub transcript: String,
+    /// The transcript, if it was kept.
+    pub transcript: Transcript,
 }
 
 /// Why a run could not begin.
@@ -229,7 +230,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         messages: cluster.samples(),
         epochs: watch.epochs(),
         violations: watch.violations,
-        transcript: cluster.transcript().to_owned(),
+        transcript: cluster.transcript().clone(),
     })
 }
 
@@ -254,8 +255,8 @@ fn strike(
         Strike::Cut(aside) => cluster.cut(aside),
         Strike::Sever(links) => cluster.sever(links),
         Strike::Heal => cluster.heal(),
-        Strike::Retire(module) => cluster.command(*module, Command::Retire),
-        Strike::BreakDrive(module) => cluster.break_drive(*module, true),
+        Strike::Command(module, command) => cluster.command(*module, *command),
+        Strike::Drive { module, broken } => cluster.break_drive(*module, *broken),
         Strike::StartLate(_) => {}
         Strike::ForgeClaims => cluster.forge_claims(),
         Strike::Withdraw => announce(cluster, None),

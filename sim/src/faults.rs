@@ -9,6 +9,7 @@ use std::time::Duration;
 
 use formation::generate::Random;
 use formation::model::ModuleId;
+use formation::protocol::Command;
 
 /// Which kinds of faults strike.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -83,10 +84,15 @@ pub enum Strike {
     },
     /// A process starts only now, for the first time; known from the beginning.
     StartLate(ModuleId),
-    /// A module is told to leave the formation.
-    Retire(ModuleId),
-    /// A drive fails whenever it is to go.
-    BreakDrive(ModuleId),
+    /// A module receives a command.
+    Command(ModuleId, Command),
+    /// A drive fails whenever it is to go, or works again.
+    Drive {
+        /// Whose drive.
+        module: ModuleId,
+        /// Whether it fails from now on.
+        broken: bool,
+    },
     /// A stranger forges claims from now on.
     ForgeClaims,
     /// The target is withdrawn.
@@ -221,9 +227,12 @@ fn draw_rarer(modules: &[ModuleId], end: Duration, random: &mut Random, faults: 
                 let module = modules[random.index(modules.len())];
                 let at = time(random, Duration::from_secs(1), end);
                 let strike = if broken {
-                    Strike::BreakDrive(module)
+                    Strike::Drive {
+                        module,
+                        broken: true,
+                    }
                 } else {
-                    Strike::Retire(module)
+                    Strike::Command(module, Command::Retire)
                 };
                 faults.push(Fault { at, strike });
             }

@@ -178,7 +178,7 @@ impl Watch {
                         last.agreed = last.agreed.max(Some(epoch));
                     }
                 }
-                Observation::Noted(..) | Observation::Fault(_) => {}
+                Observation::Noted(..) | Observation::Announced(_) | Observation::Fault(_) => {}
             }
         }
     }

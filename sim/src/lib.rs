@@ -20,3 +20,4 @@ pub use invariants::{Violation, ViolationKind};
 pub use network::NetworkParameters;
 pub use process::AgentFactory;
 pub use sweep::run_seeds;
+pub use transcript::{Transcript, TranscriptLine};

@@ -1,69 +1,360 @@
-//! Runs as readable text: one line for each thing worth reading.
+//! What happened in a run, as a sequence of normalised events.
+//!
+//! A line names the module that acts, the kind of the event, and its data. The words are this module's own: a message to
+//! people that is reworded elsewhere changes no transcript. Times, planning durations and digests are left out, so that
+//! two runs have equal transcripts if the same things happened in the same order.
 
+use std::fmt::{self, Display, Write as _};
 use std::time::Duration;
 
-use formation::model::{Message, RosterMessage};
+use formation::model::{
+    AssemblyWarning, Epoch, Message, ModuleId, Roster, RosterMember, RosterMessage, Service,
+    SpotClaim, SpotId,
+};
+use formation::protocol::{Command, EpochReason, Event};
 
 use crate::cluster::Observation;
+use crate::faults::Strike;
 
-/// The line for an observation; `None` for what repeats without news, such as heartbeats.
-pub(crate) fn line(now: Duration, observation: &Observation) -> Option<String> {
-    let text = match observation {
-        Observation::Published(module, message) => format!("{module:<10} {}", published(message)?),
-        Observation::Noted(module, event) => format!("{module:<10} {event}"),
-        Observation::SetOff(..) => return None,
-        Observation::Fault(what) => format!("--------   {what}"),
-    };
-    Some(format!("{:>9.3} s  {text}", now.as_secs_f64()))
+/// One event of a transcript.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct TranscriptLine {
+    /// When it happened, by the cluster's clock; no part of the normalised event.
+    pub at: Duration,
+    /// The normalised event.
+    pub event: String,
 }
 
-fn published(message: &Message) -> Option<String> {
+impl Display for TranscriptLine {
+    /// Writes the event with its time in front, for people.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(
+            formatter,
+            "{:>9.3} s  {}",
+            self.at.as_secs_f64(),
+            self.event
+        )
+    }
+}
+
+/// The events of a run in the order of their times.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Transcript(Vec<TranscriptLine>);
+
+impl Transcript {
+    pub(crate) const fn new() -> Self {
+        Self(Vec::new())
+    }
+
+    /// The events in order.
+    #[must_use]
+    pub fn lines(&self) -> &[TranscriptLine] {
+        &self.0
+    }
+
+    /// The normalised events, one a line, without times.
+    #[must_use]
+    pub fn events(&self) -> String {
+        self.0.iter().fold(String::new(), |mut text, line| {
+            text.push_str(&line.event);
+            text.push('\n');
+            text
+        })
+    }
+
+    /// Adds an observation, unless it repeats without news, such as a heartbeat.
+    pub(crate) fn add(&mut self, at: Duration, observation: &Observation) {
+        let (actor, entry) = match observation {
+            Observation::Published(module, message) => (Some(module), published(message)),
+            Observation::Noted(module, event) => (Some(module), Some(noted(event))),
+            Observation::SetOff(..) => (None, None),
+            Observation::Announced(announcement) => {
+                let kind = match announcement.target {
+                    Some(_) => "target_announced",
+                    None => "target_withdrawn",
+                };
+                let entry = Entry::of(kind).with("revision", announcement.revision);
+                (None, Some(entry))
+            }
+            Observation::Fault(strike) => (None, Some(struck(strike))),
+        };
+        if let Some(Entry(text)) = entry {
+            let actor = actor.map_or("-".to_owned(), |module| module.0.to_string());
+            let event = format!("{actor:>3} {text}");
+            self.0.push(TranscriptLine { at, event });
+        }
+    }
+}
+
+impl Display for Transcript {
+    /// Writes one line for each event, with its time in front.
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0
+            .iter()
+            .try_for_each(|line| writeln!(formatter, "{line}"))
+    }
+}
+
+/// The kind of an event and its data.
+struct Entry(String);
+
+impl Entry {
+    fn of(kind: &str) -> Self {
+        Self(kind.to_owned())
+    }
+
+    fn with(mut self, key: &str, value: impl Display) -> Self {
+        // Writing to a string cannot fail.
+        let _ = write!(self.0, " {key}={value}");
+        self
+    }
+
+    fn epoch(self, epoch: Epoch) -> Self {
+        let text = format!("{}.{}", epoch.number, epoch.convener.0);
+        self.with("epoch", text)
+    }
+
+    fn module(self, module: ModuleId) -> Self {
+        self.with("module", module.0)
+    }
+
+    fn modules(self, key: &str, modules: &[ModuleId]) -> Self {
+        self.with(key, list(modules.iter().map(|module| module.0)))
+    }
+
+    fn spot(self, key: &str, spot: Option<SpotId>) -> Self {
+        match spot {
+            Some(spot) => self.with(key, spot.0),
+            None => self.with(key, "none"),
+        }
+    }
+
+    fn millis(self, key: &str, duration: Duration) -> Self {
+        self.with(key, duration.as_millis())
+    }
+}
+
+fn list(items: impl IntoIterator<Item = impl Display>) -> String {
+    let items: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
+    if items.is_empty() {
+        "none".to_owned()
+    } else {
+        items.join(",")
+    }
+}
+
+fn published(message: &Message) -> Option<Entry> {
     match message {
-        Message::Roster(RosterMessage::Gather { epoch, .. }) => {
-            Some(format!("-> GATHER for {epoch}"))
+        Message::Roster(RosterMessage::Gather {
+            epoch,
+            target_revision,
+        }) => {
+            let entry = Entry::of("gather").epoch(*epoch);
+            Some(entry.with("target_revision", target_revision))
         }
-        Message::Roster(RosterMessage::Plan(roster)) => {
-            let members: Vec<String> = roster
-                .members
-                .iter()
-                .map(|member| match member.module.pin {
-                    Some(spot) => format!("{}@{}", member.module.id.0, spot.0),
-                    None => member.module.id.0.to_string(),
-                })
-                .collect();
-            Some(format!(
-                "-> roster of {}: {}",
-                roster.epoch,
-                members.join(" ")
-            ))
-        }
-        Message::Claim(claim) => {
-            let pairs: Vec<String> = claim
-                .decision
-                .selections
-                .iter()
-                .map(|pair| format!("{}={}", pair.spot.0, pair.module.0))
-                .collect();
-            let what = if pairs.is_empty() {
-                "NO_SPOT_FOUND".to_owned()
-            } else {
-                pairs.join(" ")
-            };
-            Some(format!(
-                "-> claim {} of {}: {what}",
-                claim.turn, claim.epoch
-            ))
-        }
-        Message::Eviction(notice) => {
-            let eviction = &notice.eviction;
-            let to = eviction
-                .to
-                .map_or("nowhere".to_owned(), |spot| spot.to_string());
-            Some(format!(
-                "-> eviction of {} from {} to {to}",
-                eviction.evicted, eviction.from
-            ))
-        }
+        Message::Roster(RosterMessage::Plan(roster)) => Some(roster_entry(roster)),
+        Message::Claim(claim) => Some(claim_entry(claim)),
+        Message::Eviction(notice) => Some(
+            Entry::of("eviction")
+                .epoch(notice.epoch)
+                .with("turn", notice.turn)
+                .with("evicted", notice.eviction.evicted.0)
+                .with("by", notice.eviction.by.0)
+                .spot("from", Some(notice.eviction.from))
+                .spot("to", notice.eviction.to),
+        ),
         Message::Target(_) | Message::ModuleState(_) | Message::Heartbeat(_) => None,
+    }
+}
+
+fn roster_entry(roster: &Roster) -> Entry {
+    Entry::of("roster")
+        .epoch(roster.epoch)
+        .with("target_revision", roster.target.revision)
+        .with("members", list(roster.members.iter().map(member_text)))
+        .with("quorum_bases", roster.quorum_bases.len())
+}
+
+/// The module, `#` and its run unless that is the first, `@` and its pin if it has one, and why it takes no spot if so.
+fn member_text(member: &RosterMember) -> String {
+    let mut text = member.module.id.0.to_string();
+    let run = member.incarnation.0;
+    // Writing to a string cannot fail.
+    if run > 1 {
+        let _ = write!(text, "#{run}");
+    }
+    if let Some(pin) = member.module.pin {
+        let _ = write!(text, "@{}", pin.0);
+    }
+    if member.service != Service::Active {
+        let _ = write!(text, "({})", service_text(member.service));
+    }
+    text
+}
+
+fn service_text(service: Service) -> &'static str {
+    match service {
+        Service::Active => "active",
+        Service::Retired => "retired",
+        Service::MotionFailed => "motion_failed",
+    }
+}
+
+fn claim_entry(claim: &SpotClaim) -> Entry {
+    let decision = &claim.decision;
+    let pairs = decision.selections.iter();
+    let entry = Entry::of("claim")
+        .epoch(claim.epoch)
+        .with("turn", claim.turn)
+        .with(
+            "spots",
+            list(pairs.map(|pair| format!("{}:{}", pair.spot.0, pair.module.0))),
+        );
+    if decision.detached.is_empty() {
+        entry
+    } else {
+        entry.modules("detached", &decision.detached)
+    }
+}
+
+fn noted(event: &Event) -> Entry {
+    match event {
+        Event::Convened(epoch, reason) => because(Entry::of("convened").epoch(*epoch), reason),
+        Event::Gathered(epoch) => Entry::of("gathered").epoch(*epoch),
+        Event::PlanningBegun { epoch, members } => {
+            let entry = Entry::of("planning").epoch(*epoch);
+            entry.with("members", members)
+        }
+        Event::Planned { epoch, turns, .. } => {
+            Entry::of("planned").epoch(*epoch).with("turns", turns)
+        }
+        Event::Agreed(epoch) => Entry::of("agreed").epoch(*epoch),
+        Event::DigestMismatch { module, .. } => Entry::of("digest_mismatch").module(*module),
+        Event::PlansDiffer(sides) => plans_differ(sides.iter().map(|(_, modules)| modules)),
+        Event::WaitingForQuorum { present, basis } => Entry::of("waiting_for_quorum")
+            .with("present", present)
+            .with("basis", basis),
+        Event::WaitingForAgreement(modules) => {
+            Entry::of("waiting_for_agreement").modules("modules", modules)
+        }
+        Event::AgreementLapsed(modules) => {
+            Entry::of("agreement_lapsed").modules("modules", modules)
+        }
+        Event::Missing {
+            expected,
+            gathered,
+            absent,
+        } => Entry::of("missing")
+            .with("expected", or_unknown(*expected))
+            .with("gathered", gathered)
+            .modules("absent", absent),
+        Event::Refused { module, reason } => Entry::of("refused")
+            .with("sender", or_unknown(module.map(|module| module.0)))
+            .with("reason", reason.name()),
+        Event::DuplicateModule(module) => Entry::of("duplicate_module").module(*module),
+        Event::TargetWithdrawn => Entry::of("target_withdrawn"),
+        Event::WaitingFor(modules) => Entry::of("waiting_for").modules("modules", modules),
+        Event::MotionBegun(spot) => Entry::of("moving").spot("spot", Some(*spot)),
+        Event::Settled(spot) => Entry::of("settled").spot("spot", Some(*spot)),
+        Event::Spare => Entry::of("spare"),
+        Event::Evicted { by, from } => {
+            let entry = Entry::of("evicted").spot("from", Some(*from));
+            entry.with("by", by.0)
+        }
+        Event::MotionOverdue(spot) => Entry::of("motion_overdue").spot("spot", Some(*spot)),
+        Event::MotionFailed(spot) => Entry::of("motion_failed").spot("spot", *spot),
+        Event::Retired => Entry::of("retired"),
+        Event::Rejoined => Entry::of("rejoined"),
+        Event::SpotsLeftOpen(spots) => {
+            Entry::of("spots_left_open").with("spots", list(spots.iter().map(|spot| spot.0)))
+        }
+        Event::AssemblyWarning(warning) => acting_order(*warning),
+    }
+}
+
+fn or_unknown(number: Option<u32>) -> String {
+    number.map_or("unknown".to_owned(), |number| number.to_string())
+}
+
+/// The sides come in the order of their digests, which is no part of the event.
+fn plans_differ<'a>(sides: impl Iterator<Item = &'a Vec<ModuleId>>) -> Entry {
+    let mut sides: Vec<String> = sides
+        .map(|modules| {
+            let names: Vec<String> = modules.iter().map(|one| one.0.to_string()).collect();
+            names.join("+")
+        })
+        .collect();
+    sides.sort_unstable();
+    Entry::of("plans_differ").with("sides", list(sides))
+}
+
+fn acting_order(warning: AssemblyWarning) -> Entry {
+    let entry = Entry::of("acting_order");
+    match warning {
+        AssemblyWarning::WalledIn(spot) => entry.spot("walled_in", Some(spot)),
+        AssemblyWarning::OffLattice => entry.with("flaw", "off_lattice"),
+        AssemblyWarning::BudgetSpent => entry.with("flaw", "budget_spent"),
+        AssemblyWarning::Disconnected(spot) => entry.spot("disconnected", Some(spot)),
+    }
+}
+
+fn because(entry: Entry, reason: &EpochReason) -> Entry {
+    let (kind, modules) = match reason {
+        EpochReason::NewTarget => ("new_target", None),
+        EpochReason::DigestMismatch => ("digest_mismatch", None),
+        EpochReason::Silent(modules) => ("silent", Some(modules.clone())),
+        EpochReason::Restarted(modules) => ("restarted", Some(modules.clone())),
+        EpochReason::Newcomers(modules) => ("newcomers", Some(modules.clone())),
+        EpochReason::Stuck(modules) => ("stuck", Some(modules.clone())),
+        EpochReason::ConvenerSilent(module) => ("convener_silent", Some(vec![*module])),
+        EpochReason::OutOfService(modules) => {
+            let entry = entry.with("reason", "out_of_service");
+            let named = modules
+                .iter()
+                .map(|(module, service)| format!("{}({})", module.0, service_text(*service)));
+            return entry.with("modules", list(named));
+        }
+    };
+    let entry = entry.with("reason", kind);
+    match modules {
+        Some(modules) => entry.modules("modules", &modules),
+        None => entry,
+    }
+}
+
+fn struck(strike: &Strike) -> Entry {
+    match strike {
+        Strike::Crash(module) => Entry::of("crash").module(*module),
+        Strike::Restart(module) => Entry::of("restart").module(*module),
+        Strike::Pause(module, span) => Entry::of("pause").module(*module).millis("span_ms", *span),
+        Strike::Cut(aside) => {
+            Entry::of("cut").with("modules", list(aside.iter().map(|module| module.0)))
+        }
+        Strike::Sever(links) => {
+            let links = links
+                .iter()
+                .map(|(from, to)| format!("{}>{}", from.0, to.0));
+            Entry::of("sever").with("links", list(links))
+        }
+        Strike::Heal => Entry::of("heal"),
+        Strike::Slow { module, lag, span } => Entry::of("slow")
+            .module(*module)
+            .millis("lag_ms", *lag)
+            .millis("span_ms", *span),
+        Strike::StartLate(module) => Entry::of("start_late").module(*module),
+        Strike::Command(module, command) => Entry::of(match command {
+            Command::Retire => "command_retire",
+            Command::Rejoin => "command_rejoin",
+        })
+        .module(*module),
+        Strike::Drive { module, broken } => Entry::of(if *broken {
+            "drive_broken"
+        } else {
+            "drive_repaired"
+        })
+        .module(*module),
+        Strike::ForgeClaims => Entry::of("forge_claims"),
+        Strike::Withdraw => Entry::of("withdraw"),
+        Strike::Announce(_) => Entry::of("announce"),
     }
 }

@@ -39,7 +39,7 @@ fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
         println!(
             "the end of seed {}:\n{}",
             first.seed,
-            tail(&run_seed(&told, first.seed).unwrap().transcript)
+            tail(&run_seed(&told, first.seed).unwrap().transcript.to_string())
         );
     }
     assert!(bad.is_empty(), "{} bad seeds", bad.len());

@@ -178,7 +178,10 @@ impl Recorder {
                 self.planned += 1;
                 self.ended_at = time;
             }
-            Observation::Noted(..) | Observation::SetOff(..) | Observation::Fault(_) => {}
+            Observation::Noted(..)
+            | Observation::SetOff(..)
+            | Observation::Announced(_)
+            | Observation::Fault(_) => {}
         }
         Ok(())
     }

@@ -9,6 +9,7 @@ use formation::protocol::{Command, Input};
 
 use super::schedule::Happening;
 use super::{Cluster, Observation};
+use crate::faults::Strike;
 use crate::network::Participant;
 
 impl Cluster {
@@ -20,13 +21,7 @@ impl Cluster {
     /// Tells a module to leave the formation or to take part again.
     pub fn command(&mut self, module: ModuleId, command: Command) {
         if self.processes.contains_key(&module) {
-            self.fault(format!(
-                "{module} is told to {}",
-                match command {
-                    Command::Retire => "retire",
-                    Command::Rejoin => "rejoin",
-                }
-            ));
+            self.fault(Strike::Command(module, command));
             self.input(module, Input::Command(command));
         }
     }
@@ -35,10 +30,7 @@ impl Cluster {
     pub fn break_drive(&mut self, module: ModuleId, broken: bool) {
         if let Some(process) = self.processes.get_mut(&module) {
             process.drive_broken = broken;
-            self.fault(format!(
-                "the drive of {module} is {}",
-                if broken { "broken" } else { "mended" }
-            ));
+            self.fault(Strike::Drive { module, broken });
         }
     }
 
@@ -46,7 +38,7 @@ impl Cluster {
     /// half of the readers, from a sender that the transport does not tell.
     pub fn forge_claims(&mut self) {
         self.forges_claims = true;
-        self.fault("somebody forges claims".to_owned());
+        self.fault(Strike::ForgeClaims);
     }
 
     pub(super) fn forge(&mut self, claim: &SpotClaim) {
@@ -77,10 +69,7 @@ impl Cluster {
         let until = self.now + span;
         if let Some(process) = self.processes.get_mut(&module) {
             process.slow = Some((until, lag));
-            self.fault(format!(
-                "{module} needs {} ms for each input",
-                lag.as_millis()
-            ));
+            self.fault(Strike::Slow { module, lag, span });
         }
     }
 
@@ -99,14 +88,14 @@ impl Cluster {
         self.held.retain(|channel, _| {
             channel.from != Participant::Module(module) && channel.to != module
         });
-        self.fault(format!("{module} crashes"));
+        self.fault(Strike::Crash(module));
     }
 
     /// Starts a module's process again, as a new incarnation.
     pub fn restart(&mut self, module: ModuleId) {
         // One that has yet to start for the first time starts in its own time.
         if !self.processes.contains_key(&module) && !self.late.contains_key(&module) {
-            self.fault(format!("{module} starts again"));
+            self.fault(Strike::Restart(module));
             self.schedule(self.now, Happening::Start(module));
         }
     }
@@ -120,36 +109,28 @@ impl Cluster {
         } else {
             return;
         };
-        self.fault(format!(
-            "{module} stands still for {} ms",
-            duration.as_millis()
-        ));
+        self.fault(Strike::Pause(module, duration));
         self.schedule(until, Happening::Timeout(module, incarnation));
     }
 
     /// Cuts these modules off from all others.
     pub fn cut(&mut self, aside: &BTreeSet<ModuleId>) {
         self.network.cut(aside);
-        let names: Vec<String> = aside.iter().map(|module| module.0.to_string()).collect();
-        self.fault(format!("cut off: {}", names.join(", ")));
+        self.fault(Strike::Cut(aside.clone()));
         self.release();
     }
 
     /// Lets these links carry nothing from the first module to the second, and all others of them work again.
     pub fn sever(&mut self, links: &BTreeSet<(ModuleId, ModuleId)>) {
         self.network.sever(links);
-        let names: Vec<String> = links
-            .iter()
-            .map(|(from, to)| format!("{}-{}", from.0, to.0))
-            .collect();
-        self.fault(format!("severed: {}", names.join(", ")));
+        self.fault(Strike::Sever(links.clone()));
         self.release();
     }
 
     /// Ends the cut and mends all links; reliable messages that were held are sent again.
     pub fn heal(&mut self) {
         self.network.heal();
-        self.fault("the network is whole again".to_owned());
+        self.fault(Strike::Heal);
         self.release();
     }
 
@@ -162,7 +143,7 @@ impl Cluster {
         }
     }
 
-    fn fault(&mut self, what: String) {
-        self.observe(Observation::Fault(what));
+    fn fault(&mut self, strike: Strike) {
+        self.observe(Observation::Fault(strike));
     }
 }

@@ -20,6 +20,7 @@ use schedule::{Happening, Scheduled};
 
 use crate::network::{Channel, Network, NetworkParameters, Participant, Topic};
 use crate::process::{AgentFactory, Process};
+use crate::transcript::Transcript;
 
 /// How a cluster is run.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -78,7 +79,7 @@ pub struct Cluster {
     /// The newest sample written on a depth-1 channel, so that readers may skip older ones.
     newest: BTreeMap<(Participant, Topic), u64>,
     observations: Vec<(Duration, Observation)>,
-    transcript: Option<String>,
+    transcript: Option<Transcript>,
 }
 
 impl Cluster {
@@ -138,15 +139,16 @@ impl Cluster {
         cluster
     }
 
-    /// Keeps a readable account of the run from now on.
+    /// Keeps a transcript of the run from now on.
     pub fn keep_transcript(&mut self) {
-        self.transcript = Some(String::new());
+        self.transcript = Some(Transcript::default());
     }
 
-    /// The readable account so far.
+    /// The transcript so far; empty unless one is kept.
     #[must_use]
-    pub fn transcript(&self) -> &str {
-        self.transcript.as_deref().unwrap_or_default()
+    pub fn transcript(&self) -> &Transcript {
+        static EMPTY: Transcript = Transcript::new();
+        self.transcript.as_ref().unwrap_or(&EMPTY)
     }
 
     /// The time in the cluster.
@@ -158,6 +160,7 @@ impl Cluster {
     /// Announces a target, as its publisher would.
     pub fn announce(&mut self, announcement: TargetAnnouncement) {
         let announcement = Arc::new(announcement);
+        self.observe(Observation::Announced(Arc::clone(&announcement)));
         self.announcement = Some(Arc::clone(&announcement));
         self.broadcast(
             Participant::TargetPublisher,

@@ -1,13 +1,16 @@
 //! What an observer sees of a cluster.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
+use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, Pose, SpotId};
+use formation::model::{
+    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, Pose, SpotId, TargetAnnouncement,
+};
 use formation::protocol::{Agent, Event};
 
 use super::Cluster;
+use crate::faults::Strike;
 use crate::network::Participant;
 
 /// What an observer that sees into every module knows of one.
@@ -36,8 +39,10 @@ pub enum Observation {
     Noted(ModuleId, Event),
     /// A drive set off or was told to go on, on this plan. Its module may have left the plan by the time this is read.
     SetOff(ModuleId, Option<(Epoch, Digest)>),
+    /// The publisher of the target announced this.
+    Announced(Arc<TargetAnnouncement>),
     /// A fault struck, or ended.
-    Fault(String),
+    Fault(Strike),
 }
 
 impl Cluster {
@@ -147,10 +152,7 @@ impl Cluster {
 
     pub(super) fn observe(&mut self, observation: Observation) {
         if let Some(transcript) = &mut self.transcript {
-            let line = crate::transcript::line(self.now, &observation);
-            if let Some(line) = line {
-                let _ = writeln!(transcript, "{line}");
-            }
+            transcript.add(self.now, &observation);
         }
         self.observations.push((self.now, observation));
     }
