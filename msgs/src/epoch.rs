@@ -1,7 +1,7 @@
 //! Epochs, and what is kept of earlier ones; several messages carry them.
 
 use formation::model;
-use formation::model::{Incarnation, ModuleId, Run};
+use formation::model::{Incarnation, ModuleId, ModuleRun};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, QUORUM_BASES_MAX};
@@ -83,7 +83,7 @@ impl QuorumBasis {
             epoch: self.epoch.required()?,
             agreed: self.agreed,
             members: runs
-                .map(|(module, &incarnation)| Run {
+                .map(|(module, &incarnation)| ModuleRun {
                     module,
                     incarnation: Incarnation(incarnation),
                 })

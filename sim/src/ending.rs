@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use formation::model::{
-    Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Run, Service, SpotId,
+    Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleRun, ModuleState, Service, SpotId,
 };
 
 use crate::campaign::Ending;
@@ -161,7 +161,7 @@ impl Watch {
         bases
             .filter_map(|epoch| self.rosters.get(&epoch))
             .all(|known| {
-                let remembers = |run: &&Run| {
+                let remembers = |run: &&ModuleRun| {
                     modules.contains(&run.module)
                         && cluster.incarnation(run.module) == Some(run.incarnation)
                 };

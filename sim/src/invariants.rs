@@ -9,8 +9,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Digest, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleState, Roster,
-    RosterMember, RosterMessage, Run, Service, SpotId,
+    Digest, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    Roster, RosterMember, RosterMessage, Service, SpotId,
 };
 use formation::protocol::Event;
 
@@ -94,7 +94,7 @@ pub(crate) struct KnownRoster {
     pub roster: Arc<Roster>,
     pub members: BTreeSet<ModuleId>,
     /// Those that take part in the plan.
-    pub active: BTreeSet<Run>,
+    pub active: BTreeSet<ModuleRun>,
     /// Those that no claim may evict.
     fixed: BTreeSet<ModuleId>,
 }

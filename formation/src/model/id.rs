@@ -49,7 +49,7 @@ pub struct Incarnation(pub u64);
 
 /// One run of one module's process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct Run {
+pub struct ModuleRun {
     /// The module.
     pub module: ModuleId,
     /// Which start of its process.

@@ -8,8 +8,8 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::model::{
-    ConfigurationId, Digest, Epoch, Incarnation, ModuleId, PlannerParameters, PlanningModule,
-    PlanningProblem, Pose, ProblemError, Run, SpotId, Target,
+    ConfigurationId, Digest, Epoch, Incarnation, ModuleId, ModuleRun, PlannerParameters,
+    PlanningModule, PlanningProblem, Pose, ProblemError, SpotId, Target,
 };
 
 /// The target that all modules are to form, as announced.
@@ -155,8 +155,8 @@ pub struct RosterMember {
 impl RosterMember {
     /// Which run of which module it is.
     #[must_use]
-    pub fn run(&self) -> Run {
-        Run {
+    pub fn run(&self) -> ModuleRun {
+        ModuleRun {
             module: self.module.id,
             incarnation: self.incarnation,
         }
@@ -171,7 +171,7 @@ pub struct QuorumBasis {
     /// Whether all of its members were seen to agree.
     pub agreed: bool,
     /// Its active members in ascending order, in the runs that took part.
-    pub members: Vec<Run>,
+    pub members: Vec<ModuleRun>,
 }
 
 /// The whole input of one epoch's plan.
@@ -191,7 +191,7 @@ impl Roster {
     /// The members of which a later roster must hold a majority, ascending: the active ones. Those out of service agreed
     /// to this roster like the others, and with that to being counted no more.
     #[must_use]
-    pub fn quorum_basis(&self) -> Vec<Run> {
+    pub fn quorum_basis(&self) -> Vec<ModuleRun> {
         self.members
             .iter()
             .filter(|member| member.service == Service::Active)

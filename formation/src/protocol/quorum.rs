@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::{Epoch, QuorumBasis, Run};
+use crate::model::{Epoch, ModuleRun, QuorumBasis};
 
 /// At most this many rosters are kept that were shown and not known to be agreed.
 ///
@@ -25,14 +25,14 @@ pub(super) struct Shortfall {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Quorum {
     /// The last roster of which all members were seen to agree.
-    agreed: Option<(Epoch, Vec<Run>)>,
+    agreed: Option<(Epoch, Vec<ModuleRun>)>,
     /// Later ones for which some member showed a digest: they may have agreed unseen.
-    shown: BTreeMap<Epoch, Vec<Run>>,
+    shown: BTreeMap<Epoch, Vec<ModuleRun>>,
 }
 
 impl Quorum {
     /// Notes that some member of a roster showed a digest for it.
-    pub fn note_shown(&mut self, epoch: Epoch, members: &[Run]) {
+    pub fn note_shown(&mut self, epoch: Epoch, members: &[ModuleRun]) {
         if self
             .agreed
             .as_ref()
@@ -49,7 +49,7 @@ impl Quorum {
     }
 
     /// Notes that all members of a roster showed the same digest for it; earlier ones no longer count.
-    pub fn note_agreed(&mut self, epoch: Epoch, members: &[Run]) {
+    pub fn note_agreed(&mut self, epoch: Epoch, members: &[ModuleRun]) {
         if self
             .agreed
             .as_ref()
@@ -74,7 +74,7 @@ impl Quorum {
 
     /// What this module knows, to tell others.
     pub fn bases(&self) -> Vec<QuorumBasis> {
-        let basis = |agreed, (epoch, members): (&Epoch, &Vec<Run>)| QuorumBasis {
+        let basis = |agreed, (epoch, members): (&Epoch, &Vec<ModuleRun>)| QuorumBasis {
             epoch: *epoch,
             agreed,
             members: members.clone(),
@@ -97,7 +97,7 @@ impl Quorum {
     /// of its modules win whichever of them were started anew.
     ///
     /// Before anything was agreed, a majority of the expected number is needed, where it is known.
-    pub fn shortfall(&self, present: &[Run], expected: Option<u32>) -> Option<Shortfall> {
+    pub fn shortfall(&self, present: &[ModuleRun], expected: Option<u32>) -> Option<Shortfall> {
         if self.agreed.is_none()
             && let Some(expected) = expected
             && present.len() * 2 <= expected as usize
@@ -109,10 +109,10 @@ impl Quorum {
         }
         let bases = self.agreed.iter().map(|(_, members)| members);
         bases.chain(self.shown.values()).find_map(|basis| {
-            let remembers = |run: &Run| present.binary_search(run).is_ok();
+            let remembers = |run: &ModuleRun| present.binary_search(run).is_ok();
             let count = basis.iter().filter(|run| remembers(run)).count();
             let lowest = basis.first().is_some_and(remembers);
-            let is_back = |run: &Run| present.iter().any(|here| here.module == run.module);
+            let is_back = |run: &ModuleRun| present.iter().any(|here| here.module == run.module);
             let wins = count * 2 > basis.len()
                 || (count * 2 == basis.len() && lowest)
                 || (!basis.is_empty() && basis.iter().all(is_back));
@@ -129,15 +129,15 @@ mod tests {
     use super::*;
     use crate::model::{Incarnation, ModuleId};
 
-    fn runs(runs: &[(u32, u64)]) -> Vec<Run> {
-        let run = |&(id, incarnation)| Run {
+    fn runs(runs: &[(u32, u64)]) -> Vec<ModuleRun> {
+        let run = |&(id, incarnation)| ModuleRun {
             module: ModuleId(id),
             incarnation: Incarnation(incarnation),
         };
         runs.iter().map(run).collect()
     }
 
-    fn modules(ids: &[u32]) -> Vec<Run> {
+    fn modules(ids: &[u32]) -> Vec<ModuleRun> {
         let first: Vec<(u32, u64)> = ids.iter().map(|&id| (id, 1)).collect();
         runs(&first)
     }

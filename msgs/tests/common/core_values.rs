@@ -6,10 +6,10 @@ use std::time::Duration;
 
 use formation::model::{
     CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice, EvictionRecord,
-    Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters,
-    PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Roster, RosterMember,
-    RosterMessage, Run, Service, SpotClaim, SpotId, SpotSelection, Target, TargetAnnouncement,
-    TurnOrder, Weights,
+    Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    PlannerParameters, PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Roster,
+    RosterMember, RosterMessage, Service, SpotClaim, SpotId, SpotSelection, Target,
+    TargetAnnouncement, TurnOrder, Weights,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -217,7 +217,7 @@ fn quorum_bases() -> impl Strategy<Value = Vec<QuorumBasis>> {
                 agreed,
                 members: modules
                     .into_iter()
-                    .map(|module| Run {
+                    .map(|module| ModuleRun {
                         module,
                         incarnation: Incarnation(incarnation),
                     })

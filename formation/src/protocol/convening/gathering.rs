@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState, PlanningModule,
-    Roster, RosterMember, RosterMessage, Run, Service, TargetAnnouncement, digest,
+    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    PlanningModule, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, digest,
 };
 
 use super::super::io::{EpochReason, Event, Output, SourceId};
@@ -228,7 +228,7 @@ impl Agent {
             }
         }
         self.quorum.learn(&roster.quorum_bases);
-        let runs: Vec<Run> = roster.members.iter().map(RosterMember::run).collect();
+        let runs: Vec<ModuleRun> = roster.members.iter().map(RosterMember::run).collect();
         if self
             .shortfall(&runs, roster.target.expected_modules)
             .is_some()
@@ -376,7 +376,7 @@ impl Agent {
         if let Some(target) = &announcement.target {
             pins::settle(&mut members, target, announcement.parameters);
         }
-        let runs: Vec<Run> = members.iter().map(RosterMember::run).collect();
+        let runs: Vec<ModuleRun> = members.iter().map(RosterMember::run).collect();
         let shortfall = self.shortfall(&runs, announcement.expected_modules);
         self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
         if shortfall.is_some() {

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Epoch, Incarnation, Message, ModuleId, ModulePhase, Roster, RosterMessage, Run, Service, digest,
+    Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, Roster, RosterMessage, Service,
+    digest,
 };
 
 pub(in crate::protocol) use gathering::Gathering;
@@ -156,7 +157,7 @@ impl Agent {
             self.wake_at(due);
             return;
         }
-        let present: Vec<Run> = living.iter().filter_map(|&id| self.run_of(id)).collect();
+        let present: Vec<ModuleRun> = living.iter().filter_map(|&id| self.run_of(id)).collect();
         let shortfall = self.shortfall(&present, self.expected());
         self.set_lacks_quorum(shortfall.map(|shortfall| (shortfall.present, shortfall.basis)));
         if shortfall.is_none() {
@@ -164,26 +165,26 @@ impl Agent {
         }
     }
 
-    fn run_of(&self, module: ModuleId) -> Option<Run> {
+    fn run_of(&self, module: ModuleId) -> Option<ModuleRun> {
         let incarnation = if module == self.module {
             self.incarnation
         } else {
             self.peers.get(module)?.incarnation
         };
-        Some(Run {
+        Some(ModuleRun {
             module,
             incarnation,
         })
     }
 
-    fn shortfall(&self, present: &[Run], expected: Option<u32>) -> Option<Shortfall> {
+    fn shortfall(&self, present: &[ModuleRun], expected: Option<u32>) -> Option<Shortfall> {
         if self.switch.is(Mutation::IgnoreQuorum) {
             return None;
         }
         if self.switch.is(Mutation::CountForgetful) {
             let runs = present.iter().flat_map(|run| {
                 let earlier = (0..=run.incarnation.0).map(Incarnation);
-                earlier.map(|incarnation| Run {
+                earlier.map(|incarnation| ModuleRun {
                     incarnation,
                     ..*run
                 })
@@ -227,7 +228,7 @@ impl Agent {
                 .iter()
                 .filter(|member| member.module.id != self.module)
         };
-        let is_in_charge = |run: Run| {
+        let is_in_charge = |run: ModuleRun| {
             let heartbeat = self.peers.get(run.module).and_then(|peer| peer.heartbeat);
             self.peers
                 .is_live(self.now, self.parameters.suspicion, run.module)
