@@ -1,6 +1,6 @@
 //! How far a formation has come, in answers and feedback.
 
-use formation::verify::{self, Stage};
+use formation::verify::{self, FormationStage};
 use serde::{Deserialize, Serialize};
 
 use crate::epoch::Epoch;
@@ -35,12 +35,12 @@ impl From<&verify::Progress> for Progress {
         let count = |count: usize| u32::try_from(count).unwrap_or(u32::MAX);
         Self {
             stage: match progress.stage {
-                Stage::WaitingForTarget => Self::STAGE_WAITING_FOR_TARGET,
-                Stage::Gathering => Self::STAGE_GATHERING,
-                Stage::Planning => Self::STAGE_PLANNING,
-                Stage::Agreeing => Self::STAGE_AGREEING,
-                Stage::Acting => Self::STAGE_ACTING,
-                Stage::Done => Self::STAGE_DONE,
+                FormationStage::WaitingForTarget => Self::STAGE_WAITING_FOR_TARGET,
+                FormationStage::Gathering => Self::STAGE_GATHERING,
+                FormationStage::Planning => Self::STAGE_PLANNING,
+                FormationStage::Agreeing => Self::STAGE_AGREEING,
+                FormationStage::Acting => Self::STAGE_ACTING,
+                FormationStage::Done => Self::STAGE_DONE,
             },
             epoch: progress.epoch.as_ref().into(),
             expected: progress.expected.map_or(0, count),

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use async_channel::{Sender, bounded};
 use formation::model::{Scenario, TargetAnnouncement};
-use formation::verify::{ObserverParameters, Outcome, Stage};
+use formation::verify::{FormationStage, ObserverParameters, Outcome};
 use formation_node::announcer::TargetProcess;
 use formation_node::environment::{DiscoveryRange, Environment, Overrides};
 use formation_node::settings::Settings;
@@ -140,7 +140,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
         panic!("expected a verdict, got {:?}", judgement.end);
     };
     assert!(
-        stages.contains(&Stage::Gathering),
+        stages.contains(&FormationStage::Gathering),
         "the target was not understood: {stages:?}, {}",
         judgement.traffic
     );

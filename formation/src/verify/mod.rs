@@ -9,7 +9,8 @@ mod replay;
 mod violation;
 
 pub use observer::{
-    Agreement, Counts, Observer, ObserverParameters, Outcome, Progress, Stage, Timings, Verdict,
+    Agreement, Counts, FormationStage, Observer, ObserverParameters, Outcome, Progress, Timings,
+    Verdict,
 };
 pub use plan::check_plan;
 pub use violation::{Missing, Violation};

@@ -27,7 +27,7 @@ use claims::{Claimed, replay_claims};
 use end_state::EndState;
 use order::Acts;
 use record::{EpochRecord, Epochs, HeardRoster, ModuleRecord};
-pub use verdict::{Agreement, Counts, Outcome, Progress, Stage, Timings, Verdict};
+pub use verdict::{Agreement, Counts, FormationStage, Outcome, Progress, Timings, Verdict};
 
 use crate::model::PlanningProblem;
 
@@ -281,9 +281,9 @@ impl Observer {
             .as_ref()
             .is_some_and(|target| target.target.is_some());
         let without_plan = if has_target {
-            Stage::Gathering
+            FormationStage::Gathering
         } else {
-            Stage::WaitingForTarget
+            FormationStage::WaitingForTarget
         };
         let mut progress = Progress {
             stage: without_plan,
@@ -310,15 +310,15 @@ impl Observer {
         progress.stage = if self.is_outdated(heard) {
             without_plan
         } else if missing.is_empty() {
-            Stage::Done
+            FormationStage::Done
         } else if end.is_agreed() && end.claims_are_whole() {
-            Stage::Acting
+            FormationStage::Acting
         } else if end.claims_are_whole() {
-            Stage::Agreeing
+            FormationStage::Agreeing
         } else {
-            Stage::Planning
+            FormationStage::Planning
         };
-        let waits_for_agreement = progress.stage < Stage::Acting;
+        let waits_for_agreement = progress.stage < FormationStage::Acting;
         let members: BTreeSet<ModuleId> = missing
             .iter()
             .filter_map(|one| match *one {

@@ -100,7 +100,7 @@ pub struct Agreement {
 
 /// How far a formation has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Stage {
+pub enum FormationStage {
     /// Nobody announced a target yet, or it was withdrawn.
     WaitingForTarget,
     /// Modules announce themselves; no roster yet.
@@ -115,7 +115,7 @@ pub enum Stage {
     Done,
 }
 
-impl fmt::Display for Stage {
+impl fmt::Display for FormationStage {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
             Self::WaitingForTarget => "waiting for a target",
@@ -132,7 +132,7 @@ impl fmt::Display for Stage {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Progress {
     /// Which part of the work is being done.
-    pub stage: Stage,
+    pub stage: FormationStage,
     /// The epoch of the newest roster.
     pub epoch: Option<Epoch>,
     /// How many modules were heard.

@@ -69,7 +69,7 @@ fn states_that_were_missed_are_not_held_against_the_modules() {
 fn progress_follows_the_run() {
     let run = good_run();
     let mut observer = Observer::new(patient());
-    assert_eq!(observer.progress().stage, Stage::WaitingForTarget);
+    assert_eq!(observer.progress().stage, FormationStage::WaitingForTarget);
     let mut stages = Vec::new();
     for message in run.messages() {
         observer.handle(Duration::ZERO, &message);
@@ -81,11 +81,11 @@ fn progress_follows_the_run() {
     assert_eq!(
         stages,
         [
-            Stage::Gathering,
-            Stage::Planning,
-            Stage::Agreeing,
-            Stage::Acting,
-            Stage::Done
+            FormationStage::Gathering,
+            FormationStage::Planning,
+            FormationStage::Agreeing,
+            FormationStage::Acting,
+            FormationStage::Done
         ]
     );
     let mut partly = good_run();
@@ -94,7 +94,7 @@ fn progress_follows_the_run() {
         .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
     partly.heartbeats.retain(|one| one.module != ModuleId(2));
     let progress = partly.observe().progress();
-    assert_eq!(progress.stage, Stage::Agreeing);
+    assert_eq!(progress.stage, FormationStage::Agreeing);
     assert_eq!((progress.joined, progress.expected), (5, Some(5)));
     assert_eq!((progress.planned, progress.agreed), (4, 4));
     assert_eq!((progress.settled, progress.to_fill), (3, 4));
@@ -109,7 +109,7 @@ fn an_agreement_needs_every_claim_and_every_member() {
     for message in run.messages() {
         observer.handle(Duration::ZERO, &message);
         let is_agreed = observer.agreement().is_some();
-        let acts = observer.progress().stage >= Stage::Acting;
+        let acts = observer.progress().stage >= FormationStage::Acting;
         assert_eq!(is_agreed, acts);
         if is_agreed && agreed_since.is_none() {
             agreed_since = Some(observer.progress());

@@ -136,13 +136,13 @@ fn a_target_that_is_announced_again_changes_nothing_unless_it_was_withdrawn() {
     assert_eq!(observer.current_epoch(), Some(EPOCH));
     observer.handle(at(2), &announced(2, |_| ()));
     assert_eq!(observer.current_epoch(), Some(EPOCH));
-    assert_eq!(observer.progress().stage, Stage::Done);
+    assert_eq!(observer.progress().stage, FormationStage::Done);
     assert_eq!(outcome(observer.review(at(5))), None, "as it was");
 
     observer.handle(at(6), &announced(3, |target| target.target = None));
-    assert_eq!(observer.progress().stage, Stage::WaitingForTarget);
+    assert_eq!(observer.progress().stage, FormationStage::WaitingForTarget);
     observer.handle(at(7), &announced(4, |_| ()));
-    assert_eq!(observer.progress().stage, Stage::Gathering);
+    assert_eq!(observer.progress().stage, FormationStage::Gathering);
     assert_eq!(
         observer.current_epoch(),
         None,
