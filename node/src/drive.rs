@@ -117,8 +117,8 @@ impl Drive {
     pub(crate) fn hear(&mut self, now: Duration, news: DriverNews) {
         if let Kind::External(drive) = &mut self.kind {
             match news {
-                DriverNews::Pose(pose) => drive.hear_pose(now, pose),
-                DriverNews::Docking(result) => drive.hear_docking_result(now, result),
+                DriverNews::Pose(pose) => drive.handle_pose(now, pose),
+                DriverNews::Docking(result) => drive.handle_docking_result(now, result),
             }
         }
     }

@@ -197,7 +197,7 @@ impl ExternalDrive {
     }
 
     /// Takes a pose of the driver.
-    pub fn hear_pose(&mut self, now: Duration, pose: Pose) {
+    pub fn handle_pose(&mut self, now: Duration, pose: Pose) {
         self.pose = pose;
         self.heard = now;
         match &mut self.errand {
@@ -227,7 +227,7 @@ impl ExternalDrive {
     }
 
     /// Takes an answer to a docking request; one to an earlier request is ignored.
-    pub fn hear_docking_result(&mut self, now: Duration, result: DockingResult) {
+    pub fn handle_docking_result(&mut self, now: Duration, result: DockingResult) {
         match self.docking.hear(result) {
             None => {}
             Some(Ok(report)) => self.report(report),
@@ -371,10 +371,10 @@ mod tests {
             commands(&mut drive),
             [DriveCommand::Goal(goal(2.0).pose); 3]
         );
-        drive.hear_pose(at(2_100), pose(1.0, 0.0));
+        drive.handle_pose(at(2_100), pose(1.0, 0.0));
         // Where it should be, but turned by more than the tolerance.
-        drive.hear_pose(at(2_200), pose(2.0, 0.1));
-        drive.hear_pose(at(2_300), pose(2.01, -0.02));
+        drive.handle_pose(at(2_200), pose(2.0, 0.1));
+        drive.handle_pose(at(2_300), pose(2.01, -0.02));
         assert_eq!(
             reports(&mut drive),
             [
@@ -384,8 +384,8 @@ mod tests {
             ]
         );
         // Noise of a standing module is no news, but being carried off is.
-        drive.hear_pose(at(9_000), pose(2.02, -0.02));
-        drive.hear_pose(at(9_100), pose(2.5, -0.02));
+        drive.handle_pose(at(9_000), pose(2.02, -0.02));
+        drive.handle_pose(at(9_100), pose(2.5, -0.02));
         assert_eq!(reports(&mut drive), [MotionReport::Pose(pose(2.5, -0.02))]);
         assert_eq!(drive.poll_timeout(), None);
     }
@@ -402,7 +402,7 @@ mod tests {
         let mut drive = drive();
         drive.go(at(1_000), &goal(2.0));
         assert_eq!(drive.poll_timeout(), Some(at(6_000)));
-        drive.hear_pose(at(2_000), pose(0.5, 0.0));
+        drive.handle_pose(at(2_000), pose(0.5, 0.0));
         assert_eq!(drive.poll_timeout(), Some(at(7_000)));
         drive.advance(at(6_999));
         assert_eq!(faults(&mut drive), [""; 0]);
@@ -424,14 +424,14 @@ mod tests {
         drive.go(at(0), &goal(5.0));
         drive.halt(at(1_000));
         for step in 0..10_u32 {
-            drive.hear_pose(
+            drive.handle_pose(
                 at(1_000 + u64::from(step) * 100),
                 pose(f64::from(step) * 0.1, 0.0),
             );
         }
         assert_eq!(reports(&mut drive), [], "it rolls on");
-        drive.hear_pose(at(2_000), pose(0.901, 0.0));
-        drive.hear_pose(at(2_400), pose(0.9, 0.0));
+        drive.handle_pose(at(2_000), pose(0.901, 0.0));
+        drive.handle_pose(at(2_400), pose(0.9, 0.0));
         assert_eq!(reports(&mut drive), [MotionReport::Halted(pose(0.9, 0.0))]);
     }
 
@@ -442,7 +442,7 @@ mod tests {
         drive.halt(at(0));
         for step in 1..300_u32 {
             let now = at(u64::from(step) * 100);
-            drive.hear_pose(now, pose(f64::from(step), 0.0));
+            drive.handle_pose(now, pose(f64::from(step), 0.0));
             drive.advance(now);
         }
         assert_eq!(reports(&mut drive), []);
@@ -478,11 +478,11 @@ mod tests {
                 asked(100, DockingAction::Undock)
             ]
         );
-        drive.hear_docking_result(at(600), answer(101, Ok(())));
+        drive.handle_docking_result(at(600), answer(101, Ok(())));
         assert_eq!(reports(&mut drive), [], "that one was not sent yet");
-        drive.hear_docking_result(at(700), answer(100, Ok(())));
-        drive.hear_docking_result(at(800), answer(100, Ok(())));
-        drive.hear_docking_result(at(900), answer(101, Ok(())));
+        drive.handle_docking_result(at(700), answer(100, Ok(())));
+        drive.handle_docking_result(at(800), answer(100, Ok(())));
+        drive.handle_docking_result(at(900), answer(101, Ok(())));
         assert_eq!(
             reports(&mut drive),
             [MotionReport::Undocked(OTHER), MotionReport::Docked(OTHER)]
@@ -505,7 +505,7 @@ mod tests {
             ]
         );
         drive.ask(at(40_000), DockingAction::Undock, OTHER);
-        drive.hear_docking_result(at(40_100), answer(102, Err("latch jammed".to_owned())));
+        drive.handle_docking_result(at(40_100), answer(102, Err("latch jammed".to_owned())));
         assert_eq!(reports(&mut drive), [MotionReport::Failed]);
         assert_eq!(
             faults(&mut drive),
