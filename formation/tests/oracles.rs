@@ -114,7 +114,7 @@ fn weights_by_definition(
             .get(spot)
             .is_none_or(|holder| !fixed.contains(holder))
     };
-    let cut_price = planning.problem().parameters().cut_price.of_one();
+    let cut_price = planning.problem().parameters().cut_price.per_cut();
     let cuts = |member: ModuleId, spot: usize| {
         let links = &planning.problem().module(member).unwrap().links;
         let broken = links

@@ -99,7 +99,7 @@ impl From<&model::PlannerParameters> for PlannerParameters {
             weight_loc: parameters.weights.loc().to_units(),
             weight_dock: parameters.weights.dock().to_units(),
             weight_undock: parameters.weights.undock().to_units(),
-            cut_price: parameters.cut_price.of_one().to_units(),
+            cut_price: parameters.cut_price.per_cut().to_units(),
             keep_all_spots: parameters.keep_all_spots,
         }
     }

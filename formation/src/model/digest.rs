@@ -65,7 +65,7 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
         parameters.weights.loc(),
         parameters.weights.dock(),
         parameters.weights.undock(),
-        parameters.cut_price.of_one(),
+        parameters.cut_price.per_cut(),
     ] {
         canonical.signed(weight.0);
     }

@@ -150,7 +150,7 @@ impl CutPrice {
 
     /// The price of one cut.
     #[must_use]
-    pub fn of_one(&self) -> MicroUnits {
+    pub fn per_cut(&self) -> MicroUnits {
         self.0
     }
 }

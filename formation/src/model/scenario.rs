@@ -134,7 +134,7 @@ impl From<PlannerParameters> for RawPlanner {
             d_max: parameters.d_max,
             exact_finish: parameters.exact_finish,
             weights: parameters.weights.into(),
-            cut_price: parameters.cut_price.of_one().to_units(),
+            cut_price: parameters.cut_price.per_cut().to_units(),
             keep_all_spots: parameters.keep_all_spots,
         }
     }

@@ -35,7 +35,7 @@ pub(crate) fn allocate(
     queue: &TurnQueue,
 ) -> BlockOutcome {
     let topology = topology_of(instance, members);
-    let cut_price = instance.problem.parameters().cut_price.of_one();
+    let cut_price = instance.problem.parameters().cut_price.per_cut();
     let breaking: Vec<MicroUnits> = (0..members.len())
         .map(|node| cut_price.times(topology.degree(node)))
         .collect();
