@@ -6,6 +6,7 @@
 //!
 //! ```sh
 //! cargo run --release -p formation_sim --example fingerprint -- --seeds 10000 --faults mixed
+//! cargo run --release -p formation_sim --example fingerprint -- --seeds 10000 --faults mixed --modules 3-12
 //! cargo run --release -p formation_sim --example fingerprint -- --show 42 --faults mixed
 //! ```
 
@@ -17,12 +18,14 @@ use sha2::{Digest, Sha256};
 /// The number of seeds that share one printed hash, so that a difference can be located.
 const BLOCK: u64 = 500;
 
-const USAGE: &str = "usage: fingerprint [--seeds N] [--first-seed N] [--faults KIND] [--show SEED]";
+const USAGE: &str = "usage: fingerprint [--seeds N] [--first-seed N] [--faults KIND] [--modules MIN-MAX] [--show SEED]";
 
 struct Options {
     seeds: u64,
     first_seed: u64,
     faults: FaultKind,
+    /// The fewest and the most modules of a drawn scenario; by default those of `tests/faults.rs`.
+    modules: Option<(usize, usize)>,
     show: Option<u64>,
 }
 
@@ -31,6 +34,7 @@ fn options(mut arguments: impl Iterator<Item = String>) -> Result<Options, Box<d
         seeds: 1_000,
         first_seed: 0,
         faults: FaultKind::Mixed,
+        modules: None,
         show: None,
     };
     while let Some(option) = arguments.next() {
@@ -39,6 +43,10 @@ fn options(mut arguments: impl Iterator<Item = String>) -> Result<Options, Box<d
             "--seeds" => options.seeds = value.parse()?,
             "--first-seed" => options.first_seed = value.parse()?,
             "--faults" => options.faults = value.parse()?,
+            "--modules" => {
+                let (least, most) = value.split_once('-').ok_or(USAGE)?;
+                options.modules = Some((least.parse()?, most.parse()?));
+            }
             "--show" => options.show = Some(value.parse()?),
             _ => return Err(USAGE.into()),
         }
@@ -90,15 +98,17 @@ impl Fingerprint {
 
 fn main() -> Result<(), Box<dyn Error>> {
     let options = options(std::env::args().skip(1))?;
-    // The bounds of `tests/faults.rs`, so that the seeds mean the same runs.
+    let defaults = CampaignParameters::default();
+    let (modules_min, modules_max) = options.modules.unwrap_or(match options.faults {
+        FaultKind::Hostile => (defaults.modules_min, 16),
+        _ => (defaults.modules_min, defaults.modules_max),
+    });
     let parameters = CampaignParameters {
         faults: options.faults,
-        modules_max: match options.faults {
-            FaultKind::Hostile => 16,
-            _ => CampaignParameters::default().modules_max,
-        },
+        modules_min,
+        modules_max,
         transcripts: true,
-        ..CampaignParameters::default()
+        ..defaults
     };
     if let Some(seed) = options.show {
         print!("{}", run_seed(&parameters, seed)?.transcript);
