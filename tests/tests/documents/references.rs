@@ -1,0 +1,151 @@
+//! What the documents name exists: files, items of the code, tests.
+
+use std::path::Path;
+
+use formation_tests::root;
+
+use crate::files::{self, TextFile};
+
+/// Every page that is written for people.
+fn pages() -> Vec<TextFile> {
+    let mut pages = files::all();
+    pages.retain(|file| file.ends_with(".md"));
+    pages
+}
+
+/// The text of a page outside of its fenced blocks.
+fn prose(text: &str) -> String {
+    text.split("```").step_by(2).collect()
+}
+
+/// What a page quotes as code, outside of its fenced blocks.
+fn quotes(prose: &str) -> impl Iterator<Item = &str> {
+    prose.split('`').skip(1).step_by(2)
+}
+
+/// The `file::item` references of a text.
+fn references(prose: &str) -> impl Iterator<Item = (&str, &str)> {
+    quotes(prose)
+        .filter_map(|quoted| quoted.split_once("::"))
+        .filter(|(file, _)| file.ends_with(".rs"))
+}
+
+/// Whether the source defines an item of this name.
+fn defines(source: &str, name: &str) -> bool {
+    let kinds = [
+        "fn", "struct", "enum", "const", "static", "trait", "type", "mod",
+    ];
+    let is_name = |symbol: char| symbol.is_alphanumeric() || symbol == '_';
+    kinds.iter().any(|kind| {
+        let head = format!("{kind} {name}");
+        source
+            .match_indices(&head)
+            .any(|(at, _)| !source[at + head.len()..].starts_with(is_name))
+    })
+}
+
+/// Whether the source has a test of this name.
+fn has_test(source: &str, name: &str) -> bool {
+    let header = format!("fn {name}(");
+    source.split("#[test]").skip(1).any(|rest| {
+        let function = rest
+            .lines()
+            .find(|line| line.trim_start().starts_with("fn "));
+        function.is_some_and(|line| line.contains(&header))
+    })
+}
+
+/// Whether a reference names a test.
+fn is_test((file, name): (&str, &str)) -> bool {
+    root().join(file).is_file() && has_test(&TextFile::read(file).text, name)
+}
+
+#[test]
+fn every_file_that_a_page_names_exists() {
+    let top_level = files::top_level();
+    let mut missing = Vec::new();
+    for page in pages() {
+        let prose = prose(&page.text);
+        let folder = Path::new(&page.path).parent().unwrap();
+        let links = prose
+            .split("](")
+            .skip(1)
+            .filter_map(|rest| rest.split(')').next())
+            .filter(|link| !link.contains("://") && !link.starts_with('#'))
+            .map(|link| folder.join(link.split('#').next().unwrap_or(link)));
+        let quoted = quotes(&prose)
+            .filter_map(|quoted| quoted.split_whitespace().next())
+            .filter(|quoted| {
+                let top = quoted.split_once('/').map(|(top, _)| top);
+                top.is_some_and(|top| top_level.iter().any(|entry| entry == top))
+            })
+            .map(|quoted| quoted.split("::").next().unwrap_or(quoted))
+            .map(|path| match path.split_once('*') {
+                Some((folder, _)) => {
+                    Path::new(folder.trim_end_matches(|symbol| symbol != '/')).into()
+                }
+                None => Path::new(path).to_path_buf(),
+            });
+        for path in links.chain(quoted) {
+            if !root().join(&path).exists() {
+                missing.push(format!("{} names {}", page.path, path.display()));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{}", missing.join("\n"));
+}
+
+#[test]
+fn every_item_that_a_page_names_is_defined_where_it_says() {
+    let mut missing = Vec::new();
+    for page in pages() {
+        for (file, name) in references(&prose(&page.text)) {
+            let name = name.rsplit("::").next().unwrap_or(name);
+            let exists = root().join(file).is_file();
+            if !exists || !defines(&TextFile::read(file).text, name) {
+                missing.push(format!("{} names {file}::{name}", page.path));
+            }
+        }
+    }
+    assert!(missing.is_empty(), "{}", missing.join("\n"));
+}
+
+#[test]
+fn every_promise_of_the_fault_model_names_tests() {
+    let page = TextFile::read("docs/fault_model.md");
+    let prose = prose(&page.text);
+    let tests: Vec<_> = references(&prose).filter(|one| is_test(*one)).collect();
+    assert!(tests.len() > 20, "found {}", tests.len());
+}
+
+#[test]
+fn every_rule_of_the_protocol_names_what_enforces_it_and_a_test_that_shows_it() {
+    let page = TextFile::read("docs/protocol.md");
+    let rules: Vec<&str> = page
+        .text
+        .split("\n\n")
+        .filter(|paragraph| {
+            let number = paragraph
+                .strip_prefix("**")
+                .and_then(|rest| rest.split_once('.'));
+            number.is_some_and(|(number, _)| {
+                number.starts_with(char::is_uppercase) && number.ends_with(char::is_numeric)
+            })
+        })
+        .collect();
+    assert!(rules.len() > 30, "found {} rules", rules.len());
+    for rule in rules {
+        let (enforced, shown) = rule
+            .split_once("Shown:")
+            .unwrap_or_else(|| panic!("names no test: {rule}"));
+        let enforced = enforced
+            .split_once("Enforced:")
+            .unwrap_or_else(|| panic!("names nothing that enforces it: {rule}"))
+            .1;
+        assert!(references(enforced).next().is_some(), "{rule}");
+        assert!(references(shown).next().is_some(), "{rule}");
+        for reference in references(shown) {
+            assert!(is_test(reference), "{reference:?} is no test: {rule}");
+        }
+    }
+}

@@ -1,0 +1,76 @@
+//! Rules of layout that no lint of the compiler holds.
+
+use crate::files;
+
+/// The most lines of a file of Rust.
+const LINES_MAX: usize = 600;
+
+/// Paths that exist on one machine only.
+const OF_ONE_MACHINE: [&str; 4] = ["/work/", "/home/", "/root/", "/Users/"];
+
+/// What gives the core a clock, input or output, or an order that differs between processes. `formation/clippy.toml`
+/// disallows the most common of these by type; this covers whole modules of the standard library.
+const IMPURE: [&str; 14] = [
+    "std::env",
+    "std::fs",
+    "std::io",
+    "std::net",
+    "std::os",
+    "std::process",
+    "std::thread",
+    "Instant",
+    "SystemTime",
+    "HashMap",
+    "HashSet",
+    "RandomState",
+    "println!",
+    "eprintln!",
+];
+
+/// This folder lists what must not be.
+const SELF: &str = "tests/tests/documents";
+
+#[test]
+fn no_path_of_one_machine_is_named() {
+    let mut found = Vec::new();
+    for file in files::all().iter().filter(|file| !file.is_in(SELF)) {
+        let is_test = file.path.split('/').any(|part| part == "tests");
+        for (index, line) in file.text.lines().enumerate() {
+            let is_of_one = OF_ONE_MACHINE.iter().any(|path| line.contains(path));
+            if is_of_one || (!is_test && line.contains("/tmp/")) {
+                found.push(format!("{}:{}: {}", file.path, index + 1, line.trim()));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn the_core_has_no_clock_no_input_or_output_and_no_hash_order() {
+    let mut found = Vec::new();
+    for file in files::all() {
+        if !file.is_in("formation/src") || !file.ends_with(".rs") {
+            continue;
+        }
+        for (index, line) in file.text.lines().enumerate() {
+            let is_comment = line.trim_start().starts_with("//");
+            let impure = IMPURE.iter().find(|name| line.contains(**name));
+            if let Some(name) = impure.filter(|_| !is_comment) {
+                found.push(format!("{}:{}: {name}", file.path, index + 1));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
+
+#[test]
+fn no_file_of_rust_is_too_long_to_survey() {
+    let long: Vec<String> = files::all()
+        .iter()
+        .filter(|file| file.ends_with(".rs"))
+        .map(|file| (file.text.lines().count(), &file.path))
+        .filter(|(lines, _)| *lines > LINES_MAX)
+        .map(|(lines, path)| format!("{path}: {lines} lines, at most {LINES_MAX}"))
+        .collect();
+    assert!(long.is_empty(), "{}", long.join("\n"));
+}
