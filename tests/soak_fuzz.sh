@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Tries CASES of everything that reads bytes from outside: messages, scenario files, arguments and parameter files.
-# Usage: tests/soak_fuzz.sh [CASES], a million for each test by default.
+# Runs the tests that draw random input for every parser of external data (messages, scenario files, arguments, parameter
+# files) with CASES inputs each.
+# Usage: tests/soak_fuzz.sh [CASES], one million by default.
 set -euo pipefail
 cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export FORMATION_FUZZ_CASES="${1:-1000000}"

@@ -1,7 +1,7 @@
 #!/usr/bin/env bash
-# Simulates many seeds of 5 to 40 modules with mixed faults, and then searches all schedules of three modules up to a
-# larger bound than the test command does.
-# Usage: tests/soak_simulation.sh [SEEDS], 10000 by default; the exit status is 1 if anything was violated.
+# Simulates SEEDS runs of 5 to 40 modules with mixed faults, then searches all schedules of three modules up to a larger
+# bound than the test command uses.
+# Usage: tests/soak_simulation.sh [SEEDS], 10000 by default; the exit status is 1 if any run violates a promise.
 set -euo pipefail
 repository="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 cd "$repository"
