@@ -164,3 +164,14 @@ fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
         "{pinned:?}"
     );
 }
+
+#[test]
+fn a_higher_revision_of_the_same_target_opens_no_epoch() {
+    let problem = drawn(5, 5, Grouping::Singletons, 1);
+    let mut stage = Stage::new(&problem, 1);
+    stage.until(Cluster::has_formed);
+    stage.cluster.announce_problem(&problem, 2);
+    stage.run_for(Duration::from_secs(60));
+    assert_eq!(stage.newest_epoch(), 1);
+    assert_eq!(stage.settled().len(), 5);
+}

@@ -1,5 +1,6 @@
 //! What the documents name exists: files, items of the code, tests.
 
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use formation_tests::root;
@@ -77,7 +78,10 @@ fn every_file_that_a_page_names_exists() {
             .filter_map(|quoted| quoted.split_whitespace().next())
             .filter(|quoted| {
                 let top = quoted.split_once('/').map(|(top, _)| top);
-                top.is_some_and(|top| top_level.iter().any(|entry| entry == top))
+                let is_source = [".rs", ".py", ".sh", ".md"]
+                    .iter()
+                    .any(|end| quoted.ends_with(end));
+                top.is_some_and(|top| is_source || top_level.iter().any(|entry| entry == top))
             })
             .map(|quoted| quoted.split("::").next().unwrap_or(quoted))
             .map(|path| match path.split_once('*') {
@@ -148,4 +152,60 @@ fn every_rule_of_the_protocol_names_what_enforces_it_and_a_test_that_shows_it() 
             assert!(is_test(reference), "{reference:?} is no test: {rule}");
         }
     }
+}
+
+/// The lines of one table of a manifest.
+fn table<'a>(manifest: &'a str, name: &str) -> impl Iterator<Item = &'a str> {
+    let header = format!("[{name}]");
+    manifest
+        .lines()
+        .skip_while(move |line| *line != header)
+        .skip(1)
+        .take_while(|line| !line.starts_with('['))
+}
+
+/// The folder of each crate of the workspace, by name.
+fn folders() -> BTreeMap<String, String> {
+    let manifest = TextFile::read("Cargo.toml");
+    table(&manifest.text, "workspace.dependencies")
+        .filter_map(|line| {
+            let (name, rest) = line.split_once(" = { path = \"")?;
+            let (folder, _) = rest.split_once('"')?;
+            Some((name.to_owned(), folder.to_owned()))
+        })
+        .collect()
+}
+
+#[test]
+fn the_table_of_crates_agrees_with_the_manifests() {
+    let page = TextFile::read("ARCHITECTURE.md");
+    let crates = page.text.split("\n## Crates\n").nth(1).unwrap();
+    let rows = crates.split("\n### ").next().unwrap().lines();
+    let listed: BTreeMap<String, BTreeSet<String>> = rows
+        .filter(|row| row.starts_with("| `"))
+        .map(|row| {
+            let cells: Vec<&str> = row.split('|').collect();
+            let names = |cell: &str| quotes(cell).map(str::to_owned).collect::<Vec<_>>();
+            let folder = names(cells[1]).remove(0);
+            (folder, names(cells[2]).into_iter().collect())
+        })
+        .collect();
+    let folders = folders();
+    let members = TextFile::read("Cargo.toml");
+    let members = table(&members.text, "workspace").filter_map(|line| {
+        let member = line.trim().strip_prefix('"')?;
+        member.strip_suffix("\",")
+    });
+    let used: BTreeMap<String, BTreeSet<String>> = members
+        .map(|member| {
+            let manifest = TextFile::read(&format!("{member}/Cargo.toml"));
+            let uses = table(&manifest.text, "dependencies")
+                .filter_map(|line| line.split(['.', ' ']).next())
+                .filter_map(|name| folders.get(name).cloned())
+                .collect();
+            (member.to_owned(), uses)
+        })
+        .collect();
+    assert!(used.len() > 10, "found {used:?}");
+    assert_eq!(listed, used);
 }
