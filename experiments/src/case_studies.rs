@@ -1,13 +1,13 @@
-//! Eight small formations in the spirit of the paper's Figure 10.
+//! Eight small formations like those of the paper's Figure 10.
 //!
-//! The paper shows its cases as pictures of its own modules, so these are ours: initial configurations and singletons
-//! into shapes that modular robots take.
+//! The paper shows its cases only as pictures of its modules, so these cases are ours: initial configurations and
+//! singletons that form typical shapes of modular robots.
 
 /// One case study.
 pub(crate) struct Case {
-    /// What is formed.
+    /// The shape that is formed.
     pub name: &'static str,
-    /// The scenario file.
+    /// The text of the scenario file.
     pub scenario: &'static str,
 }
 

@@ -1,4 +1,4 @@
-//! Cells: the smallest pieces of work, each kept once it is done.
+//! Cells: the smallest pieces of work, each kept once it is finished.
 
 use std::path::Path;
 
@@ -7,41 +7,45 @@ use serde::{Deserialize, Serialize};
 use crate::contender::Contender;
 use crate::error::CellError;
 use crate::instance::{Docked, Instance};
-use crate::measure::auction::{self, AuctionMeasurement};
 use crate::measure::matching::{self, MatchingMeasurement};
 use crate::measure::plan::{self, PlanMeasurement};
 use crate::measure::processes::{self, ProcessMeasurement};
-use crate::measure::protocol::{self, ProtocolMeasurement};
+use crate::measure::talk::Talk;
+use crate::measure::{auction, protocol};
 use crate::settings::Settings;
 
-/// One thing to measure of one instance.
+/// One measurement of one instance, planned by one contender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(rename_all = "snake_case")]
-pub(crate) enum Cell {
-    /// The search for the place of an instance's only configuration.
-    Matching(Instance),
-    /// What a contender decides, and how long its core takes.
-    Plan(Instance, Contender),
-    /// What the agents say in the simulator.
-    Protocol(Instance, Contender),
-    /// What the bidders of an auction say.
-    Auction(Instance),
-    /// How long real processes take.
-    Processes {
-        instance: Instance,
-        contender: Contender,
-        modules_per_process: usize,
-    },
+#[serde(deny_unknown_fields)]
+pub(crate) struct Cell {
+    pub kind: Kind,
+    pub instance: Instance,
+    pub contender: Contender,
+    /// The number of modules in each process, for [`Kind::Processes`].
+    pub modules_per_process: usize,
 }
 
-/// What was measured in a cell.
+/// What is measured.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub(crate) enum Kind {
+    /// The search for the place of an instance's only configuration, ours and the paper's.
+    Matching,
+    /// The plan, and the time that the core needs for it.
+    Plan,
+    /// The messages of the agents in the simulator, or of the bidders for [`Contender::Auction`].
+    Talk,
+    /// The time that real processes need.
+    Processes,
+}
+
+/// The result of a cell.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Measurement {
     Matching(MatchingMeasurement),
     Plan(PlanMeasurement),
-    Protocol(ProtocolMeasurement),
-    Auction(AuctionMeasurement),
+    Talk(Talk),
     Processes(ProcessMeasurement),
 }
 
@@ -52,78 +56,54 @@ impl Cell {
         settings: &Settings,
         launcher: &Path,
     ) -> Result<Measurement, CellError> {
-        Ok(match self {
-            Self::Matching(instance) => {
-                let problem = instance.problem(Contender::Ours)?;
+        let scenario = self.instance.scenario(self.contender)?;
+        if self.kind == Kind::Processes {
+            let measured = processes::measure(launcher, &scenario, self.modules_per_process)?;
+            return Ok(Measurement::Processes(measured));
+        }
+        let problem = self.instance.problem(self.contender)?;
+        Ok(match (self.kind, self.contender) {
+            (Kind::Matching, _) => {
                 Measurement::Matching(matching::measure(&problem, settings.timings))
             }
-            Self::Plan(instance, contender) => {
-                let problem = instance.problem(contender)?;
+            (Kind::Plan | Kind::Processes, _) => {
                 Measurement::Plan(plan::measure(&problem, settings.timings))
             }
-            Self::Protocol(instance, contender) => {
-                let problem = instance.problem(contender)?;
-                Measurement::Protocol(protocol::measure(&problem, instance.seed())?)
-            }
-            Self::Auction(instance) => {
-                let problem = instance.problem(Contender::Auction)?;
-                Measurement::Auction(auction::measure(&problem))
-            }
-            Self::Processes {
-                instance,
-                contender,
-                modules_per_process,
-            } => {
-                let scenario = instance.scenario(contender)?;
-                Measurement::Processes(processes::measure(
-                    launcher,
-                    &scenario,
-                    modules_per_process,
-                )?)
+            (Kind::Talk, Contender::Auction) => Measurement::Talk(auction::measure(&problem)),
+            (Kind::Talk, _) => {
+                Measurement::Talk(protocol::measure(&problem, self.instance.seed())?)
             }
         })
     }
 
-    /// Whether the clock is looked at, so that nothing else should run beside.
+    /// Whether the result contains measured times; no other cell runs at the same time as a timed one.
     pub(crate) fn is_timed(self) -> bool {
-        !matches!(self, Self::Protocol(..) | Self::Auction(_))
+        self.kind != Kind::Talk
     }
 
-    /// About how long the work takes, in tenths of a millisecond, so that the time left can be told.
+    /// An estimate of the working time in tenths of a millisecond, for the progress bar.
     pub(crate) fn cost(self) -> u64 {
-        let modules = self.instance().modules() as u64;
-        1 + match self {
-            Self::Matching(_) => 3 * modules,
-            Self::Plan(_, Contender::PaperPolicy) => modules * modules / 30,
-            Self::Plan(..) | Self::Auction(_) => modules * modules / 200,
-            Self::Protocol(..) => modules * modules / 4,
-            Self::Processes {
-                modules_per_process,
-                ..
-            } => 20_000 + 2_000 * modules / modules_per_process as u64,
+        let modules = self.instance.modules() as u64;
+        1 + match (self.kind, self.contender) {
+            (Kind::Matching, _) => 3 * modules,
+            (Kind::Plan, Contender::PaperPolicy) => modules * modules / 30,
+            (Kind::Plan, _) | (Kind::Talk, Contender::Auction) => modules * modules / 200,
+            (Kind::Talk, _) => modules * modules / 4,
+            (Kind::Processes, _) => 20_000 + 2_000 * modules / self.modules_per_process as u64,
         }
     }
 
-    fn instance(self) -> Instance {
-        match self {
-            Self::Matching(instance)
-            | Self::Plan(instance, _)
-            | Self::Protocol(instance, _)
-            | Self::Auction(instance)
-            | Self::Processes { instance, .. } => instance,
-        }
-    }
-
-    /// What people are shown while it is being measured.
+    /// The name of the cell in the progress display and in errors.
     pub(crate) fn label(self) -> String {
-        let what = match self {
-            Self::Matching(_) => "matching".to_owned(),
-            Self::Plan(_, contender) => format!("plan, {}", contender.label()),
-            Self::Protocol(_, contender) => format!("protocol, {}", contender.label()),
-            Self::Auction(_) => "auction".to_owned(),
-            Self::Processes { contender, .. } => format!("processes, {}", contender.label()),
+        let contender = self.contender.label();
+        let what = match (self.kind, self.contender) {
+            (Kind::Matching, _) => "matching".to_owned(),
+            (Kind::Plan, _) => format!("plan, {contender}"),
+            (Kind::Talk, Contender::Auction) => contender.to_owned(),
+            (Kind::Talk, _) => format!("protocol, {contender}"),
+            (Kind::Processes, _) => format!("processes, {contender}"),
         };
-        match self.instance() {
+        match self.instance {
             Instance::CaseStudy(number) => format!("{what}, case {number}"),
             Instance::Generated {
                 modules,
@@ -139,22 +119,6 @@ impl Cell {
                 };
                 format!("{what}, {modules} modules, {spots} spots, {docked}, seed {seed}")
             }
-        }
-    }
-}
-
-impl Instance {
-    fn modules(self) -> usize {
-        match self {
-            Self::Generated { modules, .. } => modules,
-            Self::CaseStudy(_) => 17,
-        }
-    }
-
-    fn seed(self) -> u64 {
-        match self {
-            Self::Generated { seed, .. } => seed,
-            Self::CaseStudy(number) => number as u64,
         }
     }
 }

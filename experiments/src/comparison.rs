@@ -1,51 +1,43 @@
-//! Ours against the paper policy on the same instances, with a reason wherever ours is not ahead.
+//! Ours against the paper policy on the same instances, with a reason wherever ours is behind.
+
+use std::cmp::Ordering;
 
 use crate::case_studies::CASES;
 use crate::contender::Contender;
-use crate::figures::{equal, mixed, plans, sample, singletons, surplus};
-use crate::instance::{Docked, Instance};
+use crate::figures::{Data, Family, Group, Value, labelled, lattice, mixed, singletons, surplus};
+use crate::instance::Instance;
 use crate::measure::plan::PlanMeasurement;
 use crate::sample::{exact, short};
 use crate::settings::Settings;
-use crate::store::Store;
 use crate::table::Table;
 
 /// The instances of one row.
-struct Row<'a> {
+struct Row {
     name: String,
-    instance: Box<dyn Fn(u64) -> Instance + 'a>,
+    /// The groups of the paper policy and of ours.
+    groups: [Group; 2],
 }
 
-impl<'a> Row<'a> {
-    fn new(name: String, instance: impl Fn(u64) -> Instance + 'a) -> Self {
-        let instance = Box::new(instance);
-        Self { name, instance }
-    }
-}
+const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
 
-/// One number on which both are compared.
+/// One number by which both are compared.
 struct Metric {
     name: &'static str,
     key: &'static str,
-    paper: Value,
-    ours: Value,
+    paper: Of,
+    ours: Of,
     higher_is_better: bool,
     /// Whether the summary shows it; the CSV file always does.
     is_shown: bool,
-    /// Why ours may be behind, apart from spots that the paper policy leaves empty.
+    /// Why ours can be behind, apart from spots that the paper policy leaves empty.
     reason: &'static str,
 }
 
-type Value = fn(&PlanMeasurement) -> f64;
+type Of = fn(&PlanMeasurement) -> f64;
 
 impl Metric {
-    /// A number that both have in the same way, and of which less is better.
-    const fn same(
-        name: &'static str,
-        key: &'static str,
-        value: Value,
-        reason: &'static str,
-    ) -> Self {
+    /// A number with the same definition for both, of which less is better.
+    const fn same(name: &'static str, key: &'static str, value: Of, reason: &'static str) -> Self {
         Self {
             name,
             key,
@@ -138,105 +130,132 @@ const METRICS: [Metric; 9] = [
     },
 ];
 
-/// What the comparison comes to.
+/// The comparison of all instances.
 pub(crate) struct Comparison {
     pub table: Table,
-    pub text: String,
+    /// How many numbers are compared, and in how many of them ours is ahead or equal.
+    pub all: usize,
+    pub ahead: usize,
+    /// The table that the summary shows, with its footnotes.
+    pub results: String,
 }
 
-/// Compares all instances of which both plans are there; `None` if there are none.
-pub(crate) fn compare(settings: &Settings, store: &Store) -> Option<Comparison> {
-    let mut table = Table::new(&[
-        "instances",
-        "runs",
-        "metric",
-        "paper_policy_mean",
-        "ours_mean",
-        "ours_is",
-        "paper_policy_filled_spots_mean",
-        "ours_filled_spots_mean",
-        "paper_policy_per_filled_spot",
-        "ours_per_filled_spot",
-        "reason",
-    ]);
-    let mut heads = vec!["instances", "spots filled"];
+/// Compares all instances that both have planned; `None` if there are none.
+pub(crate) fn compare(data: &Data<'_>) -> Option<Comparison> {
+    let rows = rows(data.settings);
+    let rows: Vec<Compared> = rows.iter().filter_map(|row| row.compare(data)).collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let mut table = Table::new(
+        "instances | runs | metric | paper_policy_mean | ours_mean | ours_is | \
+        paper_policy_filled_spots_mean | ours_filled_spots_mean | \
+        paper_policy_per_filled_spot | ours_per_filled_spot | reason",
+    );
+    let mut heads = vec!["instances | spots filled"];
     let is_shown = |metric: &&Metric| metric.is_shown;
     heads.extend(METRICS.iter().filter(is_shown).map(|metric| metric.name));
     heads.push("where ours is not ahead");
-    let mut summary = Table::new(&heads);
-    let (mut ahead, mut all) = (0, 0);
+    let mut summary = Table::new(&heads.join(" | "));
     let mut footnotes: Vec<String> = Vec::new();
-    for row in rows(settings) {
-        let paper = plans(settings, store, Contender::PaperPolicy, &row.instance);
-        let ours = plans(settings, store, Contender::Ours, &row.instance);
-        if ours.is_empty() || paper.len() != ours.len() {
-            continue;
-        }
-        let filled =
-            [&paper, &ours].map(|plans| sample(plans, |plan| plan.filled_spots as f64).mean);
-        let mut shown = vec![
-            row.name.clone(),
-            format!("{} / {}", short(filled[0]), short(filled[1])),
-        ];
-        let mut reasons = Vec::new();
-        for metric in &METRICS {
-            let means = [
-                sample(&paper, metric.paper).mean,
-                sample(&ours, metric.ours).mean,
-            ];
-            let standing = Standing::of(metric, means);
-            let reason = match standing {
-                Standing::Behind => metric.why(means, filled),
-                Standing::Ahead | Standing::Equal => String::new(),
-            };
-            table.row(vec![
-                row.name.clone(),
-                ours.len().to_string(),
-                metric.key.to_owned(),
-                exact(means[0]),
-                exact(means[1]),
-                standing.name().to_owned(),
-                exact(filled[0]),
-                exact(filled[1]),
-                exact(means[0] / filled[0]),
-                exact(means[1] / filled[1]),
-                reason.clone(),
-            ]);
-            if !metric.is_shown {
-                continue;
-            }
-            all += 1;
-            ahead += usize::from(standing != Standing::Behind);
-            let [of_paper, of_ours] = means.map(short);
-            shown.push(match standing {
-                Standing::Behind => format!("{of_paper} / {of_ours}"),
-                Standing::Ahead | Standing::Equal => format!("{of_paper} / **{of_ours}**"),
-            });
-            if !reason.is_empty() {
-                reasons.push(format!("{} {}", metric.name, mark(&mut footnotes, reason)));
-            }
-        }
-        shown.push(reasons.join(", "));
-        summary.row(shown);
+    for row in &rows {
+        row.tabulate(&mut table);
+        summary.row(row.summarise(&mut footnotes));
     }
-    if all == 0 {
-        return None;
-    }
-    let mut text = format!(
-        "Means over the same instances, paper policy / ours; **bold** where ours is ahead or equal, which it is in {ahead} of \
-         {all}. Messages are counted as each one's own algorithm asks for them. Decisions: claims of ours; the paper's \
-         broadcasts of the set of pairs, one a turn and one for each module disconnected. Pairs delivered: (spot, selector) \
-         pairs times receivers; the paper's broadcasts repeat the whole set, claims say what changes. `comparison.csv` has \
-         both counts with the paper policy carried by our protocol too.\n\n{}\n",
-        summary.to_markdown()
-    );
+    let shown = rows.iter().flat_map(|row| &row.means);
+    let shown = shown.filter(|(metric, _)| metric.is_shown);
+    let ahead = shown
+        .clone()
+        .filter(|(metric, means)| metric.standing(*means).is_ge());
+    let mut results = format!("{}\n", summary.to_markdown());
     for (number, footnote) in footnotes.iter().enumerate() {
-        text.push_str(&format!("- {} {footnote}\n", letter(number)));
+        results.push_str(&format!("- {} {footnote}\n", letter(number)));
     }
-    Some(Comparison { table, text })
+    Some(Comparison {
+        table,
+        all: shown.count(),
+        ahead: ahead.count(),
+        results,
+    })
 }
 
-/// The mark of a footnote, which is added if it is new.
+/// A row with its means, those of the paper policy first.
+struct Compared<'a> {
+    name: &'a str,
+    runs: usize,
+    filled: [f64; 2],
+    means: Vec<(&'static Metric, [f64; 2])>,
+}
+
+impl Row {
+    /// `None` unless both have planned the same number of instances.
+    fn compare(&self, data: &Data<'_>) -> Option<Compared<'_>> {
+        let [of_paper, of_ours] = &self.groups;
+        let sample = |group, value| data.sample(group, Value::Plan(value));
+        let filled = self
+            .groups
+            .each_ref()
+            .map(|group| sample(group, |plan| plan.filled_spots as f64));
+        let [paper_runs, runs] = filled.map(|filled| filled.count);
+        let means = |metric: &'static Metric| {
+            let paper = sample(of_paper, metric.paper).mean;
+            (metric, [paper, sample(of_ours, metric.ours).mean])
+        };
+        (runs > 0 && paper_runs == runs).then(|| Compared {
+            name: &self.name,
+            runs,
+            filled: filled.map(|filled| filled.mean),
+            means: METRICS.iter().map(means).collect(),
+        })
+    }
+}
+
+impl Compared<'_> {
+    /// Adds a line for each metric to the CSV file.
+    fn tabulate(&self, table: &mut Table) {
+        let [of_paper, of_ours] = self.filled;
+        for &(metric, [paper, ours]) in &self.means {
+            let standing = match metric.standing([paper, ours]) {
+                Ordering::Less => "behind",
+                Ordering::Equal => "equal",
+                Ordering::Greater => "ahead",
+            };
+            let mut row = vec![
+                self.name.to_owned(),
+                self.runs.to_string(),
+                metric.key.to_owned(),
+                exact(paper),
+                exact(ours),
+                standing.to_owned(),
+            ];
+            let numbers = [of_paper, of_ours, paper / of_paper, ours / of_ours];
+            row.extend(numbers.map(exact));
+            row.push(metric.why([paper, ours], self.filled).unwrap_or_default());
+            table.row(row);
+        }
+    }
+
+    /// The row of the summary; reasons become footnotes.
+    fn summarise(&self, footnotes: &mut Vec<String>) -> Vec<String> {
+        let [of_paper, of_ours] = self.filled.map(short);
+        let mut row = vec![self.name.to_owned(), format!("{of_paper} / {of_ours}")];
+        let mut reasons = Vec::new();
+        for &(metric, means) in self.means.iter().filter(|(metric, _)| metric.is_shown) {
+            let [paper, ours] = means.map(short);
+            row.push(match metric.why(means, self.filled) {
+                Some(reason) => {
+                    reasons.push(format!("{} {}", metric.name, mark(footnotes, reason)));
+                    format!("{paper} / {ours}")
+                }
+                None => format!("{paper} / **{ours}**"),
+            });
+        }
+        row.push(reasons.join(", "));
+        row
+    }
+}
+
+/// The mark of a footnote; a new footnote is added.
 fn mark(footnotes: &mut Vec<String>, footnote: String) -> String {
     let known = footnotes.iter().position(|known| *known == footnote);
     let number = known.unwrap_or(footnotes.len());
@@ -254,96 +273,71 @@ fn letter(number: usize) -> String {
     }
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Standing {
-    Ahead,
-    Equal,
-    Behind,
-}
-
-impl Standing {
-    fn of(metric: &Metric, [paper, ours]: [f64; 2]) -> Self {
-        let gain = if metric.higher_is_better {
+impl Metric {
+    /// Whether ours is behind (`Less`) or ahead (`Greater`).
+    fn standing(&self, [paper, ours]: [f64; 2]) -> Ordering {
+        let gain = if self.higher_is_better {
             ours - paper
         } else {
             paper - ours
         };
         if gain.abs() < 1e-9 {
-            Self::Equal
-        } else if gain > 0.0 {
-            Self::Ahead
+            Ordering::Equal
         } else {
-            Self::Behind
+            gain.total_cmp(&0.0)
         }
     }
 
-    fn name(self) -> &'static str {
-        match self {
-            Self::Ahead => "ahead",
-            Self::Equal => "equal",
-            Self::Behind => "behind",
+    /// Why ours is behind, if it is.
+    fn why(&self, means: [f64; 2], filled: [f64; 2]) -> Option<String> {
+        if self.standing(means).is_ge() {
+            return None;
         }
-    }
-}
-
-impl Metric {
-    /// Why ours is behind.
-    fn why(&self, means: [f64; 2], filled: [f64; 2]) -> String {
         let sums_over_spots = matches!(self.key, "utility" | "distance_units");
         let holes = filled[1] - filled[0];
         if !sums_over_spots || holes <= 0.0 {
-            return self.reason.to_owned();
+            return Some(self.reason.to_owned());
         }
         let shares = [means[0] / filled[0], means[1] / filled[1]];
+        let [paper, ours] = shares;
         let left = format!(
-            "the paper policy leaves {} spots empty; a filled spot {:.3} / {:.3}",
-            short(holes),
-            shares[0],
-            shares[1]
+            "the paper policy leaves {} spots empty; a filled spot {paper:.3} / {ours:.3}",
+            short(holes)
         );
-        match Standing::of(self, shares) {
-            Standing::Behind => format!("{left}, and {}", self.reason),
-            Standing::Ahead | Standing::Equal => left,
-        }
+        Some(match self.standing(shares) {
+            Ordering::Less => format!("{left}, and {}", self.reason),
+            Ordering::Equal | Ordering::Greater => left,
+        })
     }
 }
 
-fn rows(settings: &Settings) -> Vec<Row<'_>> {
+fn rows(settings: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();
-    for size in settings.sizes() {
-        rows.push(Row::new(format!("mixed, {size}"), move |seed| {
-            mixed(size, seed)
-        }));
+    let mut add = |name: String, family: Family, size: usize| {
+        let groups = CONTENDERS.map(|contender| Group::of(settings, family, size, contender));
+        rows.push(Row { name, groups });
+    };
+    for &size in settings.sizes() {
+        add(format!("mixed, {size}"), mixed, size);
     }
     let few = settings.few_spots();
-    for size in settings.surplus_sizes() {
-        rows.push(Row::new(
-            format!("mixed, {size} for {few} spots"),
-            move |seed| surplus(settings, size, seed),
-        ));
+    for &size in settings.surplus_sizes() {
+        add(format!("mixed, {size} for {few} spots"), surplus, size);
     }
-    for (trees, docked) in [
-        ("lattice", Docked::Lattice as fn(usize) -> Docked),
-        ("labelled", Docked::Labelled),
-    ] {
-        for size in settings.equal_sizes() {
-            rows.push(Row::new(format!("{trees}, all of {size}"), move |seed| {
-                equal(settings, docked(size), seed)
-            }));
+    for (trees, family) in [("lattice", lattice as Family), ("labelled", labelled)] {
+        for &size in settings.equal_sizes() {
+            add(format!("{trees}, all of {size}"), family, size);
         }
     }
-    for size in settings.sizes() {
-        rows.push(Row::new(format!("singletons, {size}"), move |seed| {
-            singletons(size, seed)
-        }));
+    for &size in settings.sizes() {
+        add(format!("singletons, {size}"), singletons, size);
     }
     for (number, case) in (1..).zip(&CASES) {
-        // A case study is one instance, whatever the seed.
-        let first = settings.seed;
-        rows.push(Row::new(
-            format!("case {number}, {}", case.name),
-            move |seed| Instance::CaseStudy(if seed == first { number } else { 0 }),
-        ));
+        let group = |contender| Group::new(contender, vec![Instance::CaseStudy(number)]);
+        rows.push(Row {
+            name: format!("case {number}, {}", case.name),
+            groups: CONTENDERS.map(group),
+        });
     }
     rows
 }

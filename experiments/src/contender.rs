@@ -1,26 +1,26 @@
-//! Who is compared with whom.
+//! The planners that are compared.
 
 use formation::model::{PlannerParameters, Policy, TurnOrder};
 use serde::{Deserialize, Serialize};
 
-/// A planner and how it is set.
+/// A planner and its parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Contender {
-    /// Algorithms 1 and 2 of the paper, as literally as they can be run; `D_max` = 3, MAX = 20.
+    /// Algorithms 1 and 2 of the paper, implemented as literally as possible; `D_max` = 3, MAX = 20.
     PaperPolicy,
-    /// Ours with its defaults: units take turns in the paper's order.
+    /// Ours with default parameters: units take turns in the paper's order.
     Ours,
-    /// Ours, where larger configurations take their turns first.
+    /// Ours with the turn order in which larger configurations come first.
     OursSizeFirst,
-    /// The auction, which the paper compares with.
+    /// The auction that the paper compares with.
     Auction,
     /// An optimal assignment by a central solver.
     Hungarian,
 }
 
 impl Contender {
-    /// The planner's parameters. Whatever is not named here has its default.
+    /// The planner's parameters; all others have their defaults.
     #[must_use]
     pub fn parameters(self) -> PlannerParameters {
         let (policy, order) = match self {
@@ -38,7 +38,7 @@ impl Contender {
         }
     }
 
-    /// What it is called in tables and legends.
+    /// The name in tables.
     #[must_use]
     pub fn label(self) -> &'static str {
         match self {
@@ -50,7 +50,7 @@ impl Contender {
         }
     }
 
-    /// What it is called in CSV files.
+    /// The name in CSV files.
     #[must_use]
     pub fn key(self) -> &'static str {
         match self {

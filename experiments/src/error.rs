@@ -1,7 +1,8 @@
-//! Why experiments cannot be run.
+//! The errors of experiments.
 
+use std::fmt::Display;
 use std::io;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use thiserror::Error;
 
@@ -12,10 +13,10 @@ use crate::measure::protocol::ProtocolError;
 /// Why one cell could not be measured.
 #[derive(Debug, Error)]
 pub enum CellError {
-    /// There is no instance.
+    /// The instance does not exist.
     #[error(transparent)]
     Instance(#[from] InstanceError),
-    /// The agents did not plan.
+    /// The agents in the simulator did not plan.
     #[error(transparent)]
     Protocol(#[from] ProtocolError),
     /// The processes did not plan.
@@ -26,70 +27,28 @@ pub enum CellError {
 /// Why experiments cannot be run, or not be finished.
 #[derive(Debug, Error)]
 pub enum ExperimentError {
-    /// There is no experiment of this name.
-    #[error("there is no experiment {given}; there are: {}", known.join(", "))]
-    UnknownName {
-        /// The name that was given.
-        given: String,
-        /// All names.
-        known: Vec<&'static str>,
-    },
-    /// An average over nothing.
-    #[error("runs must be 1 to {most}, got {given}")]
-    Runs {
-        /// What was given.
-        given: u64,
-        /// The most that is allowed.
-        most: u64,
-    },
+    /// The choice of experiments or the directory of results is not valid; nothing was measured.
+    #[error("{0}")]
+    BadInput(String),
     /// A file cannot be read or written.
     #[error("{path}: {what}")]
     File {
         /// The file or directory.
         path: PathBuf,
-        /// What was tried.
+        /// The failed operation.
         what: &'static str,
-        /// Why it failed.
+        /// The cause.
         source: io::Error,
-    },
-    /// The directory holds results of other settings.
-    #[error(
-        "{path}: these results were made with other settings ({differences}); choose another directory, give the same \
-         settings, or remove this one"
-    )]
-    OtherSettings {
-        /// The file of settings.
-        path: PathBuf,
-        /// What differs.
-        differences: String,
-    },
-    /// A file in the directory is none of ours.
-    #[error("{path}, line {line}: is no result of an experiment: {reason}")]
-    BrokenResults {
-        /// The file.
-        path: PathBuf,
-        /// The line.
-        line: usize,
-        /// What is wrong there.
-        reason: String,
     },
     /// A cell could not be measured; all others so far are kept.
     #[error(
         "{label} could not be measured; all else is kept, and the same command goes on from there"
     )]
     Cell {
-        /// Which cell.
+        /// The name of the cell.
         label: String,
-        /// Why.
+        /// The cause.
         source: CellError,
-    },
-    /// A plot could not be drawn.
-    #[error("{name}: the plot cannot be drawn: {reason}")]
-    Plot {
-        /// The experiment's name.
-        name: &'static str,
-        /// Why.
-        reason: String,
     },
     /// The user asked to stop.
     #[error(
@@ -99,15 +58,11 @@ pub enum ExperimentError {
 }
 
 impl ExperimentError {
-    /// Whether the input, or what lies in the directory, forbids to begin.
-    #[must_use]
-    pub fn is_bad_input(&self) -> bool {
-        matches!(
-            self,
-            Self::UnknownName { .. }
-                | Self::Runs { .. }
-                | Self::OtherSettings { .. }
-                | Self::BrokenResults { .. }
-        )
+    /// A line of a file that is not a result.
+    pub(crate) fn broken(path: &Path, line: usize, reason: &impl Display) -> Self {
+        let path = path.display();
+        Self::BadInput(format!(
+            "{path}, line {line}: is no result of an experiment: {reason}"
+        ))
     }
 }

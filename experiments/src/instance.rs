@@ -13,22 +13,18 @@ use crate::contender::Contender;
 /// "The initial positions [...] are drawn uniformly from U[(0, 15), (0, 15)]"; modules are one unit wide.
 const START_SIDE_UNITS: u32 = 15;
 
-/// A seed for which no tree of the wanted degree was found in time is not an instance; the one so far on stands in.
+/// If the generator finds no tree of the wanted degree for a seed, the seed this much higher replaces it.
 const STAND_IN_OFFSET: u64 = 1_000_000;
 
-/// Which instance is planned.
+/// An instance of the planning problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Instance {
+pub(crate) enum Instance {
     /// Random trees and poses.
     Generated {
-        /// How many modules.
         modules: usize,
-        /// How many spots.
         spots: usize,
-        /// How the modules are docked at the start.
         docked: Docked,
-        /// The seed.
         seed: u64,
     },
     /// One of the case studies, from 1.
@@ -38,24 +34,24 @@ pub enum Instance {
 /// How modules are docked at the start, and on which trees.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Docked {
-    /// Not at all.
+pub(crate) enum Docked {
+    /// No module is docked.
     Singletons,
     /// "Random number of singletons and the initial configurations with sizes between 2 and 10".
     Mixed,
-    /// All in configurations of one size, on lattice trees of maximum degree 3.
+    /// All modules are in configurations of one size, on lattice trees of maximum degree 3.
     Lattice(usize),
     /// The same, on uniform labelled trees of maximum degree 4.
     Labelled(usize),
 }
 
-/// Why there is no instance.
+/// Why an instance cannot be made.
 #[derive(Debug, Error)]
 pub enum InstanceError {
-    /// There is no case study of this number.
+    /// No case study has this number.
     #[error("there is no case study {0}")]
     NoSuchCase(usize),
-    /// The generator refused.
+    /// The generator failed.
     #[error(transparent)]
     Generate(#[from] GenerateError),
     /// The scenario is not valid.
@@ -64,11 +60,24 @@ pub enum InstanceError {
 }
 
 impl Instance {
+    /// The number of modules; of a case study, the greatest number.
+    pub(crate) fn modules(self) -> usize {
+        match self {
+            Self::Generated { modules, .. } => modules,
+            Self::CaseStudy(_) => 17,
+        }
+    }
+
+    /// The seed of the simulated network.
+    pub(crate) fn seed(self) -> u64 {
+        match self {
+            Self::Generated { seed, .. } => seed,
+            Self::CaseStudy(number) => number as u64,
+        }
+    }
+
     /// The scenario with a contender's planner parameters.
-    ///
-    /// # Errors
-    /// Says why there is no such instance.
-    pub fn scenario(self, contender: Contender) -> Result<RawScenario, InstanceError> {
+    pub(crate) fn scenario(self, contender: Contender) -> Result<RawScenario, InstanceError> {
         let mut scenario = match self {
             Self::Generated {
                 modules,
@@ -89,10 +98,10 @@ impl Instance {
     }
 
     /// The planning problem with a contender's planner parameters.
-    ///
-    /// # Errors
-    /// Says why there is no such instance.
-    pub fn problem(self, contender: Contender) -> Result<Arc<PlanningProblem>, InstanceError> {
+    pub(crate) fn problem(
+        self,
+        contender: Contender,
+    ) -> Result<Arc<PlanningProblem>, InstanceError> {
         let scenario = Scenario::try_from(self.scenario(contender)?)?;
         Ok(Arc::new(scenario.problem().clone()))
     }
@@ -148,7 +157,7 @@ mod tests {
     }
 
     #[test]
-    fn all_contenders_get_one_instance() {
+    fn all_contenders_get_the_same_instance() {
         let instance = Instance::Generated {
             modules: 30,
             spots: 20,

@@ -1,12 +1,13 @@
-//! The evaluation of the paper, run again: its stated numbers, its algorithms and ours, side by side.
+//! The evaluation of the paper, repeated: the paper's stated numbers, its algorithms and ours on the same instances.
 //!
-//! Every figure and table of the section "Experimental Evaluation" is an experiment with a name. An experiment is made of
-//! cells, one for each instance and contender. [`run`] measures the cells, keeps each as soon as it is finished, and
-//! writes one CSV file and one SVG plot an experiment, and `summary.md`. Run again with the same settings, it goes on where
-//! it stopped; apart from the times, the same settings give the same numbers.
+//! Every figure and table of the section "Experimental Evaluation" is an experiment with a name. An experiment consists
+//! of cells, one for each instance and contender. [`run`] measures the cells, writes each to disk as soon as it is
+//! finished, and then writes a CSV file for each experiment and `summary.md`. `plot.py` draws the plots from the CSV
+//! files. With the same settings, [`run`] continues where an earlier run stopped. The settings determine all numbers
+//! except measured times.
 //!
-//! Planning times are those of the core on one thread, and of real processes over DDS. Messages and completion are recorded
-//! while the agents plan in the simulator.
+//! Planning times are those of the core on one thread, and of real processes over DDS. Messages and completion are
+//! recorded while the agents plan in the simulator.
 
 #![allow(
     clippy::cast_precision_loss,
@@ -25,7 +26,6 @@ mod instance;
 mod measure;
 mod measuring;
 mod paper;
-mod plot;
 mod sample;
 mod settings;
 mod store;
@@ -36,60 +36,54 @@ use std::fs;
 use std::path::Path;
 
 pub use error::{CellError, ExperimentError};
-use figures::{EXPERIMENTS, Experiment};
+use figures::{Data, FIGURES, Figure};
 pub use instance::InstanceError;
 pub use measure::processes::ProcessError;
 pub use measure::protocol::ProtocolError;
 pub use settings::{Scale, Settings};
 use store::{Store, at};
-use summary::Section;
 
-/// The most runs; seeds of stand-ins lie above.
+/// The maximum number of runs; seeds above it replace those for which the generator finds no instance.
 pub const RUNS_MAX: u64 = 100_000;
 
-/// Is told how the work goes on, and may stop it.
+/// Receives the progress of the work, and can stop it.
 pub trait Progress {
-    /// The work begins: this many cells are to be measured, of which so many are finished already. Costs are in parts of
-    /// about a tenth of a millisecond.
+    /// The work begins.
     fn begin(&mut self, work: Work);
-    /// A cell is being measured; there may be others beside it.
+    /// The measurement of a cell begins; others may run at the same time.
     fn cell(&mut self, label: &str);
-    /// A cell is finished; it had this cost.
+    /// A cell of this cost is finished.
     fn finished(&mut self, cost: u64);
-    /// Whether to go on; asked whenever a cell begins or is finished.
+    /// Whether to continue; called whenever a cell begins or is finished.
     fn goes_on(&self) -> bool;
 }
 
-/// How much there is to do.
+/// The amount of work. Costs are estimates in tenths of a millisecond.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Work {
     /// All cells of the chosen experiments.
     pub cells: usize,
-    /// Those that are finished already.
+    /// Cells that an earlier run has finished.
     pub finished_cells: usize,
     /// The cost of all cells.
     pub cost: u64,
-    /// The cost of those that are finished.
+    /// The cost of the finished cells.
     pub finished_cost: u64,
 }
 
 /// The names of all experiments, in the order of the paper.
 #[must_use]
 pub fn names() -> Vec<&'static str> {
-    EXPERIMENTS
-        .iter()
-        .map(|experiment| experiment.name)
-        .collect()
+    FIGURES.iter().map(|figure| figure.name).collect()
 }
 
-/// Measures what is not measured yet and writes all files.
+/// Measures the cells that are not finished and writes all files.
 ///
-/// `only` chooses experiments by name; none means all. `launcher` is the program `formation`, which is started for real
-/// processes. `summary.md` covers all experiments whose cells are finished, also by earlier runs.
+/// `only` chooses experiments by name; an empty list means all. `launcher` is the program `formation`, which starts the
+/// real processes. `summary.md` covers all experiments whose cells are finished, including those of earlier runs.
 ///
 /// # Errors
-/// Names what is wrong with the choice or the directory, or the cell that could not be measured; what was measured by then
-/// is kept.
+/// Fails if the choice or the directory is not valid, or if a cell cannot be measured. Finished cells stay on disk.
 pub fn run(
     directory: &Path,
     settings: &Settings,
@@ -98,10 +92,10 @@ pub fn run(
     progress: &mut dyn Progress,
 ) -> Result<(), ExperimentError> {
     if !(1..=RUNS_MAX).contains(&settings.runs) {
-        return Err(ExperimentError::Runs {
-            given: settings.runs,
-            most: RUNS_MAX,
-        });
+        let given = settings.runs;
+        return Err(ExperimentError::BadInput(format!(
+            "runs must be 1 to {RUNS_MAX}, got {given}"
+        )));
     }
     let chosen = choose(only)?;
     let mut store = Store::open(directory, settings)?;
@@ -109,18 +103,15 @@ pub fn run(
     write_all(directory, settings, &store)
 }
 
-fn choose(only: &[String]) -> Result<Vec<&'static Experiment>, ExperimentError> {
+fn choose(only: &[String]) -> Result<Vec<&'static Figure>, ExperimentError> {
     if let Some(unknown) = only.iter().find(|name| !names().contains(&name.as_str())) {
-        return Err(ExperimentError::UnknownName {
-            given: unknown.clone(),
-            known: names(),
-        });
+        return Err(ExperimentError::BadInput(format!(
+            "there is no experiment {unknown}; there are: {}",
+            names().join(", ")
+        )));
     }
-    let is_chosen = |name: &str| only.is_empty() || only.iter().any(|one| one == name);
-    Ok(EXPERIMENTS
-        .iter()
-        .filter(|experiment| is_chosen(experiment.name))
-        .collect())
+    let is_chosen = |figure: &&Figure| only.is_empty() || only.iter().any(|one| one == figure.name);
+    Ok(FIGURES.iter().filter(is_chosen).collect())
 }
 
 fn write_all(directory: &Path, settings: &Settings, store: &Store) -> Result<(), ExperimentError> {
@@ -128,30 +119,22 @@ fn write_all(directory: &Path, settings: &Settings, store: &Store) -> Result<(),
         let path = directory.join(name);
         fs::write(&path, text).map_err(at(&path, "cannot be written"))
     };
-    let mut sections = Vec::new();
-    for experiment in &EXPERIMENTS {
-        let cells = (experiment.cells)(settings);
-        if !cells.into_iter().all(|cell| store.has(cell)) {
-            continue;
+    let data = Data { settings, store };
+    let is_finished = |figure: &&Figure| {
+        let mut cells = figure.cells(settings).into_iter();
+        cells.all(|cell| store.has(cell))
+    };
+    let figures: Vec<&Figure> = FIGURES.iter().filter(is_finished).collect();
+    for figure in &figures {
+        for (name, table) in figure.tables(&data) {
+            write(&format!("{name}.csv"), &table.to_csv())?;
         }
-        let report = (experiment.report)(settings, store);
-        let plot = plot::draw(&report.plot).map_err(|error| ExperimentError::Plot {
-            name: experiment.name,
-            reason: error.to_string(),
-        })?;
-        write(&format!("{}.csv", experiment.name), &report.table.to_csv())?;
-        write(&format!("{}.svg", experiment.name), &plot)?;
-        sections.push(Section {
-            name: experiment.name,
-            title: experiment.title,
-            source: experiment.source,
-            text: report.text,
-        });
     }
-    let comparison = comparison::compare(settings, store);
+    let comparison = comparison::compare(&data);
     if let Some(comparison) = &comparison {
         write("comparison.csv", &comparison.table.to_csv())?;
     }
-    let text = summary::write(settings, &sections, comparison.as_ref());
-    write("summary.md", &text)
+    write("paper.csv", paper::CSV)?;
+    let summary = summary::write(&data, &figures, comparison.as_ref());
+    write("summary.md", &summary)
 }

@@ -1,4 +1,4 @@
-//! Doing the work that is not done yet.
+//! Measuring the cells that are not finished.
 
 use std::collections::BTreeSet;
 use std::num::NonZero;
@@ -9,18 +9,18 @@ use std::thread;
 
 use crate::cell::{Cell, Measurement};
 use crate::error::{CellError, ExperimentError};
-use crate::figures::Experiment;
+use crate::figures::Figure;
 use crate::settings::Settings;
 use crate::store::Store;
 use crate::{Progress, Work};
 
-/// More workers would only take memory from each other: a simulated cluster of 100 modules fills a cache.
+/// More workers compete for memory: a simulated cluster of 100 modules fills a cache.
 const WORKERS_MAX: usize = 8;
 
-/// Measures every cell of some experiments that the store does not have.
+/// Measures every cell of the chosen experiments that the store does not have.
 pub(crate) fn measure_all(
     settings: &Settings,
-    chosen: &[&Experiment],
+    chosen: &[&Figure],
     launcher: &Path,
     store: &mut Store,
     progress: &mut dyn Progress,
@@ -28,7 +28,7 @@ pub(crate) fn measure_all(
     let mut seen = BTreeSet::new();
     let cells: Vec<Cell> = chosen
         .iter()
-        .flat_map(|experiment| (experiment.cells)(settings))
+        .flat_map(|figure| figure.cells(settings))
         .filter(|&cell| seen.insert(cell))
         .collect();
     let (finished, left): (Vec<Cell>, Vec<Cell>) =
@@ -43,20 +43,20 @@ pub(crate) fn measure_all(
     let (timed, untimed): (Vec<Cell>, Vec<Cell>) =
         left.into_iter().partition(|cell| cell.is_timed());
     let measure = |cell: Cell| cell.measure(settings, launcher);
-    // What is timed has the machine to itself, as far as it is up to us.
+    // Timed cells run alone, because other work would lengthen their times.
     let workers = thread::available_parallelism().map_or(1, NonZero::get);
     let workers = workers.min(WORKERS_MAX);
     measure_with(workers, &untimed, measure, store, progress)?;
     measure_with(1, &timed, measure, store, progress)
 }
 
-/// What a worker tells.
+/// A message from a worker.
 enum News {
     Begun(Cell),
     Finished(Cell, Box<Result<Measurement, CellError>>),
 }
 
-/// Measures cells with some workers, and keeps each as soon as it is finished.
+/// Measures cells with this number of workers, and stores each as soon as it is finished.
 fn measure_with(
     workers: usize,
     cells: &[Cell],
@@ -66,31 +66,30 @@ fn measure_with(
 ) -> Result<(), ExperimentError> {
     let next = AtomicUsize::new(0);
     let stopped = AtomicBool::new(false);
-    let work = |teller: &SyncSender<News>| {
+    let work = |sender: &SyncSender<News>| {
         while !stopped.load(Ordering::Relaxed) {
             let Some(&cell) = cells.get(next.fetch_add(1, Ordering::Relaxed)) else {
                 return;
             };
-            // The other end listens until all workers have ended.
-            let _ = teller.send(News::Begun(cell));
-            let _ = teller.send(News::Finished(cell, Box::new(measure(cell))));
+            // The receiver exists until all workers have ended.
+            let _ = sender.send(News::Begun(cell));
+            let _ = sender.send(News::Finished(cell, Box::new(measure(cell))));
         }
     };
-    let (teller, listener) = mpsc::sync_channel(workers);
+    let (sender, receiver) = mpsc::sync_channel(workers);
     thread::scope(|scope| {
         for _ in 0..workers {
-            let teller = teller.clone();
+            let sender = sender.clone();
             scope.spawn(|| {
-                let teller = teller;
-                work(&teller);
+                let sender = sender;
+                work(&sender);
             });
         }
-        drop(teller);
+        drop(sender);
         let mut outcome = Ok(());
-        for news in listener {
-            let heard = hear(news, store, progress);
-            // After an error or an interruption, what the workers are at is still waited for, and kept.
-            outcome = outcome.and(heard);
+        for news in receiver {
+            // After an error or an interruption, the workers finish their current cells, which are stored.
+            outcome = outcome.and(handle(news, store, progress));
             stopped.store(outcome.is_err() || !progress.goes_on(), Ordering::Relaxed);
         }
         outcome
@@ -102,12 +101,16 @@ fn measure_with(
     }
 }
 
-fn hear(news: News, store: &mut Store, progress: &mut dyn Progress) -> Result<(), ExperimentError> {
+fn handle(
+    news: News,
+    store: &mut Store,
+    progress: &mut dyn Progress,
+) -> Result<(), ExperimentError> {
     match news {
         News::Begun(cell) => progress.cell(&cell.label()),
         News::Finished(cell, measured) => {
             let measurement = measured.map_err(|source| {
-                // An interruption from the keyboard ends the processes of a cell too.
+                // An interruption from the keyboard also ends the processes of a cell.
                 if progress.goes_on() {
                     ExperimentError::Cell {
                         label: cell.label(),

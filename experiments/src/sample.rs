@@ -1,6 +1,6 @@
 //! Means and standard deviations; medians and ranges.
 
-/// Some numbers of one kind, summed up.
+/// Mean and standard deviation of some numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Sample {
     pub mean: f64,
@@ -25,18 +25,18 @@ impl Sample {
         }
     }
 
-    /// For people: about three digits that count.
+    /// The mean with about three significant digits.
     pub(crate) fn short(self) -> String {
         short(self.mean)
     }
 
-    /// Mean and deviation, for people.
+    /// Mean and deviation with about three significant digits.
     pub(crate) fn with_deviation(self) -> String {
         format!("{} ± {}", short(self.mean), short(self.deviation))
     }
 }
 
-/// Where few numbers of one kind lie, of which single ones may be far out.
+/// Median and range of few numbers, which may include outliers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub(crate) struct Spread {
     pub median: f64,
@@ -64,7 +64,7 @@ impl Spread {
         }
     }
 
-    /// For people: the median, and the range in brackets.
+    /// The median, and the range in brackets.
     pub(crate) fn with_range(self) -> String {
         format!(
             "{} ({} to {})",
@@ -75,7 +75,7 @@ impl Spread {
     }
 }
 
-/// A number for people: at least three digits, and no more decimals than that takes.
+/// A number with at least three digits and at most three decimals.
 pub(crate) fn short(value: f64) -> String {
     let decimals = match value.abs() {
         size if !(1e-9..100.0).contains(&size) => 0,
@@ -86,7 +86,7 @@ pub(crate) fn short(value: f64) -> String {
     format!("{value:.decimals$}")
 }
 
-/// A number for a CSV file.
+/// A number for a CSV file, with up to four decimals.
 pub(crate) fn exact(value: f64) -> String {
     let text = format!("{value:.4}");
     let text = text.trim_end_matches('0').trim_end_matches('.');

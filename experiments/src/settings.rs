@@ -1,33 +1,33 @@
-//! How the experiments are run.
+//! The settings of the experiments.
 
 use serde::{Deserialize, Serialize};
 
-/// How many runs of real processes are made of each cell at most: each takes seconds, most of them discovery.
+/// The maximum number of runs of real processes for each cell: each run takes seconds, mostly for discovery.
 const PROCESS_RUNS_MAX: u64 = 10;
 
-/// What decides every number but the times; a directory of results belongs to one set of settings.
+/// The settings determine every number except times; a directory of results belongs to one set of settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Settings {
     /// The version of the program.
     pub version: String,
-    /// Which settings of the paper are run.
+    /// Which of the paper's sizes are run.
     pub scale: Scale,
-    /// Over how many instances each number is averaged; 50 in the paper.
+    /// The number of instances that each number is averaged over; 50 in the paper.
     pub runs: u64,
-    /// The seed of the first instance of each cell; the next has the next.
+    /// The seed of the first instance; the following instances have the following seeds.
     pub seed: u64,
-    /// How often each plan is timed; the least counts.
+    /// How often each plan is timed; the least time counts.
     pub timings: u32,
 }
 
-/// Which settings of the paper are run.
+/// Which of the paper's sizes are run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Scale {
     /// All of them.
     Paper,
-    /// The same figures with fewer sizes between the least and the greatest, and processes once.
+    /// The same figures with fewer sizes between the least and the greatest, and one run of processes.
     Quick,
     /// The same figures with a handful of modules, for tests.
     Tiny,
@@ -63,14 +63,12 @@ impl Settings {
     }
 
     /// The seeds of the instances of each cell.
-    #[must_use]
-    pub fn seeds(&self) -> Vec<u64> {
+    pub(crate) fn seeds(&self) -> Vec<u64> {
         (self.seed..self.seed.saturating_add(self.runs)).collect()
     }
 
     /// The seeds of the instances that real processes plan.
-    #[must_use]
-    pub fn process_seeds(&self) -> Vec<u64> {
+    pub(crate) fn process_seeds(&self) -> Vec<u64> {
         let runs = match self.scale {
             Scale::Paper => self.runs.min(PROCESS_RUNS_MAX),
             Scale::Quick | Scale::Tiny => 1,
@@ -79,62 +77,55 @@ impl Settings {
     }
 
     /// The numbers of modules where there is a spot for each: "target configurations with between 10 and 100 spots".
-    #[must_use]
-    pub fn sizes(&self) -> Vec<usize> {
+    pub(crate) fn sizes(&self) -> &'static [usize] {
         match self.scale {
-            Scale::Paper => (10..=100).step_by(10).collect(),
-            Scale::Quick => vec![10, 20, 50, 100],
-            Scale::Tiny => vec![4, 6],
+            Scale::Paper => &[10, 20, 30, 40, 50, 60, 70, 80, 90, 100],
+            Scale::Quick => &[10, 20, 50, 100],
+            Scale::Tiny => &[4, 6],
         }
     }
 
     /// The largest of [`Self::sizes`], which figures about 100 modules take.
-    #[must_use]
-    pub fn full_size(&self) -> usize {
+    pub(crate) fn full_size(&self) -> usize {
         self.sizes().last().copied().unwrap_or(1)
     }
 
     /// The number of spots where modules outnumber them.
-    #[must_use]
-    pub fn few_spots(&self) -> usize {
+    pub(crate) fn few_spots(&self) -> usize {
         self.full_size() / 2
     }
 
     /// The numbers of modules for [`Self::few_spots`].
-    #[must_use]
-    pub fn surplus_sizes(&self) -> Vec<usize> {
+    pub(crate) fn surplus_sizes(&self) -> &'static [usize] {
         match self.scale {
-            Scale::Paper => (50..=100).step_by(10).collect(),
-            Scale::Quick => vec![50, 80, 100],
-            Scale::Tiny => vec![3, 6],
+            Scale::Paper => &[50, 60, 70, 80, 90, 100],
+            Scale::Quick => &[50, 80, 100],
+            Scale::Tiny => &[3, 6],
         }
     }
 
     /// The sizes of a single configuration that is laid into a target of [`Self::full_size`] spots.
-    #[must_use]
-    pub fn configuration_sizes(&self) -> Vec<usize> {
+    pub(crate) fn configuration_sizes(&self) -> &'static [usize] {
         match self.scale {
-            Scale::Paper => (2..=10).chain([20, 30, 40, 50]).collect(),
-            Scale::Quick => vec![2, 4, 6, 8, 10, 20, 50],
-            Scale::Tiny => vec![2, 3],
+            Scale::Paper => &[2, 3, 4, 5, 6, 7, 8, 9, 10, 20, 30, 40, 50],
+            Scale::Quick => &[2, 4, 6, 8, 10, 20, 50],
+            Scale::Tiny => &[2, 3],
         }
     }
 
     /// The sizes of all configurations of the paper's table.
-    #[must_use]
-    pub fn equal_sizes(&self) -> Vec<usize> {
+    pub(crate) fn equal_sizes(&self) -> &'static [usize] {
         match self.scale {
-            Scale::Paper | Scale::Quick => vec![10, 20, 25, 50],
-            Scale::Tiny => vec![2, 3],
+            Scale::Paper | Scale::Quick => &[10, 20, 25, 50],
+            Scale::Tiny => &[2, 3],
         }
     }
 
-    /// How many modules plan as real processes, and how many of them each process hosts.
-    #[must_use]
-    pub fn process_sizes(&self) -> Vec<(usize, usize)> {
+    /// The numbers of modules that plan as real processes, each with the number of modules in each process.
+    pub(crate) fn process_sizes(&self) -> &'static [(usize, usize)] {
         match self.scale {
-            Scale::Paper | Scale::Quick => vec![(10, 1), (25, 1), (50, 1), (100, 10)],
-            Scale::Tiny => vec![(3, 1), (6, 3)],
+            Scale::Paper | Scale::Quick => &[(10, 1), (25, 1), (50, 1), (100, 10)],
+            Scale::Tiny => &[(3, 1), (6, 3)],
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The results on disk: one line a finished cell, so that an interrupted run goes on where it stopped.
+//! The results on disk: one line for each finished cell, so that an interrupted run continues from there.
 
 use std::collections::BTreeMap;
 use std::fs::{self, File, OpenOptions};
@@ -9,16 +9,11 @@ use serde::{Deserialize, Serialize};
 
 use crate::cell::{Cell, Measurement};
 use crate::error::ExperimentError;
-use crate::measure::auction::AuctionMeasurement;
-use crate::measure::matching::MatchingMeasurement;
-use crate::measure::plan::PlanMeasurement;
-use crate::measure::processes::ProcessMeasurement;
-use crate::measure::protocol::ProtocolMeasurement;
 use crate::settings::Settings;
 
-/// The settings that the results were made with.
+/// The settings of the results.
 pub(crate) const SETTINGS_FILE: &str = "settings.json";
-/// The results, one JSON object a line.
+/// The results, one JSON object in each line.
 pub(crate) const CELLS_FILE: &str = "cells.jsonl";
 
 #[derive(Serialize, Deserialize)]
@@ -36,10 +31,10 @@ pub(crate) struct Store {
 }
 
 impl Store {
-    /// Opens a directory of results, or makes it.
+    /// Opens a directory of results, or creates it.
     pub(crate) fn open(directory: &Path, settings: &Settings) -> Result<Self, ExperimentError> {
         fs::create_dir_all(directory).map_err(at(directory, "cannot be created"))?;
-        settle_settings(&directory.join(SETTINGS_FILE), settings)?;
+        write_or_compare(&directory.join(SETTINGS_FILE), settings)?;
         let path = directory.join(CELLS_FILE);
         let measurements = read(&path)?;
         let file = OpenOptions::new()
@@ -59,7 +54,7 @@ impl Store {
         self.measurements.contains_key(&cell)
     }
 
-    /// Keeps a cell.
+    /// Writes a finished cell.
     pub(crate) fn keep(
         &mut self,
         cell: Cell,
@@ -77,65 +72,37 @@ impl Store {
         Ok(())
     }
 
-    pub(crate) fn matching(&self, cell: Cell) -> Option<&MatchingMeasurement> {
-        match self.measurements.get(&cell)? {
-            Measurement::Matching(measurement) => Some(measurement),
-            _ => None,
-        }
-    }
-
-    pub(crate) fn plan(&self, cell: Cell) -> Option<&PlanMeasurement> {
-        match self.measurements.get(&cell)? {
-            Measurement::Plan(measurement) => Some(measurement),
-            _ => None,
-        }
-    }
-
-    pub(crate) fn protocol(&self, cell: Cell) -> Option<&ProtocolMeasurement> {
-        match self.measurements.get(&cell)? {
-            Measurement::Protocol(measurement) => Some(measurement),
-            _ => None,
-        }
-    }
-
-    pub(crate) fn auction(&self, cell: Cell) -> Option<&AuctionMeasurement> {
-        match self.measurements.get(&cell)? {
-            Measurement::Auction(measurement) => Some(measurement),
-            _ => None,
-        }
-    }
-
-    pub(crate) fn processes(&self, cell: Cell) -> Option<&ProcessMeasurement> {
-        match self.measurements.get(&cell)? {
-            Measurement::Processes(measurement) => Some(measurement),
-            _ => None,
-        }
+    /// The measurement of a finished cell.
+    pub(crate) fn get(&self, cell: Cell) -> Option<&Measurement> {
+        self.measurements.get(&cell)
     }
 }
 
-/// Names the file of an error.
+/// Adds the path to an error.
 pub(crate) fn at(path: &Path, what: &'static str) -> impl FnOnce(io::Error) -> ExperimentError {
     let path = path.to_owned();
     move |source| ExperimentError::File { path, what, source }
 }
 
-fn settle_settings(path: &Path, settings: &Settings) -> Result<(), ExperimentError> {
+/// The text of a file; `None` if there is no such file.
+fn text_of(path: &Path) -> Result<Option<String>, ExperimentError> {
+    match fs::read_to_string(path) {
+        Ok(text) => Ok(Some(text)),
+        Err(error) if error.kind() == io::ErrorKind::NotFound => Ok(None),
+        Err(error) => Err(at(path, "cannot be read")(error)),
+    }
+}
+
+/// Writes the settings, or compares them with those that the directory has.
+fn write_or_compare(path: &Path, settings: &Settings) -> Result<(), ExperimentError> {
     let wanted = serde_json::to_value(settings)
         .map_err(io::Error::from)
         .map_err(at(path, "cannot be written"))?;
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => {
-            return fs::write(path, format!("{wanted:#}\n")).map_err(at(path, "cannot be written"));
-        }
-        Err(error) => return Err(at(path, "cannot be read")(error)),
+    let Some(text) = text_of(path)? else {
+        return fs::write(path, format!("{wanted:#}\n")).map_err(at(path, "cannot be written"));
     };
-    let found: serde_json::Value =
-        serde_json::from_str(&text).map_err(|error| ExperimentError::BrokenResults {
-            path: path.to_owned(),
-            line: error.line(),
-            reason: error.to_string(),
-        })?;
+    let found: serde_json::Value = serde_json::from_str(&text)
+        .map_err(|error| ExperimentError::broken(path, error.line(), &error))?;
     if found == wanted {
         return Ok(());
     }
@@ -147,18 +114,18 @@ fn settle_settings(path: &Path, settings: &Settings) -> Result<(), ExperimentErr
             format!("{name} was {found}, now {value}")
         })
         .collect();
-    Err(ExperimentError::OtherSettings {
-        path: path.to_owned(),
-        differences: differences.join("; "),
-    })
+    Err(ExperimentError::BadInput(format!(
+        "{}: these results were made with other settings ({}); choose another directory, give the same settings, or \
+         remove this one",
+        path.display(),
+        differences.join("; ")
+    )))
 }
 
-/// Reads the finished cells. A last line without an end is what an interruption left of a cell, and is removed.
+/// Reads the finished cells. An interruption can leave a last line without an end, which is removed.
 fn read(path: &Path) -> Result<BTreeMap<Cell, Measurement>, ExperimentError> {
-    let text = match fs::read_to_string(path) {
-        Ok(text) => text,
-        Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(BTreeMap::new()),
-        Err(error) => return Err(at(path, "cannot be read")(error)),
+    let Some(text) = text_of(path)? else {
+        return Ok(BTreeMap::new());
     };
     let whole = text.rfind('\n').map_or(0, |end| end + 1);
     if whole < text.len() {
@@ -170,12 +137,8 @@ fn read(path: &Path) -> Result<BTreeMap<Cell, Measurement>, ExperimentError> {
     }
     let mut measurements = BTreeMap::new();
     for (number, line) in (1..).zip(text[..whole].lines()) {
-        let line: Line =
-            serde_json::from_str(line).map_err(|error| ExperimentError::BrokenResults {
-                path: path.to_owned(),
-                line: number,
-                reason: error.to_string(),
-            })?;
+        let line: Line = serde_json::from_str(line)
+            .map_err(|error| ExperimentError::broken(path, number, &error))?;
         measurements.insert(line.cell, line.measurement);
     }
     Ok(measurements)

@@ -1,62 +1,72 @@
-//! `summary.md`: everything side by side.
+//! `summary.md`: the template of this name, filled with the results.
 
 use std::fmt::Write as _;
 
 use crate::comparison::Comparison;
-use crate::settings::{Scale, Settings};
+use crate::figures::{Data, Figure};
+use crate::settings::Scale;
 
-/// One section of the summary.
-pub(crate) struct Section {
-    pub name: &'static str,
-    pub title: &'static str,
-    pub source: &'static str,
-    pub text: String,
-}
+/// An introduction, then the sections, each under a heading of name, title and source in the paper.
+const TEMPLATE: &str = include_str!("summary.md");
 
-/// Puts the summary together.
+/// The summary of the finished figures, with the comparison of ours and the paper policy.
 pub(crate) fn write(
-    settings: &Settings,
-    sections: &[Section],
+    data: &Data<'_>,
+    figures: &[&Figure],
     comparison: Option<&Comparison>,
 ) -> String {
-    let mut text = String::from("# The paper's evaluation, run again\n\n");
+    let settings = data.settings;
     let scale = match settings.scale {
         Scale::Paper => "all sizes of the paper",
         Scale::Quick => "a choice of the paper's sizes (`--quick`)",
         Scale::Tiny => "a handful of modules, for tests",
     };
-    // Writing to a string cannot fail.
-    let _ = writeln!(
-        text,
-        "Version {}; {scale}; {} runs of each cell, seeds from {}; each plan timed {} times, the least counts.\n\n\
-         Settings of the paper's section \"Experimental Evaluation\": unit modules in 16 x 16 units, leaders and singletons \
-         uniform in [0, 15] x [0, 15] with headings uniform in [0, pi], configurations of 2 to 10 modules and a random \
-         number of singletons (\"mixed\"), trees of maximum degree 3, D_max = 3 and MAX = 20 for the paper policy. Not said \
-         in the paper and chosen here: how trees are drawn (grown on the unit lattice), where the target lies (in the \
-         middle), the weights (one unit of way 1, docking 0.1, undocking 0.05 per link end).\n\n\
-         \"Paper\" is what the paper states in text or table. Numbers that it gives only as a figure are marked so; none \
-         was read off a figure. \"Paper policy\" is its Algorithms 1 and 2 as literally as they can be run, on the same \
-         instances as ours.\n",
-        settings.version, settings.runs, settings.seed, settings.timings
-    );
-    if let Some(comparison) = comparison {
-        let _ = writeln!(
-            text,
-            "## Ours against the paper policy\n\n{}",
-            comparison.text
-        );
+    let (introduction, sections) = TEMPLATE.split_once("\n## ").unwrap_or((TEMPLATE, ""));
+    let mut summary = introduction
+        .replace("{version}", &settings.version)
+        .replace("{scale}", scale)
+        .replace("{runs}", &settings.runs.to_string())
+        .replace("{seed}", &settings.seed.to_string())
+        .replace("{timings}", &settings.timings.to_string());
+    for section in sections.split("\n## ") {
+        let (heading, body) = section.split_once("\n\n").unwrap_or((section, ""));
+        let mut heading = heading.split(" | ");
+        let [name, title, source] = [(); 3].map(|()| heading.next().unwrap_or_default());
+        let body = if name == "comparison" {
+            let Some(comparison) = comparison else {
+                continue;
+            };
+            body.replace("{ahead}", &comparison.ahead.to_string())
+                .replace("{all}", &comparison.all.to_string())
+                .replace("{results}", comparison.results.trim_end())
+        } else {
+            let Some(figure) = figures.iter().find(|figure| figure.name == name) else {
+                continue;
+            };
+            let results = (figure.results)(data).to_markdown();
+            format!(
+                "The paper: {source}. Data: [{name}.csv]({name}.csv)\n\n![{title}]({name}.svg)\n\n{}",
+                body.replace("{results}", results.trim_end()),
+            )
+        };
+        // Writing to a string cannot fail.
+        let _ = write!(summary, "\n## {title}\n\n{body}");
     }
-    for section in sections {
-        let _ = writeln!(
-            text,
-            "## {}\n\nThe paper: {}. Data: [{name}.csv]({name}.csv)\n\n![{}]({name}.svg)\n\n{}",
-            section.title,
-            section.source,
-            section.title,
-            section.text.trim_end(),
-            name = section.name,
-        );
-        text.push('\n');
+    summary
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::figures::FIGURES;
+
+    #[test]
+    fn every_figure_has_its_section() {
+        let names = TEMPLATE.split("\n## ").skip(1);
+        let names: Vec<&str> = names
+            .filter_map(|section| section.split(' ').next())
+            .collect();
+        assert_eq!(names[0], "comparison");
+        assert_eq!(names[1..], FIGURES.each_ref().map(|figure| figure.name));
     }
-    text
 }

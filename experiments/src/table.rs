@@ -3,25 +3,44 @@
 use std::fmt::Write as _;
 
 /// Rows of cells under column heads.
-#[derive(Clone, Debug)]
 pub(crate) struct Table {
     heads: Vec<String>,
     rows: Vec<Vec<String>>,
+    /// A paragraph below the Markdown table.
+    note: String,
 }
 
 impl Table {
-    pub(crate) fn new(heads: &[&str]) -> Self {
+    /// A table without rows; " | " separates its heads.
+    pub(crate) fn new(heads: &str) -> Self {
         Self {
-            heads: heads.iter().map(|&head| head.to_owned()).collect(),
+            heads: heads.split(" | ").map(str::to_owned).collect(),
             rows: Vec::new(),
+            note: String::new(),
         }
+    }
+
+    /// A table with one row for each item.
+    pub(crate) fn of<T>(
+        heads: &str,
+        items: impl IntoIterator<Item = T>,
+        row: impl FnMut(T) -> Vec<String>,
+    ) -> Self {
+        Self {
+            rows: items.into_iter().map(row).collect(),
+            ..Self::new(heads)
+        }
+    }
+
+    pub(crate) fn with_note(self, note: String) -> Self {
+        Self { note, ..self }
     }
 
     pub(crate) fn row(&mut self, cells: Vec<String>) {
         self.rows.push(cells);
     }
 
-    /// As RFC 4180 has it, with line feeds alone.
+    /// As RFC 4180 defines it, with line feeds only.
     pub(crate) fn to_csv(&self) -> String {
         let mut text = String::new();
         for row in std::iter::once(&self.heads).chain(&self.rows) {
@@ -32,7 +51,7 @@ impl Table {
         text
     }
 
-    /// Numbers to the right, as their heads end in nothing that says otherwise.
+    /// All columns are aligned to the right; the note follows.
     pub(crate) fn to_markdown(&self) -> String {
         let mut text = format!("| {} |\n", self.heads.join(" | "));
         let marks = vec!["---:"; self.heads.len()];
@@ -40,6 +59,9 @@ impl Table {
         let _ = writeln!(text, "|{}|", marks.join("|"));
         for row in &self.rows {
             let _ = writeln!(text, "| {} |", row.join(" | "));
+        }
+        if !self.note.is_empty() {
+            let _ = write!(text, "\n{}", self.note);
         }
         text
     }
@@ -59,7 +81,7 @@ mod tests {
 
     #[test]
     fn cells_with_commas_are_quoted() {
-        let mut table = Table::new(&["name", "n"]);
+        let mut table = Table::new("name | n");
         table.row(vec!["a, \"b\"".to_owned(), "1".to_owned()]);
         assert_eq!(table.to_csv(), "name,n\n\"a, \"\"b\"\"\",1\n");
         assert_eq!(

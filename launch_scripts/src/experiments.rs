@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use formation_experiments::{Progress, Settings, Work};
+use formation_experiments::{ExperimentError, Progress, Settings, Work};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -44,12 +44,9 @@ pub fn run(arguments: &ExperimentsArguments) -> Result<(), Failure> {
         &mut display,
     );
     display.bar.finish_and_clear();
-    outcome.map_err(|error| {
-        if error.is_bad_input() {
-            Failure::BadInput(anyhow!(error))
-        } else {
-            Failure::Failed(anyhow!(error))
-        }
+    outcome.map_err(|error| match error {
+        ExperimentError::BadInput(_) => Failure::BadInput(anyhow!(error)),
+        _ => Failure::Failed(anyhow!(error)),
     })?;
     let summary = arguments.directory.join("summary.md");
     console::result_line(&summary.display().to_string())

@@ -1,171 +1,87 @@
 //! Figure 10: eight case studies.
 
-use super::{Experiment, Report};
+use super::{
+    BROKEN_LINKS, Column, DISTANCE, Data, FILLED_SPOTS, Figure, Group, Kind, PLANNING_MS, Row,
+    UTILITY, Value, averages, texts,
+};
 use crate::case_studies::CASES;
-use crate::cell::Cell;
 use crate::contender::Contender;
 use crate::instance::Instance;
 use crate::paper;
-use crate::plot::{Axis, Line, Look, Marker, Panel, Plot, Point, Series, colour};
-use crate::sample::{exact, short};
+use crate::sample::short;
 use crate::settings::Settings;
-use crate::store::Store;
 use crate::table::Table;
 
-pub(super) const CASE_STUDIES: Experiment = Experiment {
-    name: "case_studies",
-    title: "Eight case studies",
-    source: "Figure 10",
-    cells,
-    report,
-};
+const MODULES: Value = Value::Plan(|plan| (plan.receivers + 1) as f64);
+const PORT_CHANGES: Value = Value::Plan(|plan| plan.port_changes as f64);
+const HOLES: Value = Value::Plan(|plan| (plan.fillable_spots - plan.filled_spots) as f64);
 
-/// How far markers of one case stand from each other, where cases are 1 apart.
-const BESIDE: f64 = 0.2;
+pub(super) const CASE_STUDIES: Figure = Figure {
+    name: "case_studies",
+    kinds: &[Kind::Plan],
+    keys: "case | name | contender",
+    rows,
+    columns: &[
+        Column::Single("modules", MODULES),
+        Column::Single("filled_spots", FILLED_SPOTS),
+        Column::Single("planning_ms", PLANNING_MS),
+        Column::Single("broken_links", BROKEN_LINKS),
+        Column::Single(
+            "initial_links",
+            Value::Plan(|plan| plan.initial_links as f64),
+        ),
+        Column::Single("port_changes", PORT_CHANGES),
+        Column::Single("distance_units", DISTANCE),
+        Column::Single("utility", UTILITY),
+    ],
+    tables: averages,
+    results,
+};
 
 const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
 
-fn cells(_: &Settings) -> Vec<Cell> {
-    let cases = 1..=CASES.len();
-    cases
-        .flat_map(|number| {
-            CONTENDERS.map(|contender| Cell::Plan(Instance::CaseStudy(number), contender))
-        })
-        .collect()
+fn group(number: usize, contender: Contender) -> Group {
+    Group::new(contender, vec![Instance::CaseStudy(number)])
 }
 
-fn report(_: &Settings, store: &Store) -> Report {
-    let mut table = Table::new(&[
-        "case",
-        "name",
-        "contender",
-        "modules",
-        "filled_spots",
-        "planning_ms",
-        "broken_links",
-        "initial_links",
-        "port_changes",
-        "distance_units",
-        "utility",
-    ]);
-    let mut summary = Table::new(&[
-        "case",
-        "formed",
-        "modules",
-        "paper's own case: ms, disconnections",
-        "paper policy: ms, broken links, port changes",
-        "ours: ms, broken links, port changes",
-    ]);
-    let mut times: [Vec<Point>; 2] = Default::default();
-    let mut broken: [Vec<Point>; 2] = Default::default();
-    let mut ports: [Vec<Point>; 2] = Default::default();
-    for (place, case) in CASES.iter().enumerate() {
-        let number = place + 1;
-        let (stated_ms, stated_broken) = paper::CASES[place];
-        let mut modules = 0;
-        let mut cells = Vec::new();
-        for (column, contender) in CONTENDERS.into_iter().enumerate() {
-            let Some(plan) = store.plan(Cell::Plan(Instance::CaseStudy(number), contender)) else {
-                continue;
-            };
-            modules = plan.receivers + 1;
-            let milliseconds = plan.planning_us / 1e3;
-            table.row(vec![
-                number.to_string(),
-                case.name.to_owned(),
-                contender.key().to_owned(),
-                modules.to_string(),
-                plan.filled_spots.to_string(),
-                exact(milliseconds),
-                plan.broken_links.to_string(),
-                plan.initial_links.to_string(),
-                plan.port_changes.to_string(),
-                exact(plan.distance),
-                exact(plan.utility),
-            ]);
-            let holes = match plan.fillable_spots - plan.filled_spots {
-                0 => String::new(),
+fn rows(_: &Settings) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for (number, case) in (1..).zip(&CASES) {
+        rows.extend(CONTENDERS.map(|contender| Row {
+            keys: texts(&[&number, &case.name, &contender.key()]),
+            group: group(number, contender),
+        }));
+    }
+    rows
+}
+
+fn results(data: &Data<'_>) -> Table {
+    let heads = "case | formed | modules | paper's own case: ms, disconnections | paper policy: ms, \
+        broken links, port changes | ours: ms, broken links, port changes";
+    let stated = |quantity| paper::stated("case_studies", quantity).into_iter();
+    let stated = stated("planning_ms").zip(stated("disconnections"));
+    let cases = (1..).zip(&CASES).zip(stated);
+    Table::of(heads, cases, |((number, case), (time, count))| {
+        let modules = data.sample(&group(number, Contender::Ours), MODULES).mean;
+        let mut row = texts(&[
+            &number,
+            &case.name,
+            &modules,
+            &format!("{}, {}", time.value, count.value),
+        ]);
+        row.extend(CONTENDERS.map(|contender| {
+            let mean = |value| data.sample(&group(number, contender), value).mean;
+            let holes = match mean(HOLES) {
+                none if none < 0.5 => String::new(),
                 holes => format!(" ({holes} spots empty)"),
             };
-            cells.push(format!(
-                "{}, {}, {}{holes}",
-                short(milliseconds),
-                plan.broken_links,
-                plan.port_changes
-            ));
-            // Beside each other, so that equal values do not hide each other.
-            let x = place as f64 + BESIDE * (column as f64 - 0.5);
-            times[column].push(Point::new(x, milliseconds));
-            broken[column].push(Point::new(x, plan.broken_links as f64));
-            ports[column].push(Point::new(x + BESIDE, plan.port_changes as f64));
-        }
-        let mut row = vec![
-            number.to_string(),
-            case.name.to_owned(),
-            modules.to_string(),
-            format!("{stated_ms}, {stated_broken}"),
-        ];
-        row.extend(cells);
-        summary.row(row);
-    }
-    let stated = |value: fn(&(f64, usize)) -> f64| Series {
-        name: "paper's own cases".to_owned(),
-        look: Look::stated(),
-        points: (0..)
-            .zip(&paper::CASES)
-            .map(|(place, case)| Point::new(f64::from(place) - 1.5 * BESIDE, value(case)))
-            .collect(),
-    };
-    let names = || Axis::names("case", (1..=CASES.len()).map(|n| n.to_string()).collect());
-    let [paper_times, our_times] = times;
-    let [paper_broken, our_broken] = broken;
-    let [_, our_ports] = ports;
-    let series = |name: &str, look: Look, points| Series {
-        name: name.to_owned(),
-        look: look.with_line(Line::None),
-        points,
-    };
-    let plot = Plot {
-        title: "Eight case studies".to_owned(),
-        panels: vec![
-            Panel {
-                title: "planning time".to_owned(),
-                x: names(),
-                y: Axis::logarithmic("planning time (ms)"),
-                series: vec![
-                    stated(|case| case.0),
-                    series("paper policy", Contender::PaperPolicy.look(), paper_times),
-                    series("ours", Contender::Ours.look(), our_times),
-                ],
-            },
-            Panel {
-                title: "what is taken apart".to_owned(),
-                x: names(),
-                y: Axis::from_zero("broken links, or port changes"),
-                series: vec![
-                    stated(|case| case.1 as f64),
-                    series(
-                        "paper policy: broken",
-                        Contender::PaperPolicy.look(),
-                        paper_broken,
-                    ),
-                    series("ours: broken links", Contender::Ours.look(), our_broken),
-                    series(
-                        "ours: port changes",
-                        Look::new(colour::SKY, Marker::Triangle),
-                        our_ports,
-                    ),
-                ],
-            },
-        ],
-    };
-    Report {
-        table,
-        plot,
-        text: format!(
-            "The cases are our own, so that they cannot be set against the paper's one by one; the paper's figures are \
-             there for their size. The scenarios are in `launch_scripts/scenarios/case_studies`.\n\n{}",
-            summary.to_markdown()
-        ),
-    }
+            let time = short(mean(PLANNING_MS));
+            format!(
+                "{time}, {}, {}{holes}",
+                mean(BROKEN_LINKS),
+                mean(PORT_CHANGES)
+            )
+        }));
+        row
+    })
 }

@@ -1,24 +1,47 @@
 //! Figure 4(a): the time to find the maximum common subtree, or the isomorphic subtree, of one configuration.
 
-use super::{Experiment, Report, point};
-use crate::cell::Cell;
+use super::{Column, Data, FIGURE_ONLY, Figure, Group, Kind, Value, averages, rows, texts};
 use crate::contender::Contender;
 use crate::instance::{Docked, Instance};
-use crate::plot::{Axis, Panel, Plot, Series};
-use crate::sample::{Sample, exact};
+use crate::sample::short;
 use crate::settings::Settings;
-use crate::store::Store;
 use crate::table::Table;
 
-pub(super) const TIME: Experiment = Experiment {
+const OURS_MS: Value = Value::Matching(|found| found.ours_us / 1e3);
+const PAPER_MS: Value = Value::Matching(|found| found.paper_us / 1e3);
+const OURS_UTILITY: Value = Value::Matching(|found| found.ours_utility);
+const PAPER_UTILITY: Value = Value::Matching(|found| found.paper_utility);
+
+pub(super) const TIME: Figure = Figure {
     name: "matching_time",
-    title: "Time to find where one configuration fits into a target of 100 spots",
-    source: "Figure 4(a)",
-    cells,
-    report,
+    kinds: &[Kind::Matching],
+    keys: "configuration_size | spots",
+    rows: |settings| {
+        let sizes = settings.configuration_sizes();
+        let keys = |size, _| texts(&[&size, &settings.full_size()]);
+        rows(settings, alone, sizes, &[Contender::Ours], keys)
+    },
+    columns: &[
+        Column::Runs,
+        Column::MeanAndDeviation("ours_ms", OURS_MS),
+        Column::MeanAndDeviation("paper_policy_ms", PAPER_MS),
+        Column::Mean(
+            "matched_modules",
+            Value::Matching(|found| found.ours_size as f64),
+        ),
+        Column::Mean(
+            "candidates",
+            Value::Matching(|found| found.candidates as f64),
+        ),
+        Column::Mean("ours_utility", OURS_UTILITY),
+        Column::Mean("paper_policy_utility", PAPER_UTILITY),
+    ],
+    tables: averages,
+    results,
 };
 
-fn instance(settings: &Settings, size: usize, seed: u64) -> Instance {
+/// One configuration and a target of the full size.
+fn alone(settings: &Settings, size: usize, seed: u64) -> Instance {
     Instance::Generated {
         modules: size,
         spots: settings.full_size(),
@@ -27,113 +50,31 @@ fn instance(settings: &Settings, size: usize, seed: u64) -> Instance {
     }
 }
 
-fn cells(settings: &Settings) -> Vec<Cell> {
-    let mut cells = Vec::new();
-    for size in settings.configuration_sizes() {
-        for seed in settings.seeds() {
-            cells.push(Cell::Matching(instance(settings, size, seed)));
-        }
-    }
-    cells
-}
-
-fn report(settings: &Settings, store: &Store) -> Report {
-    let mut table = Table::new(&[
-        "configuration_size",
-        "spots",
-        "runs",
-        "ours_ms_mean",
-        "ours_ms_std",
-        "paper_policy_ms_mean",
-        "paper_policy_ms_std",
-        "matched_modules_mean",
-        "candidates_mean",
-        "ours_utility_mean",
-        "paper_policy_utility_mean",
-    ]);
-    let mut summary = Table::new(&[
-        "modules",
-        "paper",
-        "paper policy, ms",
-        "ours, ms",
-        "times faster",
-        "utility, best of the paper policy's 20",
-        "utility, ours",
-    ]);
-    let (mut ours_points, mut paper_points) = (Vec::new(), Vec::new());
-    let (mut equal, mut searches) = (0, 0);
-    for size in settings.configuration_sizes() {
-        let cells: Vec<_> = settings
-            .seeds()
-            .into_iter()
-            .filter_map(|seed| store.matching(Cell::Matching(instance(settings, size, seed))))
-            .collect();
-        searches += cells.len();
-        equal += cells
-            .iter()
-            .filter(|cell| cell.ours_size == cell.paper_size)
-            .count();
-        let of = |value: &dyn Fn(&crate::measure::matching::MatchingMeasurement) -> f64| {
-            Sample::of(cells.iter().map(|cell| value(cell)))
-        };
-        let ours = of(&|cell| cell.ours_us / 1e3);
-        let paper = of(&|cell| cell.paper_us / 1e3);
-        let matched = of(&|cell| cell.ours_size as f64);
-        let candidates = of(&|cell| cell.candidates as f64);
-        let ours_utility = of(&|cell| cell.ours_utility);
-        let paper_utility = of(&|cell| cell.paper_utility);
-        table.row(vec![
+fn results(data: &Data<'_>) -> Table {
+    let heads = "modules | paper | paper policy, ms | ours, ms | times faster | utility, best of the \
+        paper policy's 20 | utility, ours";
+    let (mut equal, mut searches) = (0.0, 0);
+    let table = Table::of(heads, data.settings.configuration_sizes(), |&size| {
+        let group = Group::of(data.settings, alone, size, Contender::Ours);
+        let is_equal = Value::Matching(|found| f64::from(found.ours_size == found.paper_size));
+        let is_equal = data.values(&group, is_equal);
+        searches += is_equal.len();
+        equal += is_equal.iter().sum::<f64>();
+        let [paper, ours, paper_utility, ours_utility] =
+            [PAPER_MS, OURS_MS, PAPER_UTILITY, OURS_UTILITY]
+                .map(|value| data.sample(&group, value));
+        vec![
             size.to_string(),
-            settings.full_size().to_string(),
-            cells.len().to_string(),
-            exact(ours.mean),
-            exact(ours.deviation),
-            exact(paper.mean),
-            exact(paper.deviation),
-            exact(matched.mean),
-            exact(candidates.mean),
-            exact(ours_utility.mean),
-            exact(paper_utility.mean),
-        ]);
-        summary.row(vec![
-            size.to_string(),
-            "figure only".to_owned(),
+            FIGURE_ONLY.to_owned(),
             paper.short(),
             ours.short(),
-            crate::sample::short(paper.mean / ours.mean),
+            short(paper.mean / ours.mean),
             paper_utility.short(),
             ours_utility.short(),
-        ]);
-        ours_points.push(point(size as f64, ours));
-        paper_points.push(point(size as f64, paper));
-    }
-    let plot = Plot {
-        title: format!(
-            "Finding a configuration's place among {} spots",
-            settings.full_size()
-        ),
-        panels: vec![Panel {
-            title: String::new(),
-            x: Axis::from_zero("modules of the configuration"),
-            y: Axis::logarithmic("time (ms)"),
-            series: vec![
-                Series {
-                    name: "paper policy: first 20 common subtrees".to_owned(),
-                    look: Contender::PaperPolicy.look(),
-                    points: paper_points,
-                },
-                Series {
-                    name: "ours: the common subtree of greatest utility".to_owned(),
-                    look: Contender::Ours.look(),
-                    points: ours_points,
-                },
-            ],
-        }],
-    };
-    let text = format!(
-        "{}\nUtilities are those of the matched modules alone. Both searches found parts of the same \
-         size in {equal} of {searches} instances.\n",
-        summary.to_markdown()
-    );
-    Report { table, plot, text }
+        ]
+    });
+    table.with_note(format!(
+        "Utilities are those of the matched modules alone. Both searches found parts of the same size in {equal} of \
+         {searches} instances."
+    ))
 }

@@ -1,6 +1,5 @@
-//! The experiments: each makes one CSV file, one plot and one section of the summary.
+//! The figures: each is a list of rows, the columns of its CSV file, and a section of the summary.
 
-mod auction;
 mod case_studies;
 mod completion;
 mod disconnected;
@@ -9,41 +8,40 @@ mod messages;
 mod processes;
 mod scaling;
 
-use crate::cell::Cell;
+use std::iter;
+
+use crate::cell::{Cell, Kind, Measurement};
 use crate::contender::Contender;
 use crate::instance::{Docked, Instance};
+use crate::measure::matching::MatchingMeasurement;
 use crate::measure::plan::PlanMeasurement;
-use crate::measure::protocol::ProtocolMeasurement;
-use crate::plot::{Plot, Point};
-use crate::sample::Sample;
+use crate::measure::processes::ProcessMeasurement;
+use crate::measure::talk::Talk;
+use crate::sample::{Sample, Spread, exact};
 use crate::settings::Settings;
 use crate::store::Store;
 use crate::table::Table;
 
-/// One figure or table.
-pub(crate) struct Experiment {
+/// One figure or table of the evaluation.
+pub(crate) struct Figure {
     /// Its name on the command line and of its files.
     pub name: &'static str,
-    /// What it shows.
-    pub title: &'static str,
-    /// Where the paper shows it.
-    pub source: &'static str,
-    /// What must be measured.
-    pub cells: fn(&Settings) -> Vec<Cell>,
-    /// What came out, once all is measured.
-    pub report: fn(&Settings, &Store) -> Report,
+    /// The kinds of cell that every row averages over; the first one counts the runs.
+    kinds: &'static [Kind],
+    /// The heads of the columns that name a row.
+    keys: &'static str,
+    /// The rows of the CSV file.
+    rows: fn(&Settings) -> Vec<Row>,
+    /// The columns of the CSV file after the keys.
+    columns: &'static [Column],
+    /// The CSV files by name; [`averages`] for all figures that need no other.
+    tables: fn(&Figure, &Data<'_>) -> Vec<(&'static str, Table)>,
+    /// The results that the summary shows below the figure.
+    pub results: fn(&Data<'_>) -> Table,
 }
 
-/// What came out of an experiment.
-pub(crate) struct Report {
-    pub table: Table,
-    pub plot: Plot,
-    /// Markdown for the summary.
-    pub text: String,
-}
-
-/// All experiments in the order of the paper; those with real processes last.
-pub(crate) const EXPERIMENTS: [Experiment; 15] = [
+/// All figures in the order of the paper; those with real processes last.
+pub(crate) const FIGURES: [Figure; 15] = [
     matching::TIME,
     scaling::PLANNING_TIME,
     scaling::DISTANCE,
@@ -53,107 +51,299 @@ pub(crate) const EXPERIMENTS: [Experiment; 15] = [
     completion::FEW_SPOTS,
     messages::FEW_SPOTS,
     disconnected::DISCONNECTED,
-    auction::TIME,
-    auction::DISTANCE,
-    auction::MESSAGES,
-    auction::COMPLETION,
+    scaling::AUCTION_TIME,
+    scaling::AUCTION_DISTANCE,
+    messages::AUCTION,
+    completion::AUCTION,
     case_studies::CASE_STUDIES,
     processes::PROCESSES,
 ];
 
-/// Mixed instances with a spot for each module.
-pub(crate) fn mixed(modules: usize, seed: u64) -> Instance {
-    Instance::Generated {
-        modules,
-        spots: modules,
-        docked: Docked::Mixed,
-        seed,
+/// The summary's entry where the paper gives its numbers only as a figure.
+const FIGURE_ONLY: &str = "figure only";
+
+impl Figure {
+    /// The cells that must be measured.
+    pub(crate) fn cells(&self, settings: &Settings) -> Vec<Cell> {
+        let mut cells = Vec::new();
+        for row in (self.rows)(settings) {
+            for &kind in self.kinds {
+                cells.extend(row.group.cells(kind));
+            }
+        }
+        cells
+    }
+
+    /// The CSV files by name.
+    pub(crate) fn tables(&self, data: &Data<'_>) -> Vec<(&'static str, Table)> {
+        (self.tables)(self, data)
     }
 }
 
-/// Mixed instances with fewer spots than modules.
-pub(crate) fn surplus(settings: &Settings, modules: usize, seed: u64) -> Instance {
-    Instance::Generated {
-        modules,
-        spots: settings.few_spots(),
-        docked: Docked::Mixed,
-        seed,
+/// One CSV file with a line for each row.
+fn averages(figure: &Figure, data: &Data<'_>) -> Vec<(&'static str, Table)> {
+    let columns = figure.columns.iter();
+    let heads = iter::once(figure.keys.to_owned()).chain(columns.flat_map(Column::heads));
+    let heads: Vec<String> = heads.collect();
+    let table = Table::of(&heads.join(" | "), (figure.rows)(data.settings), |row| {
+        let numbers = figure.columns.iter();
+        let numbers = numbers.flat_map(|column| column.numbers(data, &row.group, figure.kinds[0]));
+        row.keys.into_iter().chain(numbers.map(exact)).collect()
+    });
+    vec![(figure.name, table)]
+}
+
+/// One row of a CSV file.
+struct Row {
+    keys: Vec<String>,
+    group: Group,
+}
+
+/// Instances that differ only in their seeds, and the contender that plans them. Numbers are averages over a group.
+#[derive(Clone)]
+pub(crate) struct Group {
+    contender: Contender,
+    instances: Vec<Instance>,
+    /// The part of the planning time at which curves are read, in per cent.
+    percent: f64,
+    modules_per_process: usize,
+}
+
+impl Group {
+    pub(crate) fn new(contender: Contender, instances: Vec<Instance>) -> Self {
+        Self {
+            contender,
+            instances,
+            percent: 100.0,
+            modules_per_process: 1,
+        }
+    }
+
+    /// One instance of a family for each seed of the settings.
+    pub(crate) fn of(
+        settings: &Settings,
+        family: Family,
+        size: usize,
+        contender: Contender,
+    ) -> Self {
+        let seeds = settings.seeds().into_iter();
+        let instances = seeds.map(|seed| family(settings, size, seed)).collect();
+        Self::new(contender, instances)
+    }
+
+    fn at(&self, percent: f64) -> Self {
+        Self {
+            percent,
+            ..self.clone()
+        }
+    }
+
+    fn cells(&self, kind: Kind) -> impl Iterator<Item = Cell> {
+        self.instances.iter().map(move |&instance| Cell {
+            kind,
+            instance,
+            contender: self.contender,
+            modules_per_process: self.modules_per_process,
+        })
     }
 }
 
-/// Singletons with a spot for each.
-pub(crate) fn singletons(modules: usize, seed: u64) -> Instance {
-    Instance::Generated {
-        modules,
-        spots: modules,
-        docked: Docked::Singletons,
-        seed,
-    }
-}
+/// An instance by a size and a seed.
+pub(crate) type Family = fn(&Settings, usize, u64) -> Instance;
 
-/// As many modules as spots, all in configurations of one size.
-pub(crate) fn equal(settings: &Settings, docked: Docked, seed: u64) -> Instance {
-    let modules = settings.full_size();
+fn generated(modules: usize, spots: usize, docked: Docked, seed: u64) -> Instance {
     Instance::Generated {
         modules,
-        spots: modules,
+        spots,
         docked,
         seed,
     }
 }
 
-/// The plans of one contender for instances that differ in their seeds alone.
-pub(crate) fn plans<'a>(
-    settings: &Settings,
-    store: &'a Store,
-    contender: Contender,
-    instance: impl Fn(u64) -> Instance,
-) -> Vec<&'a PlanMeasurement> {
-    let seeds = settings.seeds().into_iter();
-    seeds
-        .filter_map(|seed| store.plan(Cell::Plan(instance(seed), contender)))
-        .collect()
+/// Mixed instances with a spot for each module.
+pub(crate) fn mixed(_: &Settings, modules: usize, seed: u64) -> Instance {
+    generated(modules, modules, Docked::Mixed, seed)
 }
 
-/// The protocol's runs of one contender for instances that differ in their seeds alone.
-pub(crate) fn protocols<'a>(
-    settings: &Settings,
-    store: &'a Store,
-    contender: Contender,
-    instance: impl Fn(u64) -> Instance,
-) -> Vec<&'a ProtocolMeasurement> {
-    let seeds = settings.seeds().into_iter();
-    seeds
-        .filter_map(|seed| store.protocol(Cell::Protocol(instance(seed), contender)))
-        .collect()
+/// Mixed instances with fewer spots than modules.
+pub(crate) fn surplus(settings: &Settings, modules: usize, seed: u64) -> Instance {
+    generated(modules, settings.few_spots(), Docked::Mixed, seed)
 }
 
-/// One number of several measurements.
-pub(crate) fn sample<T>(measurements: &[&T], value: impl Fn(&T) -> f64) -> Sample {
-    Sample::of(measurements.iter().map(|measurement| value(measurement)))
+/// Singletons with a spot for each.
+pub(crate) fn singletons(_: &Settings, modules: usize, seed: u64) -> Instance {
+    generated(modules, modules, Docked::Singletons, seed)
 }
 
-/// A point at a mean, with its deviation.
-fn point(x: f64, sample: Sample) -> Point {
-    Point {
-        x,
-        y: sample.mean,
-        deviation: sample.deviation,
-    }
+/// As many modules as spots, all in configurations of one size on lattice trees.
+pub(crate) fn lattice(settings: &Settings, size: usize, seed: u64) -> Instance {
+    let modules = settings.full_size();
+    generated(modules, modules, Docked::Lattice(size), seed)
 }
 
-/// The cells of every seed for each of some contenders.
-fn cells_of(
-    settings: &Settings,
-    contenders: &[Contender],
-    instance: impl Fn(u64) -> Instance,
-    cell: fn(Instance, Contender) -> Cell,
-) -> Vec<Cell> {
-    let mut cells = Vec::new();
-    for seed in settings.seeds() {
-        for &contender in contenders {
-            cells.push(cell(instance(seed), contender));
+/// The same on uniform labelled trees.
+pub(crate) fn labelled(settings: &Settings, size: usize, seed: u64) -> Instance {
+    let modules = settings.full_size();
+    generated(modules, modules, Docked::Labelled(size), seed)
+}
+
+/// A number of one measurement; the second argument of the curves is the group's part of the planning time in per cent.
+#[derive(Clone, Copy)]
+pub(crate) enum Value {
+    Matching(fn(&MatchingMeasurement) -> f64),
+    Plan(fn(&PlanMeasurement) -> f64),
+    PlanCurve(fn(&PlanMeasurement, f64) -> f64),
+    Talk(fn(&Talk) -> f64),
+    TalkCurve(fn(&Talk, f64) -> f64),
+    Processes(fn(&ProcessMeasurement) -> f64),
+}
+
+const PLANNING_MS: Value = Value::Plan(|plan| plan.planning_us / 1e3);
+const DISTANCE: Value = Value::Plan(|plan| plan.distance);
+const UTILITY: Value = Value::Plan(|plan| plan.utility);
+const FILLED_SPOTS: Value = Value::Plan(|plan| plan.filled_spots as f64);
+const BROKEN_LINKS: Value = Value::Plan(|plan| plan.broken_links as f64);
+
+impl Value {
+    fn kind(self) -> Kind {
+        match self {
+            Self::Matching(_) => Kind::Matching,
+            Self::Plan(_) | Self::PlanCurve(_) => Kind::Plan,
+            Self::Talk(_) | Self::TalkCurve(_) => Kind::Talk,
+            Self::Processes(_) => Kind::Processes,
         }
     }
-    cells
+
+    fn of(self, measurement: &Measurement, percent: f64) -> Option<f64> {
+        Some(match (self, measurement) {
+            (Self::Matching(value), Measurement::Matching(matching)) => value(matching),
+            (Self::Plan(value), Measurement::Plan(plan)) => value(plan),
+            (Self::PlanCurve(value), Measurement::Plan(plan)) => value(plan, percent),
+            (Self::Talk(value), Measurement::Talk(talk)) => value(talk),
+            (Self::TalkCurve(value), Measurement::Talk(talk)) => value(talk, percent),
+            (Self::Processes(value), Measurement::Processes(processes)) => value(processes),
+            _ => return None,
+        })
+    }
+}
+
+/// One or more columns of a CSV file, each a number of the row's group. Heads are made of the name and the statistic.
+enum Column {
+    /// The number of runs.
+    Runs,
+    /// The group's part of the planning time.
+    Percent,
+    /// The number of a group that has one run.
+    Single(&'static str, Value),
+    Mean(&'static str, Value),
+    /// The mean and the standard deviation.
+    MeanAndDeviation(&'static str, Value),
+    /// The first mean divided by the second.
+    Ratio(&'static str, Value, Value),
+    Median(&'static str, Value),
+    /// The median, the least and the greatest.
+    MedianAndRange(&'static str, Value),
+}
+
+impl Column {
+    fn heads(&self) -> Vec<String> {
+        let (name, statistics): (_, &[&str]) = match self {
+            Self::Runs => ("runs", &[""]),
+            Self::Percent => ("time_percent", &[""]),
+            Self::Single(name, _) => (*name, &[""]),
+            Self::Mean(name, _) | Self::Ratio(name, ..) => (*name, &["_mean"]),
+            Self::MeanAndDeviation(name, _) => (*name, &["_mean", "_std"]),
+            Self::Median(name, _) => (*name, &["_median"]),
+            Self::MedianAndRange(name, _) => (*name, &["_median", "_least", "_greatest"]),
+        };
+        let statistics = statistics.iter();
+        statistics.map(|one| format!("{name}{one}")).collect()
+    }
+
+    fn numbers(&self, data: &Data<'_>, group: &Group, kind: Kind) -> Vec<f64> {
+        match *self {
+            Self::Runs => vec![data.runs(group, kind) as f64],
+            Self::Percent => vec![group.percent],
+            Self::Single(_, value) | Self::Mean(_, value) => vec![data.sample(group, value).mean],
+            Self::MeanAndDeviation(_, value) => {
+                let sample = data.sample(group, value);
+                vec![sample.mean, sample.deviation]
+            }
+            Self::Ratio(_, value, other) => {
+                vec![data.sample(group, value).mean / data.sample(group, other).mean]
+            }
+            Self::Median(_, value) => vec![data.spread(group, value).median],
+            Self::MedianAndRange(_, value) => {
+                let spread = data.spread(group, value);
+                vec![spread.median, spread.least, spread.greatest]
+            }
+        }
+    }
+}
+
+/// The measurements and their settings.
+pub(crate) struct Data<'a> {
+    pub settings: &'a Settings,
+    pub store: &'a Store,
+}
+
+impl Data<'_> {
+    /// One number of every measured run of a group.
+    fn values(&self, group: &Group, value: Value) -> Vec<f64> {
+        let cells = group.cells(value.kind());
+        cells
+            .filter_map(|cell| value.of(self.store.get(cell)?, group.percent))
+            .collect()
+    }
+
+    pub(crate) fn sample(&self, group: &Group, value: Value) -> Sample {
+        Sample::of(self.values(group, value))
+    }
+
+    /// The same number of several contenders on one family of instances.
+    fn samples<const N: usize>(
+        &self,
+        family: Family,
+        size: usize,
+        contenders: [Contender; N],
+        value: Value,
+    ) -> [Sample; N] {
+        contenders
+            .map(|contender| self.sample(&Group::of(self.settings, family, size, contender), value))
+    }
+
+    fn spread(&self, group: &Group, value: Value) -> Spread {
+        Spread::of(self.values(group, value))
+    }
+
+    /// The number of measured runs of a group.
+    fn runs(&self, group: &Group, kind: Kind) -> usize {
+        group
+            .cells(kind)
+            .filter(|&cell| self.store.has(cell))
+            .count()
+    }
+}
+
+/// A row for each size and contender of one family.
+fn rows(
+    settings: &Settings,
+    family: Family,
+    sizes: &[usize],
+    contenders: &[Contender],
+    keys: impl Fn(usize, &'static str) -> Vec<String>,
+) -> Vec<Row> {
+    let mut rows = Vec::new();
+    for &size in sizes {
+        rows.extend(contenders.iter().map(|&contender| Row {
+            keys: keys(size, contender.key()),
+            group: Group::of(settings, family, size, contender),
+        }));
+    }
+    rows
+}
+
+/// Keys as text.
+fn texts(keys: &[&dyn ToString]) -> Vec<String> {
+    keys.iter().map(|key| key.to_string()).collect()
 }

@@ -1,140 +1,86 @@
 //! Planning time of real processes over DDS.
 
-use super::{Experiment, Report, mixed};
-use crate::cell::Cell;
+use super::{Column, Data, Figure, Group, Kind, Row, Value, averages, mixed, texts};
 use crate::contender::Contender;
-use crate::measure::processes::ProcessMeasurement;
-use crate::plot::{Axis, Line, Look, Marker, Panel, Plot, Point, Series, colour};
-use crate::sample::{Spread, exact, short};
+use crate::sample::short;
 use crate::settings::Settings;
-use crate::store::Store;
 use crate::table::Table;
 
-pub(super) const PROCESSES: Experiment = Experiment {
+const PLANNING_MS: Value = Value::Processes(|run| run.planning_ms as f64);
+const DISCOVERY_MS: Value = Value::Processes(|run| run.discovery_ms as f64);
+const CORE_MS: Value = Value::Processes(|run| run.core_us as f64 / 1e3);
+
+pub(super) const PROCESSES: Figure = Figure {
     name: "processes",
-    title: "Planning time of real processes over DDS",
-    source: "no figure of the paper; it ran on one PC without a network",
-    cells,
-    report,
+    kinds: &[Kind::Processes],
+    keys: "modules | processes",
+    rows,
+    columns: &[
+        Column::Runs,
+        Column::MedianAndRange("planning_ms", PLANNING_MS),
+        Column::Median("discovery_ms", DISCOVERY_MS),
+        Column::Median("core_ms", CORE_MS),
+    ],
+    tables: |figure, data| {
+        let mut tables = averages(figure, data);
+        tables.push(("processes_runs", each_run(data)));
+        tables
+    },
+    results,
 };
 
-/// How far the single runs are drawn from their median.
-const BESIDE: f64 = 0.12;
-
-/// The paper policy leaves holes in some plans, and the launcher starts no processes for a plan with a hole.
-fn cell(modules: usize, modules_per_process: usize, seed: u64) -> Cell {
-    Cell::Processes {
-        instance: mixed(modules, seed),
-        contender: Contender::Ours,
-        modules_per_process,
-    }
-}
-
-fn cells(settings: &Settings) -> Vec<Cell> {
-    let mut cells = Vec::new();
-    for (modules, modules_per_process) in settings.process_sizes() {
-        for seed in settings.process_seeds() {
-            cells.push(cell(modules, modules_per_process, seed));
-        }
-    }
-    cells
-}
-
-fn report(settings: &Settings, store: &Store) -> Report {
-    let mut table = Table::new(&[
-        "modules",
-        "processes",
-        "runs",
-        "planning_ms_median",
-        "planning_ms_least",
-        "planning_ms_greatest",
-        "discovery_ms_median",
-        "core_ms_median",
-    ]);
-    let mut summary = Table::new(&[
-        "modules",
-        "processes",
-        "runs",
-        "planning over DDS, ms",
-        "core alone, ms",
-        "discovery, ms",
-    ]);
-    let mut names = Vec::new();
-    let (mut over_dds, mut each, mut core) = (Vec::new(), Vec::new(), Vec::new());
-    for (place, (modules, per_process)) in settings.process_sizes().into_iter().enumerate() {
-        let processes = modules.div_ceil(per_process);
-        names.push(format!("{modules} on {processes}"));
-        let cells: Vec<&ProcessMeasurement> = settings
-            .process_seeds()
-            .into_iter()
-            .filter_map(|seed| store.processes(cell(modules, per_process, seed)))
-            .collect();
-        let spread = |value: fn(&ProcessMeasurement) -> f64| {
-            Spread::of(cells.iter().map(|cell| value(cell)))
+/// Groups of ours by modules and processes. The paper policy is left out, because some of its plans have holes, and the
+/// launcher starts no processes for a plan with a hole.
+fn groups(settings: &Settings) -> Vec<([usize; 2], Group)> {
+    let sizes = settings.process_sizes().iter();
+    let group = |&(modules, modules_per_process): &(usize, usize)| {
+        let seeds = settings.process_seeds().into_iter();
+        let instances = seeds.map(|seed| mixed(settings, modules, seed)).collect();
+        let group = Group {
+            modules_per_process,
+            ..Group::new(Contender::Ours, instances)
         };
-        let planning = spread(|cell| cell.planning_ms as f64);
-        let discovery = spread(|cell| cell.discovery_ms as f64);
-        let alone = spread(|cell| cell.core_us as f64 / 1e3);
-        table.row(vec![
-            modules.to_string(),
-            processes.to_string(),
-            cells.len().to_string(),
-            exact(planning.median),
-            exact(planning.least),
-            exact(planning.greatest),
-            exact(discovery.median),
-            exact(alone.median),
-        ]);
-        summary.row(vec![
-            modules.to_string(),
-            processes.to_string(),
-            cells.len().to_string(),
-            planning.with_range(),
-            short(alone.median),
-            discovery.with_range(),
-        ]);
-        let place = place as f64;
-        for cell in cells {
-            each.push(Point::new(place + BESIDE, cell.planning_ms as f64));
+        ([modules, modules.div_ceil(modules_per_process)], group)
+    };
+    sizes.map(group).collect()
+}
+
+fn rows(settings: &Settings) -> Vec<Row> {
+    let groups = groups(settings).into_iter();
+    let row = |([modules, processes], group): ([usize; 2], Group)| Row {
+        keys: texts(&[&modules, &processes]),
+        group,
+    };
+    groups.map(row).collect()
+}
+
+/// One line for each run.
+fn each_run(data: &Data<'_>) -> Table {
+    let mut table = Table::new("modules | processes | seed | planning_ms");
+    for ([modules, processes], group) in groups(data.settings) {
+        let seeds = data.settings.process_seeds().into_iter();
+        for (seed, planning_ms) in seeds.zip(data.values(&group, PLANNING_MS)) {
+            table.row(texts(&[&modules, &processes, &seed, &planning_ms]));
         }
-        over_dds.push(Point::new(place, planning.median));
-        core.push(Point::new(place, alone.median));
     }
-    // Without lines: what stands beside each other differs in more than one thing.
-    let apart = |name: &str, look: Look, points| Series {
-        name: name.to_owned(),
-        look: look.with_line(Line::None),
-        points,
-    };
-    let every_run = Look {
-        opacity: 0.6,
-        ..Look::new(colour::BLUE, Marker::Cross)
-    };
-    let plot = Plot {
-        title: "Planning time of real processes over DDS, mixed instances".to_owned(),
-        panels: vec![Panel {
-            title: String::new(),
-            x: Axis::names("modules on processes", names),
-            y: Axis::logarithmic("planning time (ms)"),
-            series: vec![
-                apart("ours over DDS, median", Contender::Ours.look(), over_dds),
-                apart("ours over DDS, each run", every_run, each),
-                apart(
-                    "ours, core alone, median",
-                    Look::new(colour::SKY, Marker::Triangle),
-                    core,
-                ),
-            ],
-        }],
-    };
-    Report {
-        table,
-        plot,
-        text: format!(
-            "`formation run --plan-only --json`: from the roster until the last claim was applied, on loopback of one \
-             machine; medians, least and greatest. Each run starts all processes anew. The paper policy is not run: the \
-             launcher starts no processes for a plan with a hole, and the paper policy leaves some.\n\n{}",
-            summary.to_markdown()
-        ),
-    }
+    table
+}
+
+fn results(data: &Data<'_>) -> Table {
+    let heads =
+        "modules | processes | runs | planning over DDS, ms | core alone, ms | discovery, ms";
+    Table::of(
+        heads,
+        groups(data.settings),
+        |([modules, processes], group)| {
+            vec![
+                modules.to_string(),
+                processes.to_string(),
+                data.runs(&group, Kind::Processes).to_string(),
+                data.spread(&group, PLANNING_MS).with_range(),
+                short(data.spread(&group, CORE_MS).median),
+                data.spread(&group, DISCOVERY_MS).with_range(),
+            ]
+        },
+    )
 }

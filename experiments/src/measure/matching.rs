@@ -1,4 +1,4 @@
-//! How long it takes to find where one configuration fits into one target.
+//! The time to find where one configuration fits into one target.
 
 use formation::model::{PlanningProblem, Topology};
 use formation::planner::assignment::Instance;
@@ -11,17 +11,16 @@ use super::least_us;
 
 /// The search for one configuration's place, ours and the paper's. Times in microseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct MatchingMeasurement {
     /// Ours: the one common subtree of greatest size and, among those, of greatest utility.
     pub ours_us: f64,
     /// The paper's: the first MAX = 20 common subtrees of greatest size.
     pub paper_us: f64,
-    /// How many modules ours matches.
+    /// The number of modules that ours matches.
     pub ours_size: usize,
-    /// How many modules each of the paper's matches.
+    /// The number of modules that each of the paper's matches.
     pub paper_size: usize,
-    /// How many the paper's search found.
+    /// The number of common subtrees that the paper's search found.
     pub candidates: usize,
     /// The utility of ours.
     pub ours_utility: f64,
@@ -29,7 +28,7 @@ pub struct MatchingMeasurement {
     pub paper_utility: f64,
 }
 
-/// Lays the configuration of a problem that has only one into its target.
+/// Searches for the place of the only configuration of a problem in its target.
 pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> MatchingMeasurement {
     let instance = Instance::new(Arc::clone(problem), Arc::clone(problem.target()));
     let links = &instance.links;

@@ -1,4 +1,4 @@
-//! What is measured of one instance.
+//! The measurements of one instance.
 
 pub(crate) mod auction;
 pub(crate) mod matching;
@@ -6,12 +6,13 @@ pub(crate) mod plan;
 pub(crate) mod processes;
 pub(crate) mod protocol;
 mod spot_table;
+pub(crate) mod talk;
 
 use std::time::Instant;
 
 /// How long `work` takes, in microseconds: the least of `times` runs after one that warms up.
 ///
-/// The least, as other programs on the machine can only lengthen a run, and long ones more than short ones.
+/// The least, because other programs on the machine can only lengthen a run.
 pub(crate) fn least_us(times: u32, mut work: impl FnMut()) -> f64 {
     work();
     let elapsed = (0..times.max(1)).map(|_| {
@@ -28,9 +29,9 @@ mod tests {
     use crate::contender::Contender;
     use crate::instance::{Docked, Instance};
 
-    /// What is counted in a plan is what the agents really say.
+    /// The counts of a plan equal the messages that the agents publish.
     #[test]
-    fn the_protocol_says_what_the_plan_counts() {
+    fn the_protocol_publishes_what_the_plan_counts() {
         for seed in 1..=4 {
             let instance = Instance::Generated {
                 modules: 14,
@@ -42,20 +43,18 @@ mod tests {
                 let problem = instance.problem(contender).unwrap();
                 let planned = plan::measure(&problem, 1);
                 let said = protocol::measure(&problem, seed).unwrap();
-                assert_eq!(said.claims.len(), planned.claims);
-                assert_eq!(said.samples(), planned.claims + planned.evictions);
-                assert_eq!(said.filled_spots, planned.filled_spots);
+                assert_eq!(said.course.len(), planned.claims);
+                assert_eq!(said.samples, planned.claims + planned.evictions);
                 if contender != Contender::Auction {
-                    assert_eq!(said.pairs(), planned.pairs_delivered);
+                    assert_eq!(said.pairs_delivered(), planned.pairs_delivered);
                 }
-                let last = said.claims.last().unwrap();
-                assert_eq!(
-                    (last.selected, last.settled),
-                    (planned.filled_spots, planned.filled_spots)
-                );
-                assert!(last.at_us <= said.planning_us);
+                let last = said.course.last().unwrap();
+                let filled = planned.filled_spots;
+                assert_eq!((last.selected, last.settled), (filled, filled));
+                assert_eq!(last.samples, said.samples);
+                assert!(last.at <= said.duration);
                 let selected: Vec<usize> = planned.turns.iter().map(|turn| turn.1).collect();
-                let claimed: Vec<usize> = said.claims.iter().map(|claim| claim.selected).collect();
+                let claimed: Vec<usize> = said.course.iter().map(|claim| claim.selected).collect();
                 assert_eq!(selected, claimed);
             }
         }

@@ -1,11 +1,10 @@
-//! What a planner decides about one instance, and how long the core takes for it.
+//! The plan of one instance, and the time that the core needs for it.
 
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use formation::model::{Decision, PlanningProblem, Policy};
 use formation::planner::{Planning, Statistics};
-use formation::verify::check_plan;
 use serde::{Deserialize, Serialize};
 
 use super::least_us;
@@ -13,58 +12,66 @@ use super::spot_table::SpotTable;
 
 /// A plan in numbers. Lengths are in units, times in microseconds.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct PlanMeasurement {
-    /// How long all turns take, computed one after another by one core.
+    /// The time of all turns, computed one after another on one core.
     pub planning_us: f64,
-    /// After each turn: the computing time so far in microseconds, from the problem on, and how many spots are selected.
+    /// After each turn: the computing time since the start in microseconds, and the number of selected spots.
     pub turns: Vec<(f64, usize)>,
-    /// How many spots are filled.
+    /// The number of filled spots.
     pub filled_spots: usize,
-    /// How many spots could be filled: the smaller of the numbers of modules and spots.
+    /// The number of spots that can be filled: the smaller of the numbers of modules and spots.
     pub fillable_spots: usize,
-    /// How many spots the target has.
+    /// The number of spots of the target.
     pub spots: usize,
     /// The sum of all utilities.
     pub utility: f64,
-    /// The sum of the straight ways of all modules that have a spot.
+    /// The sum of the straight paths of all modules that have a spot.
     pub distance: f64,
-    /// How many links there are at the start.
+    /// The number of links at the start.
     pub initial_links: usize,
-    /// How many of them are not kept.
+    /// The number of links that are not kept.
     pub broken_links: usize,
-    /// The ends of kept links at which another port docks.
+    /// The number of ends of kept links that change their port.
     pub port_changes: usize,
-    /// The modules that would not fit if each configuration had the whole target for itself.
+    /// The number of modules that do not fit if each configuration has the whole target for itself.
     pub unmatched_on_empty_target: usize,
-    /// The modules outside the largest retained piece of their configuration.
+    /// The number of modules outside the largest retained piece of their configuration.
     pub outside_largest_piece: usize,
-    /// The modules of configurations that keep no link.
+    /// The number of modules of configurations that keep no link.
     pub alone: usize,
-    /// The evictions of all turns.
+    /// The number of evictions of all turns.
     pub evictions: usize,
-    /// The broadcasts that the contender's own algorithm asks for: one a turn; in the paper's Algorithm 2 one more for
-    /// each module that is disconnected; in an auction one more for each bid and each new price.
+    /// The number of broadcasts of the contender's own algorithm: one for each turn; in the paper's Algorithm 2 one more
+    /// for each disconnected module; in an auction one more for each bid and each new price.
     pub broadcasts: usize,
-    /// The claims that the protocol publishes for the plan, one a turn.
+    /// The number of claims that the protocol publishes for the plan, one for each turn.
     pub claims: usize,
     /// The (spot, selector) pairs in these claims, times receivers; an auction's bids and prices are pairs too.
     pub pairs_delivered: usize,
-    /// How many modules hear a broadcast.
+    /// The number of modules that receive a broadcast.
     pub receivers: usize,
-    /// Why an independent check refuses the plan, if it does; the paper's planner leaves holes.
-    pub flaws: usize,
 }
 
 impl PlanMeasurement {
-    /// The (spot, selector) pairs that are heard if each broadcast repeats the whole set, as the paper's do.
+    /// The (spot, selector) pairs that are received if each broadcast repeats the whole set, as the paper's do.
     #[must_use]
     pub fn whole_set_pairs(&self) -> usize {
         self.broadcasts * self.spots * self.receivers
     }
+
+    /// Per cent of the spots that are selected after `percent` of the computing time.
+    #[must_use]
+    pub fn selected_after(&self, percent: f64) -> f64 {
+        let end = self.turns.last().map_or(0.0, |turn| turn.0);
+        let taken = self
+            .turns
+            .partition_point(|turn| turn.0 <= percent / 100.0 * end);
+        let selected = self.turns[..taken].last().map_or(0, |turn| turn.1);
+        100.0 * selected as f64 / self.fillable_spots as f64
+    }
 }
 
-/// Plans an instance and counts.
+/// Plans an instance.
 pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasurement {
     let planning_us = least_us(timings, || {
         let mut planning = Planning::new(Arc::clone(problem));
@@ -75,14 +82,6 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasu
     let turns = turns(problem, timings);
     let outcome = planning.outcome(decisions);
     let statistics = Statistics::of(problem, &outcome);
-    let claims: Vec<Decision> = outcome
-        .decisions
-        .iter()
-        .map(|(_, decision)| decision.clone())
-        .collect();
-    let flaws = check_plan(problem, &claims, &outcome.plan)
-        .err()
-        .map_or(0, |violations| violations.len());
     let of_detached = match problem.parameters().policy {
         Policy::Paper => statistics.detached_modules,
         _ => 0,
@@ -107,11 +106,10 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasu
         claims: outcome.decisions.len(),
         pairs_delivered: statistics.messages.pairs,
         receivers: problem.modules().len() - 1,
-        flaws,
     }
 }
 
-/// Takes the turns one by one and looks at the clock after each; of `times` tries the quickest.
+/// The time and the selected spots after each turn, in the fastest of `times` runs.
 fn turns(problem: &Arc<PlanningProblem>, times: u32) -> Vec<(f64, usize)> {
     let tries = (0..times.max(1)).map(|_| timed_turns(problem));
     let quickest = tries.min_by_key(|turns| turns.last().map(|turn| turn.0));

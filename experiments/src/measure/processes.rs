@@ -1,4 +1,4 @@
-//! How long real processes take to plan over DDS: the launcher's own `run --plan-only --json`.
+//! The time that real processes need to plan over DDS, by `formation run --plan-only --json`.
 
 use std::fs;
 use std::io;
@@ -9,30 +9,29 @@ use formation::model::RawScenario;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// The launcher gives up on a run after this many seconds.
+/// The launcher ends a run after this many seconds.
 const TIMEOUT_S: u32 = 240;
 
 /// One planning by real processes.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
 pub struct ProcessMeasurement {
-    /// From the roster until the last claim was applied, as the verifier saw it, in milliseconds.
+    /// From the roster until the last claim was applied, measured by the verifier, in milliseconds.
     pub planning_ms: u64,
     /// Until all modules were known to the verifier, in milliseconds.
     pub discovery_ms: u64,
-    /// What the core alone takes for the same plan, in microseconds.
+    /// The time of the core alone for the same plan, in microseconds.
     pub core_us: u64,
 }
 
-/// Why processes did not plan.
+/// Why the processes did not plan.
 #[derive(Debug, Error)]
 pub enum ProcessError {
-    /// A file could not be written, or the launcher not be started.
+    /// A file cannot be written, or the launcher cannot be started.
     #[error("{what}")]
     Io {
-        /// What was tried.
+        /// The failed operation.
         what: String,
-        /// Why it failed.
+        /// The cause.
         source: io::Error,
     },
     /// The scenario cannot be written.
@@ -46,7 +45,7 @@ pub enum ProcessError {
         /// Its last line on the standard error output.
         words: String,
     },
-    /// The launcher's report lacks something.
+    /// The launcher's report cannot be used.
     #[error("the report of `formation run` cannot be read: {0}")]
     Report(String),
 }
@@ -59,7 +58,7 @@ struct Report {
     planning_us: u64,
 }
 
-/// Has a scenario planned by real processes.
+/// Plans a scenario by real processes.
 pub(crate) fn measure(
     launcher: &Path,
     scenario: &RawScenario,
@@ -87,7 +86,7 @@ pub(crate) fn measure(
         let words = String::from_utf8_lossy(&output.stderr);
         return Err(ProcessError::Failed {
             status: output.status.to_string(),
-            words: words.lines().last().unwrap_or("it said nothing").to_owned(),
+            words: words.lines().last().unwrap_or("no output").to_owned(),
         });
     }
     let report: Report = serde_json::from_slice(&output.stdout)

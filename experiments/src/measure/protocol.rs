@@ -1,4 +1,4 @@
-//! What is said, and when, while the agents plan: the protocol as it runs in the simulator.
+//! The messages of a planning and their times: the protocol as it runs in the simulator.
 //!
 //! The agents are those that run under DDS. Time is the simulator's: messages take 0.2 to 5 ms and computing takes none,
 //! so that the curves show the protocol and not the machine. Time begins when the roster is published and ends when the
@@ -11,102 +11,35 @@ use formation::model::{Decision, Message, ModuleId, PlanningProblem, RosterMessa
 use formation::planner;
 use formation::protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
-use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use super::spot_table::SpotTable;
+use super::talk::{Moment, Talk};
 
-/// Planning that takes longer than this in the simulator stands still.
+/// Planning that takes longer than this in the simulator has failed.
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// What was recorded of one planning.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ProtocolMeasurement {
-    /// How many modules take part.
-    pub modules: usize,
-    /// How many spots can be filled.
-    pub fillable_spots: usize,
-    /// From the roster until the last module has applied the last claim, in microseconds of simulated time.
-    pub planning_us: u64,
-    /// One entry a claim, in the order of publication.
-    pub claims: Vec<ClaimRecord>,
-    /// How many heartbeats were published in that time.
-    pub heartbeats: usize,
-    /// How many states of modules were published in that time.
-    pub states: usize,
-    /// How many eviction notices were published.
-    pub notices: usize,
-    /// How many spots are selected in the end.
-    pub filled_spots: usize,
-}
-
-/// One claim, when it was published, and what stands after it.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub struct ClaimRecord {
-    /// Simulated time since the roster, in microseconds.
-    pub at_us: u64,
-    /// How many (spot, selector) pairs it says.
-    pub pairs: usize,
-    /// How many modules it evicts, which is told in a notice each.
-    pub evictions: usize,
-    /// How many spots are selected after it.
-    pub selected: usize,
-    /// How many spots are selected after it by the module that has them in the end.
-    pub settled: usize,
-}
-
-impl ProtocolMeasurement {
-    /// How many modules hear each message.
-    #[must_use]
-    pub fn receivers(&self) -> usize {
-        self.modules.saturating_sub(1)
-    }
-
-    /// Claims and eviction notices published.
-    #[must_use]
-    pub fn samples(&self) -> usize {
-        self.claims.len() + self.notices
-    }
-
-    /// Claims and eviction notices, times those that hear them.
-    #[must_use]
-    pub fn deliveries(&self) -> usize {
-        self.samples() * self.receivers()
-    }
-
-    /// (Spot, selector) pairs in claims, times those that hear them.
-    #[must_use]
-    pub fn pairs(&self) -> usize {
-        self.claims.iter().map(|claim| claim.pairs).sum::<usize>() * self.receivers()
-    }
-}
-
-/// Why nothing could be recorded.
+/// Why a planning could not be recorded.
 #[derive(Debug, Error)]
 pub enum ProtocolError {
-    /// The agents did not come to an end.
+    /// Some agents did not finish planning.
     #[error("only {planned} of {modules} modules had planned after {} s of simulated time", LIMIT.as_secs())]
     StandsStill {
-        /// How many had.
+        /// The number of modules that finished.
         planned: usize,
-        /// How many there are.
+        /// The number of members.
         modules: usize,
     },
-    /// More than one epoch was opened, though nothing failed.
+    /// More than one epoch was opened, although nothing failed.
     #[error("a second epoch was opened while planning")]
     SecondEpoch,
-    /// The agents' plan is not the one that the offline planner makes.
+    /// The agents' plan differs from the offline planner's.
     #[error("the agents' plan differs from the offline one")]
     DifferentPlan,
 }
 
-/// Lets the agents plan an instance in the simulator.
-pub(crate) fn measure(
-    problem: &Arc<PlanningProblem>,
-    seed: u64,
-) -> Result<ProtocolMeasurement, ProtocolError> {
+/// Plans an instance in the simulator.
+pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk, ProtocolError> {
     let parameters = ClusterParameters {
         agent: AgentParameters {
             plan_only: true,
@@ -148,32 +81,28 @@ struct Recorder {
     planned: usize,
     claims: Vec<(Duration, Decision)>,
     notices: usize,
-    heartbeats: usize,
-    states: usize,
     table: SpotTable,
 }
 
 impl Recorder {
     fn record(&mut self, time: Duration, observation: &Observation) -> Result<(), ProtocolError> {
         match observation {
-            Observation::Published(_, message) => {
-                let planning = usize::from(self.roster_at.is_some());
-                match message {
-                    Message::Roster(RosterMessage::Plan(_)) => {
-                        if self.roster_at.replace(time).is_some() {
-                            return Err(ProtocolError::SecondEpoch);
-                        }
+            Observation::Published(_, message) => match message {
+                Message::Roster(RosterMessage::Plan(_)) => {
+                    if self.roster_at.replace(time).is_some() {
+                        return Err(ProtocolError::SecondEpoch);
                     }
-                    Message::Claim(claim) => {
-                        self.table.apply(&claim.decision);
-                        self.claims.push((time, claim.decision.clone()));
-                    }
-                    Message::Eviction(_) => self.notices += 1,
-                    Message::Heartbeat(_) => self.heartbeats += planning,
-                    Message::ModuleState(_) => self.states += planning,
-                    Message::Roster(_) | Message::Target(_) => {}
                 }
-            }
+                Message::Claim(claim) => {
+                    self.table.apply(&claim.decision);
+                    self.claims.push((time, claim.decision.clone()));
+                }
+                Message::Eviction(_) => self.notices += 1,
+                Message::Roster(_)
+                | Message::Target(_)
+                | Message::Heartbeat(_)
+                | Message::ModuleState(_) => {}
+            },
             Observation::Noted(_, Event::Planned { .. }) => {
                 self.planned += 1;
                 self.ended_at = time;
@@ -186,36 +115,32 @@ impl Recorder {
         Ok(())
     }
 
-    fn finish(self, problem: &PlanningProblem) -> ProtocolMeasurement {
+    fn finish(self, problem: &PlanningProblem) -> Talk {
         let begin = self.roster_at.unwrap_or_default();
         let micros = |time: Duration| {
             u64::try_from(time.saturating_sub(begin).as_micros()).unwrap_or(u64::MAX)
         };
         let mut table = SpotTable::default();
-        let claims = self
-            .claims
-            .iter()
-            .map(|(time, decision)| {
-                table.apply(decision);
-                ClaimRecord {
-                    at_us: micros(*time),
-                    pairs: decision.selections.len(),
-                    evictions: decision.evictions.len(),
-                    selected: table.spot_of.len(),
-                    settled: table.in_common_with(&self.table),
-                }
-            })
-            .collect();
+        let mut moment = Moment::default();
+        let course = self.claims.iter().map(|(time, decision)| {
+            table.apply(decision);
+            moment = Moment {
+                at: micros(*time),
+                samples: moment.samples + 1 + decision.evictions.len(),
+                pairs: moment.pairs + decision.selections.len(),
+                selected: table.spot_of.len(),
+                settled: table.in_common_with(&self.table),
+            };
+            moment
+        });
         let (modules, spots) = (problem.modules().len(), problem.target().spots().len());
-        ProtocolMeasurement {
+        Talk {
             modules,
             fillable_spots: modules.min(spots),
-            planning_us: micros(self.ended_at),
-            claims,
-            heartbeats: self.heartbeats,
-            states: self.states,
-            notices: self.notices,
-            filled_spots: self.table.spot_of.len(),
+            duration: micros(self.ended_at),
+            samples: self.claims.len() + self.notices,
+            bids: 0,
+            course: course.collect(),
         }
     }
 }

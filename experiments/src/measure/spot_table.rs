@@ -1,10 +1,10 @@
-//! Who holds which spot, followed from decision to decision.
+//! The module of each spot after each decision.
 
 use std::collections::BTreeMap;
 
 use formation::model::{Decision, ModuleId, SpotId};
 
-/// The spot-selector pairs, as anybody who hears all claims knows them.
+/// The (spot, selector) pairs, computed from all claims.
 #[derive(Default)]
 pub(super) struct SpotTable {
     pub spot_of: BTreeMap<ModuleId, SpotId>,
@@ -12,8 +12,8 @@ pub(super) struct SpotTable {
 
 impl SpotTable {
     pub(super) fn apply(&mut self, decision: &Decision) {
-        // Selections list the spots that change hands. A module that a later chain of the same decision sends back to
-        // where it was is not among them, so evictions are followed as well.
+        // Selections list only the spots whose module changes. They omit a module that a later chain of the same
+        // decision sends back to its old spot, so evictions are applied as well.
         for eviction in &decision.evictions {
             match eviction.to {
                 Some(spot) => self.spot_of.insert(eviction.evicted, spot),
@@ -25,7 +25,7 @@ impl SpotTable {
         }
     }
 
-    /// How many modules have the same spot in both.
+    /// The number of modules that have the same spot in both.
     pub(super) fn in_common_with(&self, other: &Self) -> usize {
         let held = |(module, spot): &(&ModuleId, &SpotId)| other.spot_of.get(module) == Some(spot);
         self.spot_of.iter().filter(held).count()
