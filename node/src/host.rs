@@ -161,7 +161,7 @@ impl Host {
         };
         let own = first.state.iter().cloned().map(Message::ModuleState);
         own.map(|own| (Some(self.source), own))
-            .chain(first.agent.briefing())
+            .chain(first.agent.latched_snapshot())
             .filter(|(_, message)| match message {
                 // An earlier run of the newcomer is no news to it.
                 Message::ModuleState(state) => state.module != newcomer,

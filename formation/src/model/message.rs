@@ -101,7 +101,7 @@ pub struct CausalMark {
 }
 
 /// One module's announcement of itself.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ModuleState {
     /// The module.
     pub module: ModuleId,
@@ -142,7 +142,7 @@ pub struct ModuleState {
 }
 
 /// One member of a roster, frozen.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct RosterMember {
     /// Which run of its process takes part.
     pub incarnation: Incarnation,
@@ -164,7 +164,7 @@ impl RosterMember {
 }
 
 /// The members of an earlier epoch, by which a majority is counted.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct QuorumBasis {
     /// The epoch.
     pub epoch: Epoch,
@@ -265,7 +265,7 @@ pub struct EvictionRecord {
 }
 
 /// What one unit decides in its turn; applied whole or not at all.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Decision {
     /// The pairs that change, the new spots of evicted modules included; ascending by spot. Empty means NO_SPOT_FOUND.
     pub selections: Vec<SpotSelection>,
@@ -277,7 +277,7 @@ pub struct Decision {
 }
 
 /// A unit's decision, as broadcast.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SpotClaim {
     /// The epoch.
     pub epoch: Epoch,
@@ -292,7 +292,7 @@ pub struct SpotClaim {
 }
 
 /// One eviction, told to the evicted and whoever watches; it changes no state.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct EvictionNotice {
     /// The epoch.
     pub epoch: Epoch,
@@ -303,7 +303,7 @@ pub struct EvictionNotice {
 }
 
 /// A sign of life of one module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Heartbeat {
     /// The module.
     pub module: ModuleId,

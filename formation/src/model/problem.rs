@@ -10,7 +10,7 @@ use crate::model::{
 };
 
 /// What planning has to know of one module.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct PlanningModule {
     /// The module.
     pub id: ModuleId,

@@ -1,30 +1,36 @@
 //! Deliberate protocol bugs, by which the simulator shows that it would find real ones.
 //!
-//! Without the cargo feature `mutations`, which only the tests of `formation_sim` ask for, no agent can be given one:
-//! [`Switch::is`] is then a constant `false`, and the compiler removes every branch that asks. Building the whole
-//! workspace's tests turns the feature on for all crates at once, as cargo unifies features; even then nothing changes
-//! unless a test calls `Agent::mutated`, which no program does.
+//! Without the cargo feature `mutations`, which only the tests of `formation_sim` enable, no agent can have one: every
+//! predicate of [`Bugs`] is then a constant, and the compiler removes the branches that ask. Building the tests of the
+//! whole workspace enables the feature for all crates at once, as cargo unifies features; even then nothing changes unless
+//! a test calls `Agent::mutated`, which no program does.
+
+use std::borrow::Cow;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::model::{Digest, Incarnation, ModuleRun, PlanningProblem};
 
 /// One bug.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Mutation {
     /// Follows rosters of epochs that are over.
     AcceptStaleEpoch,
-    /// Counts everybody as agreed without looking at digests.
+    /// Counts every member as agreed, whatever its digest.
     SkipDigestBarrier,
-    /// Sets off as soon as all agree.
+    /// Moves as soon as all members agree.
     SkipLeaseWait,
-    /// Goes on moving when members are no longer heard to agree.
+    /// Keeps moving when members no longer show agreement.
     IgnoreLapse,
     /// Takes a restarted process for the one that it knew.
     DropIncarnationCheck,
     /// Applies claims that differ from its own recomputation.
     AcceptWithoutRecomputation,
-    /// Notes claims in the order in which they arrive.
+    /// Records claims in the order in which they arrive.
     ApplyOutOfTurn,
     /// Needs no majority of earlier rosters.
     IgnoreQuorum,
-    /// Counts a module that was started anew as if it remembered what it agreed on.
+    /// Counts a restarted module as if it remembered what it agreed on.
     CountForgetful,
     /// Moves without waiting for earlier units.
     MoveOutOfOrder,
@@ -32,35 +38,106 @@ pub enum Mutation {
     ForgetPins,
     /// Freezes with the spot of whatever target it knows.
     PinForAnyTarget,
-    /// Plans as if nobody were docked, and so evicts members of configurations.
+    /// Plans as if no module were docked, and so evicts members of configurations.
     EvictConfigurationMember,
-    /// Takes everybody that was ever heard for living.
+    /// Counts every module that it ever received a heartbeat from as live.
     CountDeadAsAlive,
     /// Takes heartbeats that lay in a buffer for fresh ones.
     TrustBufferedHeartbeats,
     /// Holds another plan than it should, as a module of another build might.
     DifferentPlan,
-    /// Never asks whoever came late to fill an open spot.
+    /// Never includes a late module to fill an open spot.
     IgnoreNewcomers,
 }
 
-/// Which bug an agent has; none, outside of tests.
+/// The bug that an agent has, if any; none outside of tests.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
-pub(super) struct Switch {
+pub(super) struct Bugs {
     #[cfg(feature = "mutations")]
     pub(super) chosen: Option<Mutation>,
 }
 
-impl Switch {
-    /// Whether the agent has this bug.
+impl Bugs {
     #[cfg(feature = "mutations")]
-    pub(super) fn is(self, mutation: Mutation) -> bool {
+    fn has(self, mutation: Mutation) -> bool {
         self.chosen == Some(mutation)
     }
 
     /// Never, in what is shipped.
     #[cfg(not(feature = "mutations"))]
-    pub(super) const fn is(self, _mutation: Mutation) -> bool {
+    const fn has(self, _mutation: Mutation) -> bool {
         false
     }
+
+    /// The time from agreement to the first motion.
+    pub(super) fn lease_wait(self, lease: Duration) -> Duration {
+        if self.has(Mutation::SkipLeaseWait) {
+            Duration::ZERO
+        } else {
+            lease
+        }
+    }
+
+    /// The runs that count towards a quorum when these are present; ascending like them.
+    pub(super) fn counted(self, present: &[ModuleRun]) -> Cow<'_, [ModuleRun]> {
+        if !self.has(Mutation::CountForgetful) {
+            return Cow::Borrowed(present);
+        }
+        let runs = present.iter().flat_map(|run| {
+            let earlier = (0..=run.incarnation.0).map(Incarnation);
+            earlier.map(|incarnation| ModuleRun {
+                incarnation,
+                ..*run
+            })
+        });
+        Cow::Owned(runs.collect())
+    }
+
+    /// The problem that is planned for; `None` if it contradicts itself.
+    pub(super) fn planned(self, problem: PlanningProblem) -> Option<PlanningProblem> {
+        if !self.has(Mutation::EvictConfigurationMember) {
+            return Some(problem);
+        }
+        let mut modules = problem.modules().to_vec();
+        for module in &mut modules {
+            module.links.clear();
+        }
+        PlanningProblem::new(Arc::clone(problem.target()), *problem.parameters(), modules).ok()
+    }
+
+    /// The digest that is shown for a plan with this one.
+    pub(super) fn shown(self, digest: Digest) -> Digest {
+        if self.has(Mutation::DifferentPlan) {
+            Digest(digest.0 ^ 1)
+        } else {
+            digest
+        }
+    }
+}
+
+macro_rules! predicates {
+    ($($predicate:ident: $mutation:ident,)*) => {
+        impl Bugs {
+            $(pub(super) fn $predicate(self) -> bool {
+                self.has(Mutation::$mutation)
+            })*
+        }
+    };
+}
+
+// What the agent does if it has the bug.
+predicates! {
+    accept_stale_epochs: AcceptStaleEpoch,
+    skip_digest_barrier: SkipDigestBarrier,
+    ignore_lapses: IgnoreLapse,
+    ignore_restarts: DropIncarnationCheck,
+    accept_any_decision: AcceptWithoutRecomputation,
+    record_claims_out_of_turn: ApplyOutOfTurn,
+    ignore_quorum: IgnoreQuorum,
+    ignore_acting_order: MoveOutOfOrder,
+    forget_pins: ForgetPins,
+    pin_for_any_target: PinForAnyTarget,
+    count_dead_as_live: CountDeadAsAlive,
+    trust_buffered_heartbeats: TrustBufferedHeartbeats,
+    ignore_newcomers: IgnoreNewcomers,
 }

@@ -4,32 +4,33 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-/// How an agent waits, and for how long.
+/// The time limits and rates of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AgentParameters {
-    /// Between two heartbeats.
+    /// The time between two heartbeats.
     pub heartbeat: Duration,
-    /// A module that was not heard for so long is taken for dead; a process that starts listens for so long before it convenes.
+    /// A module that is silent for longer than this is considered failed; a process that starts listens for this long before
+    /// it convenes.
     pub suspicion: Duration,
     /// A module moves only while every member's latest heartbeat is younger than this; less than `suspicion`.
     pub lease: Duration,
     /// The k-th lowest live module steps in as convener after k times this.
     pub convene: Duration,
-    /// Without a known number of modules, a gathering ends when nothing new came for so long.
+    /// Without a known number of modules, a gathering ends when no module joined it for this long.
     pub gather: Duration,
-    /// A gathering that lacks modules ends after this at the latest, with those that are there.
+    /// A gathering that lacks modules ends after this at the latest, with those that have gathered.
     pub gather_limit: Duration,
-    /// A claimant, or a member that owes agreement, is taken for dead after so long without progress.
+    /// A claimant, or a member whose agreement is missing, is considered failed after this long without progress.
     pub stuck: Duration,
-    /// A unit must reach its spots within this time of starting to move.
+    /// A module must reach its spot within this time of starting to move.
     pub motion_limit: Duration,
     /// The least time between two epochs; it doubles with every epoch that does not agree.
     pub epoch_interval: Duration,
     /// The greatest time between two epochs.
     pub epoch_interval_limit: Duration,
-    /// The least time between two announcements of the pose on the way.
+    /// The least time between two states of a module that only moved.
     pub pose_interval: Duration,
-    /// Agree, but never set off: for those who only want to see what would be decided.
+    /// Plan and agree, but never move: for a look at the plan alone.
     pub plan_only: bool,
 }
 
@@ -52,7 +53,7 @@ impl Default for AgentParameters {
     }
 }
 
-/// Why a set of time limits was refused.
+/// Why a set of time limits is not valid.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum ParametersError {
     /// A limit must be longer than another for the protocol to be safe.
@@ -60,20 +61,20 @@ pub enum ParametersError {
     Order {
         /// The name of the limit that must be longer.
         longer: &'static str,
-        /// What was given for it.
+        /// The value given for it.
         longer_value: Duration,
         /// The name of the limit that must be shorter.
         shorter: &'static str,
-        /// What was given for it.
+        /// The value given for it.
         shorter_value: Duration,
     },
 }
 
 impl AgentParameters {
-    /// Checks that the limits stand in the order on which the protocol's safety rests.
+    /// Checks that the limits are in the order on which the safety of the protocol depends.
     ///
     /// # Errors
-    /// Names the first pair of limits that stand in the wrong order.
+    /// The first pair of limits that is in the wrong order.
     pub fn validated(self) -> Result<Self, ParametersError> {
         let pairs = [
             ("heartbeat", self.heartbeat, "zero", Duration::ZERO),

@@ -1,9 +1,8 @@
-//! Which of the spots that modules have settled on stay theirs in a new epoch.
+//! Pins: the spots on which modules have settled and which they keep in a new epoch.
 //!
-//! A pin may have to go for one of two reasons: it makes no sense, as two modules name one spot; or the settled modules
-//! wall in a spot that must still be filled. Then pins are released, those farthest from the target's centre first, until
-//! the planner finds an order in which every spot can be reached. The convener decides this: it may release a pin, never
-//! invent one.
+//! A pin is released for one of two reasons: two modules name the same spot, or the settled modules wall in a spot that
+//! must still be filled. In the second case the pins farthest from the target's centre are released first, until the planner
+//! finds an order in which every spot can be reached. The convener decides this: it may release a pin, never invent one.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -14,7 +13,7 @@ use crate::model::{
 use crate::planner;
 
 /// Releases the pins that cannot stay; `members` ascend by module.
-pub(super) fn settle(
+pub(super) fn release(
     members: &mut [RosterMember],
     target: &Arc<Target>,
     parameters: PlannerParameters,
@@ -43,11 +42,11 @@ pub(super) fn settle(
         PlanningProblem::new(Arc::clone(target), parameters, modules.collect()).is_ok_and(has_walls)
     };
     let all = outermost_first.len();
-    // Where even free modules would be walled in, sending settled ones about helps nobody.
+    // If spots are walled in even without pins, moving settled modules does not help.
     if all == 0 || !walls_in(0) || walls_in(all) {
         return;
     }
-    // The fewest that will do, by bisection: a plan is made for a handful of numbers only.
+    // The smallest number that is enough, by bisection: each try makes a plan.
     let (mut too_few, mut enough) = (0, all);
     while too_few + 1 < enough {
         let middle = too_few.midpoint(enough);

@@ -1,37 +1,39 @@
-//! Majorities: of which earlier rosters a new one must hold more than half, so that no two plans live at once.
+//! Quorums: the earlier rosters of which a new one must contain more than half, so that no two plans are in force at once.
 //!
-//! It is runs of processes that count, not modules: one that was started anew has forgotten which later roster it may have
-//! agreed on, and so can vouch for none (Liskov and Cowling, "Viewstamped Replication Revisited", 2012, section 4.3: a
-//! replica that recovers takes no part before a majority that remembers has told it). Where every module of a roster is
-//! there, no majority of it is left that could have gone on elsewhere, and those that forgot may stay forgetful.
+//! Runs of processes count, not modules: a module that has restarted does not know which later roster it agreed on before,
+//! and so does not count towards the quorum (Liskov and Cowling, "Viewstamped Replication Revisited", 2012, section 4.3: a
+//! replica that recovers takes part only after a majority with its memory intact has answered it). If every module of a
+//! roster is present, no majority of that roster can be acting elsewhere, and restarted modules count too.
 
 use std::collections::BTreeMap;
 
 use crate::model::{Epoch, ModuleRun, QuorumBasis};
 
-/// At most this many rosters are kept that were shown and not known to be agreed.
+/// The greatest number of rosters that are kept with a shown digest and without a known agreement.
 ///
 /// Only rosters with different members take a place, and each new one needs a majority of all before it.
 pub const QUORUM_BASES_MAX: usize = 32;
 
-/// How far a set of modules falls short of a majority.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+/// By how much a set of modules falls short of a majority of an earlier roster.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Shortfall {
+    /// The number of its members that are present.
     pub present: usize,
+    /// The number of members of the earlier roster.
     pub basis: usize,
 }
 
-/// The rosters that count.
-#[derive(Clone, Debug, Default)]
+/// The earlier rosters that count.
+#[derive(Clone, Debug, Default, Hash)]
 pub(super) struct Quorum {
-    /// The last roster of which all members were seen to agree.
+    /// The last roster of which all members showed the same digest.
     agreed: Option<(Epoch, Vec<ModuleRun>)>,
-    /// Later ones for which some member showed a digest: they may have agreed unseen.
+    /// Later ones for which some member showed a digest: they may have agreed without this module's knowledge.
     shown: BTreeMap<Epoch, Vec<ModuleRun>>,
 }
 
 impl Quorum {
-    /// Notes that some member of a roster showed a digest for it.
+    /// Records that some member of a roster showed a digest for it.
     pub fn note_shown(&mut self, epoch: Epoch, members: &[ModuleRun]) {
         if self
             .agreed
@@ -48,7 +50,7 @@ impl Quorum {
         }
     }
 
-    /// Notes that all members of a roster showed the same digest for it; earlier ones no longer count.
+    /// Records that all members of a roster showed the same digest for it; earlier ones no longer count.
     pub fn note_agreed(&mut self, epoch: Epoch, members: &[ModuleRun]) {
         if self
             .agreed
@@ -61,7 +63,7 @@ impl Quorum {
         self.shown.retain(|&shown, _| shown > epoch);
     }
 
-    /// Takes over what another knows.
+    /// Adds the bases that another module knows.
     pub fn learn(&mut self, bases: &[QuorumBasis]) {
         for basis in bases {
             if basis.agreed {
@@ -72,7 +74,7 @@ impl Quorum {
         }
     }
 
-    /// What this module knows, to tell others.
+    /// The bases that this module knows, for its messages.
     pub fn bases(&self) -> Vec<QuorumBasis> {
         let basis = |agreed, (epoch, members): (&Epoch, &Vec<ModuleRun>)| QuorumBasis {
             epoch: *epoch,
@@ -88,15 +90,15 @@ impl Quorum {
             .collect()
     }
 
-    /// Whether any roster was ever agreed, as far as is known.
+    /// Whether any roster is known to be agreed.
     pub fn has_agreed(&self) -> bool {
         self.agreed.is_some()
     }
 
-    /// The first basis of which `present` (ascending) holds no majority; an exact half wins with the lowest module, and all
-    /// of its modules win whichever of them were started anew.
+    /// The first basis of which `present` (ascending) holds no majority. An exact half is enough if it contains the lowest
+    /// module, and all modules together are enough whichever of them have restarted.
     ///
-    /// Before anything was agreed, a majority of the expected number is needed, where it is known.
+    /// Before the first agreement, a majority of the expected number is needed, where it is known.
     pub fn shortfall(&self, present: &[ModuleRun], expected: Option<u32>) -> Option<Shortfall> {
         if self.agreed.is_none()
             && let Some(expected) = expected
@@ -107,16 +109,16 @@ impl Quorum {
                 basis: expected as usize,
             });
         }
-        let bases = self.agreed.iter().map(|(_, members)| members);
-        bases.chain(self.shown.values()).find_map(|basis| {
-            let remembers = |run: &ModuleRun| present.binary_search(run).is_ok();
-            let count = basis.iter().filter(|run| remembers(run)).count();
-            let lowest = basis.first().is_some_and(remembers);
+        let agreed = self.agreed.iter().map(|(_, members)| members);
+        agreed.chain(self.shown.values()).find_map(|basis| {
+            let is_present = |run: &ModuleRun| present.binary_search(run).is_ok();
+            let count = basis.iter().filter(|run| is_present(run)).count();
+            let lowest = basis.first().is_some_and(is_present);
             let is_back = |run: &ModuleRun| present.iter().any(|here| here.module == run.module);
-            let wins = count * 2 > basis.len()
+            let suffices = count * 2 > basis.len()
                 || (count * 2 == basis.len() && lowest)
                 || (!basis.is_empty() && basis.iter().all(is_back));
-            (!wins).then_some(Shortfall {
+            (!suffices).then_some(Shortfall {
                 present: count,
                 basis: basis.len(),
             })
@@ -158,7 +160,7 @@ mod tests {
     }
 
     #[test]
-    fn an_exact_half_wins_with_the_lowest_module_only() {
+    fn an_exact_half_suffices_with_the_lowest_module_only() {
         let mut quorum = Quorum::default();
         quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4]));
         assert!(quorum.shortfall(&modules(&[1, 4, 9]), None).is_none());
@@ -177,12 +179,12 @@ mod tests {
     }
 
     #[test]
-    fn whoever_was_started_anew_vouches_for_nothing_unless_all_are_there() {
+    fn a_restarted_module_does_not_count_unless_all_are_present() {
         let mut quorum = Quorum::default();
         quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4, 5]));
         let shortfall = |present: &[(u32, u64)]| quorum.shortfall(&runs(present), None);
         assert!(shortfall(&[(3, 1), (4, 1), (5, 1)]).is_none());
-        // The third may have agreed with the first two on a roster of which it knows nothing any more.
+        // Before its restart, the third may have agreed with the first two on a later roster.
         assert!(shortfall(&[(3, 2), (4, 1), (5, 1)]).is_some());
         assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (5, 1)]).is_none());
         assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (9, 1)]).is_some());

@@ -1,4 +1,4 @@
-//! Why messages are refused; each is counted by kind and stops nobody.
+//! Why messages are refused. Refusals are counted by kind and stop no module.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,11 +10,11 @@ pub enum Refusal {
     StaleEpoch,
     /// It comes from a run of the process that is over, or repeats an older state.
     StaleIncarnation,
-    /// It names a living module but comes from another process.
+    /// It names a live module but comes from another process.
     WrongSource,
-    /// It comes from a second process under a living module's identifier.
+    /// It comes from a second process under a live module's identifier.
     DuplicateModule,
-    /// It speaks for a module that is no member of the roster.
+    /// Its sender is not a member of the roster.
     UnknownModule,
     /// It claims a turn that is another unit's.
     WrongClaimant,
@@ -22,13 +22,13 @@ pub enum Refusal {
     DifferentDecision,
     /// It announces another target under a known revision.
     ContradictingTarget,
-    /// Its roster contradicts itself or what this module announced of itself.
+    /// Its roster contradicts itself or this module's announced state.
     BadRoster,
     /// Its roster lacks a majority of an earlier one.
     NoQuorum,
-    /// Its epoch is too far ahead to be true.
+    /// Its epoch is too far ahead of every known epoch.
     ImplausibleEpoch,
-    /// It came early and there is no room to keep it.
+    /// It came before its turn, and the buffer for early claims is full.
     BufferFull,
     /// It names more modules than a formation may have.
     TooManyModules,
@@ -52,7 +52,7 @@ impl Refusal {
         Self::TooManyModules,
     ];
 
-    /// The kind in one word, as counters and logs name it.
+    /// The kind in one word, as in counters and logs.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
@@ -72,7 +72,7 @@ impl Refusal {
         }
     }
 
-    /// Whether it is the ordinary lateness of a network, which deserves a count but no line in a log.
+    /// Whether it is the ordinary lateness of a network, which is counted but not logged.
     #[must_use]
     pub fn is_ordinary(self) -> bool {
         matches!(self, Self::StaleEpoch | Self::StaleIncarnation)
@@ -84,38 +84,38 @@ impl fmt::Display for Refusal {
         formatter.write_str(match self {
             Self::StaleEpoch => "its epoch is over",
             Self::StaleIncarnation => "it is older than what is known of that module",
-            Self::WrongSource => "it comes from another process than that module's",
-            Self::DuplicateModule => "a second process runs under a living module's identifier",
-            Self::UnknownModule => "it speaks for a module that is no member of the roster",
+            Self::WrongSource => "it comes from another process than the module's own",
+            Self::DuplicateModule => "a second process runs under a live module's identifier",
+            Self::UnknownModule => "its sender is not a member of the roster",
             Self::WrongClaimant => "the turn is another unit's",
             Self::DifferentDecision => "its decision differs from our own recomputation",
             Self::ContradictingTarget => "it announces another target under a known revision",
-            Self::BadRoster => "its roster contradicts itself or what we announced of ourselves",
+            Self::BadRoster => "its roster contradicts itself or our announced state",
             Self::NoQuorum => "its roster lacks a majority of an earlier one",
-            Self::ImplausibleEpoch => "its epoch is too far ahead to be true",
-            Self::BufferFull => "it came early and there is no room to keep it",
+            Self::ImplausibleEpoch => "its epoch is too far ahead of every known epoch",
+            Self::BufferFull => "it came before its turn, and the buffer for early claims is full",
             Self::TooManyModules => "it names more modules than a formation may have",
         })
     }
 }
 
-/// How many messages were refused, by kind.
+/// The number of refused messages by kind.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct RefusalCounts(BTreeMap<Refusal, u64>);
 
 impl RefusalCounts {
-    /// Counts one.
+    /// Counts one refusal.
     pub fn add(&mut self, refusal: Refusal) {
         *self.0.entry(refusal).or_default() += 1;
     }
 
-    /// How many of that kind were refused.
+    /// The number of refusals of a kind.
     #[must_use]
     pub fn of(&self, refusal: Refusal) -> u64 {
         self.0.get(&refusal).copied().unwrap_or_default()
     }
 
-    /// How many were refused in all.
+    /// The number of all refusals.
     #[must_use]
     pub fn total(&self) -> u64 {
         self.0.values().sum()

@@ -208,7 +208,7 @@ impl Explorer {
                 }
             }
             actor.hash = hash_of(&(
-                actor.agent.fingerprint(),
+                actor.agent.state_hash(),
                 actor.incarnation,
                 actor.pose,
                 &actor.drive,

@@ -1,0 +1,207 @@
+//! Opening epochs: which module convenes, when, and why.
+
+use std::time::Duration;
+
+use crate::model::{
+    Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service, digest,
+};
+
+use super::Agent;
+use super::context::Context;
+use super::event::EpochReason;
+use super::stage::{Gathering, Stage};
+
+impl Agent {
+    /// Opens an epoch when there has been a reason for long enough and it is this module's turn to do so.
+    pub(super) fn consider_new_epoch(&mut self) {
+        if matches!(&self.stage, Stage::Gathering(gathering) if gathering.is_convener()) {
+            return;
+        }
+        let context = &mut self.context;
+        let Some(reason) = self.stage.doubt(context) else {
+            context.pacing.clear_reason();
+            context.set_shortfall(None);
+            return;
+        };
+        let live = context.live_runs();
+        let expected = context.target.expected_modules();
+        let all_are_live = expected.is_some_and(|expected| live.len() >= expected as usize);
+        if all_are_live && live.iter().all(|run| has_no_epoch(run.module, context)) {
+            context.pacing.end_listening(context.now);
+        }
+        let own = context.own.run;
+        let delay = (live.iter().take_while(|&&run| run < own)).fold(Duration::ZERO, |delay, _| {
+            delay + context.parameters.convene
+        });
+        let due = context.pacing.due(context.now, delay);
+        if context.now < due {
+            context.wake_at(due);
+            return;
+        }
+        let shortfall = context.shortfall_of(&live, expected);
+        context.set_shortfall(shortfall);
+        let announcement = context.target.announcement().cloned();
+        if shortfall.is_none()
+            && let Some(announcement) = announcement
+        {
+            let gathering = Gathering::convene(context, &announcement, reason);
+            self.stage = Stage::Gathering(gathering);
+            self.run_stage();
+        }
+    }
+}
+
+/// Whether a module's latest heartbeat shows no epoch.
+fn has_no_epoch(module: ModuleId, context: &Context) -> bool {
+    let heartbeat = context.peers.heartbeat(module);
+    heartbeat.is_none_or(|heartbeat| heartbeat.epoch.is_none())
+}
+
+impl Stage {
+    /// Why the present epoch does not lead, or no longer leads, to a formation of the target, if so.
+    fn doubt(&self, context: &mut Context) -> Option<EpochReason> {
+        let roster = match self {
+            Self::Gathering(gathering) => return gathering.doubt(context),
+            _ => match self.roster() {
+                Some(roster) => roster,
+                None => return Some(EpochReason::NewTarget),
+            },
+        };
+        if has_new_target(roster, context) {
+            return Some(EpochReason::NewTarget);
+        }
+        let is_outside = matches!(self, Self::Outside(_));
+        if is_outside && others(roster, context).any(|member| is_in_charge(member.run(), context)) {
+            // The members judge which modules are missing and which are wanted. A module that receives nothing from a
+            // member, or that does not receive all of them, would halt them again and again.
+            return None;
+        }
+        if let Some(reason) = missing_members(roster, context) {
+            return Some(reason);
+        }
+        let leaving = leaving(roster, context);
+        if !leaving.is_empty() {
+            let live = context.live_runs();
+            let some_is_active = live.iter().any(|run| context.is_active(run.module));
+            return some_is_active.then_some(EpochReason::OutOfService(leaving));
+        }
+        let stuck = self.stuck_members(context);
+        if stuck.contains(&context.module()) {
+            // The others leave this module out; were it to convene, it would list itself again.
+            return None;
+        }
+        if !stuck.is_empty() {
+            let until = context.now + context.parameters.stuck * 2;
+            for &module in &stuck {
+                context.peers.exclude(module, until);
+            }
+            return Some(EpochReason::Stuck(stuck));
+        }
+        let has_mismatch = self.held_plan().is_some_and(|held| held.has_mismatch);
+        if has_mismatch && context.memory.mismatches <= 1 {
+            return Some(EpochReason::DigestMismatch);
+        }
+        let newcomers = wanted_newcomers(roster, context);
+        (!newcomers.is_empty()).then_some(EpochReason::Newcomers(newcomers))
+    }
+
+    /// The members that keep the epoch from going on: considered failed, they are left out of the next one.
+    fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
+        match self {
+            Self::Planning(planning) => {
+                let stuck = context.parameters.stuck;
+                let claimant = planning.stuck_claimant(context.now, stuck);
+                claimant.into_iter().collect()
+            }
+            Self::Agreeing(agreeing) => agreeing.stuck_members(context),
+            Self::Acting(acting) => acting.stuck_members(context),
+            Self::Listening(_) | Self::Gathering(_) | Self::Outside(_) => Vec::new(),
+        }
+    }
+}
+
+/// Whether a later revision announces another target than the roster's.
+fn has_new_target(roster: &Roster, context: &Context) -> bool {
+    context.target.announcement().is_some_and(|announcement| {
+        announcement.revision > roster.target.revision
+            && digest::of_target(announcement) != digest::of_target(&roster.target)
+    })
+}
+
+/// The members other than this module.
+fn others<'a>(roster: &'a Roster, context: &Context) -> impl Iterator<Item = &'a RosterMember> {
+    let own = context.module();
+    let members = roster.members.iter();
+    members.filter(move |member| member.module.id != own)
+}
+
+/// Whether a member is live, in the run that the roster lists, and within reach of a quorum.
+fn is_in_charge(run: ModuleRun, context: &Context) -> bool {
+    context.peers.is_live(context.liveness(), run.module)
+        && context
+            .peers
+            .heartbeat(run.module)
+            .is_some_and(|heartbeat| {
+                heartbeat.incarnation == run.incarnation
+                    && heartbeat.phase != ModulePhase::WaitingForQuorum
+            })
+}
+
+/// The members that have restarted, or else those that are not live.
+fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
+    let has_restarted = |member: &&RosterMember| {
+        let peer = context.peers.get(member.module.id);
+        peer.is_some_and(|peer| peer.incarnation > member.incarnation)
+    };
+    let id = |member: &RosterMember| member.module.id;
+    let restarted: Vec<ModuleId> = others(roster, context)
+        .filter(has_restarted)
+        .map(id)
+        .collect();
+    if !restarted.is_empty() && !context.bugs.ignore_restarts() {
+        return Some(EpochReason::Restarted(restarted));
+    }
+    let silent: Vec<ModuleId> = others(roster, context)
+        .map(id)
+        .filter(|&module| !context.peers.is_live(context.liveness(), module))
+        .collect();
+    (!silent.is_empty()).then_some(EpochReason::Silent(silent))
+}
+
+/// The members that were active when the roster was made and are not any more.
+fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
+    active(roster)
+        .filter_map(|module| Some((module, context.service_of(module)?)))
+        .filter(|&(_, service)| service != Service::Active)
+        .collect()
+}
+
+/// The members that were active when the roster was made.
+fn active(roster: &Roster) -> impl Iterator<Item = ModuleId> {
+    let members = roster.members.iter();
+    members
+        .filter(|member| member.service == Service::Active)
+        .map(|member| member.module.id)
+}
+
+/// The live modules that the roster does not list, if it leaves spots open.
+fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+    let target = roster.target.target.as_ref();
+    let has_open_spots = target.is_some_and(|target| active(roster).count() < target.spots().len());
+    if !has_open_spots || context.bugs.ignore_newcomers() {
+        return Vec::new();
+    }
+    let is_planned = |module: ModuleId| active(roster).any(|member| member == module);
+    let live = context.live_runs().into_iter().map(|run| run.module);
+    live.filter(|&module| !is_planned(module) && context.is_active(module))
+        .filter(|&module| follows(module, roster.epoch, context))
+        .filter(|&module| context.peers.is_wanted(context.now, module))
+        .collect()
+}
+
+/// Whether a module knows this epoch. A module that receives the members' messages follows them to their epoch; one that does
+/// not would not receive the call to the next epoch either.
+fn follows(module: ModuleId, epoch: Epoch, context: &Context) -> bool {
+    let heartbeat = context.peers.heartbeat(module);
+    module == context.module() || heartbeat.is_some_and(|heartbeat| heartbeat.epoch >= Some(epoch))
+}

@@ -1,0 +1,115 @@
+//! Reports of the drive and ports, links as other modules report them, and commands.
+
+use std::sync::Arc;
+
+use crate::model::{ModuleId, ModulePhase, Service};
+
+use super::event::Event;
+use super::io::{Command, MotionReport};
+use super::stage::Stage;
+use super::{Agent, Effect};
+
+impl Agent {
+    pub(super) fn handle_motion(&mut self, report: MotionReport) -> Effect {
+        let body = &mut self.context.body;
+        match report {
+            MotionReport::Pose(pose) => {
+                body.pose = pose;
+                let published = self.context.outbox.states.pose_at;
+                if self.context.now < published + self.context.parameters.pose_interval {
+                    return Effect::Step;
+                }
+            }
+            MotionReport::Arrived(pose) => {
+                body.pose = pose;
+                body.moving = false;
+                if let Stage::Acting(acting) = &mut self.stage {
+                    acting.arrive();
+                }
+            }
+            MotionReport::Halted(pose) => {
+                body.pose = pose;
+                body.moving = false;
+            }
+            MotionReport::Docked(module) => {
+                body.ports_busy.remove(&module);
+                body.links.insert(module);
+            }
+            MotionReport::Undocked(module) => {
+                body.ports_busy.remove(&module);
+                body.links.remove(&module);
+            }
+            MotionReport::Failed => {
+                self.handle_failure();
+                return Effect::Step;
+            }
+        }
+        self.context.mark_state_changed();
+        Effect::Step
+    }
+
+    fn handle_failure(&mut self) {
+        // A module whose drive fails may coast, and the drive need not report that it halted.
+        self.context.stand_still();
+        self.context.body.moving = false;
+        self.context.body.ports_busy.clear();
+        let spot = match &mut self.stage {
+            Stage::Acting(acting) => acting.abandon(),
+            _ => None,
+        };
+        self.context.fail_motion(spot);
+    }
+
+    /// A module that is out of service stays a member: it freezes, computes and agrees like any other, and so counts
+    /// towards the majority of earlier rosters. Later rosters need no majority that includes it. Only the plan passes it
+    /// over: a spare takes its spot, or the spot is reported open. It undocks from all modules and stays where it is.
+    pub(super) fn handle_command(&mut self, command: Command) -> Effect {
+        let (service, event) = match command {
+            Command::Retire => (Service::Retired, Event::Retired),
+            Command::Rejoin => (Service::Active, Event::Rejoined),
+        };
+        if self.context.body.service == service {
+            return Effect::Step;
+        }
+        self.context.body.service = service;
+        self.context.mark_state_changed();
+        self.context.emit(event);
+        if service != Service::Active {
+            self.context.leave_spot();
+            if let Stage::Acting(acting) = &mut self.stage {
+                acting.abandon();
+            }
+        }
+        Effect::Step
+    }
+
+    /// Follows the links that another module reports: it docked to this one, or undocked from it.
+    pub(super) fn adjust_links_to(&mut self, other: ModuleId) {
+        let Some(held) = self.stage.held_plan() else {
+            return;
+        };
+        let Some(state) = self.context.peers.state(other).map(Arc::clone) else {
+            return;
+        };
+        if state.epoch != self.stage.epoch() {
+            return;
+        }
+        let body = &mut self.context.body;
+        let reports_link = state.links.contains(&self.context.own.run.module);
+        let is_linked = body.links.contains(&other);
+        if reports_link == is_linked {
+            return;
+        }
+        let is_wanted = held.wants_link_to(other);
+        let has_settled = state.phase == ModulePhase::Settled;
+        let is_settled = matches!(&self.stage, Stage::Acting(acting) if acting.is_settled());
+        if is_linked && !is_wanted && (has_settled || state.phase == ModulePhase::Moving) {
+            body.links.remove(&other);
+        } else if !is_linked && is_wanted && has_settled && is_settled {
+            body.links.insert(other);
+        } else {
+            return;
+        }
+        self.context.mark_state_changed();
+    }
+}

@@ -1,0 +1,110 @@
+//! One other module: its latest messages, and when they were sent.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::model::{Heartbeat, Incarnation, ModuleState};
+
+use super::io::SourceId;
+
+/// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
+const DRIFT_DIVISOR: u32 = 1_000;
+
+/// The number of rosters without agreement after which the time for which a module is not wanted no longer doubles.
+const DOUBLINGS_MAX: u32 = 5;
+
+/// What is known of one other module.
+#[derive(Clone, Debug, Hash)]
+pub(super) struct Peer {
+    pub incarnation: Incarnation,
+    pub heartbeat: Option<Heartbeat>,
+    pub state: Option<Arc<ModuleState>>,
+    /// The state of a later run, received while this one still counts as live, and its sender: a state comes only once.
+    pub successor: Option<(Arc<ModuleState>, Option<SourceId>)>,
+    /// The participant that sends for this module, where the transport identifies it.
+    pub source: Option<SourceId>,
+    /// When its latest heartbeat was sent, by this module's clock.
+    alive_at: Option<Duration>,
+    /// When the first message of this incarnation came.
+    first_seen: Duration,
+    /// The peer's start by this module's clock, as the least delayed heartbeat shows it; signed microseconds.
+    clock_offset_us: Option<(i128, Duration)>,
+    /// Until when it is considered failed because it made no progress.
+    pub excluded_until: Duration,
+    /// The number of rosters that listed it since it last agreed to one.
+    rosters_without_agreement: u32,
+    /// Until when no epoch is opened to include it, because rosters with it did not agree, and one without it did.
+    pub unwanted_until: Duration,
+}
+
+impl Peer {
+    pub fn new(incarnation: Incarnation, source: Option<SourceId>, now: Duration) -> Self {
+        Self {
+            incarnation,
+            heartbeat: None,
+            state: None,
+            successor: None,
+            source,
+            alive_at: None,
+            first_seen: now,
+            clock_offset_us: None,
+            excluded_until: Duration::ZERO,
+            rosters_without_agreement: 0,
+            unwanted_until: Duration::ZERO,
+        }
+    }
+
+    /// The age of the latest heartbeat; `None` without one.
+    pub fn age(&self, now: Duration) -> Option<Duration> {
+        self.alive_at.map(|at| now.saturating_sub(at))
+    }
+
+    /// When it last gave a sign of life.
+    pub fn last_seen(&self) -> Duration {
+        self.alive_at.unwrap_or(self.first_seen)
+    }
+
+    /// Estimates when a heartbeat was sent, by this module's clock.
+    ///
+    /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift. A
+    /// heartbeat that lay in a buffer while this process or the network stood still is thus recognised as old.
+    pub fn sent_at(&mut self, now: Duration, uptime: Duration) -> Duration {
+        let micros = |duration: Duration| i128::try_from(duration.as_micros()).unwrap_or(i128::MAX);
+        let sample = micros(now) - micros(uptime).min(i128::MAX / 4);
+        let offset = match self.clock_offset_us {
+            None => sample,
+            Some((offset, at)) => {
+                sample.min(offset + micros(now.saturating_sub(at) / DRIFT_DIVISOR))
+            }
+        };
+        self.clock_offset_us = Some((offset, now));
+        let sent = (offset + micros(uptime).min(i128::MAX / 4)).clamp(0, micros(now));
+        Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
+    }
+
+    /// Records a heartbeat that was sent at a time.
+    pub fn note_heartbeat(&mut self, heartbeat: Heartbeat, sent_at: Duration) {
+        self.alive_at = Some(self.alive_at.map_or(sent_at, |at| at.max(sent_at)));
+        self.heartbeat = Some(heartbeat);
+    }
+
+    /// A roster lists it; whether it will agree to that is open.
+    pub fn note_listed(&mut self) {
+        self.rosters_without_agreement = (self.rosters_without_agreement + 1).min(DOUBLINGS_MAX);
+    }
+
+    /// The members of a roster have agreed, and it is one of them.
+    pub fn note_agreement(&mut self) {
+        self.rosters_without_agreement = 0;
+        self.unwanted_until = Duration::ZERO;
+    }
+
+    /// The members of a roster have agreed without it: if rosters with it did not agree before, no epoch is opened for it for
+    /// a while, which doubles each time. Otherwise a module that receives only some of the others would halt them all again
+    /// and again.
+    pub fn note_agreement_without(&mut self, now: Duration, least: Duration) {
+        if let Some(doublings) = self.rosters_without_agreement.checked_sub(1) {
+            self.unwanted_until = now + least * (1 << doublings);
+        }
+    }
+}

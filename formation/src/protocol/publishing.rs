@@ -1,0 +1,83 @@
+//! What an agent publishes of itself.
+
+use crate::model::{Heartbeat, Message, ModuleState};
+
+use super::Agent;
+use super::io::Output;
+use super::outbox::Shown;
+
+impl Agent {
+    /// Publishes the state if it changed, and the heartbeat if it is due or shows something new.
+    pub(super) fn publish_due(&mut self) {
+        let may_publish =
+            self.stage.may_publish_state(&mut self.context) && !self.succession.is_standing_back();
+        let now = self.context.now;
+        if self.context.outbox.states.changed && may_publish {
+            let states = &mut self.context.outbox.states;
+            states.changed = false;
+            states.pose_at = now;
+            states.sequence += 1;
+            let state = self.state();
+            self.context.publish(Message::ModuleState(state.into()));
+        }
+        let shown = Shown {
+            epoch: self.epoch(),
+            digest: self.digest(),
+            phase: self.phase(),
+        };
+        let heartbeats = &mut self.context.outbox.heartbeats;
+        if heartbeats.shown == Some(shown) && now < heartbeats.due {
+            return;
+        }
+        heartbeats.shown = Some(shown);
+        heartbeats.due = now + self.context.parameters.heartbeat;
+        heartbeats.sequence += 1;
+        let heartbeat = self.heartbeat(shown);
+        self.context.publish(Message::Heartbeat(heartbeat));
+        if let Some(goal) = self.stage.repeated_goal(&self.context) {
+            self.context.outbox.push(Output::Move(goal));
+        }
+    }
+
+    fn state(&mut self) -> ModuleState {
+        let context = &self.context;
+        let mut state = ModuleState {
+            module: context.module(),
+            incarnation: context.own.run.incarnation,
+            sequence: context.outbox.states.sequence,
+            epoch: self.epoch(),
+            digest: self.digest(),
+            phase: self.phase(),
+            service: context.body.service,
+            pose: context.body.pose,
+            links: context.body.links.clone(),
+            configuration: context.own.configuration,
+            leader: context.own.leader,
+            spot: None,
+            unit: None,
+            settled_since: 0,
+            waited_for: Vec::new(),
+            agreed_on: Vec::new(),
+            quorum_bases: Vec::new(),
+        };
+        self.stage.describe(&mut state, &self.context);
+        state
+    }
+
+    fn heartbeat(&mut self, shown: Shown) -> Heartbeat {
+        let applied_turns = self.applied_turns();
+        let own = self.context.own;
+        let heartbeats = &mut self.context.outbox.heartbeats;
+        Heartbeat {
+            module: own.run.module,
+            incarnation: own.run.incarnation,
+            sequence: heartbeats.sequence,
+            uptime: self.context.now.saturating_sub(own.started),
+            epoch: shown.epoch,
+            digest: shown.digest,
+            digest_since: heartbeats.digest_since(shown.digest),
+            applied_turns,
+            phase: shown.phase,
+        }
+    }
+}

@@ -1,0 +1,195 @@
+//! Handling what a convener publishes: calls to gather, and rosters.
+
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+
+use crate::model::{ModuleId, ModuleRun, Roster, RosterMember, RosterMessage, Service, digest};
+
+use super::Agent;
+use super::io::SourceId;
+use super::refusal::Refusal;
+use super::stage::{Gathering, Outside, Planning, Stage, hash_roster};
+
+/// A message of a convener that is not known yet. It comes only once, so it is kept until the convener is known.
+#[derive(Clone, Debug)]
+pub(super) struct EarlyRoster {
+    source: Option<SourceId>,
+    message: RosterMessage,
+}
+
+impl Hash for EarlyRoster {
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        (self.source, self.message.epoch()).hash(state);
+        if let RosterMessage::Plan(roster) = &self.message {
+            hash_roster(roster, state);
+        }
+    }
+}
+
+impl Agent {
+    pub(super) fn handle_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
+        let epoch = message.epoch();
+        if epoch.convener == self.context.module() {
+            // An earlier run of this module may have convened; its epoch counts, its roster does not.
+            self.context.memory.note_epoch(epoch);
+            return;
+        }
+        let Some(convener) = self.context.peers.get(epoch.convener) else {
+            return self.keep_early_roster(source, message);
+        };
+        let run = ModuleRun {
+            module: epoch.convener,
+            incarnation: convener.incarnation,
+        };
+        let convener = Some(epoch.convener);
+        if let Err(refusal) = self.context.peers.check_source(run, source) {
+            self.keep_early_roster(source, message);
+            return self.context.refuse(convener, refusal);
+        }
+        if !self.context.memory.is_plausible(epoch) {
+            return self.context.refuse(convener, Refusal::ImplausibleEpoch);
+        }
+        let current = self.stage.epoch();
+        let is_over = current.is_some_and(|current| epoch < current);
+        if is_over && !self.context.bugs.accept_stale_epochs() {
+            return self.context.refuse(convener, Refusal::StaleEpoch);
+        }
+        match message {
+            RosterMessage::Gather { .. } if current == Some(epoch) => {}
+            RosterMessage::Gather {
+                target_revision, ..
+            } => {
+                let context = &mut self.context;
+                let gathering = Gathering::join(context, epoch, run.incarnation, target_revision);
+                self.stage = Stage::Gathering(gathering);
+            }
+            RosterMessage::Plan(roster) => {
+                if let Err(refusal) = self.follow(roster) {
+                    self.context.refuse(convener, refusal);
+                }
+            }
+        }
+    }
+
+    /// Keeps a message of a convener until its first heartbeat, or while the run before it still counts as live.
+    fn keep_early_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
+        let known = self.early_roster.as_ref();
+        if known.is_none_or(|known| known.message.epoch() <= message.epoch()) {
+            self.early_roster = Some(EarlyRoster { source, message });
+        }
+    }
+
+    /// Handles a message again that came before its convener was known.
+    pub(super) fn handle_early_roster(&mut self, convener: ModuleId) {
+        let early = self
+            .early_roster
+            .take_if(|early| early.message.epoch().convener == convener);
+        if let Some(EarlyRoster { source, message }) = early {
+            self.handle_roster(source, message);
+        }
+    }
+
+    /// Plans on a roster, or stands aside if it does not list this module.
+    fn follow(&mut self, roster: Arc<Roster>) -> Result<(), Refusal> {
+        let epoch = Some(roster.epoch);
+        let is_frozen = self.stage.epoch() == epoch && matches!(self.stage, Stage::Gathering(_));
+        if self.stage.epoch() == epoch && !is_frozen {
+            return Ok(());
+        }
+        let own = self.context.module();
+        let mut members = roster.members.iter();
+        let mine = members.find(|member| member.module.id == own);
+        if let Some(mine) = mine {
+            if self.context.bugs.ignore_restarts()
+                && mine.incarnation != self.context.own.run.incarnation
+            {
+                self.context.target.set(Arc::new(roster.target.clone()));
+                self.begin_turns(roster);
+                return Ok(());
+            }
+            self.check_own_entry(&roster, mine, is_frozen)?;
+        }
+        self.check_target(&roster)?;
+        self.context.memory.quorum.learn(&roster.quorum_bases);
+        let runs: Vec<ModuleRun> = roster.members.iter().map(RosterMember::run).collect();
+        let shortfall = self
+            .context
+            .shortfall_of(&runs, roster.target.expected_modules);
+        if shortfall.is_some() {
+            return Err(Refusal::NoQuorum);
+        }
+        if self.context.target.revision() < Some(roster.target.revision) {
+            self.context.target.set(Arc::new(roster.target.clone()));
+        }
+        if mine.is_some() {
+            self.begin_turns(roster);
+        } else {
+            self.context.stand_still();
+            self.context.note_opened(roster.epoch);
+            self.context.mark_state_changed();
+            self.stage = Stage::Outside(Outside(roster));
+        }
+        Ok(())
+    }
+
+    /// Checks that a roster lists this run as it announced itself.
+    fn check_own_entry(
+        &mut self,
+        roster: &Roster,
+        mine: &RosterMember,
+        is_frozen: bool,
+    ) -> Result<(), Refusal> {
+        let own = self.context.own.run.incarnation;
+        if mine.incarnation > own {
+            // The others have let a later run of this module take its place.
+            self.succession.note_successor(mine.incarnation);
+            self.stand_back();
+            return Err(Refusal::DuplicateModule);
+        }
+        if mine.incarnation < own {
+            // It lists an earlier run of this module; the others will notice the restart.
+            return Err(Refusal::StaleIncarnation);
+        }
+        let mut announced = self.context.as_member(&roster.target);
+        // The convener may release a pin but not invent one. After a retirement since freezing, there is no pin to
+        // compare, and the service differs; that calls for another epoch, not for a refusal of this one.
+        let may_differ = mine.module.pin.is_none()
+            || self.context.bugs.pin_for_any_target()
+            || self.context.body.service != Service::Active;
+        if may_differ {
+            announced.module.pin = mine.module.pin;
+        }
+        announced.service = mine.service;
+        if is_frozen && *mine == announced {
+            Ok(())
+        } else {
+            Err(Refusal::BadRoster)
+        }
+    }
+
+    /// Checks that a roster does not contradict the announced target.
+    fn check_target(&self, roster: &Roster) -> Result<(), Refusal> {
+        let Some(known) = self.context.target.announcement() else {
+            return Ok(());
+        };
+        let contradicts = known.revision == roster.target.revision
+            && digest::of_target(known) != digest::of_target(&roster.target);
+        let is_withdrawn = known.revision > roster.target.revision && known.target.is_none();
+        if contradicts || is_withdrawn {
+            Err(Refusal::BadRoster)
+        } else {
+            Ok(())
+        }
+    }
+
+    /// Begins with the turns of a roster.
+    fn begin_turns(&mut self, roster: Arc<Roster>) {
+        let Some(mut planning) = Planning::begin(roster, &mut self.context) else {
+            return;
+        };
+        if let Stage::Gathering(gathering) = &mut self.stage {
+            planning = planning.with_claims(std::mem::take(&mut gathering.claims));
+        }
+        self.stage = Stage::Planning(Box::new(planning));
+    }
+}

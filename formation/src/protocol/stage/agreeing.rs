@@ -1,0 +1,74 @@
+//! Agreeing: a complete plan is in force only when the latest heartbeat of every member shows its digest.
+
+use std::time::Duration;
+
+use crate::model::ModuleId;
+
+use super::super::context::Context;
+use super::super::event::Event;
+use super::{Acting, HeldPlan, Stage, Step};
+
+/// A complete plan on which not all members agree so far.
+#[derive(Clone, Hash)]
+pub(in crate::protocol) struct Agreeing {
+    pub held: HeldPlan,
+    since: Duration,
+    /// The members that were last reported as missing.
+    reported: Vec<ModuleId>,
+    reported_sides: bool,
+}
+
+impl Agreeing {
+    pub fn new(held: HeldPlan, now: Duration) -> Self {
+        Self {
+            held,
+            since: now,
+            reported: Vec::new(),
+            reported_sides: false,
+        }
+    }
+
+    /// The members whose agreement has been missing for longer than `stuck`.
+    pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
+        let is_stuck = context.now.saturating_sub(self.since) > context.parameters.stuck;
+        if self.held.has_mismatch || !is_stuck {
+            return Vec::new();
+        }
+        self.held.lagging(context, context.parameters.suspicion)
+    }
+
+    /// Begins to act when all members show the digest, and reports what is missing otherwise.
+    pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
+        if self.held.note_mismatch(context) {
+            return Step::Stay(Stage::Agreeing(self));
+        }
+        let lagging = self.held.lagging_for_motion(context);
+        if lagging.is_empty() {
+            let acting = Acting::begin(self.held, self.since, context);
+            return Step::Enter(Stage::Acting(Box::new(acting)));
+        }
+        self.report_sides(context);
+        let lease = context.parameters.lease;
+        if self.reported != lagging && context.now > self.since + lease {
+            self.reported.clone_from(&lagging);
+            context.emit(Event::WaitingForAgreement(lagging));
+        }
+        Step::Stay(Stage::Agreeing(self))
+    }
+
+    /// Reports which members hold which plan, when another epoch has not helped and no further epoch is opened for it.
+    fn report_sides(&mut self, context: &mut Context) {
+        let persists = context.memory.mismatches > 1;
+        if !persists || !self.held.has_mismatch || self.reported_sides {
+            return;
+        }
+        let report_at = self.since + context.parameters.lease;
+        if context.now < report_at {
+            context.wake_at(report_at);
+            return;
+        }
+        self.reported_sides = true;
+        let sides = self.held.sides(context);
+        context.emit(Event::PlansDiffer(sides.into_iter().collect()));
+    }
+}

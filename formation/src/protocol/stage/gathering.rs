@@ -1,0 +1,308 @@
+//! Gathering: the members halt and freeze, and the convener collects their states into a roster.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::model::{
+    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    PlanningModule, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, digest,
+};
+
+use super::super::context::Context;
+use super::super::event::{EpochReason, Event};
+use super::super::pins;
+use super::claims::EarlyClaims;
+use super::planning::Planning;
+use super::{Stage, Step};
+
+/// An epoch whose members are being gathered.
+#[derive(Clone, Hash)]
+pub(in crate::protocol) struct Gathering {
+    pub epoch: Epoch,
+    since: Duration,
+    /// The revision of the target that will be planned for, unless another is announced meanwhile.
+    target_revision: u64,
+    role: Role,
+    /// The claims of members that received the roster earlier than this module.
+    pub claims: EarlyClaims,
+}
+
+/// This module's part in a gathering.
+#[derive(Clone, Hash)]
+enum Role {
+    /// It waits for the roster of this run of the convener.
+    Member(Incarnation),
+    /// It is the convener.
+    Convener(Collection),
+}
+
+/// The progress of a convener's collection.
+#[derive(Clone, Hash)]
+struct Collection {
+    /// The target that the gathering was announced for: the pins of the members are for this one.
+    target: Digest,
+    /// The number of frozen members, this module included.
+    frozen: usize,
+    /// When the number of frozen members last changed.
+    changed_at: Duration,
+    reported_missing: bool,
+    reported_limit: bool,
+}
+
+/// Whether a collection is complete.
+enum Progress {
+    Incomplete,
+    Complete { reports_limit: bool },
+}
+
+impl Gathering {
+    /// Opens an epoch.
+    pub fn convene(
+        context: &mut Context,
+        announcement: &TargetAnnouncement,
+        reason: EpochReason,
+    ) -> Self {
+        let epoch = context.memory.next_epoch(context.module());
+        context.emit(Event::Convened(epoch, reason));
+        let target_revision = announcement.revision;
+        context.publish(Message::Roster(RosterMessage::Gather {
+            epoch,
+            target_revision,
+        }));
+        let collection = Collection {
+            target: digest::of_target(announcement),
+            frozen: 0,
+            changed_at: context.now,
+            reported_missing: false,
+            reported_limit: false,
+        };
+        Self::enter(context, epoch, target_revision, Role::Convener(collection))
+    }
+
+    /// Halts for an epoch that this run of its convener has opened.
+    pub fn join(
+        context: &mut Context,
+        epoch: Epoch,
+        convener: Incarnation,
+        target_revision: u64,
+    ) -> Self {
+        Self::enter(context, epoch, target_revision, Role::Member(convener))
+    }
+
+    fn enter(context: &mut Context, epoch: Epoch, target_revision: u64, role: Role) -> Self {
+        context.stand_still();
+        context.note_opened(epoch);
+        context.set_shortfall(None);
+        context.mark_state_changed();
+        context.emit(Event::Gathered(epoch));
+        Self {
+            epoch,
+            since: context.now,
+            target_revision,
+            role,
+            claims: EarlyClaims::default(),
+        }
+    }
+
+    /// Whether this module convenes.
+    pub fn is_convener(&self) -> bool {
+        matches!(self.role, Role::Convener(_))
+    }
+
+    /// Whether the module may announce that it has frozen: it stands still, no port works, and it knows the target, since
+    /// only then does it know whether it stands on its spot already. It waits for the target for half of `gather` only, as
+    /// the target may reach it with the roster alone.
+    pub fn may_publish_state(&self, context: &mut Context) -> bool {
+        let patience_ends = self.since + context.parameters.gather / 2;
+        if context.target.revision() < Some(self.target_revision) && context.now < patience_ends {
+            context.wake_at(patience_ends);
+            return false;
+        }
+        context.body.is_at_rest()
+    }
+
+    pub fn describe(&self, state: &mut ModuleState, context: &Context) {
+        state.spot = context.pin_at_revision(self.target_revision);
+        state.quorum_bases = context.memory.quorum.bases();
+    }
+
+    /// Why a member no longer waits for the roster, if so.
+    pub fn doubt(&self, context: &Context) -> Option<EpochReason> {
+        let Role::Member(incarnation) = self.role else {
+            return None;
+        };
+        let convener = self.epoch.convener;
+        let peer = context.peers.get(convener);
+        let is_live = context.peers.is_live(context.liveness(), convener)
+            && peer.is_some_and(|peer| peer.incarnation == incarnation);
+        let patience = context.parameters.gather_limit + context.parameters.stuck;
+        // A convener that has entered another epoch, or has planned without this module, will not end this gathering.
+        let still_waits = peer
+            .and_then(|peer| peer.heartbeat)
+            .is_some_and(|heartbeat| {
+                heartbeat.phase == ModulePhase::WaitingForQuorum
+                    && heartbeat.epoch == Some(self.epoch)
+                    && heartbeat.digest.is_none()
+            });
+        let is_overdue = context.now > self.since + patience && !still_waits;
+        (!is_live || is_overdue).then_some(EpochReason::ConvenerSilent(convener))
+    }
+
+    /// As the convener, publishes the roster once all members have frozen or the time is up.
+    pub fn step(mut self, context: &mut Context) -> Step {
+        let Role::Convener(collection) = &mut self.role else {
+            return Step::Stay(Stage::Gathering(self));
+        };
+        let frozen = frozen_states(self.epoch, context);
+        let progress = collection.advance(self.since, &frozen, context);
+        let Progress::Complete { reports_limit } = progress else {
+            return Step::Stay(Stage::Gathering(self));
+        };
+        if !context.body.is_at_rest() {
+            return Step::Stay(Stage::Gathering(self));
+        }
+        for state in &frozen {
+            context.memory.quorum.learn(&state.quorum_bases);
+        }
+        if reports_limit {
+            report_missing(&frozen, context);
+        }
+        let gathered_for = collection.target;
+        self.close(gathered_for, &frozen, context)
+    }
+
+    /// Publishes the roster, unless it lacks a quorum or the target has changed.
+    fn close(
+        self,
+        gathered_for: Digest,
+        frozen: &[Arc<ModuleState>],
+        context: &mut Context,
+    ) -> Step {
+        let Some(announcement) = context.target.announcement().cloned() else {
+            return Step::Stay(Stage::Gathering(self));
+        };
+        let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
+        members.push(context.as_member(&announcement));
+        members.sort_by_key(|member| member.module.id);
+        let is_active = |member: &RosterMember| member.service == Service::Active;
+        if !members.iter().any(is_active) {
+            // There is nothing to plan until a member takes part again.
+            return Step::Stay(Stage::Gathering(self));
+        }
+        if let Some(target) = &announcement.target {
+            pins::release(&mut members, target, announcement.parameters);
+        }
+        let runs: Vec<ModuleRun> = members.iter().map(RosterMember::run).collect();
+        let shortfall = context.shortfall_of(&runs, announcement.expected_modules);
+        context.set_shortfall(shortfall);
+        if shortfall.is_some() {
+            // The members stay frozen, and the gathering continues when more modules are within reach.
+            return Step::Stay(Stage::Gathering(self));
+        }
+        if gathered_for != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {
+            // Another target was announced since. The members froze with pins for the former one, and have to announce
+            // their pins for the new one.
+            let next = Self::convene(context, &announcement, EpochReason::NewTarget);
+            return Step::Enter(Stage::Gathering(next));
+        }
+        let roster = Arc::new(Roster {
+            epoch: self.epoch,
+            target: (*announcement).clone(),
+            members,
+            quorum_bases: context.memory.quorum.bases(),
+        });
+        let plan = RosterMessage::Plan(Arc::clone(&roster));
+        context.publish(Message::Roster(plan));
+        match Planning::begin(roster, context) {
+            Some(planning) => {
+                let planning = planning.with_claims(self.claims);
+                Step::Enter(Stage::Planning(Box::new(planning)))
+            }
+            None => Step::Stay(Stage::Gathering(self)),
+        }
+    }
+}
+
+impl Collection {
+    /// Counts the frozen members, and judges whether the roster may be closed.
+    fn advance(
+        &mut self,
+        since: Duration,
+        frozen: &[Arc<ModuleState>],
+        context: &mut Context,
+    ) -> Progress {
+        let count = frozen.len() + usize::from(context.body.is_at_rest());
+        if count != self.frozen {
+            self.frozen = count;
+            self.changed_at = context.now;
+        }
+        let quiet_at = self.changed_at + context.parameters.gather;
+        let limit_at = since + context.parameters.gather_limit;
+        let is_quiet = context.now >= quiet_at;
+        // Only the first roster waits for a number; later ones replace members that may be gone for good.
+        let waits_for_number =
+            !context.memory.number_was_met && !context.memory.quorum.has_agreed();
+        let is_complete = match context.target.expected_modules() {
+            Some(expected) if waits_for_number => count >= expected as usize,
+            _ => is_quiet || count >= context.live_runs().len(),
+        };
+        if is_complete {
+            return Progress::Complete {
+                reports_limit: false,
+            };
+        }
+        if context.now >= limit_at {
+            let reports_limit = !std::mem::replace(&mut self.reported_limit, true);
+            return Progress::Complete { reports_limit };
+        }
+        if is_quiet && !std::mem::replace(&mut self.reported_missing, true) {
+            report_missing(frozen, context);
+        }
+        context.wake_at(quiet_at);
+        context.wake_at(limit_at);
+        Progress::Incomplete
+    }
+}
+
+/// The states of the live modules that have frozen for this epoch.
+fn frozen_states(epoch: Epoch, context: &Context) -> Vec<Arc<ModuleState>> {
+    context
+        .peers
+        .live(context.liveness())
+        .filter_map(|(_, peer)| peer.state.clone())
+        .filter(|state| state.epoch == Some(epoch) && state.phase == ModulePhase::Gathered)
+        .collect()
+}
+
+fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {
+    let present: BTreeSet<ModuleId> = frozen.iter().map(|state| state.module).collect();
+    let named = frozen
+        .iter()
+        .flat_map(|state| state.links.iter().copied())
+        .chain(context.body.links.iter().copied())
+        .chain(context.live_runs().into_iter().map(|run| run.module));
+    let absent: BTreeSet<ModuleId> = named
+        .filter(|id| *id != context.module() && !present.contains(id))
+        .collect();
+    context.emit(Event::Missing {
+        expected: context.target.expected_modules(),
+        gathered: present.len() + 1,
+        absent: absent.into_iter().collect(),
+    });
+}
+
+fn member_of(state: &ModuleState) -> RosterMember {
+    RosterMember {
+        incarnation: state.incarnation,
+        service: state.service,
+        module: PlanningModule {
+            id: state.module,
+            pose: state.pose,
+            links: state.links.clone(),
+            configuration: state.configuration,
+            leader: state.leader,
+            pin: state.spot,
+        },
+    }
+}

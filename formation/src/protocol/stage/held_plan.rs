@@ -1,0 +1,265 @@
+//! A complete plan, this module's place in it, and what the heartbeats and states of others mean for it.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::model::{
+    ActingUnit, CausalMark, Digest, Epoch, Incarnation, MicroUnits, ModuleId, ModulePhase,
+    ModuleState, Plan, Roster, SpotId,
+};
+
+use super::super::context::Context;
+use super::super::event::Event;
+use super::super::io::MotionGoal;
+use super::super::peers::Peers;
+
+/// This module's place in a plan.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Place {
+    pub spot: SpotId,
+    /// The position of its unit in the acting order.
+    pub unit: usize,
+}
+
+/// A complete plan and this module's place in it.
+#[derive(Clone)]
+pub(in crate::protocol) struct HeldPlan {
+    own: ModuleId,
+    pub roster: Arc<Roster>,
+    pub plan: Plan,
+    pub digest: Digest,
+    /// The number of turns of the plan.
+    pub turns: u32,
+    pub(super) place: Option<Place>,
+    /// The incarnation of each member in the roster.
+    pub(super) members: BTreeMap<ModuleId, Incarnation>,
+    /// Whether some member showed another digest for this epoch.
+    pub has_mismatch: bool,
+}
+
+impl Hash for HeldPlan {
+    /// The digest identifies the roster and the plan.
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        (self.digest, self.has_mismatch).hash(state);
+    }
+}
+
+impl HeldPlan {
+    pub fn new(own: ModuleId, roster: Arc<Roster>, plan: Plan, digest: Digest, turns: u32) -> Self {
+        let units = plan.assembly.units.iter().enumerate();
+        let mut placements = units.flat_map(|(unit, acting)| {
+            let placements = acting.placements.iter();
+            placements.map(move |&(module, spot)| (module, Place { spot, unit }))
+        });
+        let place = placements
+            .find(|&(module, _)| module == own)
+            .map(|(_, place)| place);
+        let members = roster
+            .members
+            .iter()
+            .map(|member| (member.module.id, member.incarnation))
+            .collect();
+        Self {
+            own,
+            place,
+            roster,
+            plan,
+            digest,
+            turns,
+            members,
+            has_mismatch: false,
+        }
+    }
+
+    pub(super) fn epoch(&self) -> Epoch {
+        self.roster.epoch
+    }
+
+    /// Adds to a state what the plan says of this module.
+    pub(super) fn describe(&self, state: &mut ModuleState) {
+        if let Some(place) = self.place {
+            state.spot = Some(place.spot);
+            state.unit = Some(self.unit_of(place).lead);
+        }
+    }
+
+    pub(super) fn unit_of(&self, place: Place) -> &ActingUnit {
+        &self.plan.assembly.units[place.unit]
+    }
+
+    /// The spots that the plan leaves open.
+    pub(super) fn open_spots(&self) -> Vec<SpotId> {
+        let filled: BTreeSet<SpotId> = self.plan.assignments.values().copied().collect();
+        let target = self.roster.target.target.as_ref();
+        target
+            .into_iter()
+            .flat_map(|target| target.spots())
+            .map(|spot| spot.id)
+            .filter(|spot| !filled.contains(spot))
+            .collect()
+    }
+
+    /// The members whose latest heartbeat does not show this plan, or is older than `limit`.
+    pub(super) fn lagging(&self, context: &Context, limit: Duration) -> Vec<ModuleId> {
+        let shows_plan = |module: ModuleId, incarnation: Incarnation| {
+            context.peers.get(module).is_some_and(|peer| {
+                let is_member = peer.incarnation == incarnation || context.bugs.ignore_restarts();
+                let shows = peer.heartbeat.is_some_and(|heartbeat| {
+                    heartbeat.epoch == Some(self.epoch()) && heartbeat.digest == Some(self.digest)
+                });
+                is_member && shows && peer.age(context.now).is_some_and(|age| age <= limit)
+            })
+        };
+        self.members
+            .iter()
+            .filter(|&(&module, &incarnation)| {
+                module != self.own && !shows_plan(module, incarnation)
+            })
+            .map(|(&module, _)| module)
+            .collect()
+    }
+
+    /// The members without whose agreement no module may move.
+    pub(super) fn lagging_for_motion(&self, context: &Context) -> Vec<ModuleId> {
+        if context.bugs.skip_digest_barrier() {
+            return Vec::new();
+        }
+        self.lagging(context, context.parameters.lease)
+    }
+
+    /// Reports the first member that shows another digest for this epoch; returns whether it did.
+    pub(super) fn note_mismatch(&mut self, context: &mut Context) -> bool {
+        if self.has_mismatch {
+            return false;
+        }
+        let mismatch = self.members.keys().find_map(|&module| {
+            let heartbeat = context.peers.heartbeat(module)?;
+            let theirs = heartbeat.digest?;
+            (heartbeat.epoch == Some(self.epoch()) && theirs != self.digest)
+                .then_some((module, theirs))
+        });
+        let Some((module, theirs)) = mismatch else {
+            return false;
+        };
+        self.has_mismatch = true;
+        context.memory.mismatches += 1;
+        context.emit(Event::DigestMismatch {
+            module,
+            theirs,
+            ours: self.digest,
+        });
+        true
+    }
+
+    /// The digests that members show for this epoch, each with its members.
+    pub(super) fn sides(&self, context: &Context) -> BTreeMap<Digest, Vec<ModuleId>> {
+        let mut sides: BTreeMap<Digest, Vec<ModuleId>> = BTreeMap::new();
+        for &module in self.members.keys() {
+            let shown = if module == self.own {
+                Some(self.digest)
+            } else {
+                let heartbeat = context.peers.heartbeat(module);
+                heartbeat
+                    .filter(|heartbeat| heartbeat.epoch == Some(self.epoch()))
+                    .and_then(|heartbeat| heartbeat.digest)
+            };
+            if let Some(digest) = shown {
+                sides.entry(digest).or_default().push(module);
+            }
+        }
+        sides
+    }
+
+    /// The state of another member, if it shows that the member has settled on its spot in this epoch.
+    pub(super) fn settled_state<'a>(
+        &self,
+        peers: &'a Peers,
+        module: ModuleId,
+    ) -> Option<&'a ModuleState> {
+        let state = peers.state(module)?;
+        let is_settled = state.epoch == Some(self.epoch())
+            && state.digest == Some(self.digest)
+            && state.phase == ModulePhase::Settled
+            && self.members.get(&module) == Some(&state.incarnation)
+            && self.plan.assignments.get(&module).copied() == state.spot;
+        is_settled.then_some(state)
+    }
+
+    /// The mark of another member's settled state.
+    pub(super) fn settled_mark(&self, peers: &Peers, module: ModuleId) -> Option<CausalMark> {
+        let state = self.settled_state(peers, module)?;
+        Some(CausalMark {
+            module,
+            sequence: state.sequence,
+        })
+    }
+
+    /// All modules with their spots, in the order in which the spots are filled.
+    fn placements(&self) -> impl Iterator<Item = &(ModuleId, SpotId)> {
+        let units = self.plan.assembly.units.iter();
+        units.flat_map(|unit| &unit.placements)
+    }
+
+    /// The holders of the spots next to a spot, in the order in which the spots are filled.
+    fn adjacent_holders(&self, spot: SpotId) -> impl Iterator<Item = ModuleId> {
+        let target = self.roster.target.target.as_ref();
+        let adjacent: BTreeSet<SpotId> = target
+            .into_iter()
+            .flat_map(|target| target.neighbours_of(spot))
+            .collect();
+        self.placements()
+            .filter(move |(_, spot)| adjacent.contains(spot))
+            .map(|&(module, _)| module)
+    }
+
+    /// The adjacent holders that are placed before this module: the ones to which it docks.
+    pub(super) fn docks_with(&self, place: Place) -> Vec<ModuleId> {
+        let earlier: BTreeSet<ModuleId> = self
+            .placements()
+            .map(|&(module, _)| module)
+            .take_while(|&module| module != self.own)
+            .collect();
+        self.adjacent_holders(place.spot)
+            .filter(|module| earlier.contains(module))
+            .collect()
+    }
+
+    /// Whether this module keeps its link to another while it moves.
+    pub(super) fn keeps_link_to(&self, other: ModuleId) -> bool {
+        let pair = (self.own.min(other), self.own.max(other));
+        self.plan.kept_links.contains(&pair)
+    }
+
+    /// Whether the two modules are docked at the end of the plan.
+    pub fn wants_link_to(&self, other: ModuleId) -> bool {
+        self.keeps_link_to(other)
+            || self.place.is_some_and(|place| {
+                let mut holders = self.adjacent_holders(place.spot);
+                holders.any(|holder| holder == other)
+            })
+    }
+
+    /// Where this module goes.
+    pub(super) fn goal(&self) -> Option<MotionGoal> {
+        let place = self.place?;
+        let spot = self.roster.target.target.as_ref()?.spot(place.spot)?;
+        Some(MotionGoal {
+            pose: spot.pose,
+            unit_distance: self.unit_distance(self.unit_of(place)),
+        })
+    }
+
+    /// The longest distance in a unit, from the poses in the roster to the spots.
+    fn unit_distance(&self, unit: &ActingUnit) -> MicroUnits {
+        let distance = |&(module, spot): &(ModuleId, SpotId)| {
+            let target = self.roster.target.target.as_ref()?;
+            let mut members = self.roster.members.iter();
+            let member = members.find(|member| member.module.id == module)?;
+            Some(member.module.pose.distance_to(&target.spot(spot)?.pose))
+        };
+        let distances = unit.placements.iter().filter_map(distance);
+        distances.max().unwrap_or_default()
+    }
+}

@@ -1,0 +1,217 @@
+//! Planning: each unit claims once, in turn, and every agent applies a claim only if it equals its own recomputation.
+
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::model::{
+    Decision, Digest, EvictionNotice, Message, ModuleId, Plan, Roster, SpotClaim, digest,
+};
+use crate::planner::{self, ClaimRefused};
+
+use super::super::context::Context;
+use super::super::event::Event;
+use super::super::mutation::Bugs;
+use super::super::refusal::Refusal;
+use super::claims::EarlyClaims;
+use super::{Agreeing, HeldPlan, Stage, Step, hash_roster};
+
+/// The turns of one epoch.
+#[derive(Clone)]
+pub(in crate::protocol) struct Planning {
+    pub roster: Arc<Roster>,
+    planner: planner::Planning,
+    decisions: Vec<(ModuleId, Decision)>,
+    claims: EarlyClaims,
+    began: Duration,
+    /// When the last turn was applied, or the planning began.
+    progress_at: Duration,
+}
+
+impl Hash for Planning {
+    /// The decisions follow from the roster and the number of turns.
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        hash_roster(&self.roster, state);
+        (self.applied(), &self.claims, self.progress_at).hash(state);
+    }
+}
+
+impl Planning {
+    /// Begins with the turns of a roster; refuses a roster that contradicts itself.
+    pub fn begin(roster: Arc<Roster>, context: &mut Context) -> Option<Self> {
+        let members = roster.members.len();
+        let epoch = roster.epoch;
+        let listed = roster.members.iter().map(|member| member.module.id);
+        context.peers.note_listed(listed);
+        let expected = roster.target.expected_modules;
+        context.memory.number_was_met |=
+            expected.is_some_and(|expected| members >= expected as usize);
+        let problem = roster.problem().ok().flatten();
+        let Some(problem) = problem.and_then(|problem| context.bugs.planned(problem)) else {
+            context.refuse(Some(epoch.convener), Refusal::BadRoster);
+            return None;
+        };
+        context.mark_state_changed();
+        context.emit(Event::PlanningBegun { epoch, members });
+        Some(Self {
+            planner: planner::Planning::new(Arc::new(problem)),
+            roster,
+            decisions: Vec::new(),
+            claims: EarlyClaims::default(),
+            began: context.now,
+            progress_at: context.now,
+        })
+    }
+
+    /// The same turns, with claims that came before the roster.
+    pub fn with_claims(mut self, claims: EarlyClaims) -> Self {
+        self.claims = claims;
+        self
+    }
+
+    pub fn applied(&self) -> u32 {
+        self.planner.applied_turns()
+    }
+
+    /// The module whose claim has been due for longer than `stuck`.
+    pub fn stuck_claimant(&self, now: Duration, stuck: Duration) -> Option<ModuleId> {
+        let is_stuck = now.saturating_sub(self.progress_at) > stuck;
+        let turn = self.planner.turn().filter(|_| is_stuck)?;
+        Some(turn.claimant)
+    }
+
+    /// Keeps a claim of a member for its turn.
+    pub fn keep_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
+        let mut members = self.roster.members.iter();
+        let member = members.find(|member| member.module.id == claim.claimant);
+        if member.is_none_or(|member| member.incarnation != claim.incarnation) {
+            return Err(Refusal::UnknownModule);
+        }
+        if claim.turn < self.applied() {
+            return Err(Refusal::StaleEpoch);
+        }
+        if context.bugs.record_claims_out_of_turn() {
+            let decision = claim.decision.clone();
+            self.decisions.push((claim.claimant, decision));
+        }
+        self.claims.keep(claim)
+    }
+
+    /// Takes this module's turns and applies the claims of others, as far as they are known.
+    pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
+        while let Some(turn) = self.planner.turn() {
+            let is_applied = if turn.claimant == context.module() {
+                self.take_turn(context)
+            } else {
+                self.apply_claims(context)
+            };
+            if !is_applied {
+                return Step::Stay(Stage::Planning(self));
+            }
+        }
+        match self.planner.finish() {
+            Some(plan) => Step::Enter(self.finish(plan, context)),
+            None => Step::Stay(Stage::Planning(self)),
+        }
+    }
+
+    /// Decides for the unit that this module leads, and publishes the claim.
+    fn take_turn(&mut self, context: &mut Context) -> bool {
+        let turn = self.applied();
+        let Some(decision) = self.planner.decide() else {
+            return false;
+        };
+        let claimant = context.module();
+        if let Err(refusal) = self.apply(claimant, &decision, context) {
+            context.refuse(Some(claimant), refusal);
+            return false;
+        }
+        let epoch = self.roster.epoch;
+        for &eviction in &decision.evictions {
+            context.publish(Message::Eviction(EvictionNotice {
+                epoch,
+                turn,
+                eviction,
+            }));
+        }
+        context.publish(Message::Claim(Arc::new(SpotClaim {
+            epoch,
+            turn,
+            claimant,
+            incarnation: context.own.run.incarnation,
+            decision,
+        })));
+        true
+    }
+
+    /// Applies the first right claim for the present turn, and refuses the wrong ones before it.
+    fn apply_claims(&mut self, context: &mut Context) -> bool {
+        for claim in self.claims.take(self.applied()) {
+            match self.apply(claim.claimant, &claim.decision, context) {
+                Ok(()) => {
+                    report_own_eviction(&claim.decision, context);
+                    return true;
+                }
+                Err(refusal) => context.refuse(Some(claim.claimant), refusal),
+            }
+        }
+        false
+    }
+
+    fn apply(
+        &mut self,
+        claimant: ModuleId,
+        decision: &Decision,
+        context: &Context,
+    ) -> Result<(), Refusal> {
+        match self.planner.apply(claimant, decision) {
+            Ok(()) => {}
+            Err(ClaimRefused::DifferentDecision { expected, .. })
+                if context.bugs.accept_any_decision() =>
+            {
+                let _ = self.planner.apply(claimant, &expected);
+            }
+            Err(ClaimRefused::DifferentDecision { .. }) => return Err(Refusal::DifferentDecision),
+            Err(_) => return Err(Refusal::WrongClaimant),
+        }
+        if !context.bugs.record_claims_out_of_turn() {
+            self.decisions.push((claimant, decision.clone()));
+        }
+        self.progress_at = context.now;
+        Ok(())
+    }
+
+    fn finish(self: Box<Self>, plan: Plan, context: &mut Context) -> Stage {
+        let epoch = self.roster.epoch;
+        let digest = self.digest(context.bugs);
+        let turns = self.applied();
+        context.emit(Event::Planned {
+            epoch,
+            digest,
+            turns,
+            elapsed: context.now.saturating_sub(self.began),
+        });
+        for &warning in &plan.assembly.warnings {
+            context.emit(Event::AssemblyWarning(warning));
+        }
+        let basis = self.roster.quorum_basis();
+        context.memory.quorum.note_shown(epoch, &basis);
+        context.mark_state_changed();
+        let held = HeldPlan::new(context.module(), self.roster, plan, digest, turns);
+        Stage::Agreeing(Box::new(Agreeing::new(held, context.now)))
+    }
+
+    fn digest(&self, bugs: Bugs) -> Digest {
+        bugs.shown(digest::of_plan(&self.roster, &self.decisions))
+    }
+}
+
+fn report_own_eviction(decision: &Decision, context: &mut Context) {
+    let mut evictions = decision.evictions.iter();
+    if let Some(eviction) = evictions.find(|eviction| eviction.evicted == context.module()) {
+        context.emit(Event::Evicted {
+            by: eviction.by,
+            from: eviction.from,
+        });
+    }
+}

@@ -1,0 +1,75 @@
+//! What a module's states prove to observers, so that they can judge the order of motions without clocks.
+
+use std::collections::BTreeSet;
+
+use crate::model::{CausalMark, ModuleId, ModuleState};
+
+use super::super::context::Context;
+use super::HeldPlan;
+use super::held_plan::Place;
+
+/// The proofs in the states of one module; empty before it moves.
+#[derive(Clone, Debug, Default, Hash)]
+pub(super) struct Proofs {
+    /// The settled states that it waited for.
+    waited_for: Vec<CausalMark>,
+    /// If it leads the first unit to move: the heartbeat of every member that showed agreement.
+    agreed_on: Vec<CausalMark>,
+    /// The sequence number of the first state that showed it settled; 0 before.
+    settled_since: u64,
+}
+
+impl Proofs {
+    /// The proofs of a module that begins to move to its place.
+    ///
+    /// The lead of a unit names every module of the unit before; the others name the holders next to their own spot.
+    pub fn of_departure(held: &HeldPlan, place: Place, context: &Context) -> Self {
+        let units = &held.plan.assembly.units;
+        let unit = held.unit_of(place);
+        let mut causes: BTreeSet<ModuleId> = held.docks_with(place).into_iter().collect();
+        for (member, _) in &unit.placements {
+            causes.remove(member);
+        }
+        let leads = unit.lead == context.module();
+        if leads && let Some(before) = place.unit.checked_sub(1) {
+            let before = units[before].placements.iter();
+            causes.extend(before.map(|&(module, _)| module));
+        }
+        let waited_for = causes
+            .into_iter()
+            .filter_map(|module| held.settled_mark(&context.peers, module))
+            .collect();
+        let leads_first = leads && units[..place.unit].iter().all(|unit| unit.pinned);
+        let members = held.members.keys().filter(|_| leads_first);
+        Self {
+            waited_for,
+            agreed_on: members
+                .filter_map(|&module| heartbeat_mark(module, context))
+                .collect(),
+            settled_since: 0,
+        }
+    }
+
+    /// The state with this sequence number shows that the module has settled.
+    pub fn note_settled(&mut self, sequence: u64) {
+        if self.settled_since == 0 {
+            self.settled_since = sequence;
+        }
+    }
+
+    pub fn describe(&self, state: &mut ModuleState) {
+        state.settled_since = self.settled_since;
+        state.waited_for.clone_from(&self.waited_for);
+        state.agreed_on.clone_from(&self.agreed_on);
+    }
+}
+
+/// The mark of a module's latest heartbeat.
+fn heartbeat_mark(module: ModuleId, context: &Context) -> Option<CausalMark> {
+    let sequence = if module == context.module() {
+        context.outbox.heartbeats.sequence
+    } else {
+        context.peers.heartbeat(module)?.sequence
+    };
+    Some(CausalMark { module, sequence })
+}
