@@ -18,7 +18,7 @@ const CALM: Duration = Duration::from_secs(6);
 pub(super) type PlanKey = (Epoch, Digest);
 
 /// What an observer has seen, as far as later judgements depend on it.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug, Default, Hash)]
 pub(super) struct Evidence {
     pub(super) rosters: BTreeMap<Epoch, Vec<ModuleId>>,
     pub(super) shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,

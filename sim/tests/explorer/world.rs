@@ -1,13 +1,14 @@
 //! The state of a search: agents, what is under way between them, and which steps may come next.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fmt::{self, Write as _};
-use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::hash::{DefaultHasher, Hash, Hasher as _};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Heartbeat, Incarnation, Message, ModuleId, ModuleState, Pose};
+use formation::model::{
+    Heartbeat, Incarnation, Message, ModuleId, ModuleState, Pose, RosterMessage,
+};
 use formation::protocol::{Agent, MotionGoal};
 
 use super::evidence::{Evidence, PlanKey};
@@ -61,19 +62,28 @@ pub(super) struct World {
     pub(super) trail: Option<Rc<Trail>>,
 }
 
-struct HashingWriter(DefaultHasher);
-
-impl fmt::Write for HashingWriter {
-    fn write_str(&mut self, text: &str) -> fmt::Result {
-        self.0.write(text.as_bytes());
-        Ok(())
-    }
+pub(super) fn hash_of(value: &impl Hash) -> u64 {
+    let mut hasher = DefaultHasher::new();
+    value.hash(&mut hasher);
+    hasher.finish()
 }
 
-pub(super) fn hash_of(value: &impl fmt::Debug) -> u64 {
-    let mut writer = HashingWriter(DefaultHasher::new());
-    write!(writer, "{value:?}").unwrap();
-    writer.0.finish()
+fn hash_of_message(message: &Message) -> u64 {
+    match message {
+        // There is one target.
+        Message::Target(announcement) => hash_of(&announcement.revision),
+        Message::ModuleState(state) => hash_of(state),
+        Message::Roster(RosterMessage::Gather {
+            epoch,
+            target_revision,
+        }) => hash_of(&(epoch, target_revision)),
+        Message::Roster(RosterMessage::Plan(roster)) => {
+            hash_of(&(roster.epoch, &roster.members, &roster.quorum_bases))
+        }
+        Message::Claim(claim) => hash_of(claim),
+        Message::Eviction(notice) => hash_of(notice),
+        Message::Heartbeat(heartbeat) => hash_of(heartbeat),
+    }
 }
 
 fn topic_of(message: &Message) -> u8 {
@@ -117,7 +127,7 @@ impl World {
         }
         (self.cut, self.agenda, self.deviations, self.fault).hash(&mut hasher);
         (self.disturbed, self.ended_since).hash(&mut hasher);
-        hash_of(&self.evidence).hash(&mut hasher);
+        self.evidence.hash(&mut hasher);
         hasher.finish()
     }
 
@@ -181,7 +191,7 @@ impl World {
             to,
             topic,
             message: message.clone(),
-            hash: hash_of(message),
+            hash: hash_of_message(message),
         });
         let severed = self
             .cut
