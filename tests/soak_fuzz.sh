@@ -7,4 +7,4 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export FORMATION_FUZZ_CASES="${1:-1000000}"
 cargo test --locked --package formation_msgs --test decoding --test hostile_values
 cargo test --locked --package formation --test scenario_text
-cargo test --locked --package formation_node --test arguments
+cargo test --locked --package module_agent --test arguments

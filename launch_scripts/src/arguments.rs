@@ -4,9 +4,8 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand, ValueEnum};
-use formation_node::arguments::MotionMode;
-use formation_node::environment::Domain;
 use formation_sim::FaultKind;
+use ros_runtime::environment::Domain;
 
 use crate::run::MODULES_PER_PROCESS_MAX;
 
@@ -110,6 +109,15 @@ pub struct RunArguments {
     /// Set by the launcher itself when it runs in a network namespace of its own.
     #[arg(long, hide = true)]
     pub private_network: bool,
+}
+
+/// Who moves the modules.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub enum MotionMode {
+    /// The processes of the modules, as if each module went straight to its goal.
+    Simulated,
+    /// A driver for each module, such as that of a robot, over topics.
+    External,
 }
 
 impl RunArguments {

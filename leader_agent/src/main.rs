@@ -8,13 +8,12 @@ use std::process::ExitCode;
 
 use clap::Parser;
 use formation::model::ModuleId;
-use formation_node::agents::ModuleProcess;
-use formation_node::arguments::{
-    self, HostedModules, MotionArguments, NetworkArguments, TimingArguments, read_scenario,
-    require_leader,
-};
-use formation_node::lifetime::stop_requested;
-use formation_node::outcome::{Failure, STATUS_DONE, conclude};
+use formation_node::scenario::read_scenario;
+use module_agent::agents::ModuleProcess;
+use module_agent::arguments::{HostedModules, MotionArguments, TimingArguments, require_leader};
+use ros_runtime::arguments::{self, NetworkArguments};
+use ros_runtime::lifetime::stop_requested;
+use ros_runtime::outcome::{Failure, STATUS_DONE, conclude};
 
 /// Runs the module that leads a configuration, until it is told to stop.
 ///

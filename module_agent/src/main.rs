@@ -3,12 +3,11 @@
 use std::process::ExitCode;
 
 use clap::Parser;
-use formation_node::agents::ModuleProcess;
-use formation_node::arguments::{
-    self, ModuleArguments, MotionArguments, NetworkArguments, TimingArguments,
-};
-use formation_node::lifetime::stop_requested;
-use formation_node::outcome::{Failure, STATUS_DONE, conclude};
+use module_agent::agents::ModuleProcess;
+use module_agent::arguments::{ModuleArguments, MotionArguments, TimingArguments};
+use ros_runtime::arguments::{self, NetworkArguments};
+use ros_runtime::lifetime::stop_requested;
+use ros_runtime::outcome::{Failure, STATUS_DONE, conclude};
 
 /// Runs one module, or several, until it is told to stop.
 ///

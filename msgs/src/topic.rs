@@ -17,19 +17,19 @@ pub const HEARTBEATS: &str = "heartbeats";
 /// Carries [`crate::Verdict`].
 pub const VERDICT: &str = "verdict";
 
-/// Under [`of_module`]: where a driver is to go, a `geometry_msgs/msg/PoseStamped`.
+/// Under [`prefix_of`]: where a driver is to go, a `geometry_msgs/msg/PoseStamped`.
 pub const GOAL_POSE: &str = "goal_pose";
-/// Under [`of_module`]: where a driver says that it stands, a `geometry_msgs/msg/PoseStamped`.
+/// Under [`prefix_of`]: where a driver says that it stands, a `geometry_msgs/msg/PoseStamped`.
 pub const POSE: &str = "pose";
-/// Under [`of_module`]: the same as a `nav_msgs/msg/Odometry`.
+/// Under [`prefix_of`]: the same as a `nav_msgs/msg/Odometry`.
 pub const ODOMETRY: &str = "odom";
-/// Under [`of_module`]: carries [`crate::DockingRequest`].
+/// Under [`prefix_of`]: carries [`crate::DockingRequest`].
 pub const DOCKING: &str = "docking";
-/// Under [`of_module`]: carries [`crate::DockingResult`].
+/// Under [`prefix_of`]: carries [`crate::DockingResult`].
 pub const DOCKING_RESULT: &str = "docking_result";
 
-/// The name of one module's own topic.
+/// The prefix of one module's own topics.
 #[must_use]
-pub fn of_module(module: ModuleId, name: &str) -> String {
-    format!("module_{}/{name}", module.0)
+pub fn prefix_of(module: ModuleId) -> String {
+    format!("module_{}", module.0)
 }

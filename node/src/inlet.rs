@@ -3,20 +3,17 @@
 use formation::model::Message;
 use formation::protocol::SourceId;
 use formation_msgs::{
-    Eviction, Heartbeat, InterfaceType, MessageError, ModuleStates, Roster, SpotClaim,
-    TargetConfiguration,
+    Eviction, Heartbeat, MessageError, ModuleStates, Roster, SpotClaim, TargetConfiguration,
 };
 use futures::StreamExt;
 use futures::stream::LocalBoxStream;
-use ros2_client::Subscription;
+use ros_runtime::inlet::Inlet;
+use ros_runtime::session::ParticipantId;
+use ros_runtime::traffic::{RefusalKind, Traffic};
 use serde::de::DeserializeOwned;
 
-use crate::session::{Session, SessionError, source_of};
-use crate::topics::Topic;
-use crate::traffic::{RefusalKind, Traffic};
-
 /// A sample type whose samples carry messages of the core.
-pub(crate) trait Carrier: DeserializeOwned + InterfaceType + 'static {
+pub trait Carrier: DeserializeOwned + 'static {
     /// The messages of one sample, or what is wrong with it; a sample is taken whole or not at all.
     fn into_messages(self) -> Result<Vec<Message>, MessageError>;
 }
@@ -45,25 +42,21 @@ carriers! {
 }
 
 /// What came in on one topic, not yet counted.
-pub(crate) struct Delivery {
+pub struct Delivery {
     topic: &'static str,
     content: Result<(SourceId, Vec<Message>), (RefusalKind, String)>,
 }
 
 impl Delivery {
     /// The topic on which it came.
-    pub(crate) fn topic(&self) -> &'static str {
+    pub fn topic(&self) -> &'static str {
         self.topic
     }
 
     /// The messages and their sender; nothing of a sample that is refused, and nothing of one's own.
     ///
     /// A process hands messages between the modules that it hosts by itself, so what it hears of itself is no news.
-    pub(crate) fn accept(
-        self,
-        own: SourceId,
-        traffic: &mut Traffic,
-    ) -> Option<(SourceId, Vec<Message>)> {
+    pub fn accept(self, own: SourceId, traffic: &mut Traffic) -> Option<(SourceId, Vec<Message>)> {
         match self.content {
             Ok((source, _)) if source == own => None,
             Ok(content) => {
@@ -78,37 +71,28 @@ impl Delivery {
     }
 }
 
-/// A subscription that yields messages of the core.
-pub(crate) struct Inlet<M> {
-    topic: &'static str,
-    subscription: Subscription<M>,
+/// A participant, as the core knows it.
+#[must_use]
+pub fn source_id(participant: ParticipantId) -> SourceId {
+    SourceId(participant.0)
 }
 
-impl<M: Carrier> Inlet<M> {
-    pub(crate) fn open(session: &mut Session, topic: &Topic<M>) -> Result<Self, SessionError> {
-        Ok(Self {
-            topic: topic.name(),
-            subscription: session.subscription(topic)?,
+/// Everything that comes in, for ever.
+pub fn deliveries<M: Carrier>(inlet: &Inlet<M>) -> LocalBoxStream<'_, Delivery> {
+    let topic = inlet.topic();
+    inlet
+        .samples()
+        .map(move |taken| Delivery {
+            topic,
+            content: match taken {
+                Ok((participant, sample)) => sample
+                    .into_messages()
+                    .map(|messages| (source_id(participant), messages))
+                    .map_err(|error| (RefusalKind::Invalid, error.to_string())),
+                Err(error) => Err((RefusalKind::Malformed, error)),
+            },
         })
-    }
-
-    /// Everything that comes in, for ever.
-    pub(crate) fn deliveries(&self) -> LocalBoxStream<'_, Delivery> {
-        let topic = self.topic;
-        self.subscription
-            .async_stream()
-            .map(move |taken| Delivery {
-                topic,
-                content: match taken {
-                    Ok((sample, info)) => sample
-                        .into_messages()
-                        .map(|messages| (source_of(&info), messages))
-                        .map_err(|error| (RefusalKind::Invalid, error.to_string())),
-                    Err(error) => Err((RefusalKind::Malformed, error.to_string())),
-                },
-            })
-            .boxed_local()
-    }
+        .boxed_local()
 }
 
 #[cfg(test)]

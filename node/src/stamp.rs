@@ -1,19 +1,12 @@
-//! Wall-clock time, for stamps and for telling one run of a process from the next.
-
-use std::time::{Duration, SystemTime, UNIX_EPOCH};
+//! Wall-clock time: stamps, incarnations and revisions.
 
 use formation::model::Incarnation;
 use formation_msgs::{Header, Time};
-
-fn since_epoch() -> Duration {
-    // A clock before 1970 is taken for one that was never set.
-    SystemTime::now()
-        .duration_since(UNIX_EPOCH)
-        .unwrap_or_default()
-}
+use ros_runtime::stamp::since_epoch;
 
 /// A header for data taken now.
-pub(crate) fn header(frame_id: &str) -> Header {
+#[must_use]
+pub fn header(frame_id: &str) -> Header {
     let now = since_epoch();
     Header {
         stamp: Time {

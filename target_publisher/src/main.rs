@@ -1,16 +1,19 @@
 //! Announces the target configuration.
 
+mod announcer;
+
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
+use announcer::TargetProcess;
 use clap::Parser;
 use formation::model::TargetAnnouncement;
-use formation_node::announcer::TargetProcess;
-use formation_node::arguments::{self, NetworkArguments, read_scenario};
-use formation_node::lifetime::stop_requested;
-use formation_node::outcome::{Failure, STATUS_DONE, conclude};
+use formation_node::scenario::read_scenario;
 use formation_node::stamp;
+use ros_runtime::arguments::{self, NetworkArguments};
+use ros_runtime::lifetime::stop_requested;
+use ros_runtime::outcome::{Failure, STATUS_DONE, conclude};
 
 /// Announces the target of a scenario, and keeps it for whoever comes late, until it is told to stop.
 ///

@@ -10,6 +10,7 @@
 
 mod fleet;
 mod namespaces;
+mod parameter_file;
 mod peer;
 mod programs;
 mod python;
@@ -19,6 +20,7 @@ mod transcript;
 
 pub use fleet::{Fleet, Judge, Judged, Timing};
 pub use namespaces::{Namespace, Network};
+pub use parameter_file::parameter_section;
 pub use peer::Peer;
 pub use programs::{Finished, Running, alone, program, root, scenario_path};
 pub use python::Python;

@@ -5,11 +5,12 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use formation_node::arguments::{self, JudgingArguments, NetworkArguments};
-use formation_node::lifetime::{EXIT_GRACE, limit_exit, stop_requested};
-use formation_node::outcome::{Failure, conclude};
-use formation_node::verdict_report::{JsonLine, end_status, end_text};
-use formation_node::verification::{News, VerifierProcess};
+use ros_runtime::arguments::{self, NetworkArguments};
+use ros_runtime::lifetime::{EXIT_GRACE, limit_exit, stop_requested};
+use ros_runtime::outcome::{Failure, conclude};
+use verifier::judging::JudgingArguments;
+use verifier::verdict_report::{JsonLine, end_status, end_text};
+use verifier::verification::{News, VerifierProcess};
 
 /// After the verdict, subscribers have so long to take it.
 const LINGER: Duration = Duration::from_millis(500);

@@ -1,15 +1,15 @@
 //! Draws a formation for RViz, Foxglove and their like.
 
+mod visualisation;
+
 use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
-use formation_node::arguments::{self, NetworkArguments, Seconds};
-use formation_node::lifetime::stop_requested;
-use formation_node::outcome::{Failure, STATUS_DONE, conclude};
-use formation_node::visualisation::{
-    RATE_MAX, RATE_MIN, VisualisationParameters, VisualiserProcess,
-};
+use ros_runtime::arguments::{self, NetworkArguments, Seconds};
+use ros_runtime::lifetime::stop_requested;
+use ros_runtime::outcome::{Failure, STATUS_DONE, conclude};
+use visualisation::{RATE_MAX, RATE_MIN, VisualisationParameters, VisualiserProcess};
 
 /// Publishes what is on the formation's topics as markers and transforms, until it is told to stop.
 ///

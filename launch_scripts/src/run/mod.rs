@@ -19,10 +19,9 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use formation::model::Scenario;
-use formation_node::arguments::MotionMode;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
-use crate::arguments::{RunArguments, Switch};
+use crate::arguments::{MotionMode, RunArguments, Switch};
 use crate::failure::Failure;
 use crate::plan::CheckedPlan;
 use crate::report::ReportDirectory;

@@ -13,8 +13,8 @@ use std::process::{Command, Stdio};
 
 use anyhow::{Context, anyhow};
 
-use formation_node::environment::{DiscoveryRange, Domain, Environment, Overrides};
-use formation_node::interfaces::{PARTICIPANTS_WITHOUT_MULTICAST, discovery_obstacle, interfaces};
+use ros_runtime::environment::{DiscoveryRange, Domain, Environment, Overrides};
+use ros_runtime::interfaces::{PARTICIPANTS_WITHOUT_MULTICAST, discovery_obstacle, interfaces};
 
 use super::OTHER_PROCESSES;
 use super::processes::MODULES_PER_PROCESS_MAX;

@@ -1,0 +1,211 @@
+//! The parameter services by the mapping of Fast DDS and Connext. CycloneDDS for Python cannot put a request's identity
+//! beside the data, so the other side here is the client of the library, which answers to both mappings alike.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::ffi::OsString;
+use std::net::Ipv4Addr;
+use std::thread;
+use std::time::Duration;
+
+use async_channel::bounded;
+use async_io::Timer;
+use formation::model::{Incarnation, ModuleId, Pose};
+use formation::protocol::{AgentParameters, Identity};
+use formation_tests::alone;
+use futures::FutureExt;
+use module_agent::MotionParameters;
+use module_agent::agents::ModuleProcess;
+use ros_runtime::arguments::RosArguments;
+use ros_runtime::environment::{DiscoveryRange, Environment, Overrides};
+use ros_runtime::service_mapping::ServiceMapping;
+use ros_runtime::settings::Settings;
+use ros2_client::parameters::raw;
+use ros2_client::qos::{History, QosProfile};
+use ros2_client::rcl_interfaces::{
+    DescribeParametersRequest, DescribeParametersResponse, GetParameterTypesRequest,
+    GetParameterTypesResponse, GetParametersRequest, GetParametersResponse, ListParametersRequest,
+    ListParametersResponse, SetParametersAtomicallyResponse, SetParametersRequest,
+    SetParametersResponse,
+};
+use ros2_client::{
+    Client, Context, Message, Name, Node, NodeName, NodeOptions, ParameterValue, ServiceTypeName,
+};
+use rustdds::DomainParticipantBuilder;
+
+/// A service that does not answer at all is what this looks for.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+fn process(domain: &str, mapping: ServiceMapping) -> ModuleProcess {
+    let overrides = Overrides {
+        domain: Some(domain.parse().unwrap()),
+        range: Some(DiscoveryRange::Localhost),
+    };
+    let words = ["program", "--ros-args", "-p", "speed:=2.0"].map(OsString::from);
+    let (_, ros) = RosArguments::extract(words, |_| Ok(String::new())).unwrap();
+    ModuleProcess {
+        settings: Settings {
+            environment: Environment::resolve(overrides, |_| None).unwrap(),
+            service_mapping: mapping,
+            ros,
+            ..Settings::default()
+        },
+        modules: vec![Identity {
+            module: ModuleId(4),
+            incarnation: Incarnation(1),
+            pose: Pose::default(),
+            links: [].into(),
+            configuration: None,
+            leader: None,
+        }],
+        parameters: AgentParameters::default(),
+        motion: MotionParameters::default(),
+        frame_id: "map".to_owned(),
+    }
+}
+
+struct Caller {
+    node: Node,
+    mapping: ros2_client::ServiceMapping,
+}
+
+impl Caller {
+    fn new(domain: u16, mapping: ros2_client::ServiceMapping) -> Self {
+        let participant = DomainParticipantBuilder::new(domain)
+            .with_only_networks([Ipv4Addr::LOCALHOST])
+            .build()
+            .unwrap();
+        let context = Context::from_domain_participant(participant).unwrap();
+        let name = NodeName::new("/", "caller").unwrap();
+        let options = NodeOptions::new()
+            .enable_rosout(false)
+            .start_parameter_services(false);
+        let node = context.new_node(name, options).unwrap();
+        Self { node, mapping }
+    }
+
+    /// Asks once, as soon as the service is there, and waits for the one answer.
+    fn call<Q: Message + Clone + 'static, A: Message + 'static>(
+        &mut self,
+        service: &str,
+        name: &str,
+        request: Q,
+    ) -> A {
+        let qos = QosProfile::publisher_default().history(History::KeepLast { depth: 10 });
+        let client: Client<Q, A> = self
+            .node
+            .create_client(
+                self.mapping,
+                &Name::new("/formation/module_4", service).unwrap(),
+                &ServiceTypeName::new("rcl_interfaces", name),
+                qos.clone(),
+                qos,
+            )
+            .unwrap();
+        let spinner = self.node.spinner();
+        async_io::block_on(async {
+            let call = async {
+                client.wait_for_service(&self.node).await;
+                let id = client.async_send_request(request).await.unwrap();
+                client.async_receive_response(id).await.unwrap()
+            };
+            let spin = async {
+                match spinner {
+                    Ok(spinner) => spinner.spin().await.map(drop).unwrap(),
+                    Err(error) => panic!("{error:?}"),
+                }
+                std::future::pending::<()>().await;
+            };
+            futures::select! {
+                answer = Box::pin(call.fuse()) => answer,
+                () = Box::pin(spin.fuse()) => panic!("the library stopped"),
+                _ = FutureExt::fuse(Timer::after(PATIENCE)) => panic!("`{service}` does not answer"),
+            }
+        })
+    }
+}
+
+fn assert_all_six_answer(
+    domain: &str,
+    mapping: ServiceMapping,
+    other: ros2_client::ServiceMapping,
+) {
+    let _alone = alone();
+    let process = process(domain, mapping);
+    let (stop, stopped) = bounded(1);
+    let running = thread::spawn(move || process.run(&stopped).unwrap());
+    // The library serves one spinner a node, so every call is by a caller of its own, which also makes each the first.
+    let caller = || Caller::new(domain.parse().unwrap(), other);
+    let names = vec!["speed".to_owned(), "nothing".to_owned()];
+
+    let listed: ListParametersResponse = caller().call(
+        "list_parameters",
+        "ListParameters",
+        ListParametersRequest {
+            prefixes: Vec::new(),
+            depth: 0,
+        },
+    );
+    assert!(listed.result.names.contains(&"lease_s".to_owned()));
+    let read: GetParametersResponse = caller().call(
+        "get_parameters",
+        "GetParameters",
+        GetParametersRequest {
+            names: names.clone(),
+        },
+    );
+    assert_eq!(read.values[0].double_value.to_string(), "2");
+    let types: GetParameterTypesResponse = caller().call(
+        "get_parameter_types",
+        "GetParameterTypes",
+        GetParameterTypesRequest {
+            names: names.clone(),
+        },
+    );
+    assert_eq!(types.values, [3, 0]);
+    let described: DescribeParametersResponse = caller().call(
+        "describe_parameters",
+        "DescribeParameters",
+        DescribeParametersRequest { names },
+    );
+    assert_eq!(described.values[0].r#type, 3);
+    let change = |value| SetParametersRequest {
+        parameter: vec![raw::Parameter {
+            name: "speed".to_owned(),
+            value: ParameterValue::Double(value).into(),
+        }],
+    };
+    let set: SetParametersResponse = caller().call("set_parameters", "SetParameters", change(3.0));
+    assert!(set.results[0].successful);
+    let set: SetParametersAtomicallyResponse = caller().call(
+        "set_parameters_atomically",
+        "SetParametersAtomically",
+        change(-3.0),
+    );
+    assert!(set.result.reason.contains("must be from 0.001"), "{set:?}");
+
+    stop.try_send(()).unwrap();
+    running.join().unwrap();
+}
+
+#[test]
+fn all_six_answer_by_the_mapping_of_fast_dds() {
+    assert_all_six_answer(
+        "87",
+        ServiceMapping::Enhanced,
+        ros2_client::ServiceMapping::Enhanced,
+    );
+}
+
+#[test]
+fn all_six_answer_by_the_mapping_of_cyclone_dds() {
+    assert_all_six_answer(
+        "88",
+        ServiceMapping::Cyclone,
+        ros2_client::ServiceMapping::Cyclone,
+    );
+}

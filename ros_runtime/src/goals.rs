@@ -1,0 +1,238 @@
+//! The goals of an action: in which state each is, who waits for its result, and what a request to cancel means. It knows
+//! no DDS.
+//!
+//! See the design article [Actions](https://design.ros2.org/articles/actions.html).
+
+use std::collections::VecDeque;
+
+use ros2_client::action::{CancelGoalResponse, GoalId, GoalInfo, GoalStatusEnum};
+use ros2_client::action_msgs::{CancelGoalResponseEnum, GoalStatus, GoalStatusArray};
+use ros2_client::builtin_interfaces::Time;
+
+/// So many goals that have ended are kept for those who ask late for their results.
+const ENDED_MAX: usize = 16;
+
+/// So many wait for the result of one goal; more are clients gone wild.
+const WAITING_MAX: usize = 64;
+
+struct Goal<R, Q> {
+    info: GoalInfo,
+    status: GoalStatusEnum,
+    result: R,
+    waiting: Vec<Q>,
+}
+
+impl<R, Q> Goal<R, Q> {
+    fn has_ended(&self) -> bool {
+        match self.status {
+            GoalStatusEnum::Succeeded | GoalStatusEnum::Canceled | GoalStatusEnum::Aborted => true,
+            GoalStatusEnum::Unknown
+            | GoalStatusEnum::Accepted
+            | GoalStatusEnum::Executing
+            | GoalStatusEnum::Canceling => false,
+        }
+    }
+}
+
+/// The goals that a server knows, in the order in which it accepted them; results are of type `R`, and whoever waits for
+/// one is known by a `Q`.
+pub struct Goals<R, Q> {
+    goals: VecDeque<Goal<R, Q>>,
+}
+
+/// What somebody who asks for a result is told.
+#[derive(Debug, PartialEq)]
+pub enum Asked<R> {
+    /// The goal has ended, or there is none.
+    Answer(GoalStatusEnum, R),
+    /// The answer comes when the goal ends.
+    Later,
+}
+
+impl<R: Clone + Default, Q> Goals<R, Q> {
+    pub fn new() -> Self {
+        Self {
+            goals: VecDeque::new(),
+        }
+    }
+
+    fn find(&mut self, id: GoalId) -> Option<&mut Goal<R, Q>> {
+        self.goals.iter_mut().find(|goal| goal.info.goal_id == id)
+    }
+
+    /// Takes a goal that is to be worked at right away; false if one with its identifier is known.
+    pub fn accept(&mut self, id: GoalId, stamp: Time) -> bool {
+        if self.find(id).is_some() {
+            return false;
+        }
+        let ended = |goal: &Goal<R, Q>| goal.has_ended();
+        if self.goals.iter().filter(|goal| ended(goal)).count() >= ENDED_MAX
+            && let Some(oldest) = self.goals.iter().position(ended)
+        {
+            self.goals.remove(oldest);
+        }
+        self.goals.push_back(Goal {
+            info: GoalInfo { goal_id: id, stamp },
+            status: GoalStatusEnum::Executing,
+            result: R::default(),
+            waiting: Vec::new(),
+        });
+        true
+    }
+
+    /// Ends a goal; returns who waited for its result.
+    pub fn end(&mut self, id: GoalId, status: GoalStatusEnum, result: R) -> Vec<Q> {
+        let Some(goal) = self.find(id) else {
+            return Vec::new();
+        };
+        goal.status = status;
+        goal.result = result;
+        std::mem::take(&mut goal.waiting)
+    }
+
+    /// Somebody asks for the result of a goal. A goal that nobody knows has the status "unknown".
+    pub fn ask(&mut self, id: GoalId, who: Q) -> Asked<R> {
+        match self.find(id) {
+            Some(goal) if !goal.has_ended() && goal.waiting.len() < WAITING_MAX => {
+                goal.waiting.push(who);
+                Asked::Later
+            }
+            Some(goal) if goal.has_ended() => Asked::Answer(goal.status, goal.result.clone()),
+            _ => Asked::Answer(GoalStatusEnum::Unknown, R::default()),
+        }
+    }
+
+    /// Somebody wants goals cancelled: the one that is named, and all that were accepted up to the time that is named;
+    /// all of them if nothing is named. Returns what to answer; the goals that it lists are being cancelled from now on.
+    pub fn cancel(&mut self, meant: &GoalInfo) -> CancelGoalResponse {
+        let names_one = meant.goal_id != GoalId::ZERO;
+        let names_time = meant.stamp != Time::ZERO;
+        let goals_canceling: Vec<GoalInfo> = self
+            .goals
+            .iter_mut()
+            .filter(|goal| !goal.has_ended())
+            .filter(|goal| {
+                (!names_one && !names_time)
+                    || (names_one && goal.info.goal_id == meant.goal_id)
+                    || (names_time && goal.info.stamp <= meant.stamp)
+            })
+            .map(|goal| {
+                goal.status = GoalStatusEnum::Canceling;
+                goal.info.clone()
+            })
+            .collect();
+        let named = names_one.then(|| self.find(meant.goal_id));
+        let return_code = match named {
+            _ if !goals_canceling.is_empty() => CancelGoalResponseEnum::None,
+            Some(None) => CancelGoalResponseEnum::UnknownGoal,
+            Some(Some(_)) => CancelGoalResponseEnum::GoalTerminated,
+            None => CancelGoalResponseEnum::Rejected,
+        };
+        CancelGoalResponse {
+            return_code,
+            goals_canceling,
+        }
+    }
+
+    /// What is published of all of them.
+    pub fn statuses(&self) -> GoalStatusArray {
+        GoalStatusArray {
+            status_list: self
+                .goals
+                .iter()
+                .map(|goal| GoalStatus {
+                    goal_info: goal.info.clone(),
+                    status: goal.status,
+                })
+                .collect(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn id() -> GoalId {
+        GoalId::new_random()
+    }
+
+    fn time(nanos: i64) -> Time {
+        Time::from_nanos(nanos)
+    }
+
+    fn statuses(goals: &Goals<&str, u32>) -> Vec<GoalStatusEnum> {
+        let list = goals.statuses().status_list;
+        list.iter().map(|goal| goal.status).collect()
+    }
+
+    #[test]
+    fn results_reach_those_who_asked_early_and_those_who_ask_late() {
+        let mut goals: Goals<&str, u32> = Goals::new();
+        let one = id();
+        assert!(goals.accept(one, time(1)));
+        assert!(!goals.accept(one, time(2)), "it is known");
+        assert_eq!(goals.ask(one, 7), Asked::Later);
+        assert_eq!(goals.ask(one, 8), Asked::Later);
+        assert_eq!(goals.end(one, GoalStatusEnum::Succeeded, "done"), [7, 8]);
+        let answer = Asked::Answer(GoalStatusEnum::Succeeded, "done");
+        assert_eq!(goals.ask(one, 9), answer);
+        assert_eq!(
+            goals.ask(id(), 9),
+            Asked::Answer(GoalStatusEnum::Unknown, "")
+        );
+    }
+
+    #[test]
+    fn requests_to_cancel_name_one_goal_or_a_time_or_mean_all() {
+        let (first, second, third) = (id(), id(), id());
+        let running = || {
+            let mut goals: Goals<&str, u32> = Goals::new();
+            for (id, at) in [(first, 1), (second, 2), (third, 3)] {
+                goals.accept(id, time(at));
+            }
+            goals.end(first, GoalStatusEnum::Aborted, "");
+            goals
+        };
+        let cancel = |goal_id, at| {
+            let mut goals = running();
+            let stamp = time(at);
+            let response = goals.cancel(&GoalInfo { goal_id, stamp });
+            (response.return_code, statuses(&goals)[1..].to_vec())
+        };
+        let (none, executing, canceling) = (
+            CancelGoalResponseEnum::None,
+            GoalStatusEnum::Executing,
+            GoalStatusEnum::Canceling,
+        );
+        assert_eq!(
+            cancel(GoalId::ZERO, 0),
+            (none, vec![canceling, canceling]),
+            "all"
+        );
+        assert_eq!(cancel(GoalId::ZERO, 2), (none, vec![canceling, executing]));
+        assert_eq!(cancel(third, 0), (none, vec![executing, canceling]));
+        assert_eq!(cancel(third, 2), (none, vec![canceling, canceling]));
+        for (goal, at, code) in [
+            (first, 0, CancelGoalResponseEnum::GoalTerminated),
+            (id(), 0, CancelGoalResponseEnum::UnknownGoal),
+            (GoalId::ZERO, 1, CancelGoalResponseEnum::Rejected),
+        ] {
+            assert_eq!(cancel(goal, at), (code, vec![executing, executing]));
+        }
+    }
+
+    #[test]
+    fn ended_goals_make_room_and_others_do_not() {
+        let mut goals: Goals<&str, u32> = Goals::new();
+        let lasting = id();
+        goals.accept(lasting, time(0));
+        for at in 1..100 {
+            let passing = id();
+            goals.accept(passing, time(at));
+            goals.end(passing, GoalStatusEnum::Aborted, "");
+        }
+        assert_eq!(statuses(&goals).len(), ENDED_MAX + 1);
+        assert_eq!(goals.ask(lasting, 1), Asked::Later);
+    }
+}

@@ -1,0 +1,139 @@
+//! The action `FormConfiguration` by the mapping of Fast DDS and Connext. CycloneDDS for Python cannot put a request's
+//! identity beside the data, so the other side here is the client of the library.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::net::Ipv4Addr;
+use std::time::Duration;
+
+use async_io::Timer;
+use formation_msgs::{
+    Edge, FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult, Spot,
+    TargetConfiguration,
+};
+use formation_tests::{Running, alone};
+use futures::{FutureExt, StreamExt};
+use ros2_client::action::{ActionClientQosPolicies, GoalStatusEnum};
+use ros2_client::builtin_interfaces::Time;
+use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
+use ros2_client::{
+    ActionClient, ActionTypeName, Context, Message, Name, Node, NodeName, NodeOptions,
+};
+use rustdds::DomainParticipantBuilder;
+use serde::{Deserialize, Serialize};
+
+const DOMAIN: u16 = 53;
+
+/// A service that does not answer at all is what this looks for.
+const PATIENCE: Duration = Duration::from_secs(20);
+
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+struct Carried<T>(T);
+
+impl<T: Serialize + serde::de::DeserializeOwned> Message for Carried<T> {}
+
+type FormConfiguration = ActionClient<
+    Carried<FormConfigurationGoal>,
+    Carried<FormConfigurationResult>,
+    Carried<FormConfigurationFeedback>,
+>;
+
+fn client() -> (Node, FormConfiguration) {
+    let participant = DomainParticipantBuilder::new(DOMAIN)
+        .with_only_networks([Ipv4Addr::LOCALHOST])
+        .build()
+        .unwrap();
+    let context = Context::from_domain_participant(participant).unwrap();
+    let options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    let mut node = context
+        .new_node(NodeName::new("/", "client").unwrap(), options)
+        .unwrap();
+    let qos = QosProfile::publisher_default()
+        .reliability(Reliability::Reliable {
+            when_full: WhenFull::Fail,
+        })
+        .history(History::KeepLast { depth: 10 });
+    let client = node
+        .create_action_client(
+            ros2_client::ServiceMapping::Enhanced,
+            &Name::new("/formation", "form_configuration").unwrap(),
+            &ActionTypeName::new("formation_msgs", "FormConfiguration"),
+            ActionClientQosPolicies {
+                goal_service: qos.clone(),
+                result_service: qos.clone(),
+                cancel_service: qos.clone(),
+                feedback_subscription: qos.clone(),
+                status_subscription: qos.durability(Durability::TransientLocal),
+            },
+        )
+        .unwrap();
+    (node, client)
+}
+
+fn pair() -> FormConfigurationGoal {
+    let spot = |id, x| Spot {
+        id,
+        x,
+        ..Spot::default()
+    };
+    FormConfigurationGoal {
+        target: TargetConfiguration {
+            name: "pair".to_owned(),
+            spots: vec![spot(1, 0.0), spot(2, 1.0)],
+            edges: vec![Edge {
+                first: 1,
+                second: 2,
+            }],
+            ..TargetConfiguration::default()
+        },
+        ..FormConfigurationGoal::default()
+    }
+}
+
+async fn drive(client: &FormConfiguration, node: &Node) {
+    client.goal_client().wait_for_service(node).await;
+    client.cancel_client().wait_for_service(node).await;
+    client.result_client().wait_for_service(node).await;
+    let (goal, response) = client.async_send_goal(Carried(pair())).await.unwrap();
+    assert!(response.accepted);
+    let mut feedback = Box::pin(client.feedback_stream(goal));
+    let told = feedback.next().await.unwrap().unwrap();
+    assert_eq!(told.0.progress.stage, 2, "modules are awaited");
+    let result = client.async_request_result(goal);
+    let cancel = async {
+        let response = client.async_cancel_goal(goal, Time::ZERO).await.unwrap();
+        assert_eq!(response.goals_canceling.len(), 1);
+    };
+    let (result, ()) = futures::join!(result, cancel);
+    let (status, Carried(result)) = result.unwrap();
+    assert_eq!(status, GoalStatusEnum::Canceled);
+    assert!(result.message.contains("0 modules"), "{}", result.message);
+}
+
+#[test]
+fn a_goal_is_sent_followed_and_cancelled_where_identities_stand_beside_the_data() {
+    let _alone = alone();
+    let mapping = ["--service-mapping", "enhanced"];
+    let publisher = Running::start("target_publisher", &DOMAIN.to_string(), &mapping);
+    let (mut node, client) = client();
+    let spinner = node.spinner().unwrap();
+    async_io::block_on(async {
+        let spin = async {
+            spinner.spin().await.unwrap();
+            std::future::pending::<()>().await;
+        };
+        futures::select! {
+            () = Box::pin(drive(&client, &node).fuse()) => {}
+            () = Box::pin(spin.fuse()) => panic!("the library stopped"),
+            _ = FutureExt::fuse(Timer::after(PATIENCE)) => panic!("the action does not answer"),
+        }
+    });
+    assert_eq!(publisher.stop().status, 0);
+}

@@ -1,0 +1,5 @@
+//! Judges a formation, independently of the planner.
+
+pub mod judging;
+pub mod verdict_report;
+pub mod verification;
