@@ -10,5 +10,5 @@ seeds="${1:-10000}"
 cargo build --release --quiet -p launch_scripts
 status=0
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 5-40 --faults mixed || status=1
-FORMATION_EXPLORE=large nice -n 5 cargo test --release --quiet -p formation_sim --test exploration -- --nocapture || status=1
+FORMATION_EXPLORE=large nice -n 5 cargo test --release --quiet -p formation_sim --test all -- exploration:: --nocapture || status=1
 exit "$status"

@@ -2,8 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
-mod support;
-
 use std::sync::Arc;
 
 use formation::generate::Grouping;
@@ -11,7 +9,7 @@ use formation::model::{Decision, PlannerParameters, PlanningProblem, Policy, Tur
 use formation::planner::{PlanOutcome, Planning, Statistics, plan};
 use formation::verify::{Violation, check_plan};
 
-use support::{problem, with_parameters};
+use crate::support::{problem, with_parameters};
 
 const POLICIES: [Policy; 4] = [
     Policy::Exact,

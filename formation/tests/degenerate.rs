@@ -3,8 +3,6 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
-mod support;
-
 use std::sync::Arc;
 
 use formation::model::{
@@ -13,7 +11,7 @@ use formation::model::{
 };
 use formation::planner::{Planning, plan};
 
-use support::hungarian;
+use crate::support::hungarian;
 
 fn heaviest() -> PlannerParameters {
     PlannerParameters {

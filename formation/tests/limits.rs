@@ -3,8 +3,6 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -16,7 +14,7 @@ use formation::model::{
 use formation::planner::{Planning, Statistics, plan};
 use formation::verify::check_plan;
 
-use support::{hungarian, with_parameters};
+use crate::support::{hungarian, with_parameters};
 
 /// Every module is in one corner of the world and every spot within reach of the opposite one.
 fn at_opposite_corners(modules: usize, spots: usize, grouping: Grouping) -> RawScenario {

@@ -2,8 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
@@ -14,8 +12,8 @@ use formation::planner::placement::{MatchingInput, common_subtree};
 use formation::planner::{Planning, plan};
 use formation::verify::check_plan;
 
-use support::brute_force::best_common_subtree;
-use support::{Numbers, hungarian, problem, random_tree, size_first, with_parameters};
+use crate::support::brute_force::best_common_subtree;
+use crate::support::{Numbers, hungarian, problem, random_tree, size_first, with_parameters};
 
 /// Checks that pairs are a common subtree, and returns its size and weight.
 fn judged(

@@ -2,8 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
@@ -11,7 +9,7 @@ use formation::generate::Grouping;
 use formation::model::{Decision, PlannerParameters};
 use formation::planner::{ClaimRefused, Planning, Statistics, plan};
 
-use support::{problem, size_first};
+use crate::support::{problem, size_first};
 
 #[test]
 fn as_many_spots_are_filled_as_can_be() {

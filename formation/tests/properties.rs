@@ -4,8 +4,6 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
-mod support;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -15,8 +13,8 @@ use formation::verify::check_plan;
 use proptest::prelude::*;
 use proptest::test_runner::FileFailurePersistence;
 
-use support::hungarian;
-use support::world::{World, worlds};
+use crate::support::hungarian;
+use crate::support::world::{World, worlds};
 
 /// What is public of a run: its turns, and who held what after each.
 struct Run {

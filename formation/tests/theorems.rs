@@ -2,8 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
-mod support;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -14,7 +12,7 @@ use formation::model::{
 };
 use formation::planner::{PlanOutcome, Planning, plan};
 
-use support::{hungarian, problem, with_parameters};
+use crate::support::{hungarian, problem, with_parameters};
 
 const GROUPINGS: [Grouping; 4] = [
     Grouping::Singletons,

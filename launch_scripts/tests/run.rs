@@ -15,6 +15,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use formation_tests::{Tool, on_path, tool_or_skip};
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -140,10 +142,10 @@ impl Stage {
     }
 
     /// Sends a signal once all four processes run, and waits for the launcher's end.
-    fn run_until_signal(&self, signal: &str) -> Finished {
+    fn run_until_signal(&self, signal: Signal) -> Finished {
         let launcher = self.command(&[]).spawn().unwrap();
         self.await_started(4);
-        send(signal, launcher.id());
+        kill_process(Pid::from_child(&launcher), signal).unwrap();
         Finished::of(launcher.wait_with_output().unwrap())
     }
 
@@ -168,14 +170,6 @@ impl Finished {
             stderr: String::from_utf8(output.stderr).unwrap(),
         }
     }
-}
-
-fn send(signal: &str, process: u32) {
-    let status = Command::new("kill")
-        .args(["-s", signal, &process.to_string()])
-        .status()
-        .unwrap();
-    assert!(status.success());
 }
 
 fn runs(process: u32) -> bool {
@@ -464,14 +458,18 @@ fn what_processes_log_as_errors_is_shown() {
 
 #[test]
 fn signals_stop_everything() {
-    for signal in ["INT", "TERM", "HUP"] {
+    for (name, signal) in [
+        ("INT", Signal::INT),
+        ("TERM", Signal::TERM),
+        ("HUP", Signal::HUP),
+    ] {
         let stage = Stage::new(POLITE);
         let finished = stage.run_until_signal(signal);
-        assert_eq!(finished.status, Some(1), "{signal}");
+        assert_eq!(finished.status, Some(1), "{name}");
         assert!(
             finished
                 .stderr
-                .contains(&format!("error: interrupted by SIG{signal}")),
+                .contains(&format!("error: interrupted by SIG{name}")),
             "{}",
             finished.stderr
         );
@@ -486,7 +484,7 @@ fn a_process_that_does_not_listen_is_killed_and_named() {
         "target_publisher",
         "trap '' TERM; while :; do sleep 0.05; done",
     );
-    let finished = stage.run_until_signal("TERM");
+    let finished = stage.run_until_signal(Signal::TERM);
     assert!(
         finished
             .stderr
@@ -553,7 +551,13 @@ fn nothing_starts_on_bad_input() {
 
 #[test]
 fn more_processes_than_loopback_lets_find_each_other_get_a_network_of_their_own() {
-    let stage = Stage::new("ip -o link > \"$(dirname \"$0\")/links\"\nexit 3");
+    let Some(ip) = tool_or_skip(Tool::Namespaces, on_path(&["ip"])) else {
+        return;
+    };
+    let stage = Stage::new(&format!(
+        "'{}' -o link > \"$(dirname \"$0\")/links\"\nexit 3",
+        ip.display()
+    ));
     let modules: Vec<String> = (1..=12)
         .map(|id| format!("{{id: {id}, x: {id}.0, y: 5.0}}"))
         .collect();

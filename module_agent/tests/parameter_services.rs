@@ -16,7 +16,7 @@ use async_channel::bounded;
 use async_io::Timer;
 use formation::model::{Incarnation, ModuleId, Pose};
 use formation::protocol::{AgentParameters, Identity};
-use formation_tests::alone;
+use formation_tests::Domain;
 use futures::FutureExt;
 use module_agent::MotionParameters;
 use module_agent::agents::ModuleProcess;
@@ -129,17 +129,13 @@ impl Caller {
     }
 }
 
-fn assert_all_six_answer(
-    domain: &str,
-    mapping: ServiceMapping,
-    other: ros2_client::ServiceMapping,
-) {
-    let _alone = alone();
-    let process = process(domain, mapping);
+fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMapping) {
+    let domain = Domain::shared();
+    let process = process(&domain, mapping);
     let (stop, stopped) = bounded(1);
     let running = thread::spawn(move || process.run(&stopped).unwrap());
     // The library serves one spinner a node, so every call is by a caller of its own, which also makes each the first.
-    let caller = || Caller::new(domain.parse().unwrap(), other);
+    let caller = || Caller::new(domain.number(), other);
     let names = vec!["speed".to_owned(), "nothing".to_owned()];
 
     let listed: ListParametersResponse = caller().call(
@@ -195,7 +191,6 @@ fn assert_all_six_answer(
 #[test]
 fn all_six_answer_by_the_mapping_of_fast_dds() {
     assert_all_six_answer(
-        "87",
         ServiceMapping::Enhanced,
         ros2_client::ServiceMapping::Enhanced,
     );
@@ -204,7 +199,6 @@ fn all_six_answer_by_the_mapping_of_fast_dds() {
 #[test]
 fn all_six_answer_by_the_mapping_of_cyclone_dds() {
     assert_all_six_answer(
-        "88",
         ServiceMapping::Cyclone,
         ros2_client::ServiceMapping::Cyclone,
     );

@@ -9,14 +9,15 @@
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
 
+use formation_tests::Domain;
 use rustix::process::{Pid, Signal, kill_process};
 
-fn agent(arguments: &str) -> Command {
+fn agent(domain: &str, arguments: &str) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_module_agent"));
     command
         .args(arguments.split_whitespace())
         .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
-        .env("ROS_DOMAIN_ID", "73")
+        .env("ROS_DOMAIN_ID", domain)
         .env_remove("ROS_LOCALHOST_ONLY")
         .env_remove("RUST_LOG");
     command
@@ -50,7 +51,7 @@ fn bad_input_is_told_in_one_line_before_anything_starts() {
             "suspicion (5s) must be greater than lease (9s)",
         ),
     ] {
-        let output = agent(&arguments).output().unwrap();
+        let output = agent("1", &arguments).output().unwrap();
         let told = told(&output);
         assert_eq!(output.status.code(), Some(2), "{arguments}: {told}");
         assert!(told.starts_with("error: "), "{told}");
@@ -61,23 +62,19 @@ fn bad_input_is_told_in_one_line_before_anything_starts() {
 
 #[test]
 fn a_broken_environment_is_told_unless_an_argument_outweighs_it() {
-    let broken = |arguments: &str| {
-        agent(arguments)
-            .env("ROS_DOMAIN_ID", "many")
-            .output()
-            .unwrap()
-    };
+    let broken = |arguments: &str| agent("many", arguments).output().unwrap();
     let output = broken("--module 1 --x 0 --y 0");
     assert_eq!(output.status.code(), Some(2));
     assert!(told(&output).contains("environment variable ROS_DOMAIN_ID"));
-    let output = broken("--module 1 --x nowhere --y 0 --domain 73");
+    let output = broken("--module 1 --x nowhere --y 0 --domain 1");
     assert!(told(&output).contains("'--x <UNITS>'"), "{}", told(&output));
 }
 
 #[test]
 fn the_process_leaves_when_it_is_told_to_end() {
+    let domain = Domain::shared();
     for signal in [Signal::TERM, Signal::INT] {
-        let mut child = agent("--module 4 --x 0 --y 0")
+        let mut child = agent(&domain, "--module 4 --x 0 --y 0")
             .stderr(Stdio::piped())
             .spawn()
             .unwrap();

@@ -1,11 +1,9 @@
 //! Everything that agents say while they form, lose members and start again passes the border unchanged.
 
-mod common;
-
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use common::codec::over_the_wire;
+use crate::common::codec::over_the_wire;
 use formation::generate::{GeneratorParameters, Grouping, generate};
 use formation::model::{self, Message, ModuleId, RosterMessage, Scenario};
 use formation_msgs as wire;

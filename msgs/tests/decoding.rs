@@ -1,12 +1,10 @@
 //! Whatever bytes arrive, reading and checking them never panics.
 
-mod common;
-
 use std::sync::LazyLock;
 
-use common::cases;
-use common::codec::{self, Codec};
-use common::samples::{longest_of, samples};
+use crate::common::cases;
+use crate::common::codec::{self, Codec};
+use crate::common::samples::{longest_of, samples};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::Index;

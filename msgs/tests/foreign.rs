@@ -6,12 +6,10 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-mod common;
-
 use std::collections::BTreeMap;
 
-use common::codec::{Codec, part};
-use common::python;
+use crate::common::codec::{Codec, part};
+use crate::common::python;
 use formation::model;
 use formation_msgs::foreign::geometry_msgs::{
     Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,

@@ -8,16 +8,14 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-mod common;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use common::cases;
-use common::codec::{self, Codec, read};
-use common::hostile::Writer;
+use crate::common::cases;
+use crate::common::codec::{self, Codec, read};
+use crate::common::hostile::Writer;
 use formation::generate::Random;
 use formation::model::{Incarnation, Message, ModuleId, Pose};
 use formation::protocol::{

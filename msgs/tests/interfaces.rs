@@ -6,14 +6,12 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-mod common;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use common::codec::{self, Codec};
-use common::python;
-use common::samples::samples;
+use crate::common::codec::{self, Codec};
+use crate::common::python;
+use crate::common::samples::samples;
 use formation_msgs as wire;
 use formation_msgs::bounds;
 use serde::Deserialize;

@@ -1,10 +1,8 @@
 //! What the core says arrives as it was said.
 
-mod common;
-
-use common::codec::over_the_wire;
-use common::core_values;
-use common::samples::header;
+use crate::common::codec::over_the_wire;
+use crate::common::core_values;
+use crate::common::samples::header;
 use formation::model::{self, MicroUnits};
 use formation_msgs as wire;
 use proptest::prelude::*;

@@ -5,15 +5,13 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-mod support;
-
 use std::time::Duration;
 
+use crate::support::Formed;
 use formation::event_log::{Entry, Event, Told};
 use formation::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId, SpotSelection};
 use formation_report::{Fact, Summary, Tone, course_of_plan, page};
 use serde_json::Value;
-use support::Formed;
 
 fn summary(outcome: &str) -> Summary {
     Summary {

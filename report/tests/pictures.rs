@@ -5,10 +5,8 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-mod support;
-
+use crate::support::Formed;
 use formation_report::{after, before};
-use support::Formed;
 
 fn count(text: &str, part: &str) -> usize {
     text.matches(part).count()

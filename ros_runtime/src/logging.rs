@@ -3,9 +3,12 @@
 use std::io::{IsTerminal, stderr};
 use std::sync::OnceLock;
 
+use tracing::Level;
+use tracing::level_filters::LevelFilter;
+use tracing_subscriber::filter::Targets;
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
-use tracing_subscriber::{EnvFilter, Registry, reload};
+use tracing_subscriber::{Registry, reload};
 
 use crate::arguments::{LogArguments, LogLevel};
 use crate::rosout::{LogLines, rosout};
@@ -14,35 +17,39 @@ use crate::rosout::{LogLines, rosout};
 const LIBRARIES: [&str; 2] = ["rustdds", "ros2_client"];
 
 /// The filter in use, so that it can be set anew once the node has its name.
-static FILTER: OnceLock<reload::Handle<EnvFilter, Registry>> = OnceLock::new();
+static FILTER: OnceLock<reload::Handle<Targets, Registry>> = OnceLock::new();
 
-fn word(level: LogLevel) -> &'static str {
+fn passing(level: LogLevel) -> Level {
     match level {
-        LogLevel::Debug => "debug",
-        LogLevel::Info => "info",
-        LogLevel::Warn => "warn",
-        LogLevel::Error | LogLevel::Fatal => "error",
+        LogLevel::Debug => Level::DEBUG,
+        LogLevel::Info => Level::INFO,
+        LogLevel::Warn => Level::WARN,
+        LogLevel::Error | LogLevel::Fatal => Level::ERROR,
     }
 }
 
 /// What passes when the node's own lines pass from `level` on.
-fn filter(level: LogLevel, log: &LogArguments) -> EnvFilter {
+fn filter(level: LogLevel, log: &LogArguments) -> Targets {
     // A set RUST_LOG decides instead.
-    if let Ok(filter) = EnvFilter::try_from_default_env() {
+    let variable = std::env::var("RUST_LOG").unwrap_or_default();
+    if !variable.is_empty()
+        && let Ok(filter) = variable.parse()
+    {
         return filter;
     }
-    let mut directives = word(level).to_owned();
     // The DDS library logs the ordinary hazards of a network as warnings and errors.
-    for library in LIBRARIES {
+    let libraries = LIBRARIES.map(|library| {
         let level = match log.loggers.iter().rfind(|(logger, _)| logger == library) {
-            Some((_, level)) => word(*level),
-            None if level == LogLevel::Debug => "info",
-            None => "off",
+            Some((_, level)) => passing(*level).into(),
+            None if level == LogLevel::Debug => LevelFilter::INFO,
+            None => LevelFilter::OFF,
         };
-        directives.push_str(&format!(",{library}={level}"));
-    }
-    directives.push_str(",mio=warn,polling=warn,async_io=warn");
-    EnvFilter::new(directives)
+        (library, level)
+    });
+    Targets::new()
+        .with_default(passing(level))
+        .with_targets(libraries)
+        .with_targets(["mio", "polling", "async_io"].map(|library| (library, Level::WARN)))
 }
 
 /// Logs from here on; returns the lines that are to go to `/rosout`, if any are.

@@ -2,11 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use crate::support::{Stage, drawn, settled, spots};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, ModulePhase};
 use formation::protocol::{Agent, Event, Mutation};
@@ -14,7 +13,6 @@ use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
     run_seed,
 };
-use support::{Stage, drawn, settled, spots};
 
 fn ids(ids: &[u32]) -> BTreeSet<ModuleId> {
     ids.iter().copied().map(ModuleId).collect()

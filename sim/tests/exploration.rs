@@ -6,11 +6,9 @@
     reason = "a test fails by panicking"
 )]
 
-mod explorer;
-
 use std::time::Duration;
 
-use explorer::{Bound, Explorer};
+use crate::explorer::{Bound, Explorer};
 use formation::model::{PlanningProblem, Scenario};
 use formation::protocol::{Agent, Mutation};
 use formation_sim::AgentFactory;

@@ -2,15 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-mod support;
-
 use std::time::Duration;
 
+use crate::support::{Stage, drawn, in_phase, scenario, spots};
 use formation::generate::Grouping;
 use formation::model::{AssemblyWarning, ModuleId, ModulePhase};
 use formation::protocol::{Agent, Event, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
-use support::{Stage, drawn, in_phase, scenario, spots};
 
 #[test]
 fn a_spare_replaces_a_module_that_dies_on_its_way() {

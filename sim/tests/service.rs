@@ -2,15 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-mod support;
-
 use std::time::Duration;
 
+use crate::support::{Stage, drawn, in_phase, spots};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, ModulePhase, Service};
 use formation::protocol::{Command, EpochReason, Event};
 use formation_sim::Cluster;
-use support::{Stage, drawn, in_phase, spots};
 
 const SEEDS: std::ops::Range<u64> = 0..6;
 

@@ -9,19 +9,17 @@
     reason = "a test fails by panicking"
 )]
 
-mod support;
-
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::support::{Stage, drawn, in_phase, scenario};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, ModulePhase};
 use formation::protocol::Command;
 use formation_sim::Cluster;
-use support::{Stage, drawn, in_phase, scenario};
 
 /// The nearest spot of the second module is taken when its turn comes.
 const CHAIN: &str = "
@@ -167,6 +165,6 @@ fn a_module_retires_and_a_spare_takes_its_spot() {
     stage.until(Cluster::has_formed);
     let (retired, _) = stage.settled()[0];
     stage.cluster.command(retired, Command::Retire);
-    stage.until(|cluster| cluster.has_formed() && support::newest_epoch(cluster) == 2);
+    stage.until(|cluster| cluster.has_formed() && crate::support::newest_epoch(cluster) == 2);
     compare("module_retires", &stage.cluster.transcript().events());
 }

@@ -15,7 +15,7 @@ use formation_msgs::{
     Edge, FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult, Spot,
     TargetConfiguration,
 };
-use formation_tests::{Running, alone};
+use formation_tests::{Domain, Running};
 use futures::{FutureExt, StreamExt};
 use ros2_client::action::{ActionClientQosPolicies, GoalStatusEnum};
 use ros2_client::builtin_interfaces::Time;
@@ -25,8 +25,6 @@ use ros2_client::{
 };
 use rustdds::DomainParticipantBuilder;
 use serde::{Deserialize, Serialize};
-
-const DOMAIN: u16 = 53;
 
 /// A service that does not answer at all is what this looks for.
 const PATIENCE: Duration = Duration::from_secs(20);
@@ -43,8 +41,8 @@ type FormConfiguration = ActionClient<
     Carried<FormConfigurationFeedback>,
 >;
 
-fn client() -> (Node, FormConfiguration) {
-    let participant = DomainParticipantBuilder::new(DOMAIN)
+fn client(domain: &Domain) -> (Node, FormConfiguration) {
+    let participant = DomainParticipantBuilder::new(domain.number())
         .with_only_networks([Ipv4Addr::LOCALHOST])
         .build()
         .unwrap();
@@ -119,10 +117,10 @@ async fn drive(client: &FormConfiguration, node: &Node) {
 
 #[test]
 fn a_goal_is_sent_followed_and_cancelled_where_identities_stand_beside_the_data() {
-    let _alone = alone();
+    let domain = Domain::shared();
     let mapping = ["--service-mapping", "enhanced"];
-    let publisher = Running::start("target_publisher", &DOMAIN.to_string(), &mapping);
-    let (mut node, client) = client();
+    let publisher = Running::start("target_publisher", &domain, &mapping);
+    let (mut node, client) = client(&domain);
     let spinner = node.spinner().unwrap();
     async_io::block_on(async {
         let spin = async {

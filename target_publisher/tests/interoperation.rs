@@ -1,6 +1,6 @@
 //! The target publisher and CycloneDDS, a DDS implementation that we did not write, on one loopback interface.
 
-use formation_tests::{Peer, Running, ScenarioFile, alone};
+use formation_tests::{Domain, Peer, Running, ScenarioFile};
 use serde_json::json;
 
 const SCENARIO: &str = "
@@ -12,8 +12,7 @@ planner: {d_max: 3}
 
 #[test]
 fn a_late_subscriber_of_another_vendor_gets_the_target() {
-    let _alone = alone();
-    let domain = "71";
+    let domain = &*Domain::shared();
     let scenario = ScenarioFile::new("interoperation", SCENARIO);
     let arguments = ["--scenario", scenario.path(), "--revision", "7"];
     let more = ["--expected-modules", "1"];

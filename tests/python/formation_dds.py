@@ -8,6 +8,7 @@ Usage:
                                                                          prints samples as they come
     formation_dds.py put TOPIC [--domain D]                              publishes lines of its input until that ends
     formation_dds.py garble TOPIC [--domain D]                           publishes bytes that are no sample, likewise
+The last two first print {"ready": true}.
 """
 
 import argparse
@@ -200,6 +201,7 @@ def take(arguments):
 def put(arguments):
     session = Session(arguments.domain)
     writer = session.writer(arguments.topic)
+    print(json.dumps({"ready": True}), flush=True)
     for line in sys.stdin:
         writer.write(session.message(arguments.topic, json.loads(line)))
     return 0
@@ -212,6 +214,7 @@ def garble(arguments):
     name = f"{PACKAGE}::msg::dds_::{base}_"
     session.types.made[f"{PACKAGE}/msg/{base}"] = make_idl_struct("Garbage", name, {"length": types.uint32})
     writer = session.writer(arguments.topic)
+    print(json.dumps({"ready": True}), flush=True)
     for _ in sys.stdin:
         writer.write(session.types.get(f"{PACKAGE}/msg/{base}")(length=0xFFFFFFFF))
     return 0

@@ -8,6 +8,7 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
+mod domain;
 mod fleet;
 mod namespaces;
 mod parameter_file;
@@ -16,14 +17,18 @@ mod programs;
 mod python;
 mod ros_tool;
 mod scenario_file;
+mod tools;
 mod transcript;
 
+pub use domain::Domain;
 pub use fleet::{Fleet, Judge, Judged, Timing};
-pub use namespaces::{Namespace, Network};
+pub use namespaces::{Namespace, Network, room_for_many_processes};
 pub use parameter_file::parameter_section;
 pub use peer::Peer;
-pub use programs::{Finished, Running, alone, program, root, scenario_path};
+pub use programs::{Finished, Running, program, root, scenario_path};
 pub use python::Python;
 pub use ros_tool::RosTool;
+pub use rustix::process::Signal;
 pub use scenario_file::{EIGHT, ScenarioFile};
+pub use tools::{Tool, on_path, report, tool_or_skip};
 pub use transcript::{Line, Transcript};

@@ -4,14 +4,12 @@
 //! with the test, however that ends; no name is left behind anywhere.
 
 use std::fs;
-use std::io::Write;
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
 
-/// With this in the environment, a machine on which no namespace can be made fails the test.
-const REQUIRED: &str = "FORMATION_REQUIRE_NAMESPACES";
+use crate::tools::{Tool, tool_or_skip};
 
 /// How to make and enter namespaces, from the most to the least rights.
 const WAYS: [Way; 2] = [
@@ -37,7 +35,54 @@ pub struct Namespace {
     way: Way,
 }
 
+/// What the first of the ways gives that works, else why none does.
+fn by_any_way<T>(make: impl Fn(Way) -> Result<T, String>) -> Result<T, String> {
+    let mut refusals = Vec::new();
+    for way in WAYS {
+        match make(way) {
+            Ok(made) => return Ok(made),
+            Err(refusal) => refusals.push(refusal),
+        }
+    }
+    let refusals = refusals.join("; ");
+    Err(format!("no network namespace can be made ({refusals})"))
+}
+
+/// Whether more than twelve processes on loopback find each other, which takes multicast on `lo` or a network namespace.
+/// `None`, after a line that says so, where they do not.
+///
+/// # Panics
+/// When they do not and `FORMATION_REQUIRE_TOOLS` names namespaces.
+#[must_use]
+pub fn room_for_many_processes() -> Option<()> {
+    const IFF_MULTICAST: u32 = 0x1000;
+    let flags = fs::read_to_string("/sys/class/net/lo/flags").unwrap_or_default();
+    let flags = u32::from_str_radix(flags.trim().trim_start_matches("0x"), 16).unwrap_or(0);
+    if flags & IFF_MULTICAST != 0 {
+        return Some(());
+    }
+    Namespace::with_loopback().map(drop)
+}
+
 impl Namespace {
+    /// A network namespace with nothing but a loopback interface that takes multicast; `None`, after a line that says so,
+    /// where none can be made.
+    ///
+    /// # Panics
+    /// When none can be made and `FORMATION_REQUIRE_TOOLS` names namespaces.
+    #[must_use]
+    pub fn with_loopback() -> Option<Self> {
+        let made = by_any_way(|way| {
+            let own = fs::read_link("/proc/self/ns/net").unwrap();
+            let mut unshare = Command::new("unshare");
+            unshare.args(way.make).arg("--");
+            let namespace = Self::held_by(unshare, way, &[own])?;
+            namespace.ip("link set lo up multicast on")?;
+            Ok(namespace)
+        });
+        tool_or_skip(Tool::Namespaces, made)
+    }
+
     fn held_by(mut command: Command, way: Way, differs_from: &[PathBuf]) -> Result<Self, String> {
         let holder = command
             .arg("cat")
@@ -71,7 +116,8 @@ impl Namespace {
     }
 
     /// What a program is to be started with, so that it runs in here; its process is the one that is started.
-    pub(crate) fn command(&self) -> Command {
+    #[must_use]
+    pub fn command(&self) -> Command {
         let mut command = Command::new("nsenter");
         command
             .arg("--target")
@@ -82,18 +128,18 @@ impl Namespace {
     }
 
     /// Runs `ip` in here.
-    fn ip(&self, arguments: &str) {
+    fn ip(&self, arguments: &str) -> Result<(), String> {
         let output = self
             .command()
             .args(["sh", "-c", "PATH=\"$PATH:/usr/sbin:/sbin\"; exec ip $0"])
             .arg(arguments)
             .output()
-            .unwrap();
-        assert!(
-            output.status.success(),
-            "ip {arguments}: {}",
-            String::from_utf8_lossy(&output.stderr)
-        );
+            .map_err(|error| format!("cannot start nsenter: {error}"))?;
+        if output.status.success() {
+            return Ok(());
+        }
+        let said = String::from_utf8_lossy(&output.stderr);
+        Err(format!("ip {arguments}: {}", said.trim()))
     }
 }
 
@@ -111,29 +157,13 @@ pub struct Network {
 }
 
 impl Network {
-    /// Two sides that hear each other; `None`, said aloud with `skipped`, where no namespace can be made.
+    /// Two sides that reach each other; `None`, after a line that says so, where no namespace can be made.
+    ///
+    /// # Panics
+    /// When none can be made and `FORMATION_REQUIRE_TOOLS` names namespaces.
     #[must_use]
-    pub fn with_two_sides(skipped: &str) -> Option<Self> {
-        let mut refusals = Vec::new();
-        for way in WAYS {
-            match Self::made(way) {
-                Ok(network) => return Some(network),
-                Err(refusal) => refusals.push(refusal),
-            }
-        }
-        let refusal = refusals.join("; ");
-        assert!(
-            std::env::var_os(REQUIRED).is_none(),
-            "{REQUIRED} is set, but no network namespace can be made: {refusal}"
-        );
-        // Not by a macro: the test harness would keep it to itself.
-        let mut stderr = std::io::stderr();
-        writeln!(
-            stderr,
-            "SKIPPED: no network namespace can be made ({refusal}), so {skipped}; run as root, or allow user namespaces"
-        )
-        .unwrap();
-        None
+    pub fn with_two_sides() -> Option<Self> {
+        tool_or_skip(Tool::Namespaces, by_any_way(Self::made))
     }
 
     fn made(way: Way) -> Result<Self, String> {
@@ -148,17 +178,17 @@ impl Network {
             within.args(["unshare", "--net", "--"]);
             sides.push(Namespace::held_by(within, way, &taken)?);
         }
-        hub.ip("link add hub type bridge mcast_snooping 0");
-        hub.ip("link set hub up");
+        hub.ip("link add hub type bridge mcast_snooping 0")?;
+        hub.ip("link set hub up")?;
         for (number, side) in sides.iter().enumerate() {
             let holder = side.holder.id();
             hub.ip(&format!(
                 "link add port{number} type veth peer name eth0 netns {holder}"
-            ));
-            hub.ip(&format!("link set port{number} master hub up"));
-            side.ip("link set lo up");
-            side.ip(&format!("address add 10.77.0.{}/24 dev eth0", number + 1));
-            side.ip("link set eth0 up");
+            ))?;
+            hub.ip(&format!("link set port{number} master hub up"))?;
+            side.ip("link set lo up")?;
+            side.ip(&format!("address add 10.77.0.{}/24 dev eth0", number + 1))?;
+            side.ip("link set eth0 up")?;
         }
         Ok(Self { sides, hub })
     }
@@ -171,11 +201,11 @@ impl Network {
 
     /// Nothing passes between the sides any more; within each, all goes on.
     pub fn cut(&self) {
-        self.hub.ip("link set port1 nomaster");
+        self.hub.ip("link set port1 nomaster").unwrap();
     }
 
     /// All passes again.
     pub fn heal(&self) {
-        self.hub.ip("link set port1 master hub");
+        self.hub.ip("link set port1 master hub").unwrap();
     }
 }

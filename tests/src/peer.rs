@@ -23,8 +23,7 @@ pub struct Peer {
 }
 
 impl Peer {
-    /// Starts `command` (`take`, `put` or `garble`) on a topic; `None`, said aloud, where the user chose to go without
-    /// Python.
+    /// Starts `command` (`take`, `put` or `garble`) on a topic; `None`, after a line that says so, where Python is missing.
     #[must_use]
     pub fn start(command: &str, topic: &str, domain: &str) -> Option<Self> {
         let mut arguments = vec![command, topic, "--domain", domain];
@@ -44,7 +43,7 @@ impl Peer {
     }
 
     fn start_with(arguments: &[&str]) -> Option<Self> {
-        let python = Python::find("CycloneDDS was not talked to")?;
+        let python = Python::find()?;
         let mut child = python.start("tests/python/formation_dds.py", arguments, Stdio::inherit());
         let output = Transcript::of(child.stdout.take().unwrap());
         Some(Self {
@@ -53,6 +52,16 @@ impl Peer {
             taken: Cell::new(0),
             python,
         })
+    }
+
+    /// Waits until it is in the domain, if it was started to publish.
+    pub fn await_ready(&self) {
+        let ready = self.output.wait_for(0, PATIENCE, |_| Some(()));
+        assert!(
+            ready.is_some(),
+            "CycloneDDS did not start; {}",
+            self.missing_package()
+        );
     }
 
     /// Publishes one sample.
@@ -74,6 +83,20 @@ impl Peer {
         });
         self.taken.set(next + 1);
         serde_json::from_str(&text).unwrap()
+    }
+
+    /// Waits for `count` more samples than it has taken so far.
+    pub fn await_more(&self, count: usize) {
+        let mut left = count;
+        let came = self.output.wait_for(self.output.len(), PATIENCE, |_| {
+            left -= 1;
+            (left == 0).then_some(())
+        });
+        assert!(
+            came.is_some(),
+            "{left} of {count} samples did not come; {}",
+            self.missing_package()
+        );
     }
 
     /// Every pose of a module among the samples of `module_states` so far, and when it came.

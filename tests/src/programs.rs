@@ -2,20 +2,14 @@
 
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
-use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use rustix::process::{Pid, Signal};
 use serde_json::Value;
 
 use crate::namespaces::Namespace;
 use crate::transcript::{Line, Transcript};
-
-/// Tests with several processes do not run beside each other.
-pub fn alone() -> MutexGuard<'static, ()> {
-    static ALONE: Mutex<()> = Mutex::new(());
-    ALONE.lock().unwrap_or_else(PoisonError::into_inner)
-}
 
 /// The root of the repository.
 #[must_use]
@@ -32,11 +26,21 @@ pub fn scenario_path(name: &str) -> PathBuf {
         .with_extension("yaml")
 }
 
-/// A program that cargo has built beside this test.
+/// Where cargo puts the programs of the profile that this test was built with.
+fn profile_directory() -> PathBuf {
+    let test = std::env::current_exe().unwrap();
+    test.ancestors().nth(2).unwrap().to_owned()
+}
+
+/// Where cargo puts everything that it builds.
+pub(crate) fn target_directory() -> PathBuf {
+    profile_directory().parent().unwrap().to_owned()
+}
+
+/// A program that cargo has built next to this test.
 #[must_use]
 pub fn program(name: &str) -> PathBuf {
-    let test = std::env::current_exe().unwrap();
-    let built = test.ancestors().nth(2).unwrap().join(name);
+    let built = profile_directory().join(name);
     assert!(
         built.is_file(),
         "{} is missing; `cargo test --workspace` builds it, and so does `cargo build --workspace`",
@@ -186,13 +190,10 @@ impl Running {
         self.child.id()
     }
 
-    /// Sends a signal, such as `INT`, to this process alone.
-    pub fn signal(&self, signal: &str) {
-        let status = Command::new("kill")
-            .args([&format!("-{signal}"), &self.child.id().to_string()])
-            .status()
-            .unwrap();
-        assert!(status.success(), "kill -{signal} failed for {}", self.name);
+    /// Sends a signal to this process alone.
+    pub fn signal(&self, signal: Signal) {
+        rustix::process::kill_process(Pid::from_child(&self.child), signal)
+            .unwrap_or_else(|error| panic!("cannot send {signal:?} to {}: {error}", self.name));
     }
 
     /// Waits for the program to end by itself, for at most `limit`.
@@ -224,7 +225,7 @@ impl Running {
     /// Asks the program to end, and waits until it has.
     #[must_use]
     pub fn stop(self) -> Finished {
-        self.signal("TERM");
+        self.signal(Signal::TERM);
         self.finish(Duration::from_secs(20))
     }
 

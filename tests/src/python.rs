@@ -1,41 +1,45 @@
-//! The Python interpreter that has the parties that we did not write.
+//! The Python interpreter that has the packages that tests compare with.
 
-use std::io::Write;
-use std::path::PathBuf;
+use std::fs::{self, File};
+use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
+use std::sync::OnceLock;
 
-use crate::programs::root;
+use crate::programs::{root, target_directory};
+use crate::tools::{Tool, on_path, report, tool_or_skip};
 
-/// An interpreter, and what to do where it will not serve.
+/// Ends with the reason if this interpreter is too old.
+const IS_RECENT: &str = "import sys; \
+    sys.version_info >= (3, 11) or sys.exit('Python 3.11 is needed, but python3 is ' + sys.version.split()[0])";
+
+/// An interpreter that has the packages of `tests/requirements.txt`.
 pub struct Python {
     path: PathBuf,
 }
 
 impl Python {
-    /// The interpreter named in `FORMATION_PYTHON`, else `python3`; `None`, said aloud with `skipped`, where the user
-    /// chose to go without.
+    /// The interpreter that `FORMATION_PYTHON` names, else one in an environment under the build's target directory, which
+    /// this makes where it is missing or made for other requirements. `None`, after a line that says so, where Python is
+    /// missing.
+    ///
+    /// # Panics
+    /// When Python is missing and `FORMATION_REQUIRE_TOOLS` names it.
     #[must_use]
-    pub fn find(skipped: &str) -> Option<Self> {
-        if std::env::var_os("FORMATION_SKIP_PYTHON").is_some_and(|value| value == "1") {
-            // Not by a macro: the test harness would keep it to itself.
-            let mut stderr = std::io::stderr();
-            writeln!(stderr, "SKIPPED: FORMATION_SKIP_PYTHON=1, so {skipped}").unwrap();
-            return None;
-        }
-        let named = std::env::var("FORMATION_PYTHON").unwrap_or_else(|_| "python3".to_owned());
-        // Cargo runs tests within their package, but people name a path as seen from the repository.
-        let path = if named.contains('/') {
-            root().join(named)
-        } else {
-            named.into()
-        };
-        Some(Self { path })
+    pub fn find() -> Option<Self> {
+        static FOUND: OnceLock<Result<PathBuf, String>> = OnceLock::new();
+        let found = FOUND.get_or_init(|| match std::env::var("FORMATION_PYTHON") {
+            // Cargo runs tests within their package, but people name a path as seen from the repository.
+            Ok(named) if named.contains('/') => Ok(root().join(named)),
+            Ok(named) if !named.is_empty() => Ok(named.into()),
+            _ => environment(&target_directory()),
+        });
+        tool_or_skip(Tool::Python, found.clone()).map(|path| Self { path })
     }
 
     /// A shell command that runs a script of the repository, named as seen from its root.
     #[must_use]
     pub fn command(&self, script: &str) -> String {
-        let quoted = |path: &std::path::Path| format!("'{}'", path.display());
+        let quoted = |path: &Path| format!("'{}'", path.display());
         format!("{} {}", quoted(&self.path), quoted(&root().join(script)))
     }
 
@@ -62,10 +66,83 @@ impl Python {
     #[must_use]
     pub fn advice(&self) -> String {
         format!(
-            "run `{} -m pip install -r {}`, name another interpreter (3.10 or later) in FORMATION_PYTHON, or set \
-             FORMATION_SKIP_PYTHON=1 to go without this test",
+            "run `{} -m pip install -r {}`, or unset FORMATION_PYTHON",
             self.path.display(),
-            root().join("tests/requirements.txt").display()
+            requirements().display()
         )
     }
+}
+
+fn requirements() -> PathBuf {
+    root().join("tests/requirements.txt")
+}
+
+/// The interpreter of the environment in this directory. Test processes that need it at the same time wait for the one that
+/// makes it.
+fn environment(directory: &Path) -> Result<PathBuf, String> {
+    let lock = File::create(directory.join("python.lock"));
+    lock.and_then(|lock| lock.lock().map(|()| lock))
+        .map_err(|error| format!("cannot lock {}/python.lock: {error}", directory.display()))
+        .and_then(|_lock| made(&directory.join("python")))
+}
+
+/// Makes the environment unless it is complete, of which a copy of the requirements is the sign.
+fn made(environment: &Path) -> Result<PathBuf, String> {
+    let python = environment.join("bin/python");
+    let complete = environment.join("requirements.txt");
+    let wanted = fs::read(requirements()).unwrap();
+    if python.is_file() && fs::read(&complete).is_ok_and(|made| made == wanted) {
+        return Ok(python);
+    }
+    let base = on_path(&["python3"])?;
+    run(Command::new(&base).args(["-c", IS_RECENT]))?;
+    report(&format!(
+        "Installing the Python packages of tests/requirements.txt into {}, which takes about a minute, once.",
+        environment.display()
+    ));
+    if environment.exists() {
+        fs::remove_dir_all(environment).unwrap();
+    }
+    let venv = |options: &[&str]| {
+        run(Command::new(&base)
+            .args(["-m", "venv"])
+            .args(options)
+            .arg(environment))
+    };
+    let install = [
+        "install",
+        "--quiet",
+        "--no-input",
+        "--disable-pip-version-check",
+        "-r",
+    ];
+    if venv(&[]).is_ok() {
+        run(Command::new(&python)
+            .args(["-m", "pip"])
+            .args(install)
+            .arg(requirements()))?;
+    } else {
+        // Debian splits `ensurepip` off into python3-venv; a pip of its own will do as well.
+        venv(&["--clear", "--without-pip"])?;
+        run(Command::new(&base)
+            .args(["-m", "pip", "--python"])
+            .arg(&python)
+            .args(install)
+            .arg(requirements()))
+        .map_err(|error| format!("python3 has neither `ensurepip` nor a recent pip ({error})"))?;
+    }
+    fs::write(complete, wanted).unwrap();
+    Ok(python)
+}
+
+/// Runs a command to its end; where it fails, the last line of what it said.
+fn run(command: &mut Command) -> Result<(), String> {
+    let output = command.stdin(Stdio::null()).output();
+    let output = output.map_err(|error| format!("cannot start {command:?}: {error}"))?;
+    if output.status.success() {
+        return Ok(());
+    }
+    let said = String::from_utf8_lossy(&output.stderr);
+    let last = said.lines().rfind(|line| !line.trim().is_empty());
+    Err(last.unwrap_or("it said nothing").trim().to_owned())
 }

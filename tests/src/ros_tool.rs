@@ -18,7 +18,7 @@ pub struct RosTool {
 }
 
 impl RosTool {
-    /// Starts `ros_tools.py`; `None`, said aloud, where the user chose to go without Python.
+    /// Starts `ros_tools.py`; `None`, after a line that says so, where Python is missing.
     #[must_use]
     pub fn start(arguments: &[&str]) -> Option<Self> {
         Self::start_script("ros_tools.py", arguments)
@@ -31,7 +31,7 @@ impl RosTool {
     }
 
     fn start_script(name: &str, arguments: &[&str]) -> Option<Self> {
-        let python = Python::find("`ros2` tools were not stood in for")?;
+        let python = Python::find()?;
         let script = format!("tests/python/{name}");
         let mut child = python.start(&script, arguments, Stdio::inherit());
         let output = BufReader::new(child.stdout.take().unwrap());

@@ -7,10 +7,9 @@
 )]
 
 use std::collections::BTreeSet;
-use std::thread;
 use std::time::Duration;
 
-use formation_tests::{Peer, RosTool, Running, alone, scenario_path};
+use formation_tests::{Domain, Peer, RosTool, Running, scenario_path};
 use serde_json::{Value, json};
 
 const ACTION: &str = "/formation/form_configuration";
@@ -58,8 +57,7 @@ fn text(result: &Value) -> &str {
 
 #[test]
 fn a_goal_names_a_scenario_is_followed_and_ends_with_the_verdict() {
-    let _alone = alone();
-    let domain = "101";
+    let domain = &*Domain::shared();
     let Some(mut client) = RosTool::start_action_client(&[ACTION, "--domain", domain]) else {
         return;
     };
@@ -221,8 +219,7 @@ fn row(name: &str, spots: u32) -> Value {
 
 #[test]
 fn a_newer_goal_takes_the_place_of_one_and_a_cancelled_one_leaves_the_modules_standing() {
-    let _alone = alone();
-    let domain = "52";
+    let domain = &*Domain::shared();
     let Some(mut client) = RosTool::start_action_client(&[ACTION, "--domain", domain]) else {
         return;
     };
@@ -237,6 +234,7 @@ fn a_newer_goal_takes_the_place_of_one_and_a_cancelled_one_leaves_the_modules_st
     assert_eq!(told["verdict"]["outcome"], 0);
 
     let states = Peer::start("take", "module_states", domain).unwrap();
+    let heartbeats = Peer::start("take", "heartbeats", domain).unwrap();
     let moving = agents.wait_for_log(0, "moving to", Duration::from_secs(60));
     assert!(moving.is_some(), "nobody set off");
     client.tell(&json!({"cancel": ""}));
@@ -246,8 +244,8 @@ fn a_newer_goal_takes_the_place_of_one_and_a_cancelled_one_leaves_the_modules_st
     assert_eq!(status, CANCELED);
     let stand = "the target is withdrawn, and the 10 modules that were heard stand still";
     assert_eq!(text(&told), stand);
-    // What is on its way may come yet; after that, nobody goes anywhere.
-    thread::sleep(Duration::from_millis(500));
+    // States from before the cancellation may arrive late; after that, no module moves.
+    heartbeats.await_more(2);
     let places = || -> Vec<_> {
         (1..=10)
             .map(|id| states.poses_of(id).last().map(|last| last.1))
@@ -255,7 +253,7 @@ fn a_newer_goal_takes_the_place_of_one_and_a_cancelled_one_leaves_the_modules_st
     };
     let before = places();
     assert!(before.iter().all(Option::is_some), "{before:?}");
-    thread::sleep(Duration::from_secs(2));
+    heartbeats.await_more(4);
     assert_eq!(places(), before);
 
     let expected = json!({"statuses": {first.as_str(): ABORTED, second.as_str(): CANCELED}});

@@ -8,13 +8,14 @@
 
 use std::time::Duration;
 
-use formation_tests::{Finished, Python, Running, alone, scenario_path};
+use formation_tests::{Domain, Finished, Python, Running, scenario_path};
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
 /// Runs a shipped scenario, its modules driven by `tests/python/drive_modules.py`.
-fn run_driven(scenario: &str, domain: &str, driver: &str, more: &[&str]) -> Option<Finished> {
-    let python = Python::find("no driver moved any module")?;
+fn run_driven(scenario: &str, driver: &str, more: &[&str]) -> Option<Finished> {
+    let python = Python::find()?;
+    let domain = &*Domain::shared();
     let path = scenario_path(scenario);
     let path = path.to_str().unwrap();
     let driver = format!(
@@ -44,8 +45,7 @@ fn errors(run: &Finished) -> Vec<&str> {
 
 #[test]
 fn driven_modules_undock_move_dock_and_leave_no_hole() {
-    let _alone = alone();
-    let Some(run) = run_driven("mcs_detach", "90", "", &["--timeout", "60"]) else {
+    let Some(run) = run_driven("mcs_detach", "", &["--timeout", "60"]) else {
         return;
     };
     assert_eq!(run.status, 0, "{}{}", run.stdout, run.stderr);
@@ -57,9 +57,8 @@ fn driven_modules_undock_move_dock_and_leave_no_hole() {
 
 #[test]
 fn a_driver_that_does_not_follow_a_goal_is_named_with_its_limit_and_harms_nobody() {
-    let _alone = alone();
-    let limits = ["--module-option=--motion-limit-s=4", "--timeout", "20"];
-    let Some(run) = run_driven("singletons_10", "91", "--deaf 7", &limits) else {
+    let limits = ["--module-option=--motion-limit-s=4", "--timeout", "60"];
+    let Some(run) = run_driven("singletons_10", "--deaf 7", &limits) else {
         return;
     };
     assert_eq!(run.status, 1, "{}{}", run.stdout, run.stderr);
@@ -82,7 +81,6 @@ fn a_driver_that_does_not_follow_a_goal_is_named_with_its_limit_and_harms_nobody
 
 #[test]
 fn a_driver_that_never_docks_is_named_with_its_limit_and_odometry_will_do() {
-    let _alone = alone();
     let limits = [
         "--module-option=--pose-source=odom",
         "--module-option=--docking-limit-s=2",
@@ -90,7 +88,7 @@ fn a_driver_that_never_docks_is_named_with_its_limit_and_odometry_will_do() {
         "20",
     ];
     let driver = "--pose-source odom --undockable 7";
-    let Some(run) = run_driven("singletons_10", "92", driver, &limits) else {
+    let Some(run) = run_driven("singletons_10", driver, &limits) else {
         return;
     };
     assert_eq!(run.status, 1, "{}{}", run.stdout, run.stderr);
@@ -113,7 +111,6 @@ fn a_driver_that_never_docks_is_named_with_its_limit_and_odometry_will_do() {
 
 #[test]
 fn a_module_without_a_driver_ends_with_the_topic_and_the_limit_named() {
-    let _alone = alone();
     let arguments = [
         "--module",
         "4",
@@ -126,7 +123,7 @@ fn a_module_without_a_driver_ends_with_the_topic_and_the_limit_named() {
         "--first-pose-limit-s",
         "0.5",
     ];
-    let agent = Running::start("module_agent", "93", &arguments).finish(PATIENCE);
+    let agent = Running::start("module_agent", &Domain::shared(), &arguments).finish(PATIENCE);
     assert_eq!(agent.status, 1, "{}", agent.stderr);
     assert!(
         agent.stderr.contains(

@@ -15,7 +15,7 @@ use formation_tests::{Python, root};
 
 /// Runs `check_python.py`; returns what it printed.
 fn checked(arguments: &[&str]) -> Option<String> {
-    let python = Python::find("no Python file was checked")?;
+    let python = Python::find()?;
     let child = python.start("tests/python/check_python.py", arguments, Stdio::piped());
     let output = child.wait_with_output().unwrap();
     assert!(
@@ -104,9 +104,13 @@ fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_hav
         ("verifier", ["--time-limit-s", "--keep-watching"].as_slice()),
     ] {
         assert!(launch.contains(&format!("\"{program}\"")), "{program}");
-        let help = formation_tests::Running::start(program, "95", &["--help"])
-            .finish(std::time::Duration::from_secs(20))
-            .stdout;
+        let help = formation_tests::Running::start(
+            program,
+            &formation_tests::Domain::shared(),
+            &["--help"],
+        )
+        .finish(std::time::Duration::from_secs(20))
+        .stdout;
         for option in options.iter().chain(&["--log-level"]) {
             assert!(launch.contains(&format!("\"{option}\"")), "{option}");
             assert!(

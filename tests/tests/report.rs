@@ -12,7 +12,7 @@ use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
-use formation_tests::{Python, Running, alone, scenario_path};
+use formation_tests::{Domain, Python, Running, Tool, on_path, scenario_path, tool_or_skip};
 use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -23,14 +23,15 @@ const PAGE_BYTES_MAX: u64 = 2_000_000;
 /// A name that would break out of every place into which it is written.
 const HOSTILE_NAME: &str = "</script><script>window.hostile=1</script><img src=x onerror='window.hostile=2'> {{film}} & \"q\" ]]>";
 
-fn launch(arguments: &[&str]) -> formation_tests::Finished {
-    let finished = Running::start("formation", "40", arguments).finish(PATIENCE);
+fn launch(domain: &str, arguments: &[&str]) -> formation_tests::Finished {
+    let finished = Running::start("formation", domain, arguments).finish(PATIENCE);
     assert_eq!(finished.status, 0, "{arguments:?}: {}", finished.stderr);
     finished
 }
 
 /// Has a report written and says what the browser is to find in it.
 fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: bool) -> Value {
+    let domain = &*Domain::shared();
     let mut arguments = vec![
         command,
         scenario.to_str().unwrap(),
@@ -39,9 +40,9 @@ fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: b
         directory.to_str().unwrap(),
     ];
     if command == "run" {
-        arguments.extend(["--domain", "40", "--modules-per-process", "2"]);
+        arguments.extend(["--modules-per-process", "2"]);
     }
-    let json = launch(&arguments).json();
+    let json = launch(domain, &arguments).json();
     let written = fs::read_to_string(directory.join("report.json")).unwrap();
     assert_eq!(serde_json::from_str::<Value>(&written).unwrap(), json);
     let count = |key: &str| json[key].as_array().unwrap().len();
@@ -58,24 +59,31 @@ fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: b
 
 #[test]
 fn reports_are_watched_in_a_browser() {
-    let _alone = alone();
-    let Some(python) = Python::find("no report was opened in a browser") else {
+    let browser = on_path(&["chromium", "chromium-browser", "google-chrome"])
+        .and_then(|_| on_path(&["chromedriver"]));
+    if tool_or_skip(Tool::Browser, browser).is_none() {
+        return;
+    }
+    let Some(python) = Python::find() else {
         return;
     };
     let directory = tempfile::tempdir().unwrap();
     let place = |name: &str| directory.path().join(name);
     let hundred = place("hundred.yaml");
-    let generated = launch(&[
-        "generate",
-        "--modules",
-        "100",
-        "--spots",
-        "100",
-        "--configuration-size",
-        "4",
-        "--seed",
-        "7",
-    ]);
+    let generated = launch(
+        &Domain::shared(),
+        &[
+            "generate",
+            "--modules",
+            "100",
+            "--spots",
+            "100",
+            "--configuration-size",
+            "4",
+            "--seed",
+            "7",
+        ],
+    );
     fs::write(&hundred, generated.stdout).unwrap();
     let hostile = place("hostile.yaml");
     let scenario = fs::read_to_string(scenario_path("undersupply")).unwrap();

@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation_tests::{RosTool, Running, alone, scenario_path};
+use formation_tests::{Domain, RosTool, Running, Signal, scenario_path};
 use serde_json::{Value, json};
 
 fn module(domain: &str, ros: &[&str]) -> Running {
@@ -31,8 +31,7 @@ fn module(domain: &str, ros: &[&str]) -> Running {
 
 #[test]
 fn tools_see_the_names_types_and_owners_of_all_endpoints() {
-    let _alone = alone();
-    let domain = "80";
+    let domain = &*Domain::shared();
     let remaps = [
         "-r",
         "__ns:=/fleet",
@@ -166,8 +165,7 @@ fn tools_see_the_names_types_and_owners_of_all_endpoints() {
 
 #[test]
 fn parameters_are_listed_described_read_and_changed() {
-    let _alone = alone();
-    let domain = "81";
+    let domain = &*Domain::shared();
     let node = "/formation/module_4";
     let module = module(domain, &["-p", "speed:=2", "-p", "module_4:gather_s:=1.5"]);
     let Some(mut events) = RosTool::start(&[
@@ -313,8 +311,7 @@ fn parameters_are_listed_described_read_and_changed() {
 
 #[test]
 fn a_node_without_parameter_services_has_none_of_them() {
-    let _alone = alone();
-    let domain = "82";
+    let domain = &*Domain::shared();
     let quiet = [
         "-p",
         "start_parameter_services:=false",
@@ -349,8 +346,7 @@ fn a_node_without_parameter_services_has_none_of_them() {
 
 #[test]
 fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
-    let _alone = alone();
-    let domain = "83";
+    let domain = &*Domain::shared();
     let scenario = scenario_path("singletons_10");
     let scenario = scenario.to_str().unwrap();
     let Some(mut diagnostics) = RosTool::start(&[
@@ -459,8 +455,8 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
 
 #[test]
 fn a_node_that_is_told_to_end_leaves_the_graph_at_once() {
-    let _alone = alone();
-    for (signal, domain) in [("INT", "84"), ("TERM", "85")] {
+    for signal in [Signal::INT, Signal::TERM] {
+        let domain = &*Domain::shared();
         let module = module(domain, &[]);
         // A node that just stops is listed for about 47 s.
         let Some(mut tool) = RosTool::start(&[
@@ -476,13 +472,18 @@ fn a_node_that_is_told_to_end_leaves_the_graph_at_once() {
         assert!(tool.next_line()["seen"].as_u64().unwrap() > 20);
         module.signal(signal);
         tool.next_line();
-        assert_eq!(module.finish(Duration::from_secs(20)).status, 0, "{signal}");
+        assert_eq!(
+            module.finish(Duration::from_secs(20)).status,
+            0,
+            "{signal:?}"
+        );
         tool.finish();
     }
 }
 
 #[test]
 fn arguments_that_nobody_knows_are_refused_with_what_may_have_been_meant() {
+    let domain = &*Domain::shared();
     for (arguments, told) in [
         (
             ["--ros-args", "--remp", "a:=b"].as_slice(),
@@ -505,7 +506,7 @@ fn arguments_that_nobody_knows_are_refused_with_what_may_have_been_meant() {
         (&["--sped", "2"], "'--speed'"),
     ] {
         let own = ["--module", "4", "--x", "1", "--y", "2"];
-        let module = Running::start("module_agent", "86", &[&own, arguments].concat());
+        let module = Running::start("module_agent", domain, &[&own, arguments].concat());
         let finished = module.finish(Duration::from_secs(20));
         assert_eq!(finished.status, 2, "{arguments:?}: {}", finished.stderr);
         assert!(

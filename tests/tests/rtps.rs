@@ -7,14 +7,12 @@
 )]
 
 use std::collections::BTreeSet;
-use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 
-use formation_tests::{alone, program, root, scenario_path};
-
-const ADVICE: &str = "install it (Debian and Ubuntu: `apt-get install tshark`), or set FORMATION_SKIP_TSHARK=1 to go \
-                      without this test";
+use formation_tests::{
+    Domain, Namespace, Tool, on_path, program, root, scenario_path, tool_or_skip,
+};
 
 /// What tshark prints of a capture.
 fn dissected(file: &Path, arguments: &[&str]) -> Vec<String> {
@@ -45,50 +43,35 @@ impl Drop for Capture {
 
 #[test]
 fn no_packet_of_figure_1_is_malformed() {
-    if std::env::var_os("FORMATION_SKIP_TSHARK").is_some_and(|value| value == "1") {
-        // Not by a macro: the test harness would keep it to itself.
-        writeln!(
-            std::io::stderr(),
-            "SKIPPED: FORMATION_SKIP_TSHARK=1, so no packet was dissected"
-        )
-        .unwrap();
+    if tool_or_skip(Tool::Tshark, on_path(&["tshark"])).is_none() {
         return;
     }
-    let there = Command::new("tshark")
-        .arg("--version")
-        .stdout(Stdio::null())
-        .stderr(Stdio::null())
-        .status();
-    assert!(
-        there.is_ok_and(|status| status.success()),
-        "tshark is missing: {ADVICE}"
-    );
-    let _alone = alone();
+    let Some(network) = Namespace::with_loopback() else {
+        return;
+    };
+    let domain = &*Domain::alone();
     let name = format!("formation-{}.pcapng", std::process::id());
     let capture = Capture(std::env::temp_dir().join(name));
-    let run = Command::new("unshare")
-        .args(["--user", "--map-root-user", "--net"])
+    let run = network
+        .command()
         .arg(root().join("tests/rtps_capture.sh"))
         .args([
             program("formation"),
             scenario_path("figure1_ladder17"),
             capture.0.clone(),
         ])
-        .arg("97")
+        .arg(domain)
         .env_remove("ROS_LOCALHOST_ONLY")
         .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
         .stdin(Stdio::null())
         .output()
-        .unwrap_or_else(|error| panic!("cannot start `unshare` of util-linux: {error}"));
+        .unwrap();
     let told = format!(
         "{}{}",
         String::from_utf8_lossy(&run.stdout),
         String::from_utf8_lossy(&run.stderr)
     );
-    assert!(
-        run.status.success(),
-        "{told}\nif tshark may not capture, {ADVICE}"
-    );
+    assert!(run.status.success(), "{told}");
     assert!(told.contains("COMPLETE"), "{told}");
 
     let fields = [

@@ -7,7 +7,7 @@
 
 use std::time::{Duration, Instant};
 
-use formation_tests::{Peer, RosTool, Running, alone, scenario_path};
+use formation_tests::{Domain, Peer, RosTool, Running, Signal, scenario_path};
 use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -60,12 +60,12 @@ fn make_deaf(process: &Running) {
             .contains("State:\tT")
     };
     loop {
-        process.signal("STOP");
+        process.signal(Signal::STOP);
         while !is_stopped() {
             std::thread::sleep(Duration::from_millis(10));
         }
         std::thread::sleep(Duration::from_millis(100));
-        process.signal("CONT");
+        process.signal(Signal::CONT);
         let noticed = process.wait_for_log(mark, "joining anew", Duration::from_secs(3));
         if noticed.is_some() {
             return;
@@ -76,8 +76,7 @@ fn make_deaf(process: &Running) {
 
 #[test]
 fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
-    let _alone = alone();
-    let domain = "100";
+    let domain = &*Domain::shared();
     let node = "/formation/target_publisher";
     let Some(mut tool) = RosTool::start(&["call", node, "--domain", domain]) else {
         return;
@@ -134,8 +133,7 @@ fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
 
 #[test]
 fn modules_are_retired_and_added_and_stay_so_when_their_process_joins_anew() {
-    let _alone = alone();
-    let domain = "54";
+    let domain = &*Domain::shared();
     let node = "/formation/modules_1_to_10";
     let Some(mut tool) = RosTool::start(&["call", node, "--domain", domain]) else {
         return;

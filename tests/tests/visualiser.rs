@@ -9,7 +9,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation_tests::{Peer, Running, alone, root, scenario_path};
+use formation_tests::{Domain, Peer, Running, root, scenario_path};
 use serde_json::Value;
 
 const PATIENCE: Duration = Duration::from_secs(90);
@@ -32,8 +32,7 @@ fn count_of(picture: &Value, name: &str) -> usize {
 
 #[test]
 fn another_vendor_decodes_the_markers_and_transforms_of_a_run() {
-    let _alone = alone();
-    let domain = "94";
+    let domain = &*Domain::shared();
     let visualiser = Running::start("visualiser", domain, &["--rate", "20"]);
     let (Some(markers), Some(transforms), Some(fixed)) = (
         Peer::take(

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use async_channel::bounded;
 use formation::verify::{FormationStage, ObserverParameters, Outcome};
-use formation_tests::{Peer, alone};
+use formation_tests::{Domain, Peer};
 use ros_runtime::environment::{DiscoveryRange, Environment, Overrides};
 use ros_runtime::settings::Settings;
 use ros_runtime::traffic::RefusalKind;
@@ -32,14 +32,17 @@ fn settings(domain: &str) -> Settings {
 
 #[test]
 fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
-    let _alone = alone();
-    let domain = "72";
+    let domain = &*Domain::shared();
     let Some(mut target) = Peer::start("put", "target", domain) else {
         return;
     };
     let mut garbler = Peer::start("garble", "module_states", domain).unwrap();
     let mut liar = Peer::start("put", "heartbeats", domain).unwrap();
     let reader = Peer::start("take", "verdict", domain).unwrap();
+    // The verifier's time limit is for what they publish, not for their start.
+    for peer in [&target, &garbler, &liar] {
+        peer.await_ready();
+    }
     let process = VerifierProcess {
         settings: settings(domain),
         parameters: ObserverParameters {

@@ -7,11 +7,13 @@
 
 use std::process::{Command, Output};
 
+use formation_tests::Domain;
 use serde_json::{Value, json};
 
 fn verifier(arguments: &[&str]) -> Output {
+    let domain = Domain::shared();
     Command::new(env!("CARGO_BIN_EXE_verifier"))
-        .args(["--discovery-range", "LOCALHOST", "--domain", "75"])
+        .args(["--discovery-range", "LOCALHOST", "--domain", &domain])
         .args(["--time-limit-s", "0.5"])
         .args(arguments)
         .output()

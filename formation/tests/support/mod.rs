@@ -1,10 +1,9 @@
 //! What the tests of the planner share: seeded instances and slow, obvious solvers.
 
 #![allow(
-    dead_code,
     clippy::unwrap_used,
     clippy::expect_used,
-    reason = "helpers of tests fail the test, and no test uses all of them"
+    reason = "a failure in a helper fails the test that calls it"
 )]
 
 use std::sync::Arc;

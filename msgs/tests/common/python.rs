@@ -5,9 +5,9 @@ use std::process::Stdio;
 
 use formation_tests::Python;
 
-/// What the script answers; `None`, said aloud, where the user chose to go without Python.
+/// What the script answers; `None`, after a line that says so, where Python is missing.
 pub fn ask(arguments: &[&str], input: &str) -> Option<String> {
-    let python = Python::find("the .msg files were not compared with rosbags")?;
+    let python = Python::find()?;
     let mut child = python.start("msgs/tests/interfaces.py", arguments, Stdio::piped());
     let mut stdin = child.stdin.take();
     let output = std::thread::scope(|scope| {

@@ -1,5 +1,10 @@
 //! Scenarios and their plans.
 
+#![allow(
+    clippy::unwrap_used,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
 use std::fs;
 use std::sync::Arc;
 
@@ -34,7 +39,6 @@ impl Formed {
         Subject::planned(self.scenario.name(), self.problem(), &self.outcome)
     }
 
-    #[allow(dead_code, reason = "not every test counts")]
     pub fn statistics(&self) -> Statistics {
         Statistics::of(self.problem(), &self.outcome)
     }

@@ -1,7 +1,5 @@
 //! Clusters that are told step by step what to do.
 
-#![allow(dead_code, reason = "each test file uses some of this")]
-
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;

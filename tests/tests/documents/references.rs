@@ -1,11 +1,12 @@
 //! What the documents name exists: files, items of the code, tests.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::path::Path;
 
 use formation_tests::root;
 
-use crate::files::{self, TextFile};
+use super::files::{self, TextFile};
 
 /// Every page that is written for people.
 fn pages() -> Vec<TextFile> {
@@ -208,4 +209,30 @@ fn the_table_of_crates_agrees_with_the_manifests() {
         .collect();
     assert!(used.len() > 10, "found {used:?}");
     assert_eq!(listed, used);
+}
+
+#[test]
+fn every_file_of_tests_is_compiled() {
+    let mut folders = 0;
+    for package in fs::read_dir(root()).unwrap() {
+        let package = package.unwrap().path();
+        let Ok(all) = fs::read_to_string(package.join("tests/all.rs")) else {
+            continue;
+        };
+        folders += 1;
+        let manifest = fs::read_to_string(package.join("Cargo.toml")).unwrap();
+        for file in fs::read_dir(package.join("tests")).unwrap() {
+            let file = file.unwrap().path();
+            let name = file.file_stem().unwrap().to_str().unwrap();
+            let is_compiled = name == "all"
+                || all.contains(&format!("mod {name};"))
+                || manifest.contains(&format!("\npath = \"tests/{name}.rs\""));
+            assert!(
+                is_compiled || file.extension().is_none_or(|extension| extension != "rs"),
+                "{} is in neither tests/all.rs nor Cargo.toml",
+                file.display()
+            );
+        }
+    }
+    assert!(folders >= 6, "only {folders} packages have tests/all.rs");
 }

@@ -1,6 +1,6 @@
 //! Rules of layout that no lint of the compiler holds.
 
-use crate::files;
+use super::files;
 
 /// The most lines of a file of Rust.
 const LINES_MAX: usize = 600;

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use crate::files::{self, TextFile};
+use super::files::{self, TextFile};
 
 /// What is not written, alternatives divided by `|`, and what is written instead.
 const WORDS: &[(&str, &str)] = &[

@@ -3,12 +3,10 @@
 use std::collections::BTreeMap;
 use std::process::Stdio;
 
-use formation_tests::{EIGHT, Finished, Python, Running, ScenarioFile, Transcript, alone};
+use formation_tests::{Domain, EIGHT, Finished, Python, Running, ScenarioFile, Transcript, report};
 use serde_json::Value;
 
-use super::{PATIENCE, tell};
-
-const DOMAIN: &str = "78";
+use super::PATIENCE;
 
 /// What came of a run of eight modules in two processes.
 struct Outcome {
@@ -21,18 +19,19 @@ struct Outcome {
 /// Forms with two processes of four modules each and a peer among them, who begins once he has heard who lives: to lie,
 /// unless he is told to be silent.
 fn form(python: &Python, manner: &[&str]) -> Outcome {
+    let domain = &*Domain::alone();
     let file = ScenarioFile::new("lied-to", EIGHT);
     // Slow enough that the modules are on their way while the lies come.
     let agents = ["1-4", "5-8"].map(|modules| {
         let scenario = file.path();
         let arguments = ["--modules", modules, "--scenario", scenario, "--speed", "2"];
-        Running::start("module_agent", DOMAIN, &arguments)
+        Running::start("module_agent", domain, &arguments)
     });
     let announce = ["--scenario", file.path(), "--expected-modules", "8"];
-    let _announcer = Running::start("target_publisher", DOMAIN, &announce);
+    let _announcer = Running::start("target_publisher", domain, &announce);
     let judge = ["--json", "--time-limit-s", "80"];
-    let verifier = Running::start("verifier", DOMAIN, &judge);
-    let mut arguments = vec!["--domain", DOMAIN, "--messages", "10000", "--rate", "1000"];
+    let verifier = Running::start("verifier", domain, &judge);
+    let mut arguments = vec!["--domain", domain, "--messages", "10000", "--rate", "1000"];
     arguments.extend(manner);
     let mut peer = python.start("tests/python/hostile_peer.py", &arguments, Stdio::inherit());
     let said = Transcript::of(peer.stdout.take().unwrap());
@@ -82,8 +81,7 @@ fn refusals(agents: &[Finished]) -> BTreeMap<String, u64> {
 
 #[test]
 fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
-    let _alone = alone();
-    let Some(python) = Python::find("no peer lied to a formation") else {
+    let Some(python) = Python::find() else {
         return;
     };
     // What the third participant costs by being there is no matter of what he says.
@@ -93,7 +91,7 @@ fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
     let sent = &lied_to.lies;
     assert_eq!(sent["total"], 10_000, "{sent}");
     let counts = refusals(&lied_to.agents);
-    tell(&format!(
+    report(&format!(
         "sent {} lies in {} s; refused {counts:?}; memory {} kB, in silence {} kB",
         sent["total"], sent["seconds"], lied_to.memory_kb, quiet.memory_kb
     ));

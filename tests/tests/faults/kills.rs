@@ -9,9 +9,9 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use formation::generate::Random;
-use formation_tests::{Fleet, Timing, alone};
+use formation_tests::{Domain, Fleet, Timing, report};
 
-use super::{PATIENCE, SPARES, tell};
+use super::{PATIENCE, SPARES};
 
 /// When a module is killed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -78,7 +78,8 @@ fn random_moment(random: &mut Random) -> Moment {
 
 /// Forms with spares and kills at most five modules at moments drawn from the seed: one while they first form, then, again
 /// and again, one that has settled and another while the others recover from that.
-fn run_with_kills(domain: &str, timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
+fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
+    let domain = &*Domain::alone();
     let mut random = Random::from_seed(seed);
     let mut fleet = Fleet::new("kills", SPARES, domain, timing);
     let judge = fleet.judge(None);
@@ -122,7 +123,7 @@ fn tell_times(recoveries: &[Recovery]) {
     times.sort_unstable();
     let median = times[times.len() / 2].as_secs_f64();
     let worst = times[times.len() - 1].as_secs_f64();
-    tell(&format!(
+    report(&format!(
         "{} kills, all hole-free; recovery: median {median:.1} s, worst {worst:.1} s",
         times.len()
     ));
@@ -130,8 +131,7 @@ fn tell_times(recoveries: &[Recovery]) {
 
 #[test]
 fn three_kills_at_random_moments_leave_no_hole() {
-    let _alone = alone();
-    let recoveries = run_with_kills("70", Timing::Quick, 1, 3);
+    let recoveries = run_with_kills(Timing::Quick, 1, 3);
     tell_times(&recoveries);
 }
 
@@ -145,17 +145,15 @@ fn many_kills_at_random_moments_leave_no_hole() {
     };
     let kills = usize::try_from(number("FORMATION_KILLS", 50)).unwrap();
     let mut seed = number("FORMATION_SEED", 1);
-    let _alone = alone();
     let mut recoveries = Vec::new();
     while recoveries.len() < kills {
         let run = run_with_kills(
-            "70",
             Timing::Usual,
             seed,
             KILLS_PER_RUN.min(kills - recoveries.len()),
         );
         for recovery in &run {
-            tell(&format!("seed {seed}: {recovery}"));
+            report(&format!("seed {seed}: {recovery}"));
         }
         recoveries.extend(run);
         seed += 1;
@@ -165,8 +163,8 @@ fn many_kills_at_random_moments_leave_no_hole() {
 
 #[test]
 fn the_convener_and_then_a_leader_may_die() {
-    let _alone = alone();
-    let mut fleet = Fleet::new("convener", SPARES, "71", Timing::Quick);
+    let domain = &*Domain::alone();
+    let mut fleet = Fleet::new("convener", SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     fleet.start_all();
@@ -182,8 +180,8 @@ fn the_convener_and_then_a_leader_may_die() {
 
 #[test]
 fn the_target_publisher_and_the_verifier_may_die() {
-    let _alone = alone();
-    let mut fleet = Fleet::new("watchers", SPARES, "72", Timing::Quick);
+    let domain = &*Domain::alone();
+    let mut fleet = Fleet::new("watchers", SPARES, domain, Timing::Quick);
     let mut judge = fleet.judge(None);
     let mut announcer = fleet.announce(None);
     let marks = fleet.marks();

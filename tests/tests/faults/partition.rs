@@ -3,7 +3,7 @@
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_tests::{Fleet, Network, Timing, alone};
+use formation_tests::{Domain, Fleet, Network, Timing};
 
 use super::PATIENCE;
 
@@ -33,12 +33,12 @@ const MINORITY: [u32; 2] = [4, 5];
 
 #[test]
 fn the_majority_finishes_the_minority_waits_and_healing_gives_one_formation() {
-    let _alone = alone();
-    let Some(network) = Network::with_two_sides("no network was cut in two") else {
+    let domain = &*Domain::alone();
+    let Some(network) = Network::with_two_sides() else {
         return;
     };
     let sides = [network.side(0), network.side(1)];
-    let mut fleet = Fleet::new("cut", FIVE, "77", Timing::Quick);
+    let mut fleet = Fleet::new("cut", FIVE, domain, Timing::Quick);
     let judges = sides.map(|side| fleet.judge(Some(side)));
     let _announcer = fleet.announce(Some(sides[0]));
     let marks = fleet.marks();

@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use formation::model::Scenario;
 use formation::planner;
-use formation_tests::{Fleet, Peer, Timing, alone};
+use formation_tests::{Domain, Fleet, Peer, Signal, Timing};
 
 use super::{PATIENCE, SPARES};
 
@@ -36,8 +36,8 @@ const DUPLICATE: &str = "a second process runs as module";
 
 #[test]
 fn a_module_that_is_started_anew_takes_its_part_again() {
-    let _alone = alone();
-    let mut fleet = Fleet::new("restart", NO_SPARES, "73", Timing::Quick);
+    let domain = &*Domain::alone();
+    let mut fleet = Fleet::new("restart", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let began = Instant::now();
@@ -63,8 +63,8 @@ fn a_module_that_is_started_anew_takes_its_part_again() {
 
 #[test]
 fn a_second_process_with_a_living_id_is_refused_and_both_are_told() {
-    let _alone = alone();
-    let mut fleet = Fleet::new("duplicate", NO_SPARES, "74", Timing::Quick);
+    let domain = &*Domain::alone();
+    let mut fleet = Fleet::new("duplicate", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let began = Instant::now();
@@ -91,20 +91,20 @@ fn a_second_process_with_a_living_id_is_refused_and_both_are_told() {
 
 #[test]
 fn a_process_that_wakes_after_another_took_its_place_disturbs_nothing() {
-    let _alone = alone();
-    let mut fleet = Fleet::new("succeeded", NO_SPARES, "75", Timing::Quick);
+    let domain = &*Domain::alone();
+    let mut fleet = Fleet::new("succeeded", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let began = Instant::now();
     fleet.start_all();
     fleet.wait_until_whole(&judge, began, PATIENCE);
-    fleet.agent(3).signal("STOP");
+    fleet.agent(3).signal(Signal::STOP);
     let stopped = Instant::now();
     let sleeper = fleet.succeed(3);
     fleet.wait_until_whole(&judge, stopped, PATIENCE);
     let before = judge.verdicts().len();
     let mark = sleeper.logged();
-    sleeper.signal("CONT");
+    sleeper.signal(Signal::CONT);
     assert!(sleeper.wait_for_log(mark, DUPLICATE, PATIENCE).is_some());
     thread::sleep(Timing::Quick.suspicion() * 3);
     let verdicts = judge.verdicts();
@@ -135,8 +135,7 @@ fn lone_traveller() -> u32 {
 #[test]
 fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     const SPEED: f64 = 0.25;
-    let _alone = alone();
-    let domain = "76";
+    let domain = &*Domain::alone();
     let sleeper = lone_traveller();
     let mut fleet = Fleet::new("stopped", SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
@@ -148,8 +147,17 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     }
     let moving = fleet.agent(sleeper).wait_for_log(0, "moving to", PATIENCE);
     assert!(moving.is_some(), "{}", fleet.story());
-    thread::sleep(Duration::from_secs(1));
-    fleet.agent(sleeper).signal("STOP");
+    // Where another vendor's DDS is there to see it, only once it is on its way.
+    if let Some(states) = &states {
+        while states
+            .poses_of(sleeper)
+            .iter()
+            .all(|(at, _)| *at < moving.unwrap())
+        {
+            states.await_more(1);
+        }
+    }
+    fleet.agent(sleeper).signal(Signal::STOP);
     let stopped = Instant::now();
     let mut others = fleet.living();
     others.remove(&sleeper);
@@ -160,7 +168,7 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     assert!(whole.at.duration_since(stopped) > Timing::Quick.suspicion());
     let mark = fleet.agent(sleeper).logged();
     let verdicts = judge.verdicts().len();
-    fleet.agent(sleeper).signal("CONT");
+    fleet.agent(sleeper).signal(Signal::CONT);
     let woken = Instant::now();
     thread::sleep(Timing::Quick.suspicion() * 2);
     for line in fleet.agent(sleeper).log_since(mark) {

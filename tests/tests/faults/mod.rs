@@ -15,7 +15,6 @@ mod launcher;
 mod partition;
 mod restarts;
 
-use std::io::Write;
 use std::time::Duration;
 
 const PATIENCE: Duration = Duration::from_secs(90);
@@ -45,9 +44,3 @@ singletons:
   - {id: 9, x: 1, y: 6}
   - {id: 10, x: 9, y: 6}
 ";
-
-/// Told even when the test passes, which the test harness keeps to itself.
-fn tell(text: &str) {
-    let mut stderr = std::io::stderr();
-    writeln!(stderr, "{text}").unwrap();
-}

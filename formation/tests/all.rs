@@ -1,0 +1,20 @@
+//! The tests of the core as a whole.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and so do its helpers"
+)]
+
+mod baselines;
+mod degenerate;
+mod limits;
+mod namesakes;
+mod oracles;
+mod planning;
+mod properties;
+mod scenario_text;
+mod support;
+mod theorems;
+mod verified_plans;

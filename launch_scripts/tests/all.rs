@@ -1,0 +1,15 @@
+//! The tests of the launcher as its users meet it.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and so do its helpers"
+)]
+
+mod check;
+mod experiments;
+mod generate;
+mod plan;
+mod run;
+mod simulate;

@@ -1,0 +1,21 @@
+//! The tests across crates: real processes, and parties that we did not write.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and so do its helpers"
+)]
+
+mod action;
+mod documents;
+mod external_motion;
+mod faults;
+mod formations;
+mod python_files;
+mod report;
+mod ros_tools;
+mod rtps;
+mod services;
+mod terminal;
+mod visualiser;
