@@ -1,4 +1,4 @@
-//! Runs of many seeds: each draws a scenario, a network and faults, and is judged by the invariants.
+//! Runs of many seeds: each draws a scenario, a network and faults, and is judged by the monitor of invariants.
 
 use std::sync::Arc;
 use std::time::Duration;
@@ -10,19 +10,19 @@ use formation::model::{
 use formation::protocol::AgentParameters;
 
 use crate::cluster::{Cluster, ClusterParameters};
-use crate::faults::{Fault, FaultKind, Strike, draw};
-use crate::invariants::{Violation, Watch};
+use crate::faults::{Fault, FaultKind, ScheduledFault, draw};
+use crate::monitor::{Monitor, Violation};
 use crate::network::NetworkParameters;
 use crate::process::AgentFactory;
 use crate::transcript::Transcript;
 
-/// Two clocks that drift apart by twice this are just within what agents allow for.
+/// Two clocks that drift apart by twice this are just within the tolerance of the agents.
 const HOSTILE_DRIFT_PPM: u32 = 480;
 
-/// What every run of a campaign has in common.
+/// The parameters of every run of a campaign.
 #[derive(Clone, Debug)]
 pub struct CampaignParameters {
-    /// Which faults strike.
+    /// The kinds of faults.
     pub faults: FaultKind,
     /// The fewest modules of a drawn scenario.
     pub modules_min: usize,
@@ -30,13 +30,13 @@ pub struct CampaignParameters {
     pub modules_max: usize,
     /// The scenario to run instead of drawn ones.
     pub problem: Option<Arc<PlanningProblem>>,
-    /// Faults strike within this time of the start.
+    /// The time from the start within which faults occur.
     pub fault_span: Duration,
-    /// How long after the last fault everything must have come to an end.
+    /// The time after the last fault within which a run must end.
     pub patience: Duration,
     /// Whether to keep the transcript of each run.
     pub transcripts: bool,
-    /// How agents are made.
+    /// Makes the agents.
     pub agents: AgentFactory,
 }
 
@@ -55,23 +55,12 @@ impl Default for CampaignParameters {
     }
 }
 
-impl CampaignParameters {
-    /// For how long an end must last to be believed.
-    fn calm(&self, faults: &[Fault]) -> Duration {
-        if faults.is_empty() {
-            Duration::ZERO
-        } else {
-            2 * agent_parameters().suspicion
-        }
-    }
-}
-
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Ending {
-    /// All that run hold one plan and have carried it out; those that are cut off from a majority say so.
+    /// All running modules hold one plan and have carried it out; those that are cut off from a majority report it.
     Formed,
-    /// Too few are left within reach of each other to decide anything, and they say so.
+    /// Too few modules can reach each other to decide anything, and they report it.
     WaitingForQuorum,
     /// Neither, within the patience.
     Neither,
@@ -82,22 +71,21 @@ pub enum Ending {
 pub struct RunReport {
     /// The seed.
     pub seed: u64,
-    /// How many modules started.
+    /// The number of modules.
     pub modules: usize,
-    /// How many spots the target has.
+    /// The number of spots of the target.
     pub spots: usize,
-    /// How many modules were running at the end.
+    /// The number of modules running at the end.
     pub running: usize,
     /// How it ended.
     pub ending: Ending,
-    /// How long after the last fault had passed it reached the state in which it stayed; from the start when none
-    /// struck.
+    /// The time from the end of the last fault, or from the start without faults, to the state in which the run ended.
     pub recovery: Duration,
-    /// How many messages were published, heartbeats included.
+    /// The number of published messages, heartbeats included.
     pub messages: u64,
-    /// How many epochs were opened.
+    /// The number of epochs with a roster.
     pub epochs: u64,
-    /// Every breach.
+    /// Every violation of an invariant.
     pub violations: Vec<Violation>,
     /// The transcript, if it was kept.
     pub transcript: Transcript,
@@ -144,10 +132,27 @@ fn draw_problem(
     Ok(Scenario::try_from(raw)?.problem().clone())
 }
 
+/// The properties of the cluster of a run.
+fn cluster_parameters(faults: FaultKind) -> ClusterParameters {
+    let defaults = ClusterParameters::default();
+    ClusterParameters {
+        agent: agent_parameters(),
+        network: match faults {
+            FaultKind::Mixed | FaultKind::Hostile => NetworkParameters::rough(),
+            _ => defaults.network,
+        },
+        drift_ppm_max: match faults {
+            FaultKind::Hostile => HOSTILE_DRIFT_PPM,
+            _ => defaults.drift_ppm_max,
+        },
+        ..defaults
+    }
+}
+
 /// Runs one seed.
 ///
 /// # Errors
-/// Says why no scenario could be made of the parameters.
+/// Why no scenario could be made of the parameters.
 pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport, CampaignError> {
     let mut random = Random::from_seed(seed);
     let drawn = draw_problem(parameters, &mut random);
@@ -156,28 +161,16 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         None => drawn?,
     };
     let modules: Vec<ModuleId> = problem.modules().iter().map(|module| module.id).collect();
-    let faults: Vec<Fault> = draw(
+    let faults = draw(
         parameters.faults,
         &modules,
         parameters.fault_span,
         &mut random,
     );
-    let network = match parameters.faults {
-        FaultKind::Mixed | FaultKind::Hostile => NetworkParameters::rough(),
-        _ => NetworkParameters::default(),
-    };
-    let cluster_parameters = ClusterParameters {
-        agent: agent_parameters(),
-        network,
-        drift_ppm_max: match parameters.faults {
-            FaultKind::Hostile => HOSTILE_DRIFT_PPM,
-            _ => ClusterParameters::default().drift_ppm_max,
-        },
-        ..ClusterParameters::default()
-    };
-    // A slow process gets round to what it was sent a little later still.
+    let cluster_parameters = cluster_parameters(parameters.faults);
+    let network = cluster_parameters.network;
+    // A slow process handles its messages a little later still.
     let margin = network.latency_max + network.delay_max + Duration::from_millis(120);
-    let mut watch = Watch::new(cluster_parameters.agent.lease, margin);
     let mut cluster = Cluster::of_agents(
         &problem,
         cluster_parameters,
@@ -187,91 +180,121 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     if parameters.transcripts {
         cluster.keep_transcript();
     }
-    for fault in &faults {
-        if let Strike::StartLate(module) = fault.strike {
-            cluster.start_late(module, fault.at);
-        }
-    }
-    cluster.announce_problem(&problem, 1);
-    let mut quiet_from = Duration::ZERO;
-    for fault in &faults {
-        run_to(&mut cluster, &mut watch, fault.at);
-        strike(&mut cluster, &fault.strike, parameters, &problem)?;
-        quiet_from = quiet_from.max(fault.at + fault.strike.span());
-    }
-    let limit = quiet_from + parameters.patience;
-    let mut ended: Option<(Ending, Duration)> = None;
-    while cluster.now() < limit {
-        let next = (cluster.now() + Duration::from_millis(250)).min(limit);
-        run_to(&mut cluster, &mut watch, next);
-        let ending = watch.ending(&cluster);
-        ended = match ended {
-            _ if ending == Ending::Neither => None,
-            Some(since) if since.0 == ending => Some(since),
-            _ => Some((ending, cluster.now())),
-        };
-        // What looks like the end may be the calm before somebody is missed, so it has to last.
-        let lasting = parameters.calm(&faults);
-        if ended.is_some_and(|(_, since)| cluster.now() >= since.max(quiet_from) + lasting) {
-            break;
-        }
-    }
-    if ended.is_none() {
-        watch.judge_end(&cluster);
-    }
-    let (ending, since) = ended.unwrap_or((Ending::Neither, cluster.now()));
+    let mut run = MonitoredRun {
+        parameters,
+        problem: &problem,
+        monitor: Monitor::new(cluster_parameters.agent.lease, margin),
+        cluster,
+    };
+    let quiet_from = run.apply(&faults)?;
+    // Faults whose effects are detected late would make an early end a false one, so an end has to last.
+    let calm = if faults.is_empty() {
+        Duration::ZERO
+    } else {
+        2 * cluster_parameters.agent.suspicion
+    };
+    let (ending, since) = run.await_end(quiet_from, calm);
     Ok(RunReport {
         seed,
         modules: modules.len(),
         spots: problem.target().spots().len(),
-        running: cluster.running().len(),
+        running: run.cluster.running().len(),
         ending,
         recovery: since.saturating_sub(quiet_from),
-        messages: cluster.samples(),
-        epochs: watch.epochs(),
-        violations: watch.violations,
-        transcript: cluster.transcript().clone(),
+        messages: run.cluster.samples(),
+        epochs: run.monitor.epochs(),
+        violations: run.monitor.violations,
+        transcript: run.cluster.transcript().clone(),
     })
 }
 
-fn run_to(cluster: &mut Cluster, watch: &mut Watch, time: Duration) {
-    while cluster.step(time) {
-        watch.look(cluster);
-    }
-    watch.look(cluster);
+/// A cluster and the monitor of its invariants.
+struct MonitoredRun<'a> {
+    parameters: &'a CampaignParameters,
+    problem: &'a PlanningProblem,
+    cluster: Cluster,
+    monitor: Monitor,
 }
 
-fn strike(
-    cluster: &mut Cluster,
-    strike: &Strike,
-    parameters: &CampaignParameters,
-    problem: &PlanningProblem,
-) -> Result<(), CampaignError> {
-    match strike {
-        Strike::Crash(module) => cluster.crash(*module),
-        Strike::Restart(module) => cluster.restart(*module),
-        Strike::Pause(module, duration) => cluster.pause(*module, *duration),
-        Strike::Slow { module, lag, span } => cluster.slow_down(*module, *lag, *span),
-        Strike::Cut(aside) => cluster.cut(aside),
-        Strike::Sever(links) => cluster.sever(links),
-        Strike::Heal => cluster.heal(),
-        Strike::Command(module, command) => cluster.command(*module, *command),
-        Strike::Drive { module, broken } => cluster.break_drive(*module, *broken),
-        Strike::StartLate(_) => {}
-        Strike::ForgeClaims => cluster.forge_claims(),
-        Strike::Withdraw => announce(cluster, None),
-        Strike::Announce(seed) => {
-            let target = match seed {
-                // A scenario that was asked for keeps its target.
-                Some(seed) if parameters.problem.is_none() => draw_target(problem, *seed)?,
-                _ => Arc::clone(problem.target()),
-            };
-            announce(cluster, Some(target));
+impl MonitoredRun<'_> {
+    /// Announces the target and applies all faults; returns when the last of them ends.
+    fn apply(&mut self, faults: &[ScheduledFault]) -> Result<Duration, CampaignError> {
+        for fault in faults {
+            if let Fault::StartLate(module) = fault.fault {
+                self.cluster.start_late(module, fault.at);
+            }
         }
+        self.cluster.announce_problem(self.problem, 1);
+        let mut quiet_from = Duration::ZERO;
+        for fault in faults {
+            self.run_to(fault.at);
+            self.apply_one(&fault.fault)?;
+            quiet_from = quiet_from.max(fault.at + fault.fault.span());
+        }
+        Ok(quiet_from)
     }
-    Ok(())
+
+    /// Runs until an end has lasted for `calm`, or the patience ends; returns the ending and when it was reached.
+    fn await_end(&mut self, quiet_from: Duration, calm: Duration) -> (Ending, Duration) {
+        let limit = quiet_from + self.parameters.patience;
+        let mut reached = (Ending::Neither, self.cluster.now());
+        while self.cluster.now() < limit {
+            let next = (self.cluster.now() + Duration::from_millis(250)).min(limit);
+            self.run_to(next);
+            let ending = self.monitor.ending(&self.cluster);
+            if ending != reached.0 {
+                reached = (ending, self.cluster.now());
+            }
+            let has_lasted = self.cluster.now() >= reached.1.max(quiet_from) + calm;
+            if ending != Ending::Neither && has_lasted {
+                return reached;
+            }
+        }
+        if reached.0 == Ending::Neither {
+            self.monitor.judge_end(&self.cluster);
+            reached.1 = self.cluster.now();
+        }
+        reached
+    }
+
+    fn run_to(&mut self, time: Duration) {
+        while self.cluster.step(time) {
+            self.monitor.observe(&mut self.cluster);
+        }
+        self.monitor.observe(&mut self.cluster);
+    }
+
+    fn apply_one(&mut self, fault: &Fault) -> Result<(), CampaignError> {
+        let cluster = &mut self.cluster;
+        match fault {
+            Fault::Crash(module) => cluster.crash(*module),
+            Fault::Restart(module) => cluster.restart(*module),
+            Fault::Pause(module, span) => cluster.pause(*module, *span),
+            Fault::Slow { module, lag, span } => cluster.slow_down(*module, *lag, *span),
+            Fault::Cut(aside) => cluster.cut(aside),
+            Fault::Sever(links) => cluster.sever(links),
+            Fault::Heal => cluster.heal(),
+            Fault::Command(module, command) => cluster.command(*module, *command),
+            Fault::Drive { module, broken } => cluster.break_drive(*module, *broken),
+            Fault::StartLate(_) => {}
+            Fault::ForgeClaims => cluster.forge_claims(),
+            Fault::Withdraw => announce(cluster, None),
+            Fault::Announce(seed) => {
+                let target = match seed {
+                    // A given scenario keeps its target.
+                    Some(seed) if self.parameters.problem.is_none() => {
+                        draw_target(self.problem, *seed)?
+                    }
+                    _ => Arc::clone(self.problem.target()),
+                };
+                announce(cluster, Some(target));
+            }
+        }
+        Ok(())
+    }
 }
 
+/// Announces another target under the next revision, or withdraws the target.
 fn announce(cluster: &mut Cluster, target: Option<Arc<Target>>) {
     if let Some(last) = cluster.announcement() {
         let announcement = TargetAnnouncement {

@@ -1,4 +1,4 @@
-//! Which faults strike a run, and when; drawn from its seed.
+//! The faults of a run and their times, drawn from its seed.
 
 mod hostile;
 
@@ -11,20 +11,22 @@ use formation::generate::Random;
 use formation::model::ModuleId;
 use formation::protocol::Command;
 
-/// Which kinds of faults strike.
+use crate::network::duration_below;
+
+/// The kinds of faults of a run.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum FaultKind {
-    /// None, on a network that neither loses nor delays.
+    /// None, on a network that neither loses nor delays messages.
     #[default]
     None,
     /// Processes crash, and some start again.
     Crash,
-    /// The network is cut and heals.
+    /// The network is cut, and heals.
     Partition,
-    /// All that can be drawn: crashes, restarts, late starts, cuts, slow and stopped processes, broken drives,
+    /// Every kind: crashes, restarts, late starts, cuts, slow and stopped processes, broken drives,
     /// retirements, changed targets, forged claims, and a network that loses, delays and repeats.
     Mixed,
-    /// All that is in `Mixed`, more often and in a row: repeated crashes of one module, cuts that change without healing
+    /// Those of `Mixed`, more often and in a row: repeated crashes of one module, cuts that change without healing
     /// or flap, links that carry one way only, longer pauses, several targets, and clocks that drift as far as is allowed.
     Hostile,
 }
@@ -58,14 +60,14 @@ impl fmt::Display for FaultKind {
     }
 }
 
-/// What strikes.
+/// A fault, or the end of one.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Strike {
+pub enum Fault {
     /// A process ends without warning.
     Crash(ModuleId),
     /// A crashed process starts again.
     Restart(ModuleId),
-    /// A process stands still for a while.
+    /// A process stops for a while.
     Pause(ModuleId, Duration),
     /// These modules are cut off from the others.
     Cut(BTreeSet<ModuleId>),
@@ -73,27 +75,27 @@ pub enum Strike {
     Sever(BTreeSet<(ModuleId, ModuleId)>),
     /// The cut ends, and all links work.
     Heal,
-    /// For a span, each input keeps a process busy for so long.
+    /// For a while, each input keeps a process busy.
     Slow {
-        /// Whose process.
+        /// The module of the process.
         module: ModuleId,
-        /// For how long each input keeps it busy.
+        /// The time that each input takes.
         lag: Duration,
-        /// For how long it is slow.
+        /// The duration of the fault.
         span: Duration,
     },
     /// A process starts only now, for the first time; known from the beginning.
     StartLate(ModuleId),
     /// A module receives a command.
     Command(ModuleId, Command),
-    /// A drive fails whenever it is to go, or works again.
+    /// A drive fails whenever it receives a goal, or works again.
     Drive {
-        /// Whose drive.
+        /// The module of the drive.
         module: ModuleId,
         /// Whether it fails from now on.
         broken: bool,
     },
-    /// A stranger forges claims from now on.
+    /// A participant that is not a module forges claims from now on.
     ForgeClaims,
     /// The target is withdrawn.
     Withdraw,
@@ -101,8 +103,8 @@ pub enum Strike {
     Announce(Option<u64>),
 }
 
-impl Strike {
-    /// How long it lasts of itself.
+impl Fault {
+    /// The time after which it ends by itself.
     pub(crate) fn span(&self) -> Duration {
         match self {
             Self::Pause(_, span) | Self::Slow { span, .. } => *span,
@@ -113,155 +115,186 @@ impl Strike {
 
 /// A fault and its time.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Fault {
-    /// When it strikes.
+pub struct ScheduledFault {
+    /// When it occurs.
     pub at: Duration,
-    /// What it is.
-    pub strike: Strike,
+    /// The fault.
+    pub fault: Fault,
 }
 
 /// Draws the faults of one run, in the order of their times, all before `end`.
 ///
-/// Fewer than half of the modules crash for good, so that a majority of the first roster always lives; which of them do,
-/// and whether those that are left hold a majority of a later roster, is up to the seed.
+/// Fewer than half of the modules crash for good, so that a majority of the first roster remains; the seed decides which of
+/// them do, and whether the others hold a majority of a later roster.
 #[must_use]
 pub fn draw(
     kind: FaultKind,
     modules: &[ModuleId],
     end: Duration,
     random: &mut Random,
-) -> Vec<Fault> {
-    if kind == FaultKind::Hostile {
-        return hostile::draw(modules, end, random);
+) -> Vec<ScheduledFault> {
+    let mut drawing = Drawing {
+        modules,
+        end,
+        random,
+        faults: Vec::new(),
+    };
+    match kind {
+        FaultKind::None => {}
+        FaultKind::Crash => drawing.crashes(),
+        FaultKind::Partition => drawing.cuts(),
+        FaultKind::Mixed => {
+            drawing.crashes();
+            drawing.cuts();
+            let pauses = drawing.random.below(3);
+            drawing.pauses(pauses, 12_000);
+            drawing.rarer();
+        }
+        FaultKind::Hostile => drawing.hostile(),
     }
-    let mut faults = Vec::new();
-    let crashes = matches!(kind, FaultKind::Crash | FaultKind::Mixed);
-    let cuts = matches!(kind, FaultKind::Partition | FaultKind::Mixed);
-    if crashes && modules.len() > 2 {
-        let mut victims = modules.to_vec();
-        random.shuffle(&mut victims);
+    drawing.faults.sort_by_key(|fault| fault.at);
+    drawing.faults
+}
+
+/// The faults of one run while they are drawn.
+struct Drawing<'a> {
+    modules: &'a [ModuleId],
+    end: Duration,
+    random: &'a mut Random,
+    faults: Vec<ScheduledFault>,
+}
+
+impl Drawing<'_> {
+    fn add(&mut self, at: Duration, fault: Fault) {
+        self.faults.push(ScheduledFault { at, fault });
+    }
+
+    fn one_in(&mut self, chance: u64) -> bool {
+        self.random.below(chance) == 0
+    }
+
+    fn module(&mut self) -> ModuleId {
+        self.modules[self.random.index(self.modules.len())]
+    }
+
+    /// All modules in random order.
+    fn shuffled(&mut self) -> Vec<ModuleId> {
+        let mut modules = self.modules.to_vec();
+        self.random.shuffle(&mut modules);
+        modules
+    }
+
+    /// At least one module, and not all.
+    fn some_modules(&mut self) -> BTreeSet<ModuleId> {
+        let mut some = self.shuffled();
+        let others = self.modules.len().saturating_sub(1).max(1);
+        some.truncate(1 + self.random.index(others));
+        some.into_iter().collect()
+    }
+
+    /// A time from `from` until `until`.
+    fn time(&mut self, from: Duration, until: Duration) -> Duration {
+        from + duration_below(self.random, until.saturating_sub(from))
+    }
+
+    /// A duration of at least `least` milliseconds and less than `spread` milliseconds more.
+    fn millis(&mut self, least: u64, spread: u64) -> Duration {
+        Duration::from_millis(least + self.random.below(spread))
+    }
+
+    fn crashes(&mut self) {
+        if self.modules.len() <= 2 {
+            return;
+        }
+        let modules = self.shuffled();
         let limit = (modules.len() - 1) / 2;
-        let count = 1 + random.index(limit.min(5));
-        for &victim in victims.iter().take(count) {
-            let at = time(random, Duration::ZERO, end);
-            faults.push(Fault {
-                at,
-                strike: Strike::Crash(victim),
-            });
-            if random.below(2) == 0 {
-                let again = time(random, at, end);
-                faults.push(Fault {
-                    at: again,
-                    strike: Strike::Restart(victim),
-                });
+        let count = 1 + self.random.index(limit.min(5));
+        for &module in modules.iter().take(count) {
+            let at = self.time(Duration::ZERO, self.end);
+            self.add(at, Fault::Crash(module));
+            if self.one_in(2) {
+                let again = self.time(at, self.end);
+                self.add(again, Fault::Restart(module));
             }
         }
     }
-    if cuts && modules.len() > 1 {
-        let count = 1 + random.below(2);
-        let share = end / u32::try_from(count).unwrap_or(1);
-        for turn in 0..u32::try_from(count).unwrap_or(1) {
-            let begin = time(random, share * turn, share * turn + share / 2);
-            let heal = time(random, begin, share * (turn + 1));
-            let mut aside = modules.to_vec();
-            random.shuffle(&mut aside);
-            aside.truncate(1 + random.index(modules.len() - 1));
-            faults.push(Fault {
-                at: begin,
-                strike: Strike::Cut(aside.into_iter().collect()),
-            });
+
+    fn cuts(&mut self) {
+        if self.modules.len() <= 1 {
+            return;
+        }
+        let count = [1, 2][self.random.index(2)];
+        let share = self.end / count;
+        for turn in 0..count {
+            let begin = self.time(share * turn, share * turn + share / 2);
+            let heal = self.time(begin, share * (turn + 1));
+            let aside = self.some_modules();
+            self.add(begin, Fault::Cut(aside));
             // One cut in eight lasts for ever, if it is the last.
-            if turn + 1 < u32::try_from(count).unwrap_or(1) || random.below(8) > 0 {
-                faults.push(Fault {
-                    at: heal,
-                    strike: Strike::Heal,
-                });
+            if turn + 1 < count || !self.one_in(8) {
+                self.add(heal, Fault::Heal);
             }
         }
     }
-    if kind == FaultKind::Mixed {
-        for _ in 0..random.below(3) {
-            let module = modules[random.index(modules.len())];
-            let at = time(random, Duration::ZERO, end);
-            let pause = Duration::from_millis(200 + random.below(12_000));
-            faults.push(Fault {
-                at,
-                strike: Strike::Pause(module, pause),
-            });
+
+    fn pauses(&mut self, count: u64, spread_ms: u64) {
+        for _ in 0..count {
+            let module = self.module();
+            let at = self.time(Duration::ZERO, self.end);
+            let pause = self.millis(200, spread_ms);
+            self.add(at, Fault::Pause(module, pause));
         }
-        draw_rarer(modules, end, random, &mut faults);
     }
-    faults.sort_by_key(|fault| fault.at);
-    faults
-}
 
-/// A time from `from` until `until`.
-fn time(random: &mut Random, from: Duration, until: Duration) -> Duration {
-    let span = u64::try_from(until.saturating_sub(from).as_micros()).unwrap_or(u64::MAX);
-    from + Duration::from_micros(random.below(span.max(1)))
-}
-
-/// What strikes some of the mixed runs only: each of these one run in three or fewer.
-fn draw_rarer(modules: &[ModuleId], end: Duration, random: &mut Random, faults: &mut Vec<Fault>) {
-    let strikes_one_in = |chance: u64, random: &mut Random| random.below(chance) == 0;
-    if strikes_one_in(3, random) {
-        let module = modules[random.index(modules.len())];
-        let at = time(random, Duration::ZERO, end);
-        let lag = Duration::from_millis(1 + random.below(10));
-        let span = Duration::from_millis(1_000 + random.below(15_000));
-        let strike = Strike::Slow { module, lag, span };
-        faults.push(Fault { at, strike });
-    }
-    if strikes_one_in(4, random) {
-        let module = modules[random.index(modules.len())];
-        let at = time(random, Duration::from_secs(1), end);
-        faults.push(Fault {
-            at,
-            strike: Strike::StartLate(module),
-        });
-    }
-    // Small formations would soon have nobody left to take a spot.
-    if modules.len() >= 5 {
-        for broken in [false, true] {
-            if strikes_one_in(4, random) {
-                let module = modules[random.index(modules.len())];
-                let at = time(random, Duration::from_secs(1), end);
-                let strike = if broken {
-                    Strike::Drive {
-                        module,
-                        broken: true,
-                    }
-                } else {
-                    Strike::Command(module, Command::Retire)
-                };
-                faults.push(Fault { at, strike });
+    /// Faults that occur in some of the mixed runs only: each of these in one run in three or fewer.
+    fn rarer(&mut self) {
+        let second = Duration::from_secs(1);
+        if self.one_in(3) {
+            let module = self.module();
+            let at = self.time(Duration::ZERO, self.end);
+            let lag = self.millis(1, 10);
+            let span = self.millis(1_000, 15_000);
+            self.add(at, Fault::Slow { module, lag, span });
+        }
+        if self.one_in(4) {
+            let module = self.module();
+            let at = self.time(second, self.end);
+            self.add(at, Fault::StartLate(module));
+        }
+        // Small formations would soon have no module left to take a spot.
+        if self.modules.len() >= 5 {
+            for broken in [false, true] {
+                if self.one_in(4) {
+                    let module = self.module();
+                    let at = self.time(second, self.end);
+                    let fault = if broken {
+                        Fault::Drive { module, broken }
+                    } else {
+                        Fault::Command(module, Command::Retire)
+                    };
+                    self.add(at, fault);
+                }
             }
         }
-    }
-    if strikes_one_in(4, random) {
-        faults.push(Fault {
-            at: Duration::ZERO,
-            strike: Strike::ForgeClaims,
-        });
-    }
-    match random.below(10) {
-        0 => {
-            let at = time(random, Duration::from_secs(1), end);
-            let strike = Strike::Announce(Some(random.below(u64::MAX)));
-            faults.push(Fault { at, strike });
+        if self.one_in(4) {
+            self.add(Duration::ZERO, Fault::ForgeClaims);
         }
-        1 => {
-            let at = time(random, Duration::from_secs(1), end);
-            let again = time(random, at, end);
-            faults.push(Fault {
-                at,
-                strike: Strike::Withdraw,
-            });
-            faults.push(Fault {
-                at: again,
-                strike: Strike::Announce(None),
-            });
+        match self.random.below(10) {
+            0 => self.announcement(),
+            1 => {
+                let at = self.time(second, self.end);
+                let again = self.time(at, self.end);
+                self.add(at, Fault::Withdraw);
+                self.add(again, Fault::Announce(None));
+            }
+            _ => {}
         }
-        _ => {}
+    }
+
+    /// Another target.
+    fn announcement(&mut self) {
+        let at = self.time(Duration::from_secs(1), self.end);
+        let seed = self.random.below(u64::MAX);
+        self.add(at, Fault::Announce(Some(seed)));
     }
 }

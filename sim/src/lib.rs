@@ -1,13 +1,12 @@
 //! Many agents in one process, under virtual time and a seeded network.
 //!
-//! The agents are those that run under DDS; only what carries their messages differs. One seed replays one run exactly,
-//! so a failure is a number that anyone can look at again.
+//! The agents are the same as under DDS; only the transport of their messages differs. A seed replays a run exactly, so a
+//! failure can be reproduced from one number.
 
 mod campaign;
 mod cluster;
-mod ending;
 mod faults;
-mod invariants;
+mod monitor;
 mod network;
 mod process;
 mod sweep;
@@ -15,8 +14,8 @@ mod transcript;
 
 pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};
 pub use cluster::{Cluster, ClusterParameters, Observation, Standing};
-pub use faults::{Fault, FaultKind, Strike};
-pub use invariants::{Violation, ViolationKind};
+pub use faults::{Fault, FaultKind, ScheduledFault};
+pub use monitor::{Violation, ViolationKind};
 pub use network::NetworkParameters;
 pub use process::AgentFactory;
 pub use sweep::run_seeds;

@@ -1,25 +1,25 @@
-//! The seeded network: how long each message takes, which are lost, and who can hear whom.
+//! The seeded network: how long each message takes, which are lost, and which modules reach each other.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use formation::generate::Random;
-use formation::model::ModuleId;
+use formation::model::{Message, ModuleId};
 
-/// How the network treats messages.
+/// The network's treatment of messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct NetworkParameters {
     /// The least time that a message takes.
     pub latency_min: Duration,
     /// The greatest time that a message takes, unless it is delayed.
     pub latency_max: Duration,
-    /// How many best-effort messages in a thousand are lost.
+    /// The number of best-effort messages in a thousand that are lost.
     pub loss_per_mille: u64,
-    /// How many messages in a thousand come twice.
+    /// The number of messages in a thousand that come twice.
     pub duplication_per_mille: u64,
-    /// How many reliable messages in a thousand are delayed, as by retransmission.
+    /// The number of reliable messages in a thousand that are delayed, as by retransmission.
     pub delay_per_mille: u64,
-    /// By how much at most.
+    /// The greatest delay.
     pub delay_max: Duration,
 }
 
@@ -37,7 +37,7 @@ impl Default for NetworkParameters {
 }
 
 impl NetworkParameters {
-    /// A network that loses, repeats and delays.
+    /// A network that loses, repeats and delays messages.
     #[must_use]
     pub fn rough() -> Self {
         Self {
@@ -59,7 +59,7 @@ pub(crate) struct Channel {
     pub topic: Topic,
 }
 
-/// Who writes.
+/// A writer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Participant {
     /// The process that announces the target.
@@ -80,12 +80,23 @@ pub(crate) enum Topic {
 }
 
 impl Topic {
+    pub fn of(message: &Message) -> Self {
+        match message {
+            Message::Target(_) => Self::Target,
+            Message::ModuleState(_) => Self::ModuleStates,
+            Message::Roster(_) => Self::Roster,
+            Message::Claim(_) => Self::Claims,
+            Message::Eviction(_) => Self::Evictions,
+            Message::Heartbeat(_) => Self::Heartbeats,
+        }
+    }
+
     /// Whether messages are repeated until they arrive, in order.
     pub fn is_reliable(self) -> bool {
         self != Self::Heartbeats
     }
 
-    /// How many samples a writer keeps for those who come late.
+    /// The number of samples that a writer keeps for late readers.
     pub fn depth(self) -> usize {
         match self {
             Self::Target | Self::ModuleStates | Self::Roster => 1,
@@ -95,12 +106,12 @@ impl Topic {
     }
 }
 
-/// Draws the fate of each message.
+/// Draws when each message arrives, and whether.
 pub(crate) struct Network {
     parameters: NetworkParameters,
     random: Random,
-    /// The side of a cut on which each module stands; all on side 0 when there is none.
-    sides: BTreeMap<ModuleId, u32>,
+    /// The modules that are cut off from the others.
+    aside: BTreeSet<ModuleId>,
     /// The links that carry nothing in one direction: from the first module to the second.
     severed: BTreeSet<(ModuleId, ModuleId)>,
     /// When the latest message of a reliable channel arrives: none overtakes it.
@@ -112,14 +123,14 @@ impl Network {
         Self {
             parameters,
             random,
-            sides: BTreeMap::new(),
+            aside: BTreeSet::new(),
             severed: BTreeSet::new(),
             last_arrival: BTreeMap::new(),
         }
     }
 
     pub fn cut(&mut self, aside: &BTreeSet<ModuleId>) {
-        self.sides = aside.iter().map(|&module| (module, 1)).collect();
+        self.aside.clone_from(aside);
     }
 
     pub fn sever(&mut self, links: &BTreeSet<(ModuleId, ModuleId)>) {
@@ -127,17 +138,17 @@ impl Network {
     }
 
     pub fn heal(&mut self) {
-        self.sides.clear();
+        self.aside.clear();
         self.severed.clear();
     }
 
-    /// Whether a message can pass now. The target's publisher is on the side of most.
+    /// Whether a message can pass now. The target's publisher is on the side without a cut.
     pub fn connects(&self, from: Participant, to: ModuleId) -> bool {
-        let side = |module: ModuleId| self.sides.get(&module).copied().unwrap_or(0);
+        let is_aside = |module: ModuleId| self.aside.contains(&module);
         match from {
-            Participant::TargetPublisher => side(to) == 0,
+            Participant::TargetPublisher => !is_aside(to),
             Participant::Module(from) => {
-                side(from) == side(to) && !self.severed.contains(&(from, to))
+                is_aside(from) == is_aside(to) && !self.severed.contains(&(from, to))
             }
         }
     }
@@ -155,16 +166,13 @@ impl Network {
         if !reliable && self.chance(parameters.loss_per_mille) {
             return Vec::new();
         }
-        let mut at = now
-            + parameters.latency_min
-            + self.up_to(
-                parameters
-                    .latency_max
-                    .saturating_sub(parameters.latency_min),
-            );
+        let spread = parameters
+            .latency_max
+            .saturating_sub(parameters.latency_min);
+        let mut at = now + parameters.latency_min + duration_below(&mut self.random, spread);
         if reliable {
             if self.chance(parameters.delay_per_mille) {
-                at += self.up_to(parameters.delay_max);
+                at += duration_below(&mut self.random, parameters.delay_max);
             }
             let last = self.last_arrival.entry(channel).or_default();
             at = at.max(*last + Duration::from_nanos(1));
@@ -172,7 +180,7 @@ impl Network {
         }
         let mut arrivals = vec![at];
         if self.chance(parameters.duplication_per_mille) {
-            arrivals.push(at + self.up_to(parameters.latency_max));
+            arrivals.push(at + duration_below(&mut self.random, parameters.latency_max));
         }
         arrivals
     }
@@ -180,9 +188,10 @@ impl Network {
     fn chance(&mut self, per_mille: u64) -> bool {
         per_mille > 0 && self.random.below(1_000) < per_mille
     }
+}
 
-    fn up_to(&mut self, longest: Duration) -> Duration {
-        let micros = u64::try_from(longest.as_micros()).unwrap_or(u64::MAX);
-        Duration::from_micros(self.random.below(micros.max(1)))
-    }
+/// A random duration below `bound`, in whole microseconds.
+pub(crate) fn duration_below(random: &mut Random, bound: Duration) -> Duration {
+    let micros = u64::try_from(bound.as_micros()).unwrap_or(u64::MAX);
+    Duration::from_micros(random.below(micros.max(1)))
 }

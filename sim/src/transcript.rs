@@ -14,7 +14,7 @@ use formation::model::{
 use formation::protocol::{Command, EpochReason, Event};
 
 use crate::cluster::Observation;
-use crate::faults::Strike;
+use crate::faults::Fault;
 
 /// One event of a transcript.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,7 +76,7 @@ impl Transcript {
                 let entry = Entry::of(kind).with("revision", announcement.revision);
                 (None, Some(entry))
             }
-            Observation::Fault(strike) => (None, Some(struck(strike))),
+            Observation::Fault(fault) => (None, Some(fault_entry(fault))),
         };
         if let Some(Entry(text)) = entry {
             let actor = actor.map_or("-".to_owned(), |module| module.0.to_string());
@@ -322,39 +322,39 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
     }
 }
 
-fn struck(strike: &Strike) -> Entry {
-    match strike {
-        Strike::Crash(module) => Entry::of("crash").module(*module),
-        Strike::Restart(module) => Entry::of("restart").module(*module),
-        Strike::Pause(module, span) => Entry::of("pause").module(*module).millis("span_ms", *span),
-        Strike::Cut(aside) => {
+fn fault_entry(fault: &Fault) -> Entry {
+    match fault {
+        Fault::Crash(module) => Entry::of("crash").module(*module),
+        Fault::Restart(module) => Entry::of("restart").module(*module),
+        Fault::Pause(module, span) => Entry::of("pause").module(*module).millis("span_ms", *span),
+        Fault::Cut(aside) => {
             Entry::of("cut").with("modules", list(aside.iter().map(|module| module.0)))
         }
-        Strike::Sever(links) => {
+        Fault::Sever(links) => {
             let links = links
                 .iter()
                 .map(|(from, to)| format!("{}>{}", from.0, to.0));
             Entry::of("sever").with("links", list(links))
         }
-        Strike::Heal => Entry::of("heal"),
-        Strike::Slow { module, lag, span } => Entry::of("slow")
+        Fault::Heal => Entry::of("heal"),
+        Fault::Slow { module, lag, span } => Entry::of("slow")
             .module(*module)
             .millis("lag_ms", *lag)
             .millis("span_ms", *span),
-        Strike::StartLate(module) => Entry::of("start_late").module(*module),
-        Strike::Command(module, command) => Entry::of(match command {
+        Fault::StartLate(module) => Entry::of("start_late").module(*module),
+        Fault::Command(module, command) => Entry::of(match command {
             Command::Retire => "command_retire",
             Command::Rejoin => "command_rejoin",
         })
         .module(*module),
-        Strike::Drive { module, broken } => Entry::of(if *broken {
+        Fault::Drive { module, broken } => Entry::of(if *broken {
             "drive_broken"
         } else {
             "drive_repaired"
         })
         .module(*module),
-        Strike::ForgeClaims => Entry::of("forge_claims"),
-        Strike::Withdraw => Entry::of("withdraw"),
-        Strike::Announce(_) => Entry::of("announce"),
+        Fault::ForgeClaims => Entry::of("forge_claims"),
+        Fault::Withdraw => Entry::of("withdraw"),
+        Fault::Announce(_) => Entry::of("announce"),
     }
 }

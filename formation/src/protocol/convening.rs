@@ -70,7 +70,7 @@ impl Stage {
         if has_new_target(roster, context) {
             return Some(EpochReason::NewTarget);
         }
-        let is_outside = matches!(self, Self::Outside(_));
+        let is_outside = matches!(self, Self::Outsider(_));
         if is_outside && others(roster, context).any(|member| is_in_charge(member.run(), context)) {
             // The members judge which modules are missing and which are wanted. A module that receives nothing from a
             // member, or that does not receive all of them, would halt them again and again.
@@ -115,7 +115,7 @@ impl Stage {
             }
             Self::Agreeing(agreeing) => agreeing.stuck_members(context),
             Self::Acting(acting) => acting.stuck_members(context),
-            Self::Listening(_) | Self::Gathering(_) | Self::Outside(_) => Vec::new(),
+            Self::Listening(_) | Self::Gathering(_) | Self::Outsider(_) => Vec::new(),
         }
     }
 }

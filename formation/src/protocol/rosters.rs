@@ -8,7 +8,7 @@ use crate::model::{ModuleId, ModuleRun, Roster, RosterMember, RosterMessage, Ser
 use super::Agent;
 use super::io::SourceId;
 use super::refusal::Refusal;
-use super::stage::{Gathering, Outside, Planning, Stage, hash_roster};
+use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
 
 /// A message of a convener that is not known yet. It comes only once, so it is kept until the convener is known.
 #[derive(Clone, Debug)]
@@ -127,7 +127,7 @@ impl Agent {
             self.context.stand_still();
             self.context.note_opened(roster.epoch);
             self.context.mark_state_changed();
-            self.stage = Stage::Outside(Outside(roster));
+            self.stage = Stage::Outsider(Outsider(roster));
         }
         Ok(())
     }

@@ -1,22 +1,64 @@
-//! How messages reach the readers of a cluster.
+//! Messages on their way to the readers of a cluster.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use formation::model::{Message, ModuleId};
 use formation::protocol::SourceId;
 
-use super::schedule::Happening;
+use super::schedule::{Delivery, Happening};
 use super::{Cluster, Observation};
-use crate::network::{Channel, Participant, Topic};
+use crate::network::{Channel, Network, Participant, Topic};
+
+/// The network and the samples that were written.
+pub(super) struct Transport {
+    pub(super) network: Network,
+    /// The number of samples written so far.
+    pub(super) samples: u64,
+    /// The newest sample of each writer, so that readers of topics with depth 1 may skip older ones.
+    newest: BTreeMap<(Participant, Topic), u64>,
+    /// Samples that could not pass a cut, in the order of writing.
+    held: BTreeMap<Channel, Vec<(u64, Message)>>,
+}
+
+impl Transport {
+    pub(super) fn new(network: Network) -> Self {
+        Self {
+            network,
+            samples: 0,
+            newest: BTreeMap::new(),
+            held: BTreeMap::new(),
+        }
+    }
+
+    /// Drops what was sent to and by a process that has ended.
+    pub(super) fn forget(&mut self, module: ModuleId) {
+        self.network.forget(module);
+        self.held.retain(|channel, _| {
+            channel.from != Participant::Module(module) && channel.to != module
+        });
+    }
+
+    /// Whether a sample of a topic that keeps one sample has been replaced by a newer one.
+    pub(super) fn is_replaced(&self, channel: Channel, sample: u64) -> bool {
+        let newest = self.newest.get(&(channel.from, channel.topic));
+        channel.topic.depth() == 1 && newest.is_some_and(|&newest| newest > sample)
+    }
+}
 
 impl Cluster {
-    /// Sends a new reader what the writers keep for those who come late.
+    /// Sends a new reader the samples that writers keep for late readers.
     pub(super) fn catch_up(&mut self, reader: ModuleId) {
         let mut kept = Vec::new();
         if let Some(announcement) = &self.announcement {
             let message = Message::Target(Arc::clone(announcement));
             let writer = (Participant::TargetPublisher, Topic::Target);
-            let sample = self.newest.get(&writer).copied().unwrap_or_default();
+            let sample = self
+                .transport
+                .newest
+                .get(&writer)
+                .copied()
+                .unwrap_or_default();
             kept.push((writer.0, writer.1, sample, message));
         }
         for (&writer, process) in &self.processes {
@@ -43,14 +85,7 @@ impl Cluster {
     }
 
     pub(super) fn publish(&mut self, module: ModuleId, message: &Message) {
-        let topic = match message {
-            Message::Target(_) => Topic::Target,
-            Message::ModuleState(_) => Topic::ModuleStates,
-            Message::Roster(_) => Topic::Roster,
-            Message::Claim(_) => Topic::Claims,
-            Message::Eviction(_) => Topic::Evictions,
-            Message::Heartbeat(_) => Topic::Heartbeats,
-        };
+        let topic = Topic::of(message);
         self.observe(Observation::Published(module, message.clone()));
         self.broadcast(Participant::Module(module), topic, message);
         if let Message::Claim(claim) = message {
@@ -59,9 +94,9 @@ impl Cluster {
     }
 
     pub(super) fn broadcast(&mut self, from: Participant, topic: Topic, message: &Message) {
-        self.samples += 1;
-        let sample = self.samples;
-        self.newest.insert((from, topic), sample);
+        self.transport.samples += 1;
+        let sample = self.transport.samples;
+        self.transport.newest.insert((from, topic), sample);
         if let Participant::Module(writer) = from
             && topic.depth() > 0
             && let Some(process) = self.processes.get_mut(&writer)
@@ -82,26 +117,24 @@ impl Cluster {
         }
     }
 
-    /// What the transport tells of a writer.
+    /// The participant that a sample comes from, as the transport identifies it.
     fn source(&self, writer: Participant) -> Option<SourceId> {
         let Participant::Module(module) = writer else {
             return None;
         };
-        let run = self.processes.get(&module)?.incarnation;
-        Some(SourceId(u128::from(module.0) << 64 | u128::from(run.0)))
+        let run = self.run_of(module)?;
+        Some(SourceId(
+            u128::from(module.0) << 64 | u128::from(run.incarnation.0),
+        ))
     }
 
     pub(super) fn send(&mut self, channel: Channel, sample: u64, message: Message) {
-        let Some(reader) = self
-            .processes
-            .get(&channel.to)
-            .map(|process| process.incarnation)
-        else {
+        let Some(reader) = self.run_of(channel.to) else {
             return;
         };
-        if !self.network.connects(channel.from, channel.to) {
+        if !self.transport.network.connects(channel.from, channel.to) {
             if channel.topic.is_reliable() {
-                let held = self.held.entry(channel).or_default();
+                let held = self.transport.held.entry(channel).or_default();
                 held.push((sample, message));
                 let excess = held.len().saturating_sub(channel.topic.depth());
                 held.drain(..excess);
@@ -109,17 +142,25 @@ impl Cluster {
             return;
         }
         let source = self.source(channel.from);
-        for at in self.network.arrivals(self.now, channel) {
-            self.schedule(
-                at,
-                Happening::Deliver {
-                    channel,
-                    source,
-                    reader,
-                    sample,
-                    message: message.clone(),
-                },
-            );
+        let now = self.schedule.now;
+        for at in self.transport.network.arrivals(now, channel) {
+            let delivery = Delivery {
+                channel,
+                source,
+                reader,
+                sample,
+                message: message.clone(),
+            };
+            self.schedule.add(at, Happening::Deliver(delivery));
+        }
+    }
+
+    /// Sends again what was held; what cannot pass yet remains held.
+    pub(super) fn release(&mut self) {
+        for (channel, samples) in std::mem::take(&mut self.transport.held) {
+            for (sample, message) in samples {
+                self.send(channel, sample, message);
+            }
         }
     }
 }

@@ -1,4 +1,4 @@
-//! The faults that strike a cluster, and their ends.
+//! Faults and their ends.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -9,8 +9,7 @@ use formation::protocol::{Command, Input};
 
 use super::schedule::Happening;
 use super::{Cluster, Observation};
-use crate::faults::Strike;
-use crate::network::Participant;
+use crate::faults::Fault;
 
 impl Cluster {
     /// Lets a module's process start no earlier than `at`; for calls before the first step.
@@ -18,27 +17,27 @@ impl Cluster {
         self.late.insert(module, at);
     }
 
-    /// Tells a module to leave the formation or to take part again.
+    /// Commands a module to leave the formation or to take part again.
     pub fn command(&mut self, module: ModuleId, command: Command) {
         if self.processes.contains_key(&module) {
-            self.fault(Strike::Command(module, command));
+            self.note(Fault::Command(module, command));
             self.input(module, Input::Command(command));
         }
     }
 
-    /// Breaks or mends a module's drive: a broken one fails as soon as it is to go. A new process has a new drive.
+    /// Breaks or repairs a module's drive: a broken one fails whenever it receives a goal. A new process has a new drive.
     pub fn break_drive(&mut self, module: ModuleId, broken: bool) {
         if let Some(process) = self.processes.get_mut(&module) {
             process.drive_broken = broken;
-            self.fault(Strike::Drive { module, broken });
+            self.note(Fault::Drive { module, broken });
         }
     }
 
     /// From now on, some claims are preceded by a forged one that claims something else for the same turn. It reaches
-    /// half of the readers, from a sender that the transport does not tell.
+    /// half of the readers, from a sender that the transport does not identify.
     pub fn forge_claims(&mut self) {
         self.forges_claims = true;
-        self.fault(Strike::ForgeClaims);
+        self.note(Fault::ForgeClaims);
     }
 
     pub(super) fn forge(&mut self, claim: &SpotClaim) {
@@ -66,10 +65,10 @@ impl Cluster {
 
     /// Makes each input keep a process busy for `lag`, for a while.
     pub fn slow_down(&mut self, module: ModuleId, lag: Duration, span: Duration) {
-        let until = self.now + span;
+        let until = self.now() + span;
         if let Some(process) = self.processes.get_mut(&module) {
-            process.slow = Some((until, lag));
-            self.fault(Strike::Slow { module, lag, span });
+            process.inbox.slow = Some((until, lag));
+            self.note(Fault::Slow { module, lag, span });
         }
     }
 
@@ -78,72 +77,59 @@ impl Cluster {
         let Some(mut process) = self.processes.remove(&module) else {
             return;
         };
-        let now = process.local(self.now);
-        process.drive.halt(now);
-        if let Some(remains) = self.remains.get_mut(&module) {
-            remains.identity.pose = process.drive.pose();
-            remains.identity.links = process.agent.links().clone();
+        process.drive.halt(process.clock.local(self.now()));
+        if let Some(body) = self.bodies.get_mut(&module) {
+            body.pose = process.drive.pose();
+            body.links = process.agent.links().clone();
         }
-        self.network.forget(module);
-        self.held.retain(|channel, _| {
-            channel.from != Participant::Module(module) && channel.to != module
-        });
-        self.fault(Strike::Crash(module));
+        self.transport.forget(module);
+        self.note(Fault::Crash(module));
     }
 
     /// Starts a module's process again, as a new incarnation.
     pub fn restart(&mut self, module: ModuleId) {
-        // One that has yet to start for the first time starts in its own time.
+        // A process that starts late is scheduled already.
         if !self.processes.contains_key(&module) && !self.late.contains_key(&module) {
-            self.fault(Strike::Restart(module));
-            self.schedule(self.now, Happening::Start(module));
+            self.note(Fault::Restart(module));
+            self.schedule.add(self.now(), Happening::Start(module));
         }
     }
 
-    /// Stops a process for a while; what reaches it waits and comes all at once.
-    pub fn pause(&mut self, module: ModuleId, duration: Duration) {
-        let until = self.now + duration;
-        let incarnation = if let Some(process) = self.processes.get_mut(&module) {
-            process.held_until = process.held_until.max(until);
-            process.incarnation
-        } else {
+    /// Stops a process for a while; the inputs that arrive meanwhile wait.
+    pub fn pause(&mut self, module: ModuleId, span: Duration) {
+        let until = self.now() + span;
+        let Some(process) = self.processes.get_mut(&module) else {
             return;
         };
-        self.fault(Strike::Pause(module, duration));
-        self.schedule(until, Happening::Timeout(module, incarnation));
+        process.inbox.held_until = process.inbox.held_until.max(until);
+        let incarnation = process.incarnation;
+        self.note(Fault::Pause(module, span));
+        self.schedule
+            .add(until, Happening::Timeout(module, incarnation));
     }
 
     /// Cuts these modules off from all others.
     pub fn cut(&mut self, aside: &BTreeSet<ModuleId>) {
-        self.network.cut(aside);
-        self.fault(Strike::Cut(aside.clone()));
+        self.transport.network.cut(aside);
+        self.note(Fault::Cut(aside.clone()));
         self.release();
     }
 
-    /// Lets these links carry nothing from the first module to the second, and all others of them work again.
+    /// Lets these links carry nothing from the first module to the second, and all other links work again.
     pub fn sever(&mut self, links: &BTreeSet<(ModuleId, ModuleId)>) {
-        self.network.sever(links);
-        self.fault(Strike::Sever(links.clone()));
+        self.transport.network.sever(links);
+        self.note(Fault::Sever(links.clone()));
         self.release();
     }
 
-    /// Ends the cut and mends all links; reliable messages that were held are sent again.
+    /// Ends the cut and restores all links; reliable messages that were held are sent again.
     pub fn heal(&mut self) {
-        self.network.heal();
-        self.fault(Strike::Heal);
+        self.transport.network.heal();
+        self.note(Fault::Heal);
         self.release();
     }
 
-    /// Sends again what was held; what cannot pass yet is held on.
-    fn release(&mut self) {
-        for (channel, samples) in std::mem::take(&mut self.held) {
-            for (sample, message) in samples {
-                self.send(channel, sample, message);
-            }
-        }
-    }
-
-    fn fault(&mut self, strike: Strike) {
-        self.observe(Observation::Fault(strike));
+    fn note(&mut self, fault: Fault) {
+        self.observe(Observation::Fault(fault));
     }
 }

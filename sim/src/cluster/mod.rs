@@ -1,4 +1,4 @@
-//! The cluster: agents with simulated drives, the events between them, and the faults that strike them.
+//! The cluster: agents with simulated drives, the messages between them, and their faults.
 
 mod delivery;
 mod execution;
@@ -6,8 +6,7 @@ mod faults;
 mod observation;
 mod schedule;
 
-use std::cmp::Reverse;
-use std::collections::{BTreeMap, BinaryHeap};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -15,27 +14,29 @@ use formation::generate::Random;
 use formation::model::{Incarnation, Message, ModuleId, PlanningProblem, TargetAnnouncement};
 use formation::protocol::{AgentParameters, Identity};
 
+use delivery::Transport;
+use observation::Record;
 pub use observation::{Observation, Standing};
-use schedule::{Happening, Scheduled};
+use schedule::{Happening, Schedule};
 
-use crate::network::{Channel, Network, NetworkParameters, Participant, Topic};
+use crate::network::{Network, NetworkParameters, Participant, Topic, duration_below};
 use crate::process::{AgentFactory, Process};
 use crate::transcript::Transcript;
 
-/// How a cluster is run.
+/// The properties of a cluster.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ClusterParameters {
     /// The agents' time limits.
     pub agent: AgentParameters,
-    /// How the network treats messages.
+    /// The network's treatment of messages.
     pub network: NetworkParameters,
     /// The speed of the simulated drives.
     pub speed_units_per_s: f64,
-    /// How often a drive reports its pose.
+    /// The time between two reports of a moving drive.
     pub drive_tick: Duration,
     /// The processes start within this time of each other.
     pub start_spread: Duration,
-    /// By how many millionths a clock runs fast or slow at most.
+    /// The greatest number of millionths by which a clock runs fast or slow.
     pub drift_ppm_max: u32,
 }
 
@@ -52,34 +53,21 @@ impl Default for ClusterParameters {
     }
 }
 
-/// What outlives a process: the module's body.
-#[derive(Clone)]
-struct Remains {
-    identity: Identity,
-}
-
 /// Many agents under virtual time.
 pub struct Cluster {
     agents: AgentFactory,
     parameters: ClusterParameters,
-    now: Duration,
-    order: u64,
-    queue: BinaryHeap<Reverse<Scheduled>>,
-    network: Network,
+    schedule: Schedule,
+    transport: Transport,
     random: Random,
     processes: BTreeMap<ModuleId, Process>,
-    remains: BTreeMap<ModuleId, Remains>,
+    /// The modules as their last process left them; what outlives a process.
+    bodies: BTreeMap<ModuleId, Identity>,
     announcement: Option<Arc<TargetAnnouncement>>,
     /// The modules whose processes start later than the others.
     late: BTreeMap<ModuleId, Duration>,
     forges_claims: bool,
-    samples: u64,
-    /// Samples that could not pass a cut, in the order of writing.
-    held: BTreeMap<Channel, Vec<(u64, Message)>>,
-    /// The newest sample written on a depth-1 channel, so that readers may skip older ones.
-    newest: BTreeMap<(Participant, Topic), u64>,
-    observations: Vec<(Duration, Observation)>,
-    transcript: Option<Transcript>,
+    record: Record,
 }
 
 impl Cluster {
@@ -89,7 +77,7 @@ impl Cluster {
         Self::of_agents(problem, parameters, seed, AgentFactory::default())
     }
 
-    /// The same, of agents made in another way.
+    /// The same, with agents of another factory.
     #[must_use]
     pub fn of_agents(
         problem: &PlanningProblem,
@@ -99,62 +87,52 @@ impl Cluster {
     ) -> Self {
         let mut random = Random::from_seed(seed);
         let network_seed = random.below(u64::MAX);
+        let network = Network::new(parameters.network, Random::from_seed(network_seed));
         let mut cluster = Self {
             agents,
             parameters,
-            now: Duration::ZERO,
-            order: 0,
-            queue: BinaryHeap::new(),
-            network: Network::new(parameters.network, Random::from_seed(network_seed)),
+            schedule: Schedule::default(),
+            transport: Transport::new(network),
             random,
             processes: BTreeMap::new(),
-            remains: BTreeMap::new(),
+            bodies: BTreeMap::new(),
             announcement: None,
             late: BTreeMap::new(),
             forges_claims: false,
-            samples: 0,
-            held: BTreeMap::new(),
-            newest: BTreeMap::new(),
-            observations: Vec::new(),
-            transcript: None,
+            record: Record::default(),
         };
         for module in problem.modules() {
-            cluster.remains.insert(
-                module.id,
-                Remains {
-                    identity: Identity {
-                        module: module.id,
-                        incarnation: Incarnation(0),
-                        pose: module.pose,
-                        links: module.links.clone(),
-                        configuration: module.configuration,
-                        leader: module.leader,
-                    },
-                },
-            );
-            let spread = u64::try_from(parameters.start_spread.as_micros()).unwrap_or(0);
-            let at = Duration::from_micros(cluster.random.below(spread.max(1)));
-            cluster.schedule(at, Happening::Start(module.id));
+            let body = Identity {
+                module: module.id,
+                incarnation: Incarnation(0),
+                pose: module.pose,
+                links: module.links.clone(),
+                configuration: module.configuration,
+                leader: module.leader,
+            };
+            cluster.bodies.insert(module.id, body);
+            let at = duration_below(&mut cluster.random, parameters.start_spread);
+            cluster.schedule.add(at, Happening::Start(module.id));
         }
         cluster
     }
 
     /// Keeps a transcript of the run from now on.
     pub fn keep_transcript(&mut self) {
-        self.transcript = Some(Transcript::default());
+        self.record.transcript = Some(Transcript::default());
     }
 
     /// The transcript so far; empty unless one is kept.
     #[must_use]
     pub fn transcript(&self) -> &Transcript {
         static EMPTY: Transcript = Transcript::new();
-        self.transcript.as_ref().unwrap_or(&EMPTY)
+        self.record.transcript.as_ref().unwrap_or(&EMPTY)
     }
 
     /// The time in the cluster.
     #[must_use]
     pub fn now(&self) -> Duration {
-        self.now
+        self.schedule.now
     }
 
     /// Announces a target, as its publisher would.
@@ -169,7 +147,7 @@ impl Cluster {
         );
     }
 
-    /// Announces the problem's own target to all of its modules.
+    /// Announces the problem's own target to all modules.
     pub fn announce_problem(&mut self, problem: &PlanningProblem, revision: u64) {
         self.announce(TargetAnnouncement {
             revision,
@@ -180,7 +158,7 @@ impl Cluster {
         });
     }
 
-    /// What was announced last, if anything.
+    /// The last announcement, if any.
     #[must_use]
     pub fn announcement(&self) -> Option<&Arc<TargetAnnouncement>> {
         self.announcement.as_ref()

@@ -5,15 +5,16 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, Pose, SpotId, TargetAnnouncement,
+    Digest, Epoch, Message, ModuleId, ModulePhase, ModuleRun, Pose, SpotId, TargetAnnouncement,
 };
 use formation::protocol::{Agent, Event};
 
 use super::Cluster;
-use crate::faults::Strike;
+use crate::faults::Fault;
 use crate::network::Participant;
+use crate::transcript::Transcript;
 
-/// What an observer that sees into every module knows of one.
+/// The state of one module, as an observer sees it that can look into every process.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Standing {
     /// What it is doing.
@@ -24,62 +25,66 @@ pub struct Standing {
     pub digest: Option<Digest>,
     /// The spot that its plan gives it.
     pub spot: Option<SpotId>,
-    /// Whether its drive is on its way.
+    /// Whether its drive moves.
     pub moving: bool,
-    /// Where its drive is.
+    /// The pose of its drive.
     pub pose: Pose,
 }
 
-/// Something that happened, for transcripts and checks.
+/// An event, for transcripts and checks.
 #[derive(Clone, Debug)]
 pub enum Observation {
     /// A module published a message.
     Published(ModuleId, Message),
     /// An agent noted an event.
     Noted(ModuleId, Event),
-    /// A drive set off or was told to go on, on this plan. Its module may have left the plan by the time this is read.
+    /// A drive received a goal of this plan. Its module may have left the plan by the time this is read.
     SetOff(ModuleId, Option<(Epoch, Digest)>),
     /// The publisher of the target announced this.
     Announced(Arc<TargetAnnouncement>),
-    /// A fault struck, or ended.
-    Fault(Strike),
+    /// A fault occurred, or ended.
+    Fault(Fault),
+}
+
+/// What an observer has seen.
+#[derive(Default)]
+pub(super) struct Record {
+    pub(super) observations: Vec<(Duration, Observation)>,
+    pub(super) transcript: Option<Transcript>,
 }
 
 impl Cluster {
-    /// The running modules in groups that can hear each other; the target's publisher is with the first.
+    /// The running modules in groups that can reach each other; the target's publisher is with the first.
     #[must_use]
     pub fn parts(&self) -> Vec<BTreeSet<ModuleId>> {
         let mut parts = vec![BTreeSet::new(); 2];
         for &module in self.processes.keys() {
-            let near = self.network.connects(Participant::TargetPublisher, module);
+            let near = self
+                .transport
+                .network
+                .connects(Participant::TargetPublisher, module);
             parts[usize::from(!near)].insert(module);
         }
         parts
     }
 
-    /// Whether the publisher's last word to this run of a module's process was a target.
+    /// The last announcement that this run of a module's process received.
     #[must_use]
-    pub fn knows_target(&self, module: ModuleId) -> bool {
-        self.processes
-            .get(&module)
-            .is_some_and(|process| process.knows_target)
+    pub fn received_announcement(&self, module: ModuleId) -> Option<&TargetAnnouncement> {
+        self.processes.get(&module)?.announcement.as_deref()
     }
 
-    /// The revision of the publisher's last word to this run of a module's process; 0 before any.
+    /// The run of a module's process, if it is running.
     #[must_use]
-    pub fn target_revision(&self, module: ModuleId) -> u64 {
-        self.processes
-            .get(&module)
-            .map_or(0, |process| process.target_revision)
+    pub fn run_of(&self, module: ModuleId) -> Option<ModuleRun> {
+        let incarnation = self.processes.get(&module)?.incarnation;
+        Some(ModuleRun {
+            module,
+            incarnation,
+        })
     }
 
-    /// Which run of its process a module is in.
-    #[must_use]
-    pub fn incarnation(&self, module: ModuleId) -> Option<Incarnation> {
-        Some(self.processes.get(&module)?.incarnation)
-    }
-
-    /// The modules whose processes run.
+    /// The modules whose processes are running.
     #[must_use]
     pub fn running(&self) -> BTreeSet<ModuleId> {
         self.processes.keys().copied().collect()
@@ -91,7 +96,7 @@ impl Cluster {
         self.processes.get(&module).map(|process| &process.agent)
     }
 
-    /// What a module is doing, if it runs.
+    /// The state of a module, if it is running.
     #[must_use]
     pub fn standing(&self, module: ModuleId) -> Option<Standing> {
         let process = self.processes.get(&module)?;
@@ -108,22 +113,22 @@ impl Cluster {
         })
     }
 
-    /// The plan on which a module is on its way; `None` while its drive stands still.
+    /// The plan on which a module moves; `None` while its drive stands still.
     #[must_use]
     pub fn plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {
         let process = self.processes.get(&module)?;
         process.driven_by.filter(|_| process.drive.is_moving())
     }
 
-    /// How many messages were published so far.
+    /// The number of messages published so far.
     #[must_use]
     pub fn samples(&self) -> u64 {
-        self.samples
+        self.transport.samples
     }
 
-    /// What happened since this was last asked, with its time.
+    /// The observations since the last call, with their times.
     pub fn take_observations(&mut self) -> Vec<(Duration, Observation)> {
-        std::mem::take(&mut self.observations)
+        std::mem::take(&mut self.record.observations)
     }
 
     /// Whether all running modules are in one epoch, hold one plan for it, and have carried it out.
@@ -151,9 +156,10 @@ impl Cluster {
     }
 
     pub(super) fn observe(&mut self, observation: Observation) {
-        if let Some(transcript) = &mut self.transcript {
-            transcript.add(self.now, &observation);
+        let now = self.now();
+        if let Some(transcript) = &mut self.record.transcript {
+            transcript.add(now, &observation);
         }
-        self.observations.push((self.now, observation));
+        self.record.observations.push((now, observation));
     }
 }

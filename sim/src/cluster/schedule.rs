@@ -1,31 +1,67 @@
-//! What is to happen, in the order of its time.
+//! What happens next, in the order of time.
 
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
 use std::time::Duration;
 
-use formation::model::{Incarnation, Message, ModuleId};
+use formation::model::{Incarnation, Message, ModuleId, ModuleRun};
 use formation::protocol::SourceId;
 
 use crate::network::Channel;
 
 pub(super) enum Happening {
     Start(ModuleId),
-    Deliver {
-        channel: Channel,
-        /// The participant that wrote it: each run of a process is one of its own.
-        source: Option<SourceId>,
-        /// The incarnation of the reader for which it is meant; a restarted reader asks anew.
-        reader: Incarnation,
-        sample: u64,
-        message: Message,
-    },
+    Deliver(Delivery),
     Timeout(ModuleId, Incarnation),
     DriveTick(ModuleId, Incarnation),
 }
 
-pub(super) struct Scheduled {
-    pub(super) at: Duration,
-    pub(super) order: u64,
-    pub(super) happening: Happening,
+/// A message on its way to one reader.
+pub(super) struct Delivery {
+    pub(super) channel: Channel,
+    /// The participant that wrote it: each run of a process is one of its own.
+    pub(super) source: Option<SourceId>,
+    /// The run of the reader that it is meant for; a restarted reader has new channels.
+    pub(super) reader: ModuleRun,
+    pub(super) sample: u64,
+    pub(super) message: Message,
+}
+
+/// The virtual time, and what happens at later times.
+#[derive(Default)]
+pub(super) struct Schedule {
+    pub(super) now: Duration,
+    order: u64,
+    queue: BinaryHeap<Reverse<Scheduled>>,
+}
+
+impl Schedule {
+    pub(super) fn add(&mut self, at: Duration, happening: Happening) {
+        self.order += 1;
+        self.queue.push(Reverse(Scheduled {
+            at,
+            order: self.order,
+            happening,
+        }));
+    }
+
+    /// Advances to the next happening, or to `limit` if none is left before it.
+    pub(super) fn next(&mut self, limit: Duration) -> Option<Happening> {
+        let next = self.queue.peek().filter(|Reverse(next)| next.at <= limit);
+        if next.is_none() {
+            self.now = self.now.max(limit);
+            return None;
+        }
+        let Reverse(next) = self.queue.pop()?;
+        self.now = next.at;
+        Some(next.happening)
+    }
+}
+
+struct Scheduled {
+    at: Duration,
+    order: u64,
+    happening: Happening,
 }
 
 impl PartialEq for Scheduled {

@@ -36,14 +36,14 @@ pub(super) enum Stage {
     /// All members have agreed; the units move one after another.
     Acting(Box<Acting>),
     /// The latest roster does not list this module.
-    Outside(Outside),
+    Outsider(Outsider),
 }
 
 /// A roster that does not list this module.
 #[derive(Clone)]
-pub(super) struct Outside(pub Arc<Roster>);
+pub(super) struct Outsider(pub Arc<Roster>);
 
-impl Hash for Outside {
+impl Hash for Outsider {
     fn hash<H: Hasher>(&self, state: &mut H) {
         hash_roster(&self.0, state);
     }
@@ -71,7 +71,7 @@ impl Stage {
             Self::Planning(planning) => planning.step(context),
             Self::Agreeing(agreeing) => agreeing.step(context),
             Self::Acting(acting) => acting.step(context),
-            Self::Listening(_) | Self::Outside(_) => Step::Stay(self),
+            Self::Listening(_) | Self::Outsider(_) => Step::Stay(self),
         }
     }
 
@@ -90,7 +90,7 @@ impl Stage {
             Self::Planning(planning) => Some(&planning.roster),
             Self::Agreeing(agreeing) => Some(&agreeing.held.roster),
             Self::Acting(acting) => Some(&acting.held.roster),
-            Self::Outside(Outside(roster)) => Some(roster),
+            Self::Outsider(Outsider(roster)) => Some(roster),
             Self::Listening(_) | Self::Gathering(_) => None,
         }
     }
@@ -111,7 +111,7 @@ impl Stage {
             Self::Planning(_) => ModulePhase::Planning,
             Self::Agreeing(_) => ModulePhase::Agreeing,
             Self::Acting(acting) => acting.phase(),
-            Self::Outside(_) => ModulePhase::Spare,
+            Self::Outsider(_) => ModulePhase::Spare,
         }
     }
 
@@ -137,7 +137,7 @@ impl Stage {
             Self::Gathering(gathering) => gathering.describe(state, context),
             Self::Agreeing(agreeing) => agreeing.held.describe(state),
             Self::Acting(acting) => acting.describe(state),
-            Self::Listening(_) | Self::Planning(_) | Self::Outside(_) => {}
+            Self::Listening(_) | Self::Planning(_) | Self::Outsider(_) => {}
         }
     }
 

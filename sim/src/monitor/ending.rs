@@ -1,8 +1,8 @@
-//! How a run must end, judged from what modules published last and where their drives stand.
+//! How a run must end, judged from the latest messages of the modules and where their drives stand.
 //!
-//! Each group of modules that can hear each other is judged on its own. Where a quorum lives, the group must have formed:
-//! one epoch, one digest, everyone a member or a spare that knows of it, and exactly as many spots filled as there are
-//! modules or spots. Elsewhere it must say that it waits for a quorum.
+//! Each group of modules that can reach each other is judged on its own. With a quorum, the group must have formed: one
+//! epoch, one digest, every module a member or a spare that knows the epoch, and exactly as many spots filled as there are
+//! modules or spots. Without one, every module must report that it waits for a quorum.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -10,36 +10,36 @@ use formation::model::{
     Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleRun, ModuleState, Service, SpotId,
 };
 
+use super::{Latest, Monitor, ViolationKind};
 use crate::campaign::Ending;
 use crate::cluster::Cluster;
-use crate::invariants::{LastWord, ViolationKind, Watch};
 
-/// How one group stands.
+/// The state of one group.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Part {
-    /// It holds a formation of this epoch, and all that should be filled is.
+    /// It holds a formation of this epoch, and all spots are filled that can be.
     Formed(Epoch),
-    /// It holds a formation, but so many of so many spots are filled.
-    Hole(usize, usize),
-    /// All of them say that they wait for a quorum.
+    /// It holds a formation, but not the right number of spots is filled.
+    Hole { filled: usize, wanted: usize },
+    /// All of its modules report that they wait for a quorum.
     Waiting,
-    /// Nobody in it could take a spot or say more.
+    /// No module in it could take a spot, or knows a target.
     Idle,
     /// Something else.
     Unfinished,
 }
 
-impl Watch {
-    fn last_word(&self, cluster: &Cluster, module: ModuleId) -> Option<&LastWord> {
-        self.last.get(&(module, cluster.incarnation(module)?))
+impl Monitor {
+    fn latest(&self, cluster: &Cluster, module: ModuleId) -> Option<&Latest> {
+        self.latest.get(&cluster.run_of(module)?)
     }
 
     fn heartbeat(&self, cluster: &Cluster, module: ModuleId) -> Option<&Heartbeat> {
-        self.last_word(cluster, module)?.heartbeat.as_ref()
+        self.latest(cluster, module)?.heartbeat.as_ref()
     }
 
-    fn state(&self, cluster: &Cluster, module: ModuleId) -> Option<&ModuleState> {
-        self.last_word(cluster, module)?.state.as_deref()
+    pub(super) fn state(&self, cluster: &Cluster, module: ModuleId) -> Option<&ModuleState> {
+        self.latest(cluster, module)?.state.as_deref()
     }
 
     fn is_active(&self, cluster: &Cluster, module: ModuleId) -> bool {
@@ -52,18 +52,21 @@ impl Watch {
             .iter()
             .filter(|&&module| self.is_active(cluster, module))
             .count();
-        let deaf = modules.iter().all(|&module| !cluster.knows_target(module));
-        if active == 0 || deaf {
+        let knows_target = |module: ModuleId| {
+            let announcement = cluster.received_announcement(module);
+            announcement.is_some_and(|announcement| announcement.target.is_some())
+        };
+        if active == 0 || !modules.iter().any(|&module| knows_target(module)) {
             return Part::Idle;
         }
         let phase_and_epoch = |module: ModuleId| {
             let heartbeat = self.heartbeat(cluster, module)?;
             Some((heartbeat.phase, heartbeat.epoch))
         };
-        // Those that halted for an epoch leave it to its convener to say what it waits for.
+        // Modules that halted for an epoch leave it to their convener to report what it waits for.
         let waits = |module: ModuleId| match phase_and_epoch(module) {
             Some((ModulePhase::WaitingForQuorum, _)) => true,
-            _ if !cluster.knows_target(module) => true,
+            _ if !knows_target(module) => true,
             Some((ModulePhase::Gathered, Some(epoch))) => {
                 modules.contains(&epoch.convener)
                     && phase_and_epoch(epoch.convener)
@@ -111,11 +114,14 @@ impl Watch {
         if filled.len() == wanted {
             Part::Formed(epoch)
         } else {
-            Part::Hole(filled.len(), wanted)
+            Part::Hole {
+                filled: filled.len(),
+                wanted,
+            }
         }
     }
 
-    /// The epoch and digest that all show, or know of if they are spares that came too late for it.
+    /// The epoch and digest that all modules show; late spares show the epoch only.
     fn common_plan(
         &self,
         cluster: &Cluster,
@@ -140,13 +146,14 @@ impl Watch {
         (epochs.len() == 1 && digests.next().is_none()).then_some(plan)
     }
 
-    /// Whether a group surely holds a majority of every roster that may count: those for which any member ever showed a
-    /// digest, from the last one on that some running member of the group saw agreed. Only active members count in a
-    /// roster, in the runs that it lists, for later ones have forgotten what they agreed on; and an exact half with the lowest of them. Before any was agreed, more than half of the expected number is needed as well.
+    /// Whether a group surely holds a majority of every roster that may count: the rosters for which any member ever showed
+    /// a digest, from the last one on that a running module of the group saw agreed. The active members of a roster count,
+    /// in the runs that it lists, and an exact half with the lowest of them is enough. Before the first agreement, more than
+    /// half of the expected number is needed as well.
     fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
         let agreed = modules
             .iter()
-            .filter_map(|&module| self.last_word(cluster, module)?.agreed)
+            .filter_map(|&module| self.latest(cluster, module)?.agreed)
             .max();
         if agreed.is_none() {
             let expected = cluster
@@ -161,17 +168,16 @@ impl Watch {
         bases
             .filter_map(|epoch| self.rosters.get(&epoch))
             .all(|known| {
-                let remembers = |run: &&ModuleRun| {
-                    modules.contains(&run.module)
-                        && cluster.incarnation(run.module) == Some(run.incarnation)
+                let is_present = |run: &&ModuleRun| {
+                    modules.contains(&run.module) && cluster.run_of(run.module) == Some(**run)
                 };
-                let present = known.active.iter().filter(remembers).count() * 2;
-                let lowest = known.active.first().filter(remembers).is_some();
+                let present = known.active.iter().filter(is_present).count() * 2;
+                let lowest = known.active.first().filter(is_present).is_some();
                 present > known.active.len() || (present == known.active.len() && lowest)
             })
     }
 
-    /// Whether, and how, everything has come to its end.
+    /// How the run has ended, if it has.
     pub fn ending(&self, cluster: &Cluster) -> Ending {
         let mut formed = BTreeSet::new();
         for modules in cluster.parts().iter().filter(|part| !part.is_empty()) {
@@ -181,7 +187,7 @@ impl Watch {
                 }
                 Part::Waiting if !self.surely_has_quorum(cluster, modules) => {}
                 Part::Idle => {}
-                Part::Waiting | Part::Hole(..) | Part::Unfinished => return Ending::Neither,
+                Part::Waiting | Part::Hole { .. } | Part::Unfinished => return Ending::Neither,
             }
         }
         match formed.len() {
@@ -191,7 +197,7 @@ impl Watch {
         }
     }
 
-    /// Notes what is wrong with the end of a run.
+    /// Records what is wrong with the end of a run.
     pub fn judge_end(&mut self, cluster: &Cluster) {
         let mut formed = BTreeSet::new();
         for modules in cluster.parts().iter().filter(|part| !part.is_empty()) {
@@ -205,7 +211,7 @@ impl Watch {
                     (ViolationKind::QuorumDenied, detail)
                 }
                 Part::Waiting | Part::Idle => continue,
-                Part::Hole(filled, wanted) => {
+                Part::Hole { filled, wanted } => {
                     let detail = format!("{filled} of {wanted} spots are filled");
                     (ViolationKind::Hole, detail)
                 }
@@ -214,8 +220,8 @@ impl Watch {
                         .iter()
                         .filter_map(|&module| Some((module, self.heartbeat(cluster, module)?)))
                         .map(|(module, heartbeat)| {
-                            let epoch = heartbeat.epoch.map_or(0, |epoch| epoch.number);
-                            format!("{} {:?} in {epoch}", module.0, heartbeat.phase)
+                            let epoch = heartbeat.epoch.map(|epoch| epoch.number);
+                            format!("{} {:?} in {epoch:?}", module.0, heartbeat.phase)
                         })
                         .collect();
                     (ViolationKind::NoEnd, phases.join(", "))

@@ -1,0 +1,322 @@
+//! Monitors invariants: what must hold at every moment, judged from what modules publish and where their drives are.
+//!
+//! This shares nothing with the agents. It knows rosters, states, heartbeats and claims as any participant does, and drives
+//! as an observer of the robots does. `ending` judges how a run ends.
+
+mod ending;
+mod motion;
+mod violation;
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::model::{
+    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Roster,
+    RosterMember, RosterMessage, Service, SpotClaim, SpotId,
+};
+use formation::protocol::Event;
+
+pub use violation::{Violation, ViolationKind};
+
+use crate::cluster::{Cluster, Observation};
+
+struct KnownRoster {
+    roster: Arc<Roster>,
+    members: BTreeSet<ModuleId>,
+    /// The members that take part in the plan.
+    active: BTreeSet<ModuleRun>,
+    /// The members that no claim may evict.
+    fixed: BTreeSet<ModuleId>,
+}
+
+type PlanKey = (Epoch, Digest);
+
+/// The latest messages of one run.
+#[derive(Default)]
+struct Latest {
+    state: Option<Arc<ModuleState>>,
+    /// The revision of the target that the run had received when it published its state; `None` before any.
+    target_revision: Option<u64>,
+    heartbeat: Option<Heartbeat>,
+    /// The latest epoch on which the run saw all members agree.
+    agreed: Option<Epoch>,
+}
+
+/// Judges one run of a cluster.
+pub(crate) struct Monitor {
+    lease: Duration,
+    /// The time beyond the lease that a heartbeat may take before motion on it counts as stale.
+    margin: Duration,
+    rosters: BTreeMap<Epoch, KnownRoster>,
+    latest: BTreeMap<ModuleRun, Latest>,
+    /// When each member first showed the digest of a plan.
+    shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
+    /// The epoch that each module shows, and since when.
+    left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
+    /// The spot, and the roster with its target, on which each run has settled and that it has not left.
+    settled_on: BTreeMap<ModuleRun, (SpotId, Arc<Roster>)>,
+    holders: BTreeMap<(PlanKey, SpotId), ModuleId>,
+    spots: BTreeMap<(PlanKey, ModuleId), SpotId>,
+    /// The plans on which a module has begun to move.
+    begun: BTreeSet<PlanKey>,
+    pub violations: Vec<Violation>,
+}
+
+impl Monitor {
+    pub fn new(lease: Duration, margin: Duration) -> Self {
+        Self {
+            lease,
+            margin,
+            rosters: BTreeMap::new(),
+            latest: BTreeMap::new(),
+            shown: BTreeMap::new(),
+            left: BTreeMap::new(),
+            settled_on: BTreeMap::new(),
+            holders: BTreeMap::new(),
+            spots: BTreeMap::new(),
+            begun: BTreeSet::new(),
+            violations: Vec::new(),
+        }
+    }
+
+    fn violate(&mut self, at: Duration, kind: ViolationKind, detail: String) {
+        self.violations.push(Violation { at, kind, detail });
+    }
+
+    /// The number of epochs with a roster.
+    pub fn epochs(&self) -> u64 {
+        self.rosters.len() as u64
+    }
+
+    /// Judges what has happened since the last call.
+    pub fn observe(&mut self, cluster: &mut Cluster) {
+        for (at, observation) in cluster.take_observations() {
+            match observation {
+                Observation::Published(module, message) => match &message {
+                    Message::Roster(RosterMessage::Plan(roster)) => {
+                        self.observe_roster(at, module, roster);
+                    }
+                    Message::Heartbeat(heartbeat) => self.observe_heartbeat(at, heartbeat),
+                    Message::ModuleState(state) => self.observe_state(at, state, cluster),
+                    Message::Claim(claim) => self.observe_claim(at, claim),
+                    _ => {}
+                },
+                Observation::SetOff(module, plan) => {
+                    self.check_departure(at, module, plan, cluster);
+                }
+                Observation::Noted(module, Event::Agreed(epoch)) => {
+                    if let Some(run) = cluster.run_of(module) {
+                        let latest = self.latest.entry(run).or_default();
+                        latest.agreed = latest.agreed.max(Some(epoch));
+                    }
+                }
+                Observation::Noted(..) | Observation::Announced(_) | Observation::Fault(_) => {}
+            }
+        }
+    }
+
+    fn observe_roster(&mut self, at: Duration, convener: ModuleId, roster: &Arc<Roster>) {
+        self.check_pins(at, roster);
+        let members = roster.members.iter();
+        let active = || {
+            let members = roster.members.iter();
+            members.filter(|member| member.service == Service::Active)
+        };
+        let known = KnownRoster {
+            members: members.map(|member| member.module.id).collect(),
+            active: active().map(RosterMember::run).collect(),
+            fixed: fixed(&active().collect::<Vec<_>>()),
+            roster: Arc::clone(roster),
+        };
+        if self.rosters.insert(roster.epoch, known).is_some() {
+            let detail = format!("{} by {convener}", roster.epoch);
+            self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
+        }
+    }
+
+    fn observe_heartbeat(&mut self, at: Duration, heartbeat: &Heartbeat) {
+        let module = heartbeat.module;
+        let run = ModuleRun {
+            module,
+            incarnation: heartbeat.incarnation,
+        };
+        let before = self
+            .latest
+            .entry(run)
+            .or_default()
+            .heartbeat
+            .replace(*heartbeat);
+        if let Some(before) = before.and_then(|before| before.epoch)
+            && heartbeat.epoch < Some(before)
+        {
+            let detail = format!("{module} after {before}");
+            self.violate(at, ViolationKind::EpochWentBack, detail);
+        }
+        let entry = self.left.entry(module).or_insert((heartbeat.epoch, at));
+        if entry.0 != heartbeat.epoch {
+            *entry = (heartbeat.epoch, at);
+        }
+        if let Some(plan) = heartbeat.epoch.zip(heartbeat.digest) {
+            let shown = self.shown.entry(plan).or_default();
+            shown.entry(module).or_insert(at);
+        }
+    }
+
+    fn observe_state(&mut self, at: Duration, state: &Arc<ModuleState>, cluster: &Cluster) {
+        let run = ModuleRun {
+            module: state.module,
+            incarnation: state.incarnation,
+        };
+        let latest = self.latest.entry(run).or_default();
+        latest.state = Some(Arc::clone(state));
+        let announcement = cluster.received_announcement(state.module);
+        latest.target_revision = announcement.map(|announcement| announcement.revision);
+        self.follow(at, run, state);
+        if let (ModulePhase::Settled, Some(plan), Some(spot)) =
+            (state.phase, state.epoch.zip(state.digest), state.spot)
+        {
+            self.check_spots(at, plan, state.module, spot);
+            self.check_stands_on(at, state, plan.0, spot, cluster);
+        }
+        self.check_unit_in_motion(at, state, cluster);
+    }
+
+    fn observe_claim(&mut self, at: Duration, claim: &SpotClaim) {
+        let Some(roster) = self.rosters.get_mut(&claim.epoch) else {
+            return;
+        };
+        // A module that left its configuration in this or an earlier turn is a singleton like any other.
+        for detached in &claim.decision.detached {
+            roster.fixed.remove(detached);
+        }
+        let evicted = claim.decision.evictions.iter();
+        let evicted: Vec<ModuleId> = evicted
+            .map(|eviction| eviction.evicted)
+            .filter(|evicted| roster.fixed.contains(evicted))
+            .collect();
+        for evicted in evicted {
+            let detail = format!("{evicted} by {} in {}", claim.claimant, claim.epoch);
+            self.violate(at, ViolationKind::ConfigurationMemberEvicted, detail);
+        }
+    }
+
+    /// Compares a state with the entry of its module in the roster, and records where the module has settled.
+    fn follow(&mut self, at: Duration, run: ModuleRun, state: &ModuleState) {
+        let roster = state
+            .epoch
+            .and_then(|epoch| self.rosters.get(&epoch))
+            .map(|known| Arc::clone(&known.roster));
+        match state.phase {
+            ModulePhase::Moving => {
+                self.settled_on.remove(&run);
+            }
+            ModulePhase::Settled => {
+                if let Some((spot, roster)) = state.spot.zip(roster) {
+                    self.settled_on.insert(run, (spot, roster));
+                }
+            }
+            ModulePhase::Planning | ModulePhase::Agreeing => {
+                let frozen = roster.as_ref().and_then(|roster| {
+                    let mut members = roster.members.iter();
+                    members.find(|member| member.module.id == state.module)
+                });
+                if frozen.is_some_and(|member| member.module.pose != state.pose) {
+                    let detail = format!("{}", state.module);
+                    self.violate(at, ViolationKind::NotWhereFrozen, detail);
+                }
+            }
+            _ => {}
+        }
+        if state.service != Service::Active {
+            self.settled_on.remove(&run);
+        }
+    }
+
+    /// A module that freezes where it has settled, for the same target, publishes its pin.
+    fn check_pins(&mut self, at: Duration, roster: &Roster) {
+        let mut forgotten = Vec::new();
+        for member in &roster.members {
+            let Some((spot, before)) = self.settled_on.get(&member.run()) else {
+                continue;
+            };
+            let latest = self.latest.get(&member.run());
+            // A module that has not received the target cannot know whether it stands on a spot of it.
+            let revision = latest.and_then(|latest| latest.target_revision);
+            let knows_target = revision == Some(roster.target.revision);
+            let frozen = latest.and_then(|latest| latest.state.as_deref());
+            let same_target = before.target.target == roster.target.target
+                && before.target.parameters == roster.target.parameters;
+            if let Some(frozen) = frozen
+                && frozen.epoch == Some(roster.epoch)
+                && frozen.phase == ModulePhase::Gathered
+                && frozen.spot != Some(*spot)
+                && same_target
+                && knows_target
+            {
+                forgotten.push(format!(
+                    "{} of {spot} in {}",
+                    member.module.id, roster.epoch
+                ));
+            }
+        }
+        for detail in forgotten {
+            self.violate(at, ViolationKind::PinForgotten, detail);
+        }
+    }
+
+    /// A module that has settled stands where the target of its roster has its spot.
+    fn check_stands_on(
+        &mut self,
+        at: Duration,
+        state: &ModuleState,
+        epoch: Epoch,
+        spot: SpotId,
+        cluster: &Cluster,
+    ) {
+        let target = self.rosters.get(&epoch);
+        let target = target.and_then(|known| known.roster.target.target.as_ref());
+        let pose = target.and_then(|target| Some(target.spot(spot)?.pose));
+        let standing = cluster.standing(state.module);
+        if let (Some(pose), Some(standing)) = (pose, standing)
+            && pose != standing.pose
+        {
+            let detail = format!("{} not on {spot}", state.module);
+            self.violate(at, ViolationKind::SettledElsewhere, detail);
+        }
+    }
+
+    /// One module on each spot of a plan, and one spot for each module.
+    fn check_spots(&mut self, at: Duration, plan: PlanKey, module: ModuleId, spot: SpotId) {
+        let holder = *self.holders.entry((plan, spot)).or_insert(module);
+        if holder != module {
+            let detail = format!("{holder} and {module} on {spot} in {}", plan.0);
+            self.violate(at, ViolationKind::TwoModulesOnOneSpot, detail);
+        }
+        let first = *self.spots.entry((plan, module)).or_insert(spot);
+        if first != spot {
+            let detail = format!("{module} on {first} and {spot} in {}", plan.0);
+            self.violate(at, ViolationKind::OneModuleOnTwoSpots, detail);
+        }
+    }
+}
+
+/// The active members that no claim may evict: those with a pin, and those of a configuration.
+fn fixed(active: &[&RosterMember]) -> BTreeSet<ModuleId> {
+    // A module that is docked to pinned modules only has no configuration to keep: it moves, and they stay. Links to
+    // modules out of service make no configuration, as these undock.
+    let is_partner = |own: ModuleId, other: ModuleId| {
+        active.iter().any(|member| {
+            let module = &member.module;
+            module.id == other && module.links.contains(&own) && module.pin.is_none()
+        })
+    };
+    let modules = active.iter().map(|member| &member.module);
+    modules
+        .filter(|module| {
+            let mut links = module.links.iter();
+            module.pin.is_some() || links.any(|&other| is_partner(module.id, other))
+        })
+        .map(|module| module.id)
+        .collect()
+}

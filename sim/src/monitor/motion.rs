@@ -1,0 +1,98 @@
+//! When a module may move: judged from rosters, heartbeats and states, and from where the drives are.
+
+use std::time::Duration;
+
+use formation::model::{ModuleId, ModulePhase, ModuleState};
+
+use super::{Monitor, PlanKey, ViolationKind};
+use crate::cluster::Cluster;
+
+/// Clocks drift by millionths, and each module rounds its own times.
+const ROUNDING: Duration = Duration::from_millis(5);
+
+impl Monitor {
+    /// While a module moves, all other modules that move belong to its unit.
+    pub(super) fn check_unit_in_motion(
+        &mut self,
+        at: Duration,
+        state: &ModuleState,
+        cluster: &Cluster,
+    ) {
+        let Some(plan) = state.epoch.zip(state.digest) else {
+            return;
+        };
+        if state.phase != ModulePhase::Moving || cluster.plan_in_motion(state.module) != Some(plan)
+        {
+            return;
+        }
+        for other in cluster.running() {
+            if other == state.module || cluster.plan_in_motion(other) != Some(plan) {
+                continue;
+            }
+            let is_of_another_unit = self.state(cluster, other).is_some_and(|last| {
+                last.epoch == state.epoch
+                    && last.phase == ModulePhase::Moving
+                    && last.unit != state.unit
+            });
+            if is_of_another_unit {
+                let detail = format!("{} while {other} moves in {}", state.module, plan.0);
+                self.violate(at, ViolationKind::TwoUnitsInMotion, detail);
+            }
+        }
+    }
+
+    /// A drive received a goal: its plan is the only one in motion, all members agreed to it long enough ago, and none has
+    /// left it for long.
+    pub(super) fn check_departure(
+        &mut self,
+        at: Duration,
+        module: ModuleId,
+        plan: Option<PlanKey>,
+        cluster: &Cluster,
+    ) {
+        let Some(plan) = plan else {
+            let detail = format!("{module} moves without a plan");
+            return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
+        };
+        for other in cluster.running() {
+            if cluster
+                .plan_in_motion(other)
+                .is_some_and(|other| other != plan)
+            {
+                let detail = format!("{module} on {} while {other} moves on another", plan.0);
+                self.violate(at, ViolationKind::TwoPlansInMotion, detail);
+            }
+        }
+        let shown = self.shown.get(&plan);
+        let Some((roster, shown)) = self.rosters.get(&plan.0).zip(shown) else {
+            let detail = format!("{module} on {}, which no module showed", plan.0);
+            return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
+        };
+        let shows = |member: &&ModuleId| shown.contains_key(member);
+        let missing = roster
+            .members
+            .iter()
+            .filter(|member| !shows(member))
+            .count();
+        if missing > 0 {
+            let detail = format!("{module} on {}; {missing} members never agreed", plan.0);
+            return self.violate(at, ViolationKind::MotionWithoutAgreement, detail);
+        }
+        let last_shown = shown.values().max().copied();
+        let left_for_long = roster.members.iter().copied().find(|member| {
+            self.left.get(member).is_some_and(|&(epoch, since)| {
+                epoch != Some(plan.0) && at > since + self.lease + self.margin
+            })
+        });
+        if self.begun.insert(plan)
+            && last_shown.is_some_and(|last| at + ROUNDING < last + self.lease)
+        {
+            let detail = format!("{module} on {}", plan.0);
+            self.violate(at, ViolationKind::MotionBeforeLease, detail);
+        }
+        if let Some(member) = left_for_long {
+            let detail = format!("{module} on {} long after {member} left it", plan.0);
+            self.violate(at, ViolationKind::MotionOnStalePlan, detail);
+        }
+    }
+}
