@@ -1,8 +1,9 @@
 #!/usr/bin/env python3
 """Adds a module to a running formation, and waits until it has a spot or stands by as a spare.
 
-A module announces itself; nobody has to be told. If a spot is open it is given one, else it stands by. Without --agent a
-process of its own is started for it, which Ctrl-C ends again; with --agent a running one takes it in.
+A module announces itself; no other module needs an argument or a request. The formation gives the module an open spot,
+else it stands by. Without --agent this program starts a process for the module, which Ctrl-C ends again; with --agent a
+running process hosts the module.
 
     python3 add_module.py --module 18 --x 2.5 --y 3.0
     python3 add_module.py --module 18 --x 2.5 --y 3.0 --agent module_4
@@ -19,19 +20,19 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TRANSIENT_LOCAL = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-class Watch(Node):
-    """Waits for one module."""
+class ModuleObserver(Node):
+    """Keeps the latest state of one module."""
 
     def __init__(self, module, namespace):
         super().__init__("add_module", namespace=namespace)
         self.module = module
         self.state = None
-        self.create_subscription(ModuleStates, "module_states", self.hear_states, LATCHED)
+        self.create_subscription(ModuleStates, "module_states", self.handle_states, TRANSIENT_LOCAL)
 
-    def hear_states(self, sample):
+    def handle_states(self, sample):
         for state in sample.modules:
             if state.module_id == self.module:
                 self.state = state
@@ -47,14 +48,14 @@ def start_process(options):
     return subprocess.Popen(command)
 
 
-def ask_agent(watch, options):
-    """Has a running agent take the module in."""
-    client = watch.create_client(AddModule, f"{options.agent}/add_module")
+def ask_agent(observer, options):
+    """Requests a running agent to host the module."""
+    client = observer.create_client(AddModule, f"{options.agent}/add_module")
     if not client.wait_for_service(timeout_sec=10.0):
-        sys.exit(f"nobody serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
+        sys.exit(f"no node serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
     request = AddModule.Request(module_id=options.module, x=options.x, y=options.y, theta=options.theta)
     answer = client.call_async(request)
-    rclpy.spin_until_future_complete(watch, answer)
+    rclpy.spin_until_future_complete(observer, answer)
     response: AddModule.Response = answer.result()
     print(response.message, flush=True)
     if not response.success:
@@ -72,18 +73,18 @@ def main():
     parser.add_argument("--program", default="module_agent", help="the program, if it is not on the PATH")
     options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
-    watch = Watch(options.module, options.namespace)
+    observer = ModuleObserver(options.module, options.namespace)
     process = None
     try:
         if options.agent:
-            ask_agent(watch, options)
+            ask_agent(observer, options)
         else:
             process = start_process(options)
-        while not watch.is_placed() and (process is None or process.poll() is None):
-            rclpy.spin_once(watch, timeout_sec=0.5)
-        if watch.is_placed():
-            settled = watch.state.phase == ModuleState.PHASE_SETTLED
-            where = f"settled on spot {watch.state.spot_id}" if settled else "is a spare"
+        while not observer.is_placed() and (process is None or process.poll() is None):
+            rclpy.spin_once(observer, timeout_sec=0.5)
+        if observer.is_placed():
+            settled = observer.state.phase == ModuleState.PHASE_SETTLED
+            where = f"settled on spot {observer.state.spot_id}" if settled else "is a spare"
             print(f"module {options.module} {where}", flush=True)
         if process is not None:
             process.wait()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Announces the target of a scenario, as `target_publisher` does, and keeps it for whoever comes late.
+"""Announces the target of a scenario, as `target_publisher` does, and keeps it for nodes that start later.
 
     python3 announce_target.py --scenario figure1_ladder17.yaml
 """
@@ -16,15 +16,15 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-LATCHED = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TRANSIENT_LOCAL = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def announcement(scenario, expected_modules):
-    """The message for a scenario; what it leaves out of the planner's parameters has its default in the message."""
+    """The message for a scenario; planner parameters that the scenario leaves out keep the defaults of the message."""
     target = scenario["target"]
     message = TargetConfiguration(name=scenario.get("name", ""), expected_modules=expected_modules)
     message.header.frame_id = target.get("frame_id", "map")
-    # The highest revision holds, so later announcements outweigh this one.
+    # The highest revision holds, so later announcements replace this one.
     message.revision = int(time.time() * 1000)
     message.spots = [
         Spot(id=spot["id"], x=float(spot["x"]), y=float(spot["y"]), theta=float(spot.get("theta", 0.0)))
@@ -42,7 +42,7 @@ class Announcer(Node):
         scenario = yaml.safe_load(pathlib.Path(options.scenario).read_text(encoding="utf-8"))
         message = announcement(scenario, options.expected_modules)
         message.header.stamp = self.get_clock().now().to_msg()
-        self.publisher = self.create_publisher(TargetConfiguration, "target", LATCHED)
+        self.publisher = self.create_publisher(TargetConfiguration, "target", TRANSIENT_LOCAL)
         self.publisher.publish(message)
         self.get_logger().info(f"announced `{message.name}` with {len(message.spots)} spots; Ctrl-C ends")
 

@@ -1,11 +1,11 @@
 #!/usr/bin/env python3
-"""Plays the robots of a scenario: for each module it drives to the goals, tells the pose, and docks.
+"""Plays the robots of a scenario: for each module it drives to the goals, publishes the pose, and docks.
 
-Start it beside modules that run with `--motion external`, in the same domain:
+Start it in addition to modules that run with `--motion external`, in the same domain:
 
     python3 drive_modules.py --scenario figure1_ladder17.yaml
 
-For robots of your own keep the topics, and put your robot in the place of `robot_model.Robot`.
+For your own robots keep the topics, and replace `robot_model.Robot` by your robot.
 """
 
 import argparse
@@ -34,19 +34,19 @@ class ModuleDriver:
         else:
             self.poses = node.create_publisher(PoseStamped, f"{prefix}/pose", 10)
         self.results = node.create_publisher(DockingResult, f"{prefix}/docking_result", 10)
-        node.create_subscription(PoseStamped, f"{prefix}/goal_pose", self.hear_goal, 10)
-        node.create_subscription(DockingRequest, f"{prefix}/docking", self.hear_request, 10)
+        node.create_subscription(PoseStamped, f"{prefix}/goal_pose", self.handle_goal, 10)
+        node.create_subscription(DockingRequest, f"{prefix}/docking", self.handle_request, 10)
 
-    def hear_goal(self, message):
+    def handle_goal(self, message):
         position, orientation = message.pose.position, message.pose.orientation
         heading = 2.0 * math.atan2(orientation.z, orientation.w)
-        self.robot.hear_goal(self.node.now(), Pose(position.x, position.y, heading))
+        self.robot.handle_goal(self.node.now(), Pose(position.x, position.y, heading))
 
-    def hear_request(self, message):
+    def handle_request(self, message):
         if not self.robot.is_docked(self.node.now(), message.request):
-            # It repeats until it is answered.
+            # The request repeats until it is answered.
             return
-        what = "docked to" if message.action == DockingRequest.ACTION_DOCK else "let go of"
+        what = "docked to" if message.action == DockingRequest.ACTION_DOCK else "undocked from"
         self.node.get_logger().info(f"module {self.module} {what} module {message.other_module_id}")
         result = DockingResult(module_id=self.module, request=message.request, success=True)
         result.header.stamp = self.node.get_clock().now().to_msg()

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Prints who claims which spot, and who loses it, turn by turn.
+"""Prints which module claims which spot, and which module loses one, turn by turn.
 
     python3 echo_claims.py
 """
@@ -12,8 +12,8 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-# Claims made before this was started come as well.
-LATCHED = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+# Claims that were made before the start of this program arrive as well.
+TRANSIENT_LOCAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
 def described(claim):
@@ -30,11 +30,14 @@ def described(claim):
 
 
 class ClaimEcho(Node):
-    """Listens to claims."""
+    """Prints claims."""
 
     def __init__(self):
         super().__init__("echo_claims", namespace="/formation")
-        self.create_subscription(SpotClaim, "claims", lambda claim: print(described(claim), flush=True), LATCHED)
+        self.create_subscription(SpotClaim, "claims", self.handle_claim, TRANSIENT_LOCAL)
+
+    def handle_claim(self, claim):
+        print(described(claim), flush=True)
 
 
 def main():

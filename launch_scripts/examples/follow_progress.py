@@ -15,7 +15,7 @@ from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
-LATCHED = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+TRANSIENT_LOCAL = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 PHASES = {
     ModuleState.PHASE_LISTENING: "listening",
@@ -43,13 +43,13 @@ class Follower(Node):
         self.states = {}
         self.shown = None
         self.verdict = None
-        self.create_subscription(ModuleStates, "module_states", self.hear_states, LATCHED)
-        self.create_subscription(Verdict, "verdict", self.hear_verdict, LATCHED)
+        self.create_subscription(ModuleStates, "module_states", self.handle_states, TRANSIENT_LOCAL)
+        self.create_subscription(Verdict, "verdict", self.handle_verdict, TRANSIENT_LOCAL)
 
-    def hear_states(self, sample):
+    def handle_states(self, sample):
         for state in sample.modules:
             known = self.states.get(state.module_id)
-            # Latched samples may come late: the latest run's latest word holds.
+            # Samples of earlier runs may arrive late: the latest state of the latest run holds.
             if known is None or (state.incarnation, state.sequence) > (known.incarnation, known.sequence):
                 self.states[state.module_id] = state
         counts = collections.Counter(PHASES.get(state.phase, "?") for state in self.states.values())
@@ -58,7 +58,7 @@ class Follower(Node):
             self.shown = line
             print(line, flush=True)
 
-    def hear_verdict(self, verdict):
+    def handle_verdict(self, verdict):
         print(f"{OUTCOMES.get(verdict.outcome, '?')}: {verdict.filled_spots} of {verdict.spots} spots are filled")
         for violation in verdict.violations:
             print(f"  {violation}")

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Has the target of a scenario formed: sends the goal, follows it, and tells how it ended. Ctrl-C cancels it, and the
+"""Forms the target of a scenario: sends the goal, follows it, and prints the result. Ctrl-C cancels the goal, and the
 modules then stand still. Ends with status 0 when the formation is as complete as the number of modules allows.
 
     python3 form_target.py --scenario figure1_ladder17 --expected-modules 17
@@ -44,7 +44,7 @@ def main():
     node = Node("form_target", namespace=options.namespace)
     client = ActionClient(node, FormConfiguration, "form_configuration")
     if not client.wait_for_server(timeout_sec=10.0):
-        sys.exit("nobody serves form_configuration: is target_publisher running, and RMW_IMPLEMENTATION the same?")
+        sys.exit("no node serves form_configuration: is target_publisher running, and RMW_IMPLEMENTATION the same?")
     goal = FormConfiguration.Goal(scenario=options.scenario, expected_modules=options.expected_modules)
     sent = client.send_goal_async(goal, feedback_callback=show)
     rclpy.spin_until_future_complete(node, sent)

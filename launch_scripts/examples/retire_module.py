@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Takes a module out of the formation, or back into it, by asking the agent that hosts it.
+"""Takes a module out of the formation, or back into it, by a request to the agent that hosts it.
 
     python3 retire_module.py --agent module_4 --module 4
     python3 retire_module.py --agent module_4 --module 4 --rejoin
@@ -24,7 +24,7 @@ def main():
     node = Node("retire_module", namespace=options.namespace)
     client = node.create_client(RetireModule, f"{options.agent}/retire_module")
     if not client.wait_for_service(timeout_sec=10.0):
-        sys.exit(f"nobody serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
+        sys.exit(f"no node serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
     answer = client.call_async(RetireModule.Request(module_id=options.module, rejoin=options.rejoin))
     rclpy.spin_until_future_complete(node, answer)
     response: RetireModule.Response = answer.result()

@@ -1,10 +1,12 @@
-"""Robots that do what a module's driver is asked to do. No ROS in here: the nodes beside this file carry the messages.
+"""Simple robots that follow the requests to a module's driver.
 
-A real driver keeps to the same rules:
+This file does not use ROS; the nodes next to it handle messages.
 
-* it goes to the latest goal while goals keep coming, and stops when none came for `PATIENCE_S`;
-* it tells its pose all the time, whether it moves or not;
-* it answers every docking request, also one that it has answered before, since requests repeat until they are answered.
+A real driver follows the same rules:
+
+* it drives to the latest goal while goals arrive, and stops when none arrived for `PATIENCE_S`;
+* it always publishes its pose, whether it moves or not;
+* it answers every docking request, including one that it has answered before: requests repeat until they are answered.
 """
 
 import dataclasses
@@ -27,12 +29,12 @@ class Pose:
 
 
 def turn_between(start, end):
-    """The shorter way from one heading to another."""
+    """The smaller angle from one heading to another."""
     return math.remainder(end - start, math.tau)
 
 
 class Robot:
-    """One module: it drives straight to its goal at `speed`, turning on the way, and docks in `docking_s`."""
+    """One module: it drives straight to its goal at `speed`, turning meanwhile, and docks in `docking_s`."""
 
     def __init__(self, pose, speed=1.0, turn_rate=2.0, docking_s=0.2):
         self.pose = pose
@@ -40,29 +42,29 @@ class Robot:
         self.turn_rate = turn_rate
         self.docking_s = docking_s
         self.goal = None
-        self.goal_heard = -math.inf
+        self.goal_received = -math.inf
         self.request = None
         self.request_began = 0.0
 
-    def hear_goal(self, now, goal):
+    def handle_goal(self, now, goal):
         """Takes a goal; it holds until the next one, or for `PATIENCE_S`."""
         self.goal = goal
-        self.goal_heard = now
+        self.goal_received = now
 
     def step(self, now, elapsed):
         """Moves for `elapsed` seconds, if there is a goal that still holds."""
-        if self.goal is None or now - self.goal_heard > PATIENCE_S:
+        if self.goal is None or now - self.goal_received > PATIENCE_S:
             self.goal = None
             return
-        way_x, way_y = self.goal.x - self.pose.x, self.goal.y - self.pose.y
-        way = math.hypot(way_x, way_y)
-        share = min(1.0, self.speed * elapsed / way) if way > 0.0 else 0.0
+        path_x, path_y = self.goal.x - self.pose.x, self.goal.y - self.pose.y
+        distance = math.hypot(path_x, path_y)
+        share = min(1.0, self.speed * elapsed / distance) if distance > 0.0 else 0.0
         turn = turn_between(self.pose.theta, self.goal.theta)
         turn = math.copysign(min(abs(turn), self.turn_rate * elapsed), turn)
-        self.pose = Pose(self.pose.x + way_x * share, self.pose.y + way_y * share, self.pose.theta + turn)
+        self.pose = Pose(self.pose.x + path_x * share, self.pose.y + path_y * share, self.pose.theta + turn)
 
     def is_docked(self, now, request):
-        """Whether a docking request, which may be heard many times, is carried out by now."""
+        """Whether a docking request, which may arrive many times, is carried out by now."""
         if self.request != request:
             self.request = request
             self.request_began = now

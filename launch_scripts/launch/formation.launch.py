@@ -3,8 +3,8 @@
     ros2 launch formation_launch formation.launch.py scenario:=figure1_ladder17
     ros2 launch formation_launch formation.launch.py scenario:=/path/to/mine.yaml visualiser:=true motion:=external
 
-A module is one process, and a configuration's leader a `leader_agent`, as with `formation run`. Unlike it, the
-processes stay until Ctrl-C, unless `shutdown_on_verdict` says otherwise.
+A module is one process, and a configuration's leader a `leader_agent`, as with `formation run`. Unlike there, the
+processes run until Ctrl-C, unless `shutdown_on_verdict` says otherwise.
 """
 
 import os
@@ -36,7 +36,7 @@ ARGUMENTS = {
     "speed": ("1.0", "speed of simulated modules, in units a second"),
     "visualiser": ("false", "whether to publish markers and transforms for RViz and Foxglove"),
     "rviz": ("false", "whether to start RViz as well"),
-    "time_limit_s": ("600.0", "after so many seconds the verifier calls the formation failed"),
+    "time_limit_s": ("600.0", "after this many seconds the verifier calls the formation failed"),
     "shutdown_on_verdict": ("false", "whether everything ends once the verifier has judged"),
     "log_level": ("info", "debug, info, warn, error or fatal"),
 }
@@ -53,7 +53,7 @@ def scenario_path(name):
 
 
 def modules_of(scenario):
-    """All modules ascending, and those that lead a configuration by the file's own word."""
+    """All modules ascending, and those that the file names as leaders."""
     configurations = scenario.get("configurations") or []
     modules = [module["id"] for configuration in configurations for module in configuration["modules"]]
     modules += [module["id"] for module in scenario.get("singletons") or []]
@@ -93,17 +93,17 @@ def launch_setup(context):
         )
 
     scenario = ["--scenario", path]
-    # Goals that are sent later want a verdict as well.
+    # Goals that are sent later need a verdict as well.
     ends = value["shutdown_on_verdict"].lower() in ("true", "1")
-    patience = ["--time-limit-s", value["time_limit_s"]]
-    verifier = node("verifier", "verifier", patience if ends else [*patience, "--keep-watching"])
+    time_limit = ["--time-limit-s", value["time_limit_s"]]
+    verifier = node("verifier", "verifier", time_limit if ends else [*time_limit, "--keep-watching"])
     motion = ["--motion", value["motion"], "--speed", value["speed"]]
     agents = [
         node(program, name, [*hosted, *scenario, *motion])
         for program, name, hosted in processes(modules, leaders, modules_per_process)
     ]
     publisher = node("target_publisher", "target_publisher", [*scenario, "--expected-modules", str(len(modules))])
-    # The verifier comes first, so that it hears everything, and the target last.
+    # The verifier comes first, so that it receives all messages, and the target last.
     return [
         verifier,
         *agents,

@@ -7,7 +7,8 @@ use clap::{Args, Parser, Subcommand, ValueEnum};
 use formation_sim::FaultKind;
 use ros_runtime::environment::Domain;
 
-use crate::run::MODULES_PER_PROCESS_MAX;
+/// The most modules in one process: their states must fit into one sample.
+pub const MODULES_PER_PROCESS_MAX: usize = 25;
 
 /// Forms a target configuration out of robot modules over DDS.
 #[derive(Debug, Parser)]
@@ -21,20 +22,20 @@ pub struct Arguments {
 const EXIT_STATUS: &str = "\
 Exit status:
   0  done
-  1  the formation failed or was found wrong
+  1  the formation failed, or its result is wrong
   2  bad input or usage";
 
 /// What the launcher can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Validate a scenario file, and name what is wrong and where.
+    /// Validate a scenario file, and say what is wrong and where.
     Check {
         /// The scenario file (YAML).
         scenario: PathBuf,
     },
-    /// Form the target with real processes over DDS, watch them and have the outcome verified.
+    /// Form the target with real processes over DDS, and have the outcome verified.
     Run(RunArguments),
-    /// Decide who takes which spot, offline, by the same core as in every module.
+    /// Plan offline which module takes which spot, by the same core as in every module.
     Plan {
         /// The scenario file (YAML).
         scenario: PathBuf,
@@ -45,25 +46,25 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Make a random scenario from a seed and print it as YAML.
+    /// Generate a random scenario from a seed and print it as YAML.
     ///
     /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of
     /// 16 x 16 units. The same options give the same scenario.
     Generate(GenerateArguments),
-    /// Let the agents form targets in one process, under virtual time and a seeded network, while faults strike.
+    /// Simulate agents that form targets in one process, under virtual time, on a seeded network and with faults.
     ///
-    /// One seed is one run, the same each time. Every run is watched from outside for breaches of what must always
-    /// hold: one module a spot, no motion without agreement, one plan in motion, no hole, an end. A seed that fails is
-    /// printed with the command that replays it. A single seed is told in full.
+    /// One seed is one run, and the run is the same each time. Each run is checked from outside for violations of what
+    /// must always hold: at most one module a spot, no motion without agreement, one plan in motion, no hole, an end.
+    /// A seed that fails is printed with the command that replays it. A single seed is printed in full.
     Simulate(SimulateArguments),
-    /// Run the paper's evaluation again, and set its numbers, its algorithms and ours side by side.
+    /// Repeat the paper's evaluation, and compare its numbers, its algorithms and ours.
     ///
-    /// Writes one CSV file and one SVG plot a figure, and `summary.md`. What is measured is kept: after an interruption
-    /// the same command goes on where it stopped.
+    /// Writes one CSV file and one SVG plot for each figure, and `summary.md`. Measurements are kept: after an
+    /// interruption the same command continues where it stopped.
     Experiments(ExperimentsArguments),
 }
 
-/// How fast simulated modules are unless the user says otherwise.
+/// The default speed of simulated modules.
 pub const SPEED_UNITS_PER_S: f64 = 5.0;
 
 /// What to run, and how.
@@ -77,27 +78,17 @@ pub struct RunArguments {
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "D")]
     pub domain: Option<Domain>,
-    /// Give up after so many seconds.
+    /// Fail after this many seconds without a verdict.
     #[arg(long, value_name = "S", default_value = "120", value_parser = seconds)]
     pub timeout: Duration,
-    /// Stop once all modules have agreed on the plan; nothing moves.
+    /// Stop once all modules agree on the plan; nothing moves.
     #[arg(long)]
     pub plan_only: bool,
-    /// The speed of simulated modules, in units a second.
-    #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
-    pub speed: f64,
-    /// Who moves the modules [default: simulated; external with --driver]
-    #[arg(long, value_name = "MODE", value_enum)]
-    pub motion: Option<MotionMode>,
-    /// A shell command that drives all modules; it is started with the run and stopped with it.
-    #[arg(long, value_name = "COMMAND")]
-    pub driver: Option<String>,
-    /// Hand this on to every module's process, for example --module-option=--motion-limit-s=30; may be repeated.
-    #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
-    pub module_option: Vec<String>,
+    #[command(flatten)]
+    pub motion: MotionArguments,
     /// Whether the nodes serve their parameters, for `ros2 param` [default: on for up to 25 processes of modules]
     ///
-    /// Each node needs 12 endpoints for that, which doubles the time that 40 or more processes take to find each other.
+    /// Each node needs 12 endpoints for that, which doubles the time that 40 or more processes need to discover each other.
     #[arg(long, value_name = "on|off")]
     pub parameter_services: Option<Switch>,
     /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
@@ -106,12 +97,12 @@ pub struct RunArguments {
     /// Print one JSON object instead of a table; progress stays on the standard error output.
     #[arg(long)]
     pub json: bool,
-    /// Set by the launcher itself when it runs in a network namespace of its own.
+    /// Set by the launcher when it restarts itself in a network namespace of its own.
     #[arg(long, hide = true)]
     pub private_network: bool,
 }
 
-/// Who moves the modules.
+/// What moves the modules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 pub enum MotionMode {
     /// The processes of the modules, as if each module went straight to its goal.
@@ -120,9 +111,26 @@ pub enum MotionMode {
     External,
 }
 
-impl RunArguments {
-    /// Who moves the modules.
-    pub fn motion_mode(&self) -> MotionMode {
+/// How modules move.
+#[derive(Debug, Args)]
+pub struct MotionArguments {
+    /// The speed of simulated modules, in units a second.
+    #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
+    pub speed: f64,
+    /// What moves the modules [default: simulated; external with --driver]
+    #[arg(long, value_name = "MODE", value_enum)]
+    motion: Option<MotionMode>,
+    /// A shell command that drives all modules; the run starts and stops it.
+    #[arg(long, value_name = "COMMAND")]
+    pub driver: Option<String>,
+    /// Pass this option to the process of every module, for example --module-option=--motion-limit-s=30; may be repeated.
+    #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
+    pub module_option: Vec<String>,
+}
+
+impl MotionArguments {
+    /// What moves the modules.
+    pub fn mode(&self) -> MotionMode {
         let default = match self.driver {
             Some(_) => MotionMode::External,
             None => MotionMode::Simulated,
@@ -147,7 +155,7 @@ fn modules_per_process(text: &str) -> Result<usize, String> {
         .ok_or_else(|| format!("must be a whole number from 1 to {MODULES_PER_PROCESS_MAX}"))
 }
 
-/// A day is as good as for ever.
+/// One day.
 const TIMEOUT_SECONDS_MAX: f64 = 86_400.0;
 
 fn seconds(text: &str) -> Result<Duration, String> {
@@ -167,7 +175,7 @@ pub struct GenerateArguments {
     /// How many spots.
     #[arg(long, value_name = "N")]
     pub spots: usize,
-    /// Dock the modules into configurations of K; those left over stand alone.
+    /// Dock the modules into configurations of K; the modules left over are singletons.
     #[arg(long, value_name = "K", conflicts_with = "mixed")]
     pub configuration_size: Option<usize>,
     /// Mix singletons with configurations of 2 to 10 modules.
@@ -176,7 +184,7 @@ pub struct GenerateArguments {
     /// The most links that one spot or module has: 3 or 4.
     #[arg(long, value_name = "D", default_value_t = 3)]
     pub degree: usize,
-    /// The seed of all that is random.
+    /// The seed of the random numbers.
     #[arg(long, value_name = "X")]
     pub seed: u64,
 }
@@ -186,16 +194,16 @@ pub struct GenerateArguments {
 pub struct SimulateArguments {
     /// A scenario file (YAML): its modules and target in every run [default: drawn from each seed]
     pub scenario: Option<PathBuf>,
-    /// How many seeds to run; a single one is told in full.
+    /// How many seeds to run; a single one is printed in full.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
     pub seeds: u64,
     /// The first seed; the others follow it.
     #[arg(long, value_name = "X", default_value_t = 0)]
     pub first_seed: u64,
-    /// How many modules a drawn scenario has: a number, or the least and the most.
+    /// How many modules a drawn scenario has: a number, or a range.
     #[arg(long, value_name = "MIN-MAX", default_value = "5-40", conflicts_with = "scenario", value_parser = module_range)]
     pub modules: ModuleRange,
-    /// Which faults strike: none, crash, partition or mixed.
+    /// Which faults occur: none, crash, partition, mixed or hostile.
     #[arg(long, value_name = "KIND", default_value_t = FaultKind::Mixed)]
     pub faults: FaultKind,
     /// Print one JSON object instead of lines for people.
@@ -203,7 +211,7 @@ pub struct SimulateArguments {
     pub json: bool,
 }
 
-/// The least and the most modules of a drawn scenario.
+/// How many modules a drawn scenario has.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct ModuleRange {
     /// The fewest.
@@ -212,7 +220,7 @@ pub struct ModuleRange {
     pub max: usize,
 }
 
-/// Larger clusters are possible and take minutes a run.
+/// Larger clusters are possible, but one run takes minutes.
 const SIMULATED_MODULES_MAX: usize = 200;
 
 fn module_range(text: &str) -> Result<ModuleRange, String> {
@@ -230,19 +238,19 @@ fn module_range(text: &str) -> Result<ModuleRange, String> {
 /// Which experiments to run, and how.
 #[derive(Debug, Args)]
 pub struct ExperimentsArguments {
-    /// The directory for the results; it is made if there is none.
+    /// The directory for the results; created if it does not exist.
     #[arg(value_name = "OUT")]
     pub directory: PathBuf,
-    /// Average over so many instances [default: 50, as in the paper; 5 with --quick]
+    /// Average over N instances [default: 50, as in the paper; 5 with --quick]
     #[arg(long, value_name = "N")]
     pub runs: Option<u64>,
-    /// Run this experiment alone; may be given several times.
+    /// Run only this experiment; may be repeated.
     #[arg(long, value_name = "NAME")]
     pub only: Vec<String>,
-    /// Fewer sizes and runs, and real processes once: some minutes.
+    /// Fewer sizes and runs, and real processes only once: some minutes.
     #[arg(long)]
     pub quick: bool,
-    /// The seed of the first instance; the next has the next.
+    /// The seed of the first instance; each further instance has the next seed.
     #[arg(long, value_name = "X", default_value_t = 1)]
     pub seed: u64,
 }

@@ -3,8 +3,9 @@
 use std::path::Path;
 
 use formation::model::Scenario;
+use formation::model::text::counted;
 
-use crate::failure::Failure;
+use crate::failure::{Failure, one_line};
 use crate::{console, scenario_file, warnings};
 
 /// Validates a scenario file and prints a summary of it.
@@ -17,7 +18,7 @@ pub fn check(path: &Path) -> Result<(), Failure> {
     console::result_line(&format!("{}: {}", path.display(), summary(&scenario)))
 }
 
-/// Prints what is allowed and yet looks like a mistake.
+/// Prints a warning for all that is valid and yet looks like a mistake.
 pub fn warn(path: &Path, scenario: &Scenario) {
     for warning in warnings::of(scenario.problem()) {
         console::note(&format!("warning: {}: {warning}", path.display()));
@@ -34,7 +35,7 @@ fn summary(scenario: &Scenario) -> String {
     let topology = problem.target().topology();
     let name = match scenario.name() {
         "" => String::new(),
-        name => format!("{}; ", crate::failure::one_line(name)),
+        name => format!("{}; ", one_line(name)),
     };
     format!(
         "{name}{} ({}, {}); {} ({})",
@@ -44,10 +45,4 @@ fn summary(scenario: &Scenario) -> String {
         counted(topology.node_count(), "spot"),
         if topology.is_tree() { "tree" } else { "cyclic" },
     )
-}
-
-/// A number with its noun, in the plural where English wants it.
-pub fn counted(count: usize, noun: &str) -> String {
-    let ending = if count == 1 { "" } else { "s" };
-    format!("{count} {noun}{ending}")
 }

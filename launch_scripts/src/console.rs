@@ -1,4 +1,4 @@
-//! Writing to the terminal without panicking when nobody reads.
+//! Writing to the terminal without a panic when the reader is gone.
 
 use std::io::{ErrorKind, Write, stderr, stdout};
 
@@ -10,7 +10,7 @@ use crate::failure::Failure;
 /// Writes one line of result to the standard output.
 ///
 /// # Errors
-/// Says whether the reader has gone or writing failed otherwise.
+/// The reader closed the output, or writing failed.
 pub fn result_line(line: &str) -> Result<(), Failure> {
     let mut output = stdout().lock();
     writeln!(output, "{line}")
@@ -31,7 +31,7 @@ pub fn result_json(result: &impl Serialize) -> Result<(), Failure> {
     result_line(&json)
 }
 
-/// Writes one line about what happens to the standard error output; if that is closed, there is nobody to tell.
+/// Writes one line about the progress to the standard error output. If that is closed, the line is lost.
 pub fn note(line: &str) {
     let _ = writeln!(stderr().lock(), "{line}");
 }

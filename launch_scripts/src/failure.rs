@@ -1,16 +1,16 @@
-//! How a command can fail, and the exit status that tells a script which it was.
+//! How a command can fail, and the exit status by which a script distinguishes failures.
 
 use std::fmt;
 use std::process::ExitCode;
 
-/// Why a command did not do what it was asked.
+/// Why a command failed.
 #[derive(Debug)]
 pub enum Failure {
-    /// The input or its surroundings do not allow to begin; nothing was started.
+    /// The input or the environment is wrong; nothing was started.
     BadInput(anyhow::Error),
-    /// It began, and then failed or was found wrong.
+    /// The command began, and then failed or found something wrong.
     Failed(anyhow::Error),
-    /// Whoever read the standard output has gone, as `head` does; there is nobody left to tell.
+    /// The reader of the standard output closed it, as `head` does; nothing is reported then.
     OutputClosed,
 }
 
@@ -20,13 +20,6 @@ impl Failure {
         match self {
             Self::BadInput(_) => ExitCode::from(2),
             Self::Failed(_) | Self::OutputClosed => ExitCode::from(1),
-        }
-    }
-
-    /// Says on the standard error output, in one line, what went wrong.
-    pub fn report(&self) {
-        if let Self::BadInput(_) | Self::Failed(_) = self {
-            crate::console::note(&format!("error: {self}"));
         }
     }
 }

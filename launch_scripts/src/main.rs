@@ -2,6 +2,7 @@
 
 mod arguments;
 mod check;
+mod checked_plan;
 mod console;
 mod experiments;
 mod failure;
@@ -19,6 +20,7 @@ use std::process::ExitCode;
 use clap::Parser;
 
 use crate::arguments::{Arguments, Command};
+use crate::failure::Failure;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
@@ -36,7 +38,9 @@ fn main() -> ExitCode {
     match outcome {
         Ok(()) => ExitCode::SUCCESS,
         Err(failure) => {
-            failure.report();
+            if !matches!(failure, Failure::OutputClosed) {
+                console::note(&format!("error: {failure}"));
+            }
             failure.exit_code()
         }
     }

@@ -34,7 +34,7 @@ fn read_text(path: &Path) -> anyhow::Result<String> {
     if file.metadata().is_ok_and(|metadata| metadata.is_dir()) {
         bail!("is a directory, not a scenario file");
     }
-    // A pipe tells no length beforehand, so the limit is set on what is read.
+    // The length of a pipe is unknown, so the limit applies to what is read.
     let mut bytes = Vec::new();
     file.take(SCENARIO_FILE_BYTES_MAX + 1)
         .read_to_end(&mut bytes)

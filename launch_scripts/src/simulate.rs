@@ -7,23 +7,21 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use formation_sim::{
-    CampaignError, CampaignParameters, Ending, RunReport, Transcript, run_seed, run_seeds,
-};
+use formation::model::text::counted;
+use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use serde::Serialize;
 
 use crate::arguments::SimulateArguments;
-use crate::check::counted;
 use crate::failure::Failure;
 use crate::{console, scenario_file};
 
-/// So many lines of a failing run are shown.
+/// How many lines of a failing run are shown.
 const TAIL_LINES: usize = 40;
-/// So many failing seeds are told one by one.
-const TOLD_MAX: usize = 10;
+/// How many failing seeds, and violations of one seed, are shown.
+const SHOWN_MAX: usize = 10;
 
-/// Runs the seeds, prints what came of them, and fails if anything was violated.
+/// Runs the seeds, prints what they found, and fails if anything was violated.
 ///
 /// # Errors
 /// Names what is wrong with the input, or how many runs violated something.
@@ -31,25 +29,28 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     let parameters = campaign_parameters(arguments)?;
     let seeds = arguments.first_seed..arguments.first_seed.saturating_add(arguments.seeds);
     let start = Instant::now();
-    let mut summary = Summary::new(arguments);
+    let mut campaign = Campaign::new(arguments);
     let bar = progress_bar(arguments.seeds);
     run_seeds(&parameters, seeds, |report| {
         bar.inc(1);
-        summary.add(report);
-        bar.set_message(summary.progress());
+        campaign.add(report);
+        bar.set_message(match campaign.failing.len() {
+            0 => "no violation".to_owned(),
+            failing => format!("{failing} violated"),
+        });
     })
     .map_err(bad_input)?;
     bar.finish_and_clear();
-    summary.finish(start.elapsed());
+    campaign.finish(start.elapsed());
     if arguments.json {
-        console::result_json(&summary.figures)?;
+        console::result_json(&campaign.figures)?;
     } else {
-        if let Some(transcript) = &summary.transcript {
-            console::result_line(transcript.to_string().trim_end())?;
+        for line in campaign.figures.transcript.iter().flatten() {
+            console::result_line(line)?;
         }
-        console::result_line(&summary.figures.text())?;
+        console::result_line(&campaign.figures.text())?;
     }
-    summary.tell_failing(arguments, &parameters)
+    campaign.conclusion(arguments, &parameters)
 }
 
 fn campaign_parameters(arguments: &SimulateArguments) -> Result<CampaignParameters, Failure> {
@@ -89,25 +90,32 @@ fn progress_bar(seeds: u64) -> ProgressBar {
 }
 
 /// What `formation simulate --json` prints.
-#[derive(Debug, Serialize)]
+#[derive(Debug, Default, Serialize)]
 struct Figures {
-    runs: u64,
     first_seed: u64,
     faults: String,
-    /// The least and the most modules that a run had.
+    /// The fewest and the most modules that a run had.
     modules: Option<[usize; 2]>,
-    formed: u64,
-    waiting_for_quorum: u64,
-    /// How many breaches there were of each kind; empty when all is well.
+    #[serde(flatten)]
+    sums: Sums,
+    /// How many violations there were of each kind.
     violations: BTreeMap<String, u64>,
     failing_seeds: Vec<u64>,
     recovery_ms: Spread,
-    messages: u64,
-    epochs: u64,
     elapsed_ms: u64,
-    /// The account of the run, line by line, when there was one seed only.
+    /// The log of the run, line by line, when there was one seed only.
     #[serde(skip_serializing_if = "Option::is_none")]
     transcript: Option<Vec<String>>,
+}
+
+/// Sums over all runs.
+#[derive(Debug, Default, Serialize)]
+struct Sums {
+    runs: u64,
+    formed: u64,
+    waiting_for_quorum: u64,
+    messages: u64,
+    epochs: u64,
 }
 
 /// The median and the worst of some durations; `null` without any.
@@ -144,42 +152,39 @@ impl Spread {
 
 impl Figures {
     fn text(&self) -> String {
-        let mut lines = Vec::new();
+        let Self { faults, sums, .. } = self;
         let modules = match self.modules {
             Some([least, most]) if least == most => format!("{least} modules"),
             Some([least, most]) => format!("{least} to {most} modules"),
             None => "no modules".to_owned(),
         };
-        lines.push(format!(
-            "{} of {modules} with faults: {}; {} formed, {} waiting for a quorum",
-            counted_u64(self.runs, "run"),
-            self.faults,
-            self.formed,
-            self.waiting_for_quorum
-        ));
-        if self.violations.is_empty() {
-            lines.push("violations: none".to_owned());
-        } else {
-            let kinds: Vec<String> = self
-                .violations
-                .iter()
-                .map(|(kind, count)| format!("{kind} {count}"))
-                .collect();
-            lines.push(format!("violations: {}", kinds.join(", ")));
-        }
-        let from = if self.faults == "none" {
-            "from the start until formed"
-        } else {
-            "from the last fault until formed"
+        let kinds: Vec<String> = self
+            .violations
+            .iter()
+            .map(|(kind, count)| format!("{kind} {count}"))
+            .collect();
+        let violations = match kinds.as_slice() {
+            [] => "none".to_owned(),
+            kinds => kinds.join(", "),
         };
-        lines.push(format!("recovery {from}: {}", self.recovery_ms.text()));
-        lines.push(format!(
-            "{}, {} in {:.1} s",
-            counted_u64(self.messages, "message"),
-            counted_u64(self.epochs, "epoch"),
+        let from = if faults == "none" {
+            "start"
+        } else {
+            "last fault"
+        };
+        format!(
+            "{} of {modules} with faults: {faults}; {} formed, {} waiting for a quorum\n\
+             violations: {violations}\n\
+             recovery from the {from} until formed: {}\n\
+             {}, {} in {:.1} s",
+            counted_u64(sums.runs, "run"),
+            sums.formed,
+            sums.waiting_for_quorum,
+            self.recovery_ms.text(),
+            counted_u64(sums.messages, "message"),
+            counted_u64(sums.epochs, "epoch"),
             Duration::from_millis(self.elapsed_ms).as_secs_f64()
-        ));
-        lines.join("\n")
+        )
     }
 }
 
@@ -187,73 +192,54 @@ fn counted_u64(count: u64, noun: &str) -> String {
     counted(usize::try_from(count).unwrap_or(usize::MAX), noun)
 }
 
-/// What has come of the runs so far.
-struct Summary {
+/// The runs so far.
+struct Campaign {
     figures: Figures,
     recoveries: Vec<Duration>,
     failing: BTreeMap<u64, RunReport>,
-    transcript: Option<Transcript>,
     keeps_transcript: bool,
 }
 
-impl Summary {
+impl Campaign {
     fn new(arguments: &SimulateArguments) -> Self {
         Self {
             figures: Figures {
-                runs: 0,
                 first_seed: arguments.first_seed,
                 faults: arguments.faults.to_string(),
-                modules: None,
-                formed: 0,
-                waiting_for_quorum: 0,
-                violations: BTreeMap::new(),
-                failing_seeds: Vec::new(),
-                recovery_ms: Spread::default(),
-                messages: 0,
-                epochs: 0,
-                elapsed_ms: 0,
-                transcript: None,
+                ..Figures::default()
             },
             recoveries: Vec::new(),
             failing: BTreeMap::new(),
-            transcript: None,
             keeps_transcript: arguments.seeds == 1,
         }
     }
 
     fn add(&mut self, report: RunReport) {
         let figures = &mut self.figures;
-        figures.runs += 1;
-        figures.messages += report.messages;
-        figures.epochs += report.epochs;
-        let [least, most] = figures.modules.unwrap_or([report.modules, report.modules]);
-        figures.modules = Some([least.min(report.modules), most.max(report.modules)]);
+        let sums = &mut figures.sums;
+        sums.runs += 1;
+        sums.messages += report.messages;
+        sums.epochs += report.epochs;
         match report.ending {
             Ending::Formed => {
-                figures.formed += 1;
+                sums.formed += 1;
                 self.recoveries.push(report.recovery);
             }
-            Ending::WaitingForQuorum => figures.waiting_for_quorum += 1,
+            Ending::WaitingForQuorum => sums.waiting_for_quorum += 1,
             Ending::Neither => {}
         }
+        let [least, most] = figures.modules.unwrap_or([report.modules; 2]);
+        figures.modules = Some([least.min(report.modules), most.max(report.modules)]);
         for violation in &report.violations {
-            *figures
-                .violations
-                .entry(violation.kind.to_string())
-                .or_default() += 1;
+            let kind = figures.violations.entry(violation.kind.to_string());
+            *kind.or_default() += 1;
         }
         if self.keeps_transcript {
-            self.transcript = Some(report.transcript.clone());
+            let lines = report.transcript.lines().iter();
+            figures.transcript = Some(lines.map(ToString::to_string).collect());
         }
         if !report.violations.is_empty() {
             self.failing.insert(report.seed, report);
-        }
-    }
-
-    fn progress(&self) -> String {
-        match self.failing.len() {
-            0 => "no violation".to_owned(),
-            failing => format!("{failing} violated"),
         }
     }
 
@@ -261,24 +247,20 @@ impl Summary {
         self.figures.failing_seeds = self.failing.keys().copied().collect();
         self.figures.recovery_ms = Spread::of(&mut self.recoveries);
         self.figures.elapsed_ms = u64::try_from(elapsed.as_millis()).unwrap_or(u64::MAX);
-        self.figures.transcript = self
-            .transcript
-            .as_ref()
-            .map(|transcript| transcript.lines().iter().map(ToString::to_string).collect());
     }
 
-    /// Says which seeds failed, how, and how to see it again.
-    fn tell_failing(
+    /// Reports which seeds failed, how, and by which command each runs again.
+    fn conclusion(
         &self,
         arguments: &SimulateArguments,
         parameters: &CampaignParameters,
     ) -> Result<(), Failure> {
-        for (seed, report) in self.failing.iter().take(TOLD_MAX) {
+        for (seed, report) in self.failing.iter().take(SHOWN_MAX) {
             console::note(&format!(
                 "seed {seed} ({} modules, {} spots, {} running at the end):",
                 report.modules, report.spots, report.running
             ));
-            for violation in report.violations.iter().take(TOLD_MAX) {
+            for violation in report.violations.iter().take(SHOWN_MAX) {
                 console::note(&format!(
                     "  {:.3} s {}: {}",
                     violation.at.as_secs_f64(),
@@ -291,11 +273,11 @@ impl Summary {
         let Some(&first) = self.failing.keys().next() else {
             return Ok(());
         };
-        let told = CampaignParameters {
+        let with_transcript = CampaignParameters {
             transcripts: true,
             ..parameters.clone()
         };
-        let report = run_seed(&told, first).map_err(bad_input)?;
+        let report = run_seed(&with_transcript, first).map_err(bad_input)?;
         let lines = report.transcript.lines();
         console::note(&format!("the end of seed {first}:"));
         for line in &lines[lines.len().saturating_sub(TAIL_LINES)..] {
@@ -304,7 +286,7 @@ impl Summary {
         Err(Failure::Failed(anyhow!(
             "{} of {} violated what must always hold",
             self.failing.len(),
-            counted_u64(self.figures.runs, "run")
+            counted_u64(self.figures.sums.runs, "run")
         )))
     }
 }
@@ -324,14 +306,14 @@ fn replay(arguments: &SimulateArguments, seed: u64) -> String {
     )
 }
 
-/// The path as a shell takes it for one word.
+/// The path quoted for a shell.
 fn quoted(path: &Path) -> String {
     format!("'{}'", path.display().to_string().replace('\'', r"'\''"))
 }
 
 #[cfg(test)]
 mod tests {
-    use formation_sim::{Violation, ViolationKind};
+    use formation_sim::{Transcript, Violation, ViolationKind};
 
     use super::*;
     use crate::arguments::{Arguments, Command};
@@ -366,22 +348,22 @@ mod tests {
     fn a_violated_seed_is_counted_by_kind_and_fails_the_command() {
         let arguments = arguments("formation simulate --seeds 3 --modules 5-6 --faults none");
         let parameters = campaign_parameters(&arguments).unwrap();
-        let mut summary = Summary::new(&arguments);
+        let mut campaign = Campaign::new(&arguments);
         let violation = Violation {
             at: Duration::from_secs(1),
             kind: ViolationKind::Hole,
             detail: "4 of 5 spots are filled".to_owned(),
         };
-        summary.add(report(0, 7, Vec::new()));
-        summary.add(report(2, 9, vec![violation]));
-        summary.add(report(1, 3, Vec::new()));
-        summary.finish(Duration::ZERO);
-        let figures = &summary.figures;
+        campaign.add(report(0, 7, Vec::new()));
+        campaign.add(report(2, 9, vec![violation]));
+        campaign.add(report(1, 3, Vec::new()));
+        campaign.finish(Duration::ZERO);
+        let figures = &campaign.figures;
         assert_eq!(figures.failing_seeds, [2]);
         assert_eq!(figures.violations, BTreeMap::from([("hole".to_owned(), 1)]));
         assert_eq!(figures.recovery_ms.median, Some(7_000));
         assert_eq!(figures.recovery_ms.worst, Some(9_000));
-        let failure = summary.tell_failing(&arguments, &parameters).unwrap_err();
+        let failure = campaign.conclusion(&arguments, &parameters).unwrap_err();
         assert_eq!(
             failure.to_string(),
             "1 of 3 runs violated what must always hold"

@@ -1,11 +1,10 @@
-//! What a scenario may say and its author probably did not mean.
+//! What is valid in a scenario and yet looks like a mistake.
 
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
+use formation::model::text::counted;
 use formation::model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
-
-use crate::check::counted;
 
 /// A module is one unit wide; poses are written with a few decimals, so a little less still counts as apart.
 const WIDTH_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT - TOLERANCE.0);
@@ -13,85 +12,77 @@ const TOLERANCE: MicroUnits = MicroUnits(10_000);
 /// Front, left, back and right.
 const PORTS: usize = 4;
 
-/// One sentence for each kind of peculiarity, naming the first place and how many there are.
+/// At most one sentence for each kind of oddity, which names the first place and says how many there are.
 pub fn of(problem: &PlanningProblem) -> Vec<String> {
-    let mut warnings = Vec::new();
     let (modules, spots) = (problem.modules(), problem.target().spots());
-    if modules.len() < spots.len() {
-        let open = counted(spots.len() - modules.len(), "spot");
-        warnings.push(if problem.parameters().keep_all_spots {
+    let topology = problem.target().topology();
+    let edges = topology.edges().iter();
+    let links = modules.iter().flat_map(|module| {
+        let others = module.links.range(module.id..);
+        others
+            .filter_map(|&other| problem.module(other))
+            .map(move |other| ((module.id, module.pose), (other.id, other.pose)))
+    });
+    let mut degrees = spots.iter().zip(0..);
+    [
+        uneven_numbers(problem),
+        crowding(
+            "target.spots",
+            spots.iter().map(|spot| (spot.id, spot.pose)),
+            WIDTH_MIN,
+        ),
+        // Where modules stand at the start is not restricted, but two at the very same place are one copied line.
+        crowding(
+            "modules",
+            modules.iter().map(|module| (module.id, module.pose)),
+            MicroUnits(1),
+        ),
+        odd_lengths(
+            "target.edges",
+            edges
+                .map(|&(one, other)| (&spots[one], &spots[other]))
+                .map(|(one, other)| ((one.id, one.pose), (other.id, other.pose))),
+        ),
+        odd_lengths("configurations", links),
+        degrees.find_map(|(spot, node)| overfull("target.edges", spot.id, topology.degree(node))),
+        modules
+            .iter()
+            .find_map(|module| overfull("configurations", module.id, module.links.len())),
+    ]
+    .into_iter()
+    .flatten()
+    .collect()
+}
+
+/// More spots than modules, or the other way round.
+fn uneven_numbers(problem: &PlanningProblem) -> Option<String> {
+    let (modules, spots) = (problem.modules().len(), problem.target().spots().len());
+    if modules > spots {
+        let spare = counted(modules - spots, "module");
+        return Some(format!(
+            "modules: more than spots; {spare} will stay without a spot"
+        ));
+    }
+    let open = counted(spots - modules, "spot");
+    (modules < spots).then(|| {
+        if problem.parameters().keep_all_spots {
             format!(
                 "modules: fewer than spots; {open} will stay open, and as planner.keep_all_spots is set, the rest may \
                  fall apart"
             )
         } else {
             format!("modules: fewer than spots; the target will be trimmed by {open}")
-        });
-    }
-    if modules.len() > spots.len() {
-        let spare = counted(modules.len() - spots.len(), "module");
-        warnings.push(format!(
-            "modules: more than spots; {spare} will stay without a spot"
-        ));
-    }
-    warnings.extend(crowding(
-        "target.spots",
-        spots.iter().map(|spot| (spot.id, spot.pose)),
-        WIDTH_MIN,
-    ));
-    // Where modules stand at the start is not restricted, but two at the very same place are one copied line.
-    warnings.extend(crowding(
-        "modules",
-        modules.iter().map(|module| (module.id, module.pose)),
-        MicroUnits(1),
-    ));
-    let topology = problem.target().topology();
-    warnings.extend(odd_lengths(
-        "target.edges",
-        topology
-            .edges()
-            .iter()
-            .map(|&(one, other)| (&spots[one], &spots[other]))
-            .map(|(one, other)| ((one.id, one.pose), (other.id, other.pose))),
-    ));
-    warnings.extend(odd_lengths(
-        "configurations",
-        modules.iter().flat_map(|module| {
-            module
-                .links
-                .range(module.id..)
-                .filter_map(|&other| problem.module(other))
-                .map(move |other| ((module.id, module.pose), (other.id, other.pose)))
-        }),
-    ));
-    let overfull = |degree: usize| degree > PORTS;
-    warnings.extend(
-        (0..topology.node_count())
-            .find(|&node| overfull(topology.degree(node)))
-            .map(|node| {
-                format!(
-                    "target.edges: {} has {} neighbours; a module has {PORTS} ports",
-                    spots[node].id,
-                    topology.degree(node)
-                )
-            }),
-    );
-    warnings.extend(
-        modules
-            .iter()
-            .find(|module| overfull(module.links.len()))
-            .map(|module| {
-                format!(
-                    "configurations: {} has {} neighbours; a module has {PORTS} ports",
-                    module.id,
-                    module.links.len()
-                )
-            }),
-    );
-    warnings
+        }
+    })
 }
 
-/// Finds whatever stands nearer than `least` to something listed before it.
+/// A spot or module with more neighbours than a module has ports.
+fn overfull(field: &str, id: impl Display, degree: usize) -> Option<String> {
+    (degree > PORTS)
+        .then(|| format!("{field}: {id} has {degree} neighbours; a module has {PORTS} ports"))
+}
+
+/// Finds all that stands nearer than `least` to something listed before it.
 ///
 /// Only what keeps its distance is remembered, so each cell of the grid holds a handful at most and crowds cost no more.
 fn crowding<Id: Copy + Display>(
@@ -136,20 +127,16 @@ fn odd_lengths<Id: Copy + Display>(
     field: &str,
     links: impl Iterator<Item = ((Id, Pose), (Id, Pose))>,
 ) -> Option<String> {
-    let mut first = None;
-    let mut count = 0;
-    for (one, other) in links {
+    let mut odd = links.filter_map(|(one, other)| {
         let length = one.1.distance_to(&other.1);
-        if (length - MicroUnits::ONE).0.abs() > TOLERANCE.0 {
-            count += 1;
-            first.get_or_insert((one.0, other.0, length));
-        }
-    }
-    let (one, other, length) = first?;
+        let is_odd = (length - MicroUnits::ONE).0.abs() > TOLERANCE.0;
+        is_odd.then_some((one.0, other.0, length))
+    });
+    let (one, other, length) = odd.next()?;
     Some(format!(
         "{field}: {one} and {other} are joined and {} units apart, docked modules are 1 unit apart{}",
         length.to_units(),
-        and_more(count)
+        and_more(1 + odd.count())
     ))
 }
 

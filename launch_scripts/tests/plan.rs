@@ -194,7 +194,7 @@ fn people_get_a_table() {
     assert_eq!(lines[0], "undersupply");
     assert_eq!(
         lines[1].split_whitespace().collect::<Vec<_>>(),
-        ["module", "spot", "filled", "way", "moves", "with"]
+        ["module", "spot", "filled", "distance", "moves", "with"]
     );
     // Eight rows, one a module, and then who and what is left over.
     assert!(lines[9].trim_start().starts_with("8 "), "{}", lines[9]);

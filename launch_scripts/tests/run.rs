@@ -15,6 +15,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use formation::model::{Assignment, FormationStage, ModuleId, SpotId};
+use formation::verify::{Counts, Outcome, Progress, ReportLine, TimingsReport, VerdictReport};
 use formation_tests::{Tool, on_path, tool_or_skip};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
@@ -31,31 +33,71 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
 /// A program that stays until it is asked to end.
 const POLITE: &str = "exec sleep 60";
 
-/// A verifier that judges once so many other processes have been started.
-fn verdict_after(processes: usize, outcome: &str, spots: [u32; 2]) -> String {
+/// A command that prints a line of the verifier.
+fn prints(line: &ReportLine) -> String {
+    format!("echo '{}'\n", serde_json::to_string(line).unwrap())
+}
+
+fn gathering(joined: usize, waiting_for: &[u32]) -> String {
+    prints(&ReportLine::Progress(Progress {
+        stage: FormationStage::Gathering,
+        epoch: None,
+        joined,
+        expected: None,
+        planned: 0,
+        agreed: 0,
+        settled: 0,
+        to_fill: 0,
+        waiting_for: waiting_for.iter().copied().map(ModuleId).collect(),
+    }))
+}
+
+fn judges(outcome: Outcome, assignments: &[(u32, u32)], open_spots: &[u32]) -> String {
+    let assignments = assignments.iter().map(|&(module, spot)| Assignment {
+        module: ModuleId(module),
+        spot: SpotId(spot),
+    });
+    let assignments: Vec<Assignment> = assignments.collect();
+    prints(&ReportLine::Verdict(VerdictReport {
+        outcome,
+        epoch: None,
+        filled_spots: assignments.len(),
+        assignments,
+        unassigned: Vec::new(),
+        open_spots: open_spots.iter().copied().map(SpotId).collect(),
+        violations: Vec::new(),
+        missing: vec!["spot 9 is empty".to_owned()],
+        timings_ms: TimingsReport::default(),
+        planning_ms: Some(1),
+        acting_ms: Some(2),
+        counts: Counts::default(),
+    }))
+}
+
+/// A verifier that judges once this many other processes were started.
+fn verdict_after(processes: usize, outcome: Outcome, spots: [u32; 2]) -> String {
     format!(
         r#"
 while [ "$(ls "$(dirname "$0")" | grep -c '^started-[mt].*[0-9]$')" -lt {processes} ]; do sleep 0.02; done
-echo '{{"progress":{{"phase":"gathering","joined":2}}}}'
-echo '{{"verdict":{{"outcome":"{outcome}","filled_spots":2,"assignments":[{{"module":7,"spot":{}}},{{"module":8,"spot":{}}}],"unassigned":[],"open_spots":[],"violations":[],"missing":["spot 9 is empty"],"planning_ms":1,"acting_ms":2}}}}'
-"#,
-        spots[0], spots[1]
+{}{}"#,
+        gathering(2, &[]),
+        judges(outcome, &[(7, spots[0]), (8, spots[1])], &[])
     )
 }
 
-fn verdict(outcome: &str, spots: [u32; 2]) -> String {
+fn verdict(outcome: Outcome, spots: [u32; 2]) -> String {
     verdict_after(3, outcome, spots)
 }
 
 /// A directory with the launcher and scripts in place of the nodes.
-struct Stage {
+struct Sandbox {
     directory: tempfile::TempDir,
-    /// A script that is being written cannot be started by a test beside it, and processes are many enough one test
+    /// A script that is being written cannot be started by a test that runs at the same time, and processes are many enough one test
     /// at a time.
     _alone: MutexGuard<'static, ()>,
 }
 
-impl Stage {
+impl Sandbox {
     fn new(verifier: &str) -> Self {
         static ALONE: Mutex<()> = Mutex::new(());
         let alone = ALONE.lock().unwrap_or_else(PoisonError::into_inner);
@@ -66,15 +108,15 @@ impl Stage {
         )
         .unwrap();
         fs::write(directory.path().join("scenario.yaml"), SCENARIO).unwrap();
-        let stage = Self {
+        let sandbox = Self {
             directory,
             _alone: alone,
         };
         for program in ["module_agent", "leader_agent", "target_publisher"] {
-            stage.program(program, POLITE);
+            sandbox.program(program, POLITE);
         }
-        stage.program("verifier", verifier);
-        stage
+        sandbox.program("verifier", verifier);
+        sandbox
     }
 
     fn path(&self, name: &str) -> PathBuf {
@@ -177,10 +219,10 @@ fn runs(process: u32) -> bool {
 }
 
 #[test]
-fn every_process_is_told_its_part_and_stopped_in_the_end() {
-    let stage = Stage::new(&verdict("COMPLETE", [1, 2]));
-    let report = stage.path("report");
-    let finished = stage.run(&[
+fn every_process_is_started_with_its_arguments_and_stopped_in_the_end() {
+    let sandbox = Sandbox::new(&verdict(Outcome::Complete, [1, 2]));
+    let report = sandbox.path("report");
+    let finished = sandbox.run(&[
         "--json",
         "--domain",
         "9",
@@ -204,7 +246,7 @@ fn every_process_is_told_its_part_and_stopped_in_the_end() {
             "{name}"
         );
     }
-    let started = stage.started();
+    let started = sandbox.started();
     let programs: Vec<&str> = started
         .iter()
         .map(|(program, ..)| program.as_str())
@@ -233,13 +275,13 @@ fn every_process_is_told_its_part_and_stopped_in_the_end() {
     modules.sort_unstable();
     assert!(modules[0].starts_with("7 ") && modules[1].starts_with("8 "));
     assert!(started[2].2.contains("--expected-modules 2"));
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
 fn people_read_the_verdict_last() {
-    let stage = Stage::new(&verdict("COMPLETE", [1, 2]));
-    let finished = stage.run(&[]);
+    let sandbox = Sandbox::new(&verdict(Outcome::Complete, [1, 2]));
+    let finished = sandbox.run(&[]);
     assert_eq!(finished.status, Some(0), "{}", finished.stderr);
     assert!(
         finished.stdout.ends_with("hole-free\n"),
@@ -255,10 +297,10 @@ fn people_read_the_verdict_last() {
 
 #[test]
 fn several_modules_share_a_process() {
-    let stage = Stage::new(&verdict_after(2, "COMPLETE", [1, 2]));
-    let finished = stage.run(&["--modules-per-process", "25"]);
+    let sandbox = Sandbox::new(&verdict_after(2, Outcome::Complete, [1, 2]));
+    let finished = sandbox.run(&["--modules-per-process", "25"]);
     assert_eq!(finished.status, Some(0), "{}", finished.stderr);
-    let started = stage.started();
+    let started = sandbox.started();
     assert_eq!(started[0].0, "module_agent");
     assert!(started[0].2.contains("--modules 7-8"), "{}", started[0].2);
     assert!(
@@ -276,15 +318,15 @@ fn film(page: &str) -> Value {
 
 #[test]
 fn a_run_that_broke_off_still_shows_what_was_seen() {
-    let stage = Stage::new(
+    let sandbox = Sandbox::new(
         r#"
 echo '{"entry":{"at_ms":5,"state":{"module":7,"phase":"LISTENING","pose":{"x":0,"y":1000000,"theta":0},"links":[],"spot":null,"unit":null}}}'
 echo '{"entry":{"at_ms":9,"pose":{"module":7,"pose":{"x":500000,"y":1000000,"theta":0}}}}'
 echo '{"entry":{"at_ms":10,"something":"new"}}'
 exec sleep 60"#,
     );
-    let report = stage.path("report");
-    let finished = stage.run(&["--timeout", "1", "--report", report.to_str().unwrap()]);
+    let report = sandbox.path("report");
+    let finished = sandbox.run(&["--timeout", "1", "--report", report.to_str().unwrap()]);
     assert_eq!(finished.status, Some(1));
     assert!(!report.join("report.json").exists(), "there is no result");
     let page = fs::read_to_string(report.join("report.html")).unwrap();
@@ -303,8 +345,8 @@ exec sleep 60"#,
 
 #[test]
 fn a_formation_that_failed_is_status_1() {
-    let stage = Stage::new(&verdict("FAILED", [1, 2]));
-    let finished = stage.run(&["--json"]);
+    let sandbox = Sandbox::new(&verdict(Outcome::Failed, [1, 2]));
+    let finished = sandbox.run(&["--json"]);
     assert_eq!(finished.status, Some(1));
     let json: Value = serde_json::from_str(&finished.stdout).unwrap();
     assert_eq!(json["verdict"], "FAILED");
@@ -315,13 +357,13 @@ fn a_formation_that_failed_is_status_1() {
         "{}",
         finished.stderr
     );
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
 fn an_allocation_other_than_planned_is_found_wrong() {
-    let stage = Stage::new(&verdict("COMPLETE", [2, 1]));
-    let finished = stage.run(&[]);
+    let sandbox = Sandbox::new(&verdict(Outcome::Complete, [2, 1]));
+    let finished = sandbox.run(&[]);
     assert_eq!(finished.status, Some(1));
     assert!(
         finished
@@ -334,12 +376,12 @@ fn an_allocation_other_than_planned_is_found_wrong() {
 
 #[test]
 fn the_process_that_failed_is_named_with_its_last_lines() {
-    let stage = Stage::new(POLITE);
-    stage.program(
+    let sandbox = Sandbox::new(POLITE);
+    sandbox.program(
         "module_agent",
         "case \"$*\" in *'--module 8 '*) echo 'out of battery' >&2; exit 9;; esac; exec sleep 60",
     );
-    let finished = stage.run(&["--json"]);
+    let finished = sandbox.run(&["--json"]);
     assert_eq!(finished.status, Some(1));
     assert_eq!(finished.stdout, "");
     assert!(
@@ -356,35 +398,31 @@ fn the_process_that_failed_is_named_with_its_last_lines() {
         "{}",
         finished.stderr
     );
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
 fn a_death_without_a_spare_leaves_a_hole_with_a_name() {
     // As the verifier sees it: one spot is left to one module.
-    let stage = Stage::new(
-        r#"
-while [ ! -e "$(dirname "$0")/died" ]; do sleep 0.02; done
-sleep 0.5
-echo '{"verdict":{"outcome":"PARTIAL","filled_spots":1,"assignments":[{"module":7,"spot":1}],"unassigned":[],"open_spots":[2],"violations":[],"missing":[]}}'
-exec sleep 60"#,
-    );
-    stage.program(
+    let wait = "while [ ! -e \"$(dirname \"$0\")/died\" ]; do sleep 0.02; done\nsleep 0.5\n";
+    let verdict = judges(Outcome::Partial, &[(7, 1)], &[2]);
+    let sandbox = Sandbox::new(&[wait, &verdict, POLITE].concat());
+    sandbox.program(
         "module_agent",
         "case \"$*\" in *'--module 8 '*) touch \"$(dirname \"$0\")/died\"; kill -9 $$;; esac; exec sleep 60",
     );
-    let finished = stage.run(&["--json"]);
+    let finished = sandbox.run(&["--json"]);
     assert_eq!(finished.status, Some(1), "{}", finished.stderr);
-    let told = &finished.stderr;
+    let stderr = &finished.stderr;
     assert!(
-        told.contains("module_agent of module 8 ended with signal: 9 (SIGKILL) after "),
-        "{told}"
+        stderr.contains("module_agent of module 8 ended with signal: 9 (SIGKILL) after "),
+        "{stderr}"
     );
     assert!(
-        told.ends_with(
+        stderr.ends_with(
             "error: the formation has a hole: spot 2 open; module 8 died, and no spare was left\n"
         ),
-        "{told}"
+        "{stderr}"
     );
     let json: Value = serde_json::from_str(&finished.stdout).unwrap();
     assert_eq!(json["verdict"], "PARTIAL");
@@ -394,14 +432,14 @@ exec sleep 60"#,
     assert_eq!(dead["modules"], serde_json::json!([8]));
     assert_eq!(dead["ended_with"], "signal: 9 (SIGKILL)");
     assert!(dead["after_ms"].is_u64());
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
-fn a_run_of_which_nobody_is_left_ends_at_once() {
-    let stage = Stage::new(POLITE);
-    stage.program("module_agent", "kill -9 $$");
-    let finished = stage.run(&["--json"]);
+fn a_run_of_which_no_agent_is_left_ends_at_once() {
+    let sandbox = Sandbox::new(POLITE);
+    sandbox.program("module_agent", "kill -9 $$");
+    let finished = sandbox.run(&["--json"]);
     assert_eq!(finished.status, Some(1));
     assert!(
         finished
@@ -410,18 +448,18 @@ fn a_run_of_which_nobody_is_left_ends_at_once() {
         "{}",
         finished.stderr
     );
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
-fn a_driver_is_told_where_to_speak_and_stopped_with_the_run() {
-    let stage = Stage::new(&verdict_after(4, "COMPLETE", [1, 2]));
-    stage.program(
+fn a_driver_knows_the_domain_and_is_stopped_with_the_run() {
+    let sandbox = Sandbox::new(&verdict_after(4, Outcome::Complete, [1, 2]));
+    sandbox.program(
         "my_driver",
-        "echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE > $0.told; exec sleep 60",
+        "echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE > $0.written; exec sleep 60",
     );
-    let driver = format!("{} --all", stage.path("my_driver").display());
-    let finished = stage.run(&[
+    let driver = format!("{} --all", sandbox.path("my_driver").display());
+    let finished = sandbox.run(&[
         "--domain",
         "9",
         "--driver",
@@ -429,23 +467,23 @@ fn a_driver_is_told_where_to_speak_and_stopped_with_the_run() {
         "--module-option=--pose-source=odom",
     ]);
     assert_eq!(finished.status, Some(0), "{}", finished.stderr);
-    let told = fs::read_to_string(stage.path("my_driver.told")).unwrap();
-    assert_eq!(told.trim(), "9 LOCALHOST");
-    for (program, _, arguments) in stage.started() {
+    let written = fs::read_to_string(sandbox.path("my_driver.written")).unwrap();
+    assert_eq!(written.trim(), "9 LOCALHOST");
+    for (program, _, arguments) in sandbox.started() {
         let external = arguments.contains("--motion external --pose-source=odom");
         assert_eq!(external, program == "module_agent", "{program} {arguments}");
     }
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
 fn what_processes_log_as_errors_is_shown() {
-    let stage = Stage::new(&verdict("FAILED", [1, 2]));
-    stage.program(
+    let sandbox = Sandbox::new(&verdict(Outcome::Failed, [1, 2]));
+    sandbox.program(
         "module_agent",
         "case \"$*\" in *'--module 8 '*) echo 'now ERROR wheel lost module=8' >&2;; esac; exec sleep 60",
     );
-    let finished = stage.run(&["--json"]);
+    let finished = sandbox.run(&["--json"]);
     assert_eq!(finished.status, Some(1));
     assert!(
         finished
@@ -463,8 +501,8 @@ fn signals_stop_everything() {
         ("TERM", Signal::TERM),
         ("HUP", Signal::HUP),
     ] {
-        let stage = Stage::new(POLITE);
-        let finished = stage.run_until_signal(signal);
+        let sandbox = Sandbox::new(POLITE);
+        let finished = sandbox.run_until_signal(signal);
         assert_eq!(finished.status, Some(1), "{name}");
         assert!(
             finished
@@ -473,18 +511,18 @@ fn signals_stop_everything() {
             "{}",
             finished.stderr
         );
-        stage.assert_nothing_runs();
+        sandbox.assert_nothing_runs();
     }
 }
 
 #[test]
-fn a_process_that_does_not_listen_is_killed_and_named() {
-    let stage = Stage::new(POLITE);
-    stage.program(
+fn a_process_that_ignores_sigterm_is_killed_and_named() {
+    let sandbox = Sandbox::new(POLITE);
+    sandbox.program(
         "target_publisher",
         "trap '' TERM; while :; do sleep 0.05; done",
     );
-    let finished = stage.run_until_signal(Signal::TERM);
+    let finished = sandbox.run_until_signal(Signal::TERM);
     assert!(
         finished
             .stderr
@@ -492,15 +530,13 @@ fn a_process_that_does_not_listen_is_killed_and_named() {
         "{}",
         finished.stderr
     );
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
-fn a_run_without_end_says_who_is_missing() {
-    let stage = Stage::new(
-        "echo '{\"progress\":{\"phase\":\"gathering\",\"joined\":1,\"waiting_for\":[8]}}'; exec sleep 60",
-    );
-    let finished = stage.run(&["--timeout", "1"]);
+fn a_run_without_end_names_the_missing_modules() {
+    let sandbox = Sandbox::new(&(gathering(1, &[8]) + POLITE));
+    let finished = sandbox.run(&["--timeout", "1"]);
     assert_eq!(finished.status, Some(1));
     assert!(
         finished.stderr.contains(
@@ -509,12 +545,12 @@ fn a_run_without_end_says_who_is_missing() {
         "{}",
         finished.stderr
     );
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }
 
 #[test]
 fn nothing_starts_on_bad_input() {
-    let stage = Stage::new(POLITE);
+    let sandbox = Sandbox::new(POLITE);
     for (options, expected) in [
         (&["--modules-per-process", "0"][..], "from 1 to 25"),
         (&["--modules-per-process", "26"], "from 1 to 25"),
@@ -526,27 +562,27 @@ fn nothing_starts_on_bad_input() {
             "/dev/null/report: cannot be created",
         ),
     ] {
-        let finished = stage.run(options);
+        let finished = sandbox.run(options);
         assert_eq!(finished.status, Some(2), "{options:?}: {}", finished.stderr);
         assert!(finished.stderr.contains(expected), "{}", finished.stderr);
     }
-    fs::remove_file(stage.path("verifier")).unwrap();
-    let finished = stage.run(&[]);
+    fs::remove_file(sandbox.path("verifier")).unwrap();
+    let finished = sandbox.run(&[]);
     assert_eq!(finished.status, Some(2));
     assert!(
         finished.stderr.contains("verifier is missing"),
         "{}",
         finished.stderr
     );
-    fs::write(stage.path("scenario.yaml"), "target: {spots: []}").unwrap();
-    let finished = stage.run(&[]);
+    fs::write(sandbox.path("scenario.yaml"), "target: {spots: []}").unwrap();
+    let finished = sandbox.run(&[]);
     assert_eq!(finished.status, Some(2));
     assert!(
         finished.stderr.contains("target.spots"),
         "{}",
         finished.stderr
     );
-    assert_eq!(stage.started(), Vec::new());
+    assert_eq!(sandbox.started(), Vec::new());
 }
 
 #[test]
@@ -554,7 +590,7 @@ fn more_processes_than_loopback_lets_find_each_other_get_a_network_of_their_own(
     let Some(ip) = tool_or_skip(Tool::Namespaces, on_path(&["ip"])) else {
         return;
     };
-    let stage = Stage::new(&format!(
+    let sandbox = Sandbox::new(&format!(
         "'{}' -o link > \"$(dirname \"$0\")/links\"\nexit 3",
         ip.display()
     ));
@@ -562,35 +598,38 @@ fn more_processes_than_loopback_lets_find_each_other_get_a_network_of_their_own(
         .map(|id| format!("{{id: {id}, x: {id}.0, y: 5.0}}"))
         .collect();
     fs::write(
-        stage.path("scenario.yaml"),
+        sandbox.path("scenario.yaml"),
         format!(
             "target: {{spots: [{{id: 1, x: 0.0, y: 0.0}}]}}\nsingletons: [{}]\n",
             modules.join(", ")
         ),
     )
     .unwrap();
-    let finished = stage.run(&[]);
-    let told = &finished.stderr;
+    let finished = sandbox.run(&[]);
+    let stderr = &finished.stderr;
     if finished.status == Some(2) {
-        assert!(told.contains("there can be no network namespace"), "{told}");
         assert!(
-            told.contains("sudo ip link set lo up multicast on"),
-            "{told}"
+            stderr.contains("no network namespace can be created"),
+            "{stderr}"
         );
-        assert!(told.contains("--modules-per-process 2"), "{told}");
-        assert_eq!(stage.started(), Vec::new());
+        assert!(
+            stderr.contains("sudo ip link set lo up multicast on"),
+            "{stderr}"
+        );
+        assert!(stderr.contains("--modules-per-process 2"), "{stderr}");
+        assert_eq!(sandbox.started(), Vec::new());
         return;
     }
     assert!(
-        told.contains("error: verifier ended with exit status: 3"),
-        "{told}"
+        stderr.contains("error: verifier ended with exit status: 3"),
+        "{stderr}"
     );
-    let links = fs::read_to_string(stage.path("links")).unwrap();
+    let links = fs::read_to_string(sandbox.path("links")).unwrap();
     assert!(links.contains("LOOPBACK,MULTICAST,UP"), "{links}");
     // With a loopback that takes multicast, nothing need be done; otherwise the network is another.
-    if told.contains("in a network namespace of its own") {
+    if stderr.contains("in a network namespace of its own") {
         assert_eq!(links.lines().count(), 1, "{links}");
-        assert!(told.contains("--modules-per-process 2"), "{told}");
+        assert!(stderr.contains("--modules-per-process 2"), "{stderr}");
     }
-    stage.assert_nothing_runs();
+    sandbox.assert_nothing_runs();
 }

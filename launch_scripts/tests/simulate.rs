@@ -50,7 +50,7 @@ fn the_figures_of_many_seeds() {
     );
     let recovery = &report["recovery_ms"];
     assert!(recovery["median"].as_u64() <= recovery["worst"].as_u64());
-    // Every module is heard once at least, in an epoch at least.
+    // Every module sends at least one message, in at least one epoch.
     assert!(report["messages"].as_u64().unwrap() > 30);
     assert!(report["epochs"].as_u64().unwrap() >= 6);
     assert!(report.get("transcript").is_none());
@@ -63,7 +63,7 @@ fn the_figures_of_many_seeds() {
 }
 
 #[test]
-fn one_seed_is_told_in_full() {
+fn one_seed_is_printed_in_full() {
     let options = [
         "--seeds",
         "1",

@@ -1,6 +1,7 @@
 //! How far a formation has come, in answers and feedback.
 
-use formation::verify::{self, FormationStage};
+use formation::model::FormationStage;
+use formation::verify;
 use serde::{Deserialize, Serialize};
 
 use crate::epoch::Epoch;

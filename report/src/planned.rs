@@ -3,7 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation::event_log::{Entry, Event, Told};
+use formation::event_log::{Entry, Event, ModuleSnapshot};
 use formation::model::{
     ActingUnit, Epoch, MicroUnits, ModuleId, ModulePhase, PlanningProblem, SpotId,
 };
@@ -50,7 +50,7 @@ struct Course<'a> {
     problem: &'a PlanningProblem,
     outcome: &'a PlanOutcome,
     now: Duration,
-    modules: BTreeMap<ModuleId, Told>,
+    modules: BTreeMap<ModuleId, ModuleSnapshot>,
     /// Who takes which spot.
     holders: BTreeMap<SpotId, ModuleId>,
     entries: Vec<Entry>,
@@ -72,7 +72,7 @@ impl<'a> Course<'a> {
             entries: Vec::new(),
         };
         for module in problem.modules() {
-            course.tell(Told {
+            course.tell(ModuleSnapshot {
                 module: module.id,
                 phase: ModulePhase::Gathered,
                 pose: module.pose,
@@ -95,13 +95,13 @@ impl<'a> Course<'a> {
         });
     }
 
-    fn tell(&mut self, told: Told) {
+    fn tell(&mut self, told: ModuleSnapshot) {
         self.modules.insert(told.module, told.clone());
         self.note(Event::State(told));
     }
 
     /// Lets a module tell that something about it has changed.
-    fn change(&mut self, module: ModuleId, change: impl FnOnce(&mut Told)) {
+    fn change(&mut self, module: ModuleId, change: impl FnOnce(&mut ModuleSnapshot)) {
         if let Some(known) = self.modules.get(&module) {
             let mut told = known.clone();
             change(&mut told);

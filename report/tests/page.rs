@@ -8,7 +8,7 @@
 use std::time::Duration;
 
 use crate::support::Formed;
-use formation::event_log::{Entry, Event, Told};
+use formation::event_log::{Entry, Event, ModuleSnapshot};
 use formation::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId, SpotSelection};
 use formation_report::{Fact, Summary, Tone, course_of_plan, page};
 use serde_json::Value;
@@ -129,7 +129,7 @@ fn links_are_there_as_long_as_they_hold() {
 }
 
 fn told(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> Event {
-    Event::State(Told {
+    Event::State(ModuleSnapshot {
         module: ModuleId(module),
         phase,
         pose: Pose::from_units(x, 1.0, 0.0).unwrap(),
@@ -217,7 +217,7 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             "All modules hold the same plan; they may move now",
             "Module 7 sets off to spot 1",
             "Module 7 starts again",
-            "Epoch 2: all modules halt and gather anew",
+            "Epoch 2: all modules halt and gather again",
             "The roster is fixed: 1 module takes part",
             "Turn 1: module 8 takes spot 1",
             "All modules hold the same plan; they may move now",

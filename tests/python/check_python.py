@@ -332,7 +332,7 @@ MISTAKES = {
         ("theta=float", "heading=float", "has no field `heading`"),
         ("message.header.frame_id", "message.header.frame", "has no field `frame`"),
         ("import Edge, Spot", "import Edges, Spot", "there is no message formation_msgs/msg/Edges"),
-        ('"target", LATCHED', '"targets", LATCHED', "no topic `targets`"),
+        ('"target", TRANSIENT_LOCAL', '"targets", TRANSIENT_LOCAL', "no topic `targets`"),
     ],
     "launch_scripts/examples/echo_claims.py": [
         ("pair.module_id", "pair.module", "has no field `module`"),

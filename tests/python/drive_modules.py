@@ -38,7 +38,7 @@ class Driver:
             if goal.sample_info.valid_data and not is_deaf:
                 position, orientation = goal.pose.position, goal.pose.orientation
                 heading = 2.0 * math.atan2(orientation.z, orientation.w)
-                self.robot.hear_goal(now, Pose(position.x, position.y, heading))
+                self.robot.handle_goal(now, Pose(position.x, position.y, heading))
         for request in self.requests.take(N=16):
             if not request.sample_info.valid_data or is_undockable:
                 continue

@@ -118,8 +118,8 @@ def watched(formation, scenario, domain):
         "who waits for whom": [r"now +\S.* go(es)? to spots? \d", r"next +\S.* waits? for \d"],
         "the map with a module on its way": [r">\d", r"\[4\] settled"],
         "the map with settled modules": [r"\[\d\]\[\d\]"],
-        "turns": [r"\d s +turn 1: .* takes? spots? \d"],
-        "motions": [r"\d s +.* set off"],
+        "turns": [r"\d s +Turn 1: .* takes? spots? \d"],
+        "motions": [r"\d s +.* sets? off"],
     }.items():
         check(terminal.showed(*parts), f"never shown: {what}")
     check(b"\x1b[30;48;5;74m" in terminal.raw, "nothing is in colour")

@@ -27,7 +27,7 @@ struct Arguments {
     progress: bool,
     /// Print a line of JSON, {"entry": ...}, for everything that happens: claims, states, poses
     #[arg(long)]
-    chronicle: bool,
+    event_log: bool,
     /// Be content as soon as all members agree on a plan, print it as {"agreement": ...}, and do not wait for motion
     #[arg(long)]
     plan_only: bool,
@@ -54,7 +54,7 @@ fn run() -> Result<u8, Failure> {
         settings,
         parameters,
         plan_only: arguments.plan_only,
-        chronicle: arguments.chronicle,
+        event_log: arguments.event_log,
         keep_watching: arguments.keep_watching,
         linger: LINGER,
     };
@@ -63,7 +63,7 @@ fn run() -> Result<u8, Failure> {
         News::Progress(_) => {}
         News::Entry(entry) => print(&JsonLine::Entry(entry)),
         News::End(end) => {
-            if arguments.json || arguments.progress || arguments.chronicle {
+            if arguments.json || arguments.progress || arguments.event_log {
                 print(&JsonLine::End(end));
             } else {
                 print(&end_text(end));

@@ -282,7 +282,7 @@ mod tests {
     #[test]
     fn an_unknown_number_of_modules_is_left_out() {
         let progress = |expected| Progress {
-            stage: formation::verify::FormationStage::Gathering,
+            stage: formation::model::FormationStage::Gathering,
             epoch: None,
             joined: 1,
             expected,

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::event_log::{Chronicler, Entry};
+use formation::event_log::{Entry, Recorder};
 use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdict};
 use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;
@@ -44,7 +44,7 @@ pub struct VerifierProcess {
     /// Whether it is content as soon as all members agree on a plan, and does not wait for them to move.
     pub plan_only: bool,
     /// Whether to tell of everything that happens, and not only how far the formation has come.
-    pub chronicle: bool,
+    pub event_log: bool,
     /// Whether it stays after the first verdict, and gives another whenever things change, until it is told to end.
     pub keep_watching: bool,
     /// After the verdict, the process stays so long, so that subscribers can take it.
@@ -106,7 +106,7 @@ impl VerifierProcess {
             start: Instant::now(),
             observer: Observer::new(judging),
             plan_only: self.plan_only,
-            chronicler: self.chronicle.then(Chronicler::default),
+            recorder: self.event_log.then(Recorder::default),
             keep_watching: self.keep_watching,
             inbox,
             inlets: &inlets.facilities,
@@ -175,7 +175,7 @@ struct Watch<'a> {
     observer: Observer,
     plan_only: bool,
     /// Where everything that happens is to be told.
-    chronicler: Option<Chronicler>,
+    recorder: Option<Recorder>,
     keep_watching: bool,
     inbox: Inbox<'a, Arrival<Delivery>>,
     inlets: &'a FacilityInlets,
@@ -276,8 +276,8 @@ impl Watch<'_> {
                 continue;
             }
             self.observer.handle(now, message);
-            if let Some(chronicler) = &mut self.chronicler {
-                for entry in chronicler.hear(now, message) {
+            if let Some(recorder) = &mut self.recorder {
+                for entry in recorder.record(now, message) {
                     told(News::Entry(&entry));
                 }
             }

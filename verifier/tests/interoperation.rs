@@ -11,7 +11,8 @@ use std::thread;
 use std::time::Duration;
 
 use async_channel::bounded;
-use formation::verify::{FormationStage, ObserverParameters, Outcome};
+use formation::model::FormationStage;
+use formation::verify::{ObserverParameters, Outcome};
 use formation_tests::{Domain, Peer};
 use ros_runtime::environment::{DiscoveryRange, Environment, Overrides};
 use ros_runtime::settings::Settings;
@@ -50,7 +51,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
             ..ObserverParameters::default()
         },
         plan_only: false,
-        chronicle: false,
+        event_log: false,
         keep_watching: false,
         linger: Duration::from_secs(1),
     };

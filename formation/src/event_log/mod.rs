@@ -1,9 +1,12 @@
-//! What happens in a formation, for those who watch it or look at it afterwards.
+//! What happens in a formation, for programs that show it while it happens or afterwards.
 //!
-//! The same entries tell of a plan, of a run that was heard on the topics, and of a simulated one. They judge nothing;
-//! that is what [`crate::verify`] is for.
+//! The same entries describe a plan, a run that was observed on the topics, and a simulated run. A [`Recorder`] makes
+//! them of messages, a [`Scene`] is the state to which they lead, and a [`Step`] is one of its changes in words. None of
+//! these judges anything; see [`crate::verify`] for that.
 
-mod chronicler;
+mod recorder;
+mod scene;
+mod step;
 
 use std::collections::BTreeSet;
 
@@ -11,12 +14,14 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId};
 
-pub use chronicler::Chronicler;
+pub use recorder::Recorder;
+pub use scene::{Changes, Scene, SceneModule};
+pub use step::Step;
 
 /// Something that happened, and when.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Entry {
-    /// Milliseconds since the watching began.
+    /// Milliseconds since the observation began.
     pub at_ms: u64,
     /// What happened.
     #[serde(flatten)]
@@ -27,7 +32,7 @@ pub struct Entry {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Event {
-    /// A convener gathers the members of a new epoch; whatever an earlier one decided no longer counts.
+    /// A convener gathers the members of a new epoch. What an earlier epoch decided no longer counts.
     Gathering(Epoch),
     /// The members of an epoch are fixed and begin to plan.
     Roster {
@@ -47,9 +52,9 @@ pub enum Event {
         /// What it decided.
         decision: Decision,
     },
-    /// A module told something new about itself.
-    State(Told),
-    /// A module that told nothing else stands elsewhere now.
+    /// Something other than the pose of a module changed.
+    State(ModuleSnapshot),
+    /// The pose of a module changed, and nothing else.
     Pose {
         /// The module.
         module: ModuleId,
@@ -58,9 +63,9 @@ pub enum Event {
     },
 }
 
-/// What a module tells about itself.
+/// A module at one moment, by its own report.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub struct Told {
+pub struct ModuleSnapshot {
     /// The module.
     pub module: ModuleId,
     /// What it is doing.

@@ -4,12 +4,29 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+/// What a program can say to people about any identifier.
+pub trait Identifier: Copy {
+    /// What it identifies, in the singular.
+    const NOUN: &'static str;
+
+    /// Its number.
+    fn number(self) -> u32;
+}
+
 macro_rules! identifier {
     ($(#[$documentation:meta])* $name:ident, $word:literal) => {
         $(#[$documentation])*
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
         #[serde(transparent)]
         pub struct $name(pub u32);
+
+        impl Identifier for $name {
+            const NOUN: &'static str = $word;
+
+            fn number(self) -> u32 {
+                self.0
+            }
+        }
 
         impl fmt::Display for $name {
             fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {

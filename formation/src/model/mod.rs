@@ -13,7 +13,9 @@ mod parameters;
 mod plan;
 mod problem;
 mod scenario;
+mod stage;
 mod target;
+pub mod text;
 mod topology;
 
 pub use fixed::*;
@@ -25,5 +27,6 @@ pub use parameters::*;
 pub use plan::*;
 pub use problem::*;
 pub use scenario::*;
+pub use stage::*;
 pub use target::*;
 pub use topology::*;

@@ -2,9 +2,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::model::{ModuleId, SpotId};
+
+/// One module and the spot that it takes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+pub struct Assignment {
+    /// The module.
+    pub module: ModuleId,
+    /// Its spot.
+    pub spot: SpotId,
+}
 
 /// One unit of the acting phase: a block that moves together, or a single module.
 #[derive(Clone, Debug, PartialEq, Eq)]

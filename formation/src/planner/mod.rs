@@ -11,6 +11,6 @@ mod statistics;
 mod turns;
 mod value;
 
-pub use statistics::{Assignment, Disconnected, MessageCounts, Statistics};
+pub use statistics::{Disconnected, MessageCounts, Statistics};
 pub use turns::{ClaimRefused, PlanOutcome, Planning, Turn, plan};
 pub use value::{Utilities, betweenness};

@@ -4,18 +4,9 @@ use std::collections::BTreeSet;
 
 use serde::Serialize;
 
-use crate::model::{MicroUnits, ModuleId, PlanningProblem, Pose, SpotId, Topology};
+use crate::model::{Assignment, MicroUnits, ModuleId, PlanningProblem, Pose, SpotId, Topology};
 use crate::planner::PlanOutcome;
 use crate::planner::turns::block_allocation::best_matching;
-
-/// One module and the spot that it takes.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-pub struct Assignment {
-    /// The module.
-    pub module: ModuleId,
-    /// Its spot.
-    pub spot: SpotId,
-}
 
 /// How much was said while units took their turns: one claim a turn, heard by every other module. An auction adds a
 /// sample for each bid and for each new price, each of one pair.

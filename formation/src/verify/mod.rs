@@ -6,11 +6,12 @@
 mod observer;
 mod plan;
 mod replay;
+mod report;
 mod violation;
 
 pub use observer::{
-    Agreement, Counts, FormationStage, Observer, ObserverParameters, Outcome, Progress, Timings,
-    Verdict,
+    Agreement, Counts, Observer, ObserverParameters, Outcome, Progress, Timings, Verdict,
 };
 pub use plan::check_plan;
+pub use report::{AgreementReport, ReportLine, TimingsReport, VerdictReport};
 pub use violation::{Missing, Violation};

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::Violation;
 use crate::model::{Decision, ModuleId, PlanningProblem, Policy, SpotId, SpotSelection};
 
-/// Who holds which spot after the turns replayed so far, and every promise that they broke.
+/// Who holds which spot after the turns replayed so far, and every guarantee that they violated.
 #[derive(Clone, Debug)]
 pub(super) struct Replay {
     /// The spot of each placed module.
@@ -24,7 +24,7 @@ pub(super) struct Replay {
     pub(super) violations: Vec<Violation>,
     /// What the latest turn did that only the last one may do, where the last one restores an optimum.
     unless_last: Vec<Violation>,
-    /// Pinned modules and members of blocks: nobody may evict them.
+    /// Pinned modules and members of blocks: no turn may evict them.
     protected: BTreeSet<ModuleId>,
 }
 
@@ -52,7 +52,7 @@ impl Replay {
         }
     }
 
-    /// Replays one turn. A turn that breaks a promise is applied as far as it makes sense.
+    /// Replays one turn. A turn that violates a guarantee is applied as far as possible.
     pub(super) fn apply(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
         self.violations.append(&mut self.unless_last);
         self.pairs += decision.selections.len();
@@ -240,7 +240,8 @@ impl Replay {
         }
     }
 
-    /// The modules that a turn places anew and that keep links to each other are a block, and safe from now on.
+    /// The modules that a turn places for the first time and that keep links to each other are a block, and protected from
+    /// now on.
     fn note_blocks(
         &mut self,
         problem: &PlanningProblem,
@@ -258,7 +259,7 @@ impl Replay {
             else {
                 return Vec::new();
             };
-            let beside: BTreeSet<SpotId> = problem.target().neighbours_of(spot).collect();
+            let adjacent: BTreeSet<SpotId> = problem.target().neighbours_of(spot).collect();
             found
                 .links
                 .iter()
@@ -266,7 +267,7 @@ impl Replay {
                 .filter(|other| {
                     self.spots
                         .get(other)
-                        .is_some_and(|spot| beside.contains(spot))
+                        .is_some_and(|spot| adjacent.contains(spot))
                 })
                 .collect()
         };
@@ -309,7 +310,7 @@ fn may_finish(problem: &PlanningProblem) -> bool {
     parameters.exact_finish && parameters.d_max.is_some() && parameters.policy == Policy::Exact
 }
 
-/// The modules that leave a spot for another although nobody takes it from them.
+/// The modules that leave a spot for another although no eviction takes it from them.
 fn moves_without_eviction(
     turn: u32,
     decision: &Decision,

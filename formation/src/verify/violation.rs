@@ -6,7 +6,7 @@ use thiserror::Error;
 
 use crate::model::{Digest, Epoch, MicroUnits, ModuleId, ModulePhase, SpotId};
 
-/// One promise that was not kept; each message names the modules and spots concerned.
+/// One guarantee that was violated; each message names the modules and spots concerned.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Error)]
 #[expect(
     missing_docs,
@@ -226,22 +226,22 @@ pub enum Violation {
     reason = "the fields are named as in the message of each variant"
 )]
 pub enum Missing {
-    /// Nobody announced a target.
+    /// No target was announced.
     #[error("no target was announced")]
     Target,
     /// The target was withdrawn.
     #[error("the target was withdrawn")]
     WithdrawnTarget,
-    /// Fewer modules showed themselves than were expected.
-    #[error("{heard} of {expected} modules were heard")]
-    Modules { heard: usize, expected: usize },
-    /// A module never showed itself.
-    #[error("{module} was never heard")]
+    /// Fewer modules joined than were expected.
+    #[error("{joined} of {expected} modules have joined")]
+    Modules { joined: usize, expected: usize },
+    /// No message of a module arrived.
+    #[error("{module} has not joined")]
     Module { module: ModuleId },
     /// No roster of the newest target was announced.
     #[error("no roster was announced for target revision {revision}")]
     Roster { revision: u64 },
-    /// A turn's claim never came.
+    /// A turn's claim did not arrive.
     #[error("the claim of turn {turn} of {epoch} is missing")]
     Claim { epoch: Epoch, turn: u32 },
     /// A member never showed that it holds the plan that it acts on, or holds another.
@@ -258,8 +258,8 @@ pub enum Missing {
         spot: SpotId,
         phase: Option<ModulePhase>,
     },
-    /// A member fell silent, so what it said last says nothing about now.
-    #[error("{module} was not heard for {} s", silence.as_secs_f64())]
+    /// A member fell silent, so its last state says nothing about now.
+    #[error("{module} has been silent for more than {} s", silence.as_secs_f64())]
     Silent { module: ModuleId, silence: Duration },
     /// A module without a spot does not say that it is a spare.
     #[error("{module} has no spot but does not say that it is a spare{}", in_phase(*phase))]
@@ -278,7 +278,7 @@ fn or_nothing(spot: Option<SpotId>) -> String {
 
 fn in_phase(phase: Option<ModulePhase>) -> String {
     phase.map_or_else(
-        || "; no state of it was heard".to_owned(),
+        || "; no state of it arrived".to_owned(),
         |phase| format!("; it is {}", phase.name()),
     )
 }

@@ -1,8 +1,8 @@
-//! Whether the processes will find each other on this machine, and a network namespace of their own if not.
+//! Whether the processes will discover each other on this machine, and a network namespace of their own if not.
 //!
-//! Without multicast, participants announce themselves only to the first twelve ports of a host, and `lo` takes no
-//! multicast unless somebody switched it on. That takes rights on the machine's network, or a network of one's own:
-//! every user may have one where the kernel allows user namespaces.
+//! Without multicast, participants announce themselves only to the first twelve ports of a host, and `lo` carries no
+//! multicast by default. Enabling it requires rights on the machine's network, or a network namespace, which every user
+//! may create where the kernel allows user namespaces.
 
 use std::collections::BTreeSet;
 use std::env;
@@ -16,62 +16,52 @@ use anyhow::{Context, anyhow};
 use ros_runtime::environment::{DiscoveryRange, Domain, Environment, Overrides};
 use ros_runtime::interfaces::{PARTICIPANTS_WITHOUT_MULTICAST, discovery_obstacle, interfaces};
 
-use super::OTHER_PROCESSES;
-use super::processes::MODULES_PER_PROCESS_MAX;
-use crate::arguments::RunArguments;
+use super::processes::OTHER_PROCESSES;
+use crate::arguments::{MODULES_PER_PROCESS_MAX, RunArguments};
 use crate::console;
 use crate::failure::{Failure, one_line};
 
-/// The hidden option by which the launcher knows that it runs in a network of its own.
+/// The hidden option of a launcher that runs in a network namespace of its own.
 const PRIVATE_NETWORK_OPTION: &str = "--private-network";
 
-/// So many participants find each other whatever the network takes: one less than there could be, which is left for
-/// the user's own tools. Each that another program has is one less again.
+/// How many participants discover each other without multicast: one less than there could be, which is left for the
+/// user's own tools. Each participant of another program is one less again.
 const FOUND_WITHOUT_MULTICAST: usize = PARTICIPANTS_WITHOUT_MULTICAST as usize - 1;
-/// The RTPS ports of one host and domain do not reach further.
+/// The RTPS ports of one host and domain suffice for this many.
 const PARTICIPANTS_MAX: usize = 120;
 
-/// Makes the new network usable, then becomes the command that follows. `ip` is often outside of a user's path. What
-/// /sys shows belongs to the network of whoever mounted it, so it is mounted anew; where that is refused, programs that
-/// look there see the old network, and everything else works.
+/// Makes the new network usable, then becomes the command that follows. `ip` is often outside of a user's path. /sys shows
+/// the network of the namespace that mounted it, so it is mounted again; where that is refused, programs that read it see
+/// the old network, and everything else works.
 const SETUP: &str = "PATH=\"$PATH:/usr/sbin:/sbin\"; ip link set lo up && ip link set lo multicast on || exit 1; \
                      mount -t sysfs sysfs /sys 2>/dev/null; exec \"$@\"";
 
-/// Where the processes will speak.
-#[derive(Clone, Copy, Debug)]
-pub struct Surroundings {
-    /// In which domain.
-    pub domain: Domain,
-    /// How far they look for each other.
-    pub range: DiscoveryRange,
-}
-
-/// Finds out where the processes are to speak, and makes sure that they will find each other: where the loopback
-/// interface does not let them, the launcher starts anew in a network of its own, and this does not return.
+/// Resolves the domain and the discovery range of the processes, and makes sure that they will discover each other: where
+/// the loopback interface prevents that, the launcher restarts in a network namespace of its own, and this does not return.
 ///
 /// # Errors
-/// Says why they would not find each other, and what to do.
-pub fn settle(
+/// Says why the processes would not discover each other, and what to do.
+pub fn prepare(
     arguments: &RunArguments,
     modules: usize,
     hosts: usize,
-) -> Result<Surroundings, Failure> {
-    let Environment { domain, range } = environment(arguments.domain, |name| {
+) -> Result<Environment, Failure> {
+    let environment = environment(arguments.domain, |name| {
         env::var_os(name).map(|value| value.to_string_lossy().into_owned())
     })?;
-    let surroundings = Surroundings { domain, range };
-    warn_of_lent_ports(domain.number());
-    let participants = hosts + OTHER_PROCESSES + usize::from(arguments.driver.is_some());
+    let Environment { domain, range } = environment;
+    warn_of_ephemeral_ports(domain.number());
+    let participants = hosts + OTHER_PROCESSES + usize::from(arguments.motion.driver.is_some());
     if arguments.private_network {
         check_room(participants, 0)?;
-        return Ok(surroundings);
+        return Ok(environment);
     }
     let taken = participants_taken(domain.number());
     check_room(participants, taken)?;
     let interfaces = interfaces();
     let all = u16::try_from(participants + taken).unwrap_or(u16::MAX);
     let Some(obstacle) = discovery_obstacle(range, &interfaces, all) else {
-        return Ok(surroundings);
+        return Ok(environment);
     };
     if range != DiscoveryRange::Localhost {
         return Err(Failure::BadInput(anyhow!(obstacle)));
@@ -81,20 +71,20 @@ pub fn settle(
         .unwrap_or_default();
     let there_is_none = |reason: anyhow::Error| {
         Failure::BadInput(anyhow!(
-            "{participants} processes would not find each other on this machine's loopback interface, and there can be no \
-             network namespace ({reason:#}); run `sudo ip link set lo up multicast on`{fewer}"
+            "{participants} processes would not discover each other on this machine's loopback interface, and no network \
+             namespace can be created ({reason:#}); run `sudo ip link set lo up multicast on`{fewer}"
         ))
     };
     let isolation = usable_isolation().map_err(there_is_none)?;
     console::note(&format!(
-        "note: {participants} processes would not find each other on this machine's loopback interface, so this runs in \
-         a network namespace of its own; for other terminals to see the topics, first run `sudo ip link set lo up \
+        "note: {participants} processes would not discover each other on this machine's loopback interface, so this runs \
+         in a network namespace of its own; for other terminals to see the topics, first run `sudo ip link set lo up \
          multicast on`{fewer}"
     ));
     Err(there_is_none(enter_private_network(isolation)))
 }
 
-/// As ROS 2 has it, but on loopback alone where nothing is said.
+/// As ROS 2 resolves them, but on loopback alone where no variable is set.
 fn environment(
     domain: Option<Domain>,
     variable: impl Fn(&str) -> Option<String>,
@@ -109,37 +99,40 @@ fn environment(
         .map_err(|error| Failure::BadInput(error.into()))?;
     if environment.range == DiscoveryRange::Off {
         return Err(Failure::BadInput(anyhow!(
-            "environment variable ROS_AUTOMATIC_DISCOVERY_RANGE: OFF, so the processes would not find each other; use \
+            "environment variable ROS_AUTOMATIC_DISCOVERY_RANGE: OFF, so the processes would not discover each other; use \
              LOCALHOST"
         )));
     }
     Ok(environment)
 }
 
-/// Says so if the machine lends the ports of a domain to whoever asks for any: a participant whose port is lent takes a
-/// later one, at which others may not look for it.
-fn warn_of_lent_ports(domain: u16) {
-    // Where the kernel does not tell, nothing can be said.
-    let lent = fs::read_to_string("/proc/sys/net/ipv4/ip_local_port_range").unwrap_or_default();
-    if let Some((first, last)) = port_range(&lent).filter(|&lent| lends_ports_of(lent, domain)) {
+/// Warns if the machine assigns the ports of a domain to programs that request any port: a participant whose port is in
+/// use takes a later one, which others may not try.
+fn warn_of_ephemeral_ports(domain: u16) {
+    // Without this file, the range is unknown.
+    let ephemeral =
+        fs::read_to_string("/proc/sys/net/ipv4/ip_local_port_range").unwrap_or_default();
+    if let Some((first, last)) =
+        port_range(&ephemeral).filter(|&range| overlaps_ports_of(range, domain))
+    {
         console::note(&format!(
-            "warning: the ports of domain {domain} are among those that this machine lends to any program ({first} to \
-             {last}, /proc/sys/net/ipv4/ip_local_port_range), so that now and then a process is not found by the others; \
-             on most machines domains up to 101 are safe"
+            "warning: the ports of domain {domain} are among those that this machine assigns to any program ({first} to \
+             {last}, /proc/sys/net/ipv4/ip_local_port_range), so that the other processes may fail to discover one; on \
+             most machines domains up to 101 are safe"
         ));
     }
 }
 
-/// The two numbers in which the kernel tells the range.
+/// The two numbers of the kernel's range.
 fn port_range(text: &str) -> Option<(usize, usize)> {
     let mut numbers = text.split_whitespace().map(str::parse);
     Some((numbers.next()?.ok()?, numbers.next()?.ok()?))
 }
 
-fn lends_ports_of((first_lent, last_lent): (usize, usize), domain: u16) -> bool {
+fn overlaps_ports_of((first_assigned, last_assigned): (usize, usize), domain: u16) -> bool {
     let first = discovery_port(domain, 0);
     let last = discovery_port(domain, PARTICIPANTS_MAX - 1);
-    first <= last_lent && last >= first_lent
+    first <= last_assigned && last >= first_assigned
 }
 
 /// RTPS 2.5, section 9.6.2.3: PB + DG * domain + d1 + PG * participant.
@@ -147,9 +140,9 @@ fn discovery_port(domain: u16, participant: usize) -> usize {
     7_400 + 250 * usize::from(domain) + 10 + 2 * participant
 }
 
-/// How many participants of a domain run on this machine already.
+/// How many participants of a domain already run on this machine.
 fn participants_taken(domain: u16) -> usize {
-    // Where the kernel does not tell, other programs are taken to be in other domains.
+    // Without this file, other programs count as in other domains.
     let sockets = fs::read_to_string("/proc/net/udp").unwrap_or_default();
     participants_in(&sockets, domain)
 }
@@ -168,7 +161,7 @@ fn participants_in(sockets: &str, domain: u16) -> usize {
         .count()
 }
 
-/// Refuses more participants than one host and domain has ports for.
+/// Refuses more participants than one host and domain have ports for.
 fn check_room(participants: usize, taken: usize) -> Result<(), Failure> {
     if participants + taken <= PARTICIPANTS_MAX {
         return Ok(());
@@ -193,7 +186,7 @@ fn modules_per_process_that_fit(modules: usize, taken: usize) -> Option<usize> {
     Some(modules.div_ceil(hosts)).filter(|&count| count <= MODULES_PER_PROCESS_MAX)
 }
 
-/// Starts the launcher anew in a network of its own, in place of this process: number, terminal and signals stay.
+/// Restarts the launcher in a network namespace of its own, in place of this process: number, terminal and signals stay.
 /// Returns only if that fails, with the reason.
 fn enter_private_network(isolation: Isolation) -> anyhow::Error {
     let executable = match env::current_exe() {
@@ -208,7 +201,7 @@ fn enter_private_network(isolation: Isolation) -> anyhow::Error {
 
 type Isolation = &'static [&'static str];
 
-/// Root keeps the rights of root on files if no user namespace is needed; others get one in which they may set up
+/// Root keeps the rights of root on files if no user namespace is needed; other users get one in which they may set up
 /// their network.
 const AS_ROOT: Isolation = &["--net", "--mount"];
 const AS_USER: Isolation = &["--user", "--map-root-user", "--net", "--mount"];
@@ -219,7 +212,7 @@ fn usable_isolation() -> anyhow::Result<Isolation> {
     } else {
         &[AS_USER]
     };
-    let mut refusal = anyhow!("there is no way to try");
+    let mut refusal = anyhow!("no method was tried");
     for isolation in candidates {
         match probe(isolation) {
             Ok(()) => return Ok(isolation),
@@ -258,16 +251,20 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_ports_of_high_domains_are_lent_to_others() {
+    fn the_ports_of_high_domains_are_assigned_to_other_programs() {
         let usual = port_range("32768\t60999\n").unwrap();
-        for (domain, lent) in [
+        for (domain, overlaps) in [
             (0, false),
             (100, false),
             (102, true),
             (200, true),
             (232, false),
         ] {
-            assert_eq!(lends_ports_of(usual, domain), lent, "domain {domain}");
+            assert_eq!(
+                overlaps_ports_of(usual, domain),
+                overlaps,
+                "domain {domain}"
+            );
         }
         assert_eq!(port_range("unlimited"), None);
     }
@@ -301,7 +298,7 @@ mod tests {
     }
 
     #[test]
-    fn the_processes_stay_on_loopback_unless_told_otherwise() {
+    fn the_processes_stay_on_loopback_unless_a_variable_says_otherwise() {
         let resolved = |domain: Option<&str>, variables: &[(&str, &str)]| {
             environment(domain.map(|domain| domain.parse().unwrap()), |name| {
                 variables
@@ -345,7 +342,7 @@ mod tests {
 
     /// Machines may refuse namespaces; then the reason is one that can be shown.
     #[test]
-    fn a_private_network_takes_multicast_or_says_why_there_is_none() {
+    fn a_private_network_carries_multicast_or_says_why_there_is_none() {
         match usable_isolation() {
             Ok(isolation) => {
                 let output = isolated(isolation, ["ip".into(), "-o".into(), "link".into()])

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeSet;
 
+use formation::model::text::listed_in_full;
 use formation::model::{ModuleId, PlanningProblem};
 
-/// So many modules fit into one process: their states are to fit into one sample.
-pub const MODULES_PER_PROCESS_MAX: usize = 25;
+/// The processes of a run that host no modules: the target publisher and the verifier.
+pub const OTHER_PROCESSES: usize = 2;
 
 /// A process that hosts modules.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,40 +27,11 @@ impl Host {
         }
     }
 
-    /// How it is called before people.
+    /// Its name in messages to people.
     pub fn name(&self) -> String {
-        format!("{} of {}", self.program(), module_list(&self.modules))
+        let modules = listed_in_full(self.modules.iter().copied());
+        format!("{} of {modules}", self.program())
     }
-}
-
-/// The modules before people, such as `modules 1-4,7`.
-pub fn module_list(modules: &[ModuleId]) -> String {
-    match modules {
-        [only] => only.to_string(),
-        modules => format!("modules {}", id_list(modules)),
-    }
-}
-
-/// The identifiers as options take them: single ones and ranges, such as `1-4,7`.
-pub fn id_list(modules: &[ModuleId]) -> String {
-    let mut ranges: Vec<(u32, u32)> = Vec::new();
-    for &ModuleId(id) in modules {
-        match ranges.last_mut() {
-            Some((_, last)) if last.checked_add(1) == Some(id) => *last = id,
-            _ => ranges.push((id, id)),
-        }
-    }
-    let written: Vec<String> = ranges
-        .into_iter()
-        .map(|(first, last)| {
-            if first == last {
-                first.to_string()
-            } else {
-                format!("{first}-{last}")
-            }
-        })
-        .collect();
-    written.join(",")
 }
 
 /// Shares the modules out among processes. Alone in its process, the leader of a configuration is a `leader_agent`;
@@ -86,8 +58,9 @@ mod tests {
 
     use super::*;
 
-    fn problem() -> Scenario {
-        Scenario::from_yaml(
+    #[test]
+    fn every_module_has_a_process_and_leaders_are_leader_agents() {
+        let scenario = Scenario::from_yaml(
             "
 target: {spots: [{id: 1, x: 0.0, y: 0.0}]}
 configurations:
@@ -98,16 +71,13 @@ configurations:
 singletons: [{id: 7, x: 4.0, y: 4.0}, {id: 9, x: 6.0, y: 4.0}]
 ",
         )
-        .unwrap()
-    }
-
-    #[test]
-    fn every_module_has_a_process_and_leaders_are_leader_agents() {
-        let scenario = problem();
-        let hosts = hosts(scenario.problem(), 1);
-        let names: Vec<String> = hosts.iter().map(Host::name).collect();
+        .unwrap();
+        let names = |modules_per_process| -> Vec<String> {
+            let hosts = hosts(scenario.problem(), modules_per_process);
+            hosts.iter().map(Host::name).collect()
+        };
         assert_eq!(
-            names,
+            names(1),
             [
                 "module_agent of module 2",
                 "leader_agent of module 5",
@@ -116,24 +86,9 @@ singletons: [{id: 7, x: 4.0, y: 4.0}, {id: 9, x: 6.0, y: 4.0}]
                 "module_agent of module 9",
             ]
         );
-    }
-
-    #[test]
-    fn several_modules_share_a_process() {
-        let scenario = problem();
-        let hosts = hosts(scenario.problem(), 4);
-        let names: Vec<String> = hosts.iter().map(Host::name).collect();
         assert_eq!(
-            names,
-            ["module_agent of modules 2,5-7", "module_agent of module 9"]
+            names(4),
+            ["module_agent of modules 2, 5-7", "module_agent of module 9"]
         );
-    }
-
-    #[test]
-    fn lists_of_identifiers_are_short() {
-        let list = |ids: &[u32]| id_list(&ids.iter().copied().map(ModuleId).collect::<Vec<_>>());
-        assert_eq!(list(&[1, 2, 3, 5, 7, 8]), "1-3,5,7-8");
-        assert_eq!(list(&[u32::MAX - 1, u32::MAX]), "4294967294-4294967295");
-        assert_eq!(list(&[]), "");
     }
 }

@@ -17,7 +17,7 @@ pub const PROGRAMS: [&str; 4] = [
     "verifier",
 ];
 
-/// The programs beside the launcher.
+/// The programs in the launcher's directory.
 pub struct Programs {
     directory: PathBuf,
 }
@@ -27,7 +27,7 @@ impl Programs {
     ///
     /// # Errors
     /// Names the program that is missing, and how to build it.
-    pub fn beside_launcher() -> Result<Self, Failure> {
+    pub fn next_to_launcher() -> Result<Self, Failure> {
         let launcher = env::current_exe()
             .context("cannot find the launcher's own program")
             .map_err(Failure::BadInput)?;
@@ -41,7 +41,7 @@ impl Programs {
             .find(|program| !directory.join(program).is_file())
         {
             return Err(Failure::BadInput(anyhow!(
-                "{} is missing; build it beside the launcher with `cargo build --release`",
+                "{} is missing; build it next to the launcher with `cargo build --release`",
                 directory.join(missing).display()
             )));
         }

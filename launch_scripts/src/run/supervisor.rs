@@ -1,8 +1,7 @@
 //! Starting, watching and stopping processes.
 //!
-//! One thread owns all state: readers of the processes' output and the signal handler only send events to it. So a
-//! process is only ever signalled while it is known not to have been waited for, and its number cannot have passed to
-//! another.
+//! One thread owns all state: readers of the processes' output and the signal handler only send inputs to it. A process
+//! is thus signalled only while it was not waited for, and its number cannot belong to another process.
 
 use std::collections::VecDeque;
 use std::io::{self, BufReader, Read};
@@ -17,17 +16,17 @@ use signal_hook::iterator::{Handle, Signals};
 
 use super::tail::{LINE_BYTES_MAX, Tail, for_each_line};
 
-/// Events that wait for the owning thread; beyond that, readers and so the processes themselves wait.
-const EVENTS_MAX: usize = 1_024;
+/// Inputs that wait for the owning thread; beyond that, readers wait, and with them the processes.
+const INPUTS_MAX: usize = 1_024;
 /// A line of results lists every module, so it may be long.
-const RESULT_BYTES_MAX: usize = 16 * 1024 * 1024;
-/// After an exit, so long the rest of its output is awaited; a grandchild may hold the pipe open for ever.
-const LAST_WORDS: Duration = Duration::from_millis(500);
-/// After SIGKILL, so long the kernel is given to end a process.
+const RESULT_BYTES_MAX: u64 = 16 * 1024 * 1024;
+/// How long the rest of the output is awaited after an exit; a grandchild may hold the pipe open for ever.
+const OUTPUT_GRACE: Duration = Duration::from_millis(500);
+/// How long the kernel may take to end a process after SIGKILL.
 const KILL_WAIT: Duration = Duration::from_secs(2);
 
-/// How our programs mark errors in their log.
-const ERROR_LEVEL: &str = " ERROR ";
+/// The level of an error in the log of our programs, whose lines are `TIME LEVEL MESSAGE`.
+const ERROR_LEVEL: &str = "ERROR";
 
 /// Which process, in the order in which they were started.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -35,13 +34,13 @@ pub struct ProcessId(usize);
 
 #[cfg(test)]
 impl ProcessId {
-    /// So many different ones.
+    /// Different ones.
     pub fn some<const COUNT: usize>() -> [Self; COUNT] {
         std::array::from_fn(Self)
     }
 }
 
-/// What is done with a process' standard output; its error output is always kept for its last words.
+/// What is done with a process' standard output; the last lines of its error output are always kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Output {
     /// It carries results, line by line.
@@ -50,11 +49,11 @@ pub enum Output {
     Discarded,
 }
 
-/// What happened.
+/// What happened to the processes.
 #[derive(Debug, PartialEq, Eq)]
-pub enum Happening {
+pub enum ProcessEvent {
     /// A process wrote a line of results.
-    Result(ProcessId, String),
+    Line(ProcessId, String),
     /// A process ended; all its output was read before.
     Exited(ProcessId, ExitStatus),
     /// A signal asks the launcher to end.
@@ -69,7 +68,7 @@ enum Stream {
     Errors,
 }
 
-enum Event {
+enum Input {
     Line(ProcessId, Stream, String),
     Closed(ProcessId),
     Signal(i32),
@@ -95,39 +94,39 @@ impl Supervised {
 /// Owns all processes; dropping it kills those that still run.
 pub struct Supervisor {
     processes: Vec<Supervised>,
-    events: Receiver<Event>,
-    sender: SyncSender<Event>,
+    inputs: Receiver<Input>,
+    sender: SyncSender<Input>,
     signals: Handle,
-    pending: VecDeque<Happening>,
+    pending: VecDeque<ProcessEvent>,
 }
 
 impl Supervisor {
-    /// Begins to watch; from now on `ending_signals` no longer end the launcher but are reported.
+    /// Begins to watch; from now on `ending_signals` do not end the launcher but are reported.
     ///
     /// # Errors
     /// Returns what the system says if signals cannot be handled.
     pub fn new(ending_signals: &[i32]) -> io::Result<Self> {
-        let (sender, events) = sync_channel(EVENTS_MAX);
+        let (sender, inputs) = sync_channel(INPUTS_MAX);
         let mut signals = Signals::new(ending_signals.iter().chain(&[SIGCHLD]))?;
         let handle = signals.handle();
         let to_owner = sender.clone();
         spawn_thread("signals".to_owned(), move || {
             for signal in signals.forever() {
-                if to_owner.send(Event::Signal(signal)).is_err() {
+                if to_owner.send(Input::Signal(signal)).is_err() {
                     break;
                 }
             }
         })?;
         Ok(Self {
             processes: Vec::new(),
-            events,
+            inputs,
             sender,
             signals: handle,
             pending: VecDeque::new(),
         })
     }
 
-    /// Starts a process under a name by which people know it.
+    /// Starts a process, with a name for messages to people.
     ///
     /// # Errors
     /// Returns what the system says if it cannot be started.
@@ -179,18 +178,18 @@ impl Supervisor {
             Stream::Errors => LINE_BYTES_MAX,
         };
         spawn_thread(format!("reader {}", process.0), move || {
-            let send = |event| sender.send(event).is_ok();
-            // An error of the pipe ends it like its end; the exit status tells the rest.
+            let send = |input| sender.send(input).is_ok();
+            // An error of the pipe ends the output; the exit status says the rest.
             let _ = for_each_line(BufReader::new(source), bytes_max, |line| {
-                send(Event::Line(process, stream, line))
+                send(Input::Line(process, stream, line))
             });
-            send(Event::Closed(process));
+            send(Input::Closed(process));
         })?;
         self.processes[process.0].open_streams += 1;
         Ok(())
     }
 
-    /// The name under which a process was started.
+    /// The name of a process in messages to people.
     pub fn name(&self, process: ProcessId) -> &str {
         &self.processes[process.0].name
     }
@@ -200,7 +199,7 @@ impl Supervisor {
         self.processes[process.0].tail.lines()
     }
 
-    /// What the processes logged as errors, by name: what a person has to mend.
+    /// The lines that processes logged as errors, each with the name of its process.
     pub fn errors(&self) -> impl Iterator<Item = (&str, &str)> {
         self.processes.iter().flat_map(|process| {
             let lines = process.errors.lines();
@@ -209,49 +208,47 @@ impl Supervisor {
     }
 
     /// Waits for the next thing to happen, at most until `deadline`.
-    pub fn next(&mut self, deadline: Instant) -> Happening {
+    pub fn next(&mut self, deadline: Instant) -> ProcessEvent {
         loop {
             self.report_exits();
             if let Some(happening) = self.pending.pop_front() {
                 return happening;
             }
             let now = Instant::now();
-            let until = self
-                .last_words_due()
-                .map_or(deadline, |due| due.min(deadline));
+            let until = self.report_due().map_or(deadline, |due| due.min(deadline));
             match self
-                .events
+                .inputs
                 .recv_timeout(until.saturating_duration_since(now))
             {
-                Ok(event) => self.take(event),
+                Ok(input) => self.take(input),
                 Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
                     if Instant::now() >= deadline {
-                        return Happening::TimedOut;
+                        return ProcessEvent::TimedOut;
                     }
                 }
             }
         }
     }
 
-    fn take(&mut self, event: Event) {
-        match event {
-            Event::Line(process, Stream::Results, line) => {
-                self.pending.push_back(Happening::Result(process, line));
+    fn take(&mut self, input: Input) {
+        match input {
+            Input::Line(process, Stream::Results, line) => {
+                self.pending.push_back(ProcessEvent::Line(process, line));
             }
-            Event::Line(process, Stream::Errors, line) => {
+            Input::Line(process, Stream::Errors, line) => {
                 let supervised = &mut self.processes[process.0];
-                if line.contains(ERROR_LEVEL) {
+                if line.split_whitespace().nth(1) == Some(ERROR_LEVEL) {
                     supervised.errors.push(line.clone());
                 }
                 supervised.tail.push(line);
             }
-            Event::Closed(process) => self.processes[process.0].open_streams -= 1,
-            Event::Signal(SIGCHLD) => self.reap(),
-            Event::Signal(signal) => self.pending.push_back(Happening::Interrupted(signal)),
+            Input::Closed(process) => self.processes[process.0].open_streams -= 1,
+            Input::Signal(SIGCHLD) => self.reap(),
+            Input::Signal(signal) => self.pending.push_back(ProcessEvent::Interrupted(signal)),
         }
     }
 
-    /// Looks at every process, as several exits may come with one SIGCHLD.
+    /// Checks every process, as several may exit with one SIGCHLD.
     fn reap(&mut self) {
         for process in self
             .processes
@@ -270,20 +267,20 @@ impl Supervisor {
             let Some((status, at)) = process.exit else {
                 continue;
             };
-            let said_all = process.open_streams == 0 || now >= at + LAST_WORDS;
-            if said_all && !process.reported {
+            let is_complete = process.open_streams == 0 || now >= at + OUTPUT_GRACE;
+            if is_complete && !process.reported {
                 process.reported = true;
                 self.pending
-                    .push_back(Happening::Exited(ProcessId(index), status));
+                    .push_back(ProcessEvent::Exited(ProcessId(index), status));
             }
         }
     }
 
-    fn last_words_due(&self) -> Option<Instant> {
+    fn report_due(&self) -> Option<Instant> {
         self.processes
             .iter()
             .filter(|process| !process.reported)
-            .filter_map(|process| process.exit.map(|(_, at)| at + LAST_WORDS))
+            .filter_map(|process| process.exit.map(|(_, at)| at + OUTPUT_GRACE))
             .min()
     }
 
@@ -292,7 +289,7 @@ impl Supervisor {
     pub fn stop(&mut self, grace: Duration) -> Vec<String> {
         self.reap();
         for process in self.processes.iter().filter(|process| process.is_alive()) {
-            // It was not waited for, so the number is still its own; if it just ended, this does nothing.
+            // The process was not waited for, so the number is still its own; if it just ended, this has no effect.
             let _ = kill_process(Pid::from_child(&process.child), Signal::TERM);
         }
         self.wait_for_all(Instant::now() + grace);
@@ -312,7 +309,7 @@ impl Supervisor {
 
     fn wait_for_all(&mut self, deadline: Instant) {
         while self.processes.iter().any(Supervised::is_alive) {
-            if let Happening::TimedOut | Happening::Interrupted(_) = self.next(deadline) {
+            if let ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) = self.next(deadline) {
                 break;
             }
         }
@@ -327,7 +324,6 @@ impl Drop for Supervisor {
             .iter_mut()
             .filter(|process| process.is_alive())
         {
-            // Nobody is left to tell if this fails.
             if process.child.kill().is_ok() {
                 let _ = process.child.wait();
             }
@@ -367,13 +363,13 @@ mod tests {
         (supervisor, process)
     }
 
-    fn next(supervisor: &mut Supervisor) -> Happening {
+    fn next(supervisor: &mut Supervisor) -> ProcessEvent {
         supervisor.next(Instant::now() + PATIENCE)
     }
 
     fn next_exit(supervisor: &mut Supervisor) -> Option<i32> {
         match next(supervisor) {
-            Happening::Exited(_, status) => status.code(),
+            ProcessEvent::Exited(_, status) => status.code(),
             other => panic!("expected an exit, got {other:?}"),
         }
     }
@@ -403,13 +399,13 @@ mod tests {
         for expected in ["first", "second"] {
             assert_eq!(
                 next(&mut supervisor),
-                Happening::Result(process, expected.to_owned())
+                ProcessEvent::Line(process, expected.to_owned())
             );
         }
         assert_eq!(next_exit(&mut supervisor), Some(0));
         assert_eq!(
             supervisor.next(Instant::now()),
-            Happening::TimedOut,
+            ProcessEvent::TimedOut,
             "an exit is reported once"
         );
     }
@@ -437,7 +433,7 @@ mod tests {
         );
         assert_eq!(
             next(&mut supervisor),
-            Happening::Result(process, "ready".to_owned())
+            ProcessEvent::Line(process, "ready".to_owned())
         );
         assert_eq!(supervisor.stop(PATIENCE), Vec::<String>::new());
         assert!(!proc_entry(&supervisor, process).exists());
@@ -451,7 +447,7 @@ mod tests {
             supervise("trap '' TERM; echo ready; while :; do sleep 0.02; done");
         assert_eq!(
             next(&mut supervisor),
-            Happening::Result(process, "ready".to_owned())
+            ProcessEvent::Line(process, "ready".to_owned())
         );
         let entry = proc_entry(&supervisor, process);
         assert!(entry.exists());
@@ -465,7 +461,7 @@ mod tests {
             supervise("trap '' TERM; echo ready; while :; do sleep 0.02; done");
         assert_eq!(
             next(&mut supervisor),
-            Happening::Result(process, "ready".to_owned())
+            ProcessEvent::Line(process, "ready".to_owned())
         );
         let entry = proc_entry(&supervisor, process);
         drop(supervisor);

@@ -1,12 +1,12 @@
 //! The last lines of a process, in bounded memory whatever it writes.
 
 use std::collections::VecDeque;
-use std::io::{self, BufRead, ErrorKind};
+use std::io::{self, BufRead, Read};
 
-/// So many lines are kept of each process.
+/// How many lines of each process are kept.
 pub const LINES_MAX: usize = 20;
 /// Longer lines are cut when they are kept.
-pub const LINE_BYTES_MAX: usize = 2_000;
+pub const LINE_BYTES_MAX: u64 = 2_000;
 
 /// The last [`LINES_MAX`] lines that a process wrote.
 #[derive(Debug, Default)]
@@ -15,7 +15,7 @@ pub struct Tail {
 }
 
 impl Tail {
-    /// Adds a line, and forgets the oldest if there are too many.
+    /// Adds a line, and drops the oldest if there are too many.
     pub fn push(&mut self, line: String) {
         if self.lines.len() == LINES_MAX {
             self.lines.pop_front();
@@ -29,46 +29,37 @@ impl Tail {
     }
 }
 
-/// Hands every line of `reader` to `take` until the end, or until `take` returns false. Of lines longer than
+/// Passes every line of `reader` to `take` until the end, or until `take` returns false. Of lines longer than
 /// `bytes_max` the rest is dropped, and the cut marked with dots.
 ///
 /// # Errors
 /// Returns what reading returns.
 pub fn for_each_line(
     mut reader: impl BufRead,
-    bytes_max: usize,
+    bytes_max: u64,
     mut take: impl FnMut(String) -> bool,
 ) -> io::Result<()> {
     let mut line = Vec::new();
-    let mut cut = false;
-    let mut finish = |line: &mut Vec<u8>, cut: &mut bool| {
-        let mut text = String::from_utf8_lossy(line).into_owned();
-        if std::mem::take(cut) {
-            text.push_str("...");
-        }
-        line.clear();
-        take(text)
-    };
     loop {
-        let buffer = match reader.fill_buf() {
-            Ok(buffer) => buffer,
-            Err(error) if error.kind() == ErrorKind::Interrupted => continue,
-            Err(error) => return Err(error),
-        };
-        if buffer.is_empty() {
-            if !line.is_empty() {
-                finish(&mut line, &mut cut);
-            }
+        line.clear();
+        let read = reader
+            .by_ref()
+            .take(bytes_max + 1)
+            .read_until(b'\n', &mut line)?;
+        if read == 0 {
             return Ok(());
         }
-        let end = buffer.iter().position(|&byte| byte == b'\n');
-        let part = &buffer[..end.unwrap_or(buffer.len())];
-        let room = bytes_max - line.len();
-        cut |= part.len() > room;
-        line.extend_from_slice(&part[..part.len().min(room)]);
-        let consumed = part.len() + usize::from(end.is_some());
-        reader.consume(consumed);
-        if end.is_some() && !finish(&mut line, &mut cut) {
+        let is_whole = line.pop_if(|byte| *byte == b'\n').is_some();
+        let is_cut = !is_whole && read as u64 > bytes_max;
+        if is_cut {
+            line.pop();
+            reader.skip_until(b'\n')?;
+        }
+        let mut text = String::from_utf8_lossy(&line).into_owned();
+        if is_cut {
+            text.push_str("...");
+        }
+        if !take(text) {
             return Ok(());
         }
     }
@@ -80,7 +71,7 @@ mod tests {
 
     use super::*;
 
-    fn lines_of(text: &[u8], bytes_max: usize) -> Vec<String> {
+    fn lines_of(text: &[u8], bytes_max: u64) -> Vec<String> {
         let mut lines = Vec::new();
         // A tiny buffer, so that lines span several fillings.
         let reader = BufReader::with_capacity(3, Cursor::new(text));
@@ -95,7 +86,8 @@ mod tests {
     #[test]
     fn lines_are_split_and_cut() {
         assert_eq!(lines_of(b"one\n\ntwo", 10), ["one", "", "two"]);
-        assert_eq!(lines_of(b"12345\n123456\n", 5), ["12345", "12345..."]);
+        assert_eq!(lines_of(b"12345\n123456\n7", 5), ["12345", "12345...", "7"]);
+        assert_eq!(lines_of(b"12345\n123456", 5), ["12345", "12345..."]);
         assert_eq!(lines_of(&[b'x'; 100_000], 4), ["xxxx..."]);
         assert_eq!(lines_of(b"", 4), Vec::<String>::new());
         assert_eq!(lines_of(b"\xff\n", 4), ["\u{fffd}"]);

@@ -2,14 +2,14 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::event_log::Told;
+use formation::event_log::{ModuleSnapshot, Scene};
 use formation::model::ModuleId;
 use serde::Serialize;
 
 use super::track::time;
 use crate::subject::Subject;
 
-/// More spans than these are not shown; only ports that go on and off without end make so many.
+/// More spans than these are not shown; only ports that dock and undock without end have more.
 const SPANS_MAX: usize = 60_000;
 
 /// What becomes of a link.
@@ -55,10 +55,10 @@ impl Links {
         now: f64,
         module: usize,
         before: &BTreeSet<ModuleId>,
-        told: &Told,
+        now_named: &BTreeSet<ModuleId>,
         subject: &Subject,
     ) {
-        for gone in before.difference(&told.links) {
+        for gone in before.difference(now_named) {
             if let Some(other) = subject.position_of(*gone) {
                 let ends = (module.min(other), module.max(other));
                 if let Some(since) = self.docked.remove(&ends) {
@@ -73,17 +73,17 @@ impl Links {
         &mut self,
         now: f64,
         module: usize,
-        told: &Told,
-        all: &[Option<Told>],
+        snapshot: &ModuleSnapshot,
+        scene: &Scene,
         subject: &Subject,
     ) {
-        for name in &told.links {
+        for name in &snapshot.links {
             let Some(other) = subject.position_of(*name).filter(|&other| other != module) else {
                 continue;
             };
-            let is_mutual = all[other]
-                .as_ref()
-                .is_some_and(|other| other.links.contains(&told.module));
+            let is_mutual = scene
+                .snapshot(*name)
+                .is_some_and(|other| other.links.contains(&snapshot.module));
             if is_mutual {
                 self.docked
                     .entry((module.min(other), module.max(other)))

@@ -1,24 +1,21 @@
 //! From recorded time to the time of the film.
 
-use std::collections::BTreeSet;
-
-use formation::event_log::{Entry, Event};
-use formation::model::ModulePhase;
+use formation::event_log::{Entry, Event, Scene};
 
 use super::track::time;
 
 /// All turns together take about this long, seconds.
 const TURNS_S: f64 = 24.0;
-/// One turn takes at least and at most so long.
+/// The bounds of one turn, seconds.
 const TURN_MIN_S: f64 = 0.1;
 const TURN_MAX_S: f64 = 1.0;
-/// All motions together take at most this long; faster ones keep their own time.
+/// All motions together take at most this long, seconds; faster ones keep their own time.
 const MOTIONS_MAX_S: f64 = 60.0;
-/// While nothing moves, a wait is cut to this.
+/// While nothing moves, a wait is cut to this, seconds.
 const WAIT_MAX_S: f64 = 0.4;
-/// The first and the last picture stand for so long.
+/// How long the first and the last picture stand, seconds.
 const STAND_S: f64 = 0.6;
-/// Entries of the clock are no closer than this.
+/// Entries of the clock are no closer than this, seconds.
 const CLOCK_GAP_S: f64 = 0.05;
 
 /// How fast the film goes.
@@ -90,21 +87,15 @@ impl Pace {
 
 /// For how long anything moved, at least one module at a time.
 fn moving_ms(course: &[Entry]) -> u64 {
-    let mut moving = BTreeSet::new();
+    let mut scene = Scene::default();
     let mut last_ms = 0;
     let mut sum_ms = 0;
     for entry in course {
-        if !moving.is_empty() {
+        if scene.is_moving() {
             sum_ms += entry.at_ms.saturating_sub(last_ms);
         }
         last_ms = entry.at_ms;
-        if let Event::State(told) = &entry.event {
-            if told.phase == ModulePhase::Moving {
-                moving.insert(told.module);
-            } else {
-                moving.remove(&told.module);
-            }
-        }
+        scene.apply(entry);
     }
     sum_ms
 }

@@ -1,4 +1,4 @@
-//! The way of one module through the film.
+//! The path of one module through the film.
 
 use formation::model::{ModulePhase, Pose};
 use serde::Serialize;
@@ -7,16 +7,19 @@ use crate::frame::Frame;
 
 /// A keyframe between two others is left out if it lies no further off the straight line than this, in pixels.
 const STRAIGHT: f64 = 0.5;
-/// Before a pose that nobody announced, the module stood until so long ago, seconds.
+/// A module whose pose changes although it reported no motion stood still until this long ago, seconds.
 const JUMP_S: f64 = 0.3;
 
 /// Time, x, y and turn: seconds, pixels and degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub(super) struct Keyframe(pub f64, pub f64, pub f64, pub f64);
+struct Keyframe(f64, f64, f64, f64);
 
 /// Keyframes in the order of time.
+#[derive(Clone, Debug, Serialize)]
+#[serde(transparent)]
 pub(super) struct Track {
     frames: Vec<Keyframe>,
+    #[serde(skip)]
     most: usize,
 }
 
@@ -46,11 +49,11 @@ impl Track {
             self.frames
                 .push(Keyframe(time(now - JUMP_S), last.1, last.2, last.3));
         }
-        // Where a motion begins and ends there is a keyframe, whether or not the module is seen to go.
+        // Where a motion begins and ends there is a keyframe, even if no pose between them is known.
         self.push(next, was == Some(ModulePhase::Moving) && !stands);
     }
 
-    /// Takes a pose on the way.
+    /// Takes a pose between the ends of a motion.
     pub(super) fn go_on(&mut self, now: f64, frame: &Frame, pose: &Pose) {
         self.push(keyframe(now, frame, pose), true);
     }
@@ -76,10 +79,6 @@ impl Track {
             index += 1;
             index % 2 == 1 || index > last
         });
-    }
-
-    pub(super) fn keyframes(self) -> Vec<Keyframe> {
-        self.frames
     }
 }
 

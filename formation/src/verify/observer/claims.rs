@@ -2,8 +2,7 @@
 
 use std::time::Duration;
 
-use super::record::{EpochRecord, HeardClaim, HeardRoster};
-use crate::model::{Epoch, PlanningProblem};
+use super::record::{PlannedEpoch, ReceivedClaim};
 use crate::verify::Violation;
 use crate::verify::replay::Replay;
 
@@ -12,63 +11,57 @@ pub(super) struct Claimed {
     pub(super) replay: Replay,
     /// How many turns were replayed; the next one's claim is missing or there is none.
     pub(super) turns: u32,
-    /// When the last of them came.
-    pub(super) last_heard: Option<Duration>,
+    /// When the last of them arrived.
+    pub(super) last_received: Option<Duration>,
 }
 
 /// Replays the claims of one epoch.
 ///
 /// A claim counts only if it comes from the run of a member that the roster names. Where several different claims for
-/// one turn are left, those that the spots held then contradict are put aside; if that leaves more than one, nobody
-/// outside can tell which the modules applied, and that is a violation.
-pub(super) fn replay_claims(
-    epoch: Epoch,
-    record: &EpochRecord,
-    heard: &HeardRoster,
-    problem: &PlanningProblem,
-) -> Claimed {
+/// one turn are left, those that the spots held then contradict are put aside; if that leaves more than one, an observer
+/// cannot know which the modules applied, and that is a violation.
+pub(super) fn replay_claims(planned: PlannedEpoch<'_>) -> Claimed {
     let mut claimed = Claimed {
-        replay: Replay::new(problem),
+        replay: Replay::new(planned.problem),
         turns: 0,
-        last_heard: None,
+        last_received: None,
     };
-    while let Some(rivals) = record.claims.get(&claimed.turns) {
+    while let Some(rivals) = planned.record.claims.get(&claimed.turns) {
         let turn = claimed.turns;
-        let eligible: Vec<&HeardClaim> = rivals
-            .iter()
-            .filter(|rival| is_from_member(heard, rival))
-            .collect();
-        let heard_at = match eligible.as_slice() {
+        let is_eligible = |rival: &&ReceivedClaim| is_from_member(planned, rival);
+        let eligible: Vec<&ReceivedClaim> = rivals.iter().filter(is_eligible).collect();
+        let received = match eligible.as_slice() {
             [] => break,
             [only] => {
-                claimed.replay.apply(problem, turn, &only.claim.decision);
-                only.heard
+                let replay = &mut claimed.replay;
+                replay.apply(planned.problem, turn, &only.claim.decision);
+                only.received
             }
             rivals => {
-                let (next, heard_at) = settle_rivals(epoch, turn, &claimed.replay, problem, rivals);
+                let (next, received) = choose(planned, turn, &claimed.replay, rivals);
                 claimed.replay = next;
-                heard_at
+                received
             }
         };
-        claimed.last_heard = claimed.last_heard.max(Some(heard_at));
+        claimed.last_received = claimed.last_received.max(Some(received));
         claimed.turns += 1;
     }
     claimed
 }
 
-fn settle_rivals(
-    epoch: Epoch,
+/// Applies the one of several claims for a turn that fits what was claimed before.
+fn choose(
+    planned: PlannedEpoch<'_>,
     turn: u32,
     before: &Replay,
-    problem: &PlanningProblem,
-    rivals: &[&HeardClaim],
+    rivals: &[&ReceivedClaim],
 ) -> (Replay, Duration) {
     let mut outcomes: Vec<(Replay, Duration)> = rivals
         .iter()
         .map(|rival| {
             let mut next = before.clone();
-            next.apply(problem, turn, &rival.claim.decision);
-            (next, rival.heard)
+            next.apply(planned.problem, turn, &rival.claim.decision);
+            (next, rival.received)
         })
         .collect();
     let is_sound =
@@ -79,16 +72,17 @@ fn settle_rivals(
     let are_rivals = outcomes.len() > 1;
     // The lowest in a fixed order, so that the order of arrival does not matter.
     outcomes.sort_by(|(one, _), (other, _)| one.spots.cmp(&other.spots));
-    let (mut next, heard_at) = outcomes.swap_remove(0);
+    let (mut next, received) = outcomes.swap_remove(0);
     if are_rivals {
+        let epoch = planned.epoch;
         next.violations
             .push(Violation::ClaimsDiffer { epoch, turn });
     }
-    (next, heard_at)
+    (next, received)
 }
 
-fn is_from_member(heard: &HeardRoster, rival: &HeardClaim) -> bool {
-    heard.roster.members.iter().any(|member| {
+fn is_from_member(planned: PlannedEpoch<'_>, rival: &ReceivedClaim) -> bool {
+    planned.members().iter().any(|member| {
         member.module.id == rival.claim.claimant && member.incarnation == rival.claim.incarnation
     })
 }

@@ -1,13 +1,11 @@
-//! Judges the end state: who stands where, docked to whom.
+//! Judges the end state: which module stands where, docked to which others.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::claims::Claimed;
-use super::record::{EpochRecord, HeardRoster, ModuleRecord};
+use super::claims::{Claimed, replay_claims};
+use super::record::{ModuleRecord, PlannedEpoch};
 use super::{Observer, ObserverParameters};
-use crate::model::{
-    Digest, Epoch, MicroUnits, ModuleId, ModulePhase, ModuleState, PlanningProblem, Pose, SpotId,
-};
+use crate::model::{Digest, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, SpotId};
 use crate::verify::plan::check_filled;
 use crate::verify::{Missing, Violation};
 
@@ -16,11 +14,8 @@ const FULL_TURN: i64 = 6_283_185;
 
 /// The newest epoch's members as they are now.
 pub(super) struct EndState<'a> {
-    epoch: Epoch,
-    problem: &'a PlanningProblem,
-    claimed: &'a Claimed,
-    /// How many members the roster lists, those out of service included.
-    members: usize,
+    planned: PlannedEpoch<'a>,
+    pub(super) claimed: Claimed,
     /// The latest state of each member's run.
     states: BTreeMap<ModuleId, &'a ModuleState>,
     /// The members that have settled in this epoch.
@@ -32,35 +27,25 @@ pub(super) struct EndState<'a> {
 }
 
 impl<'a> EndState<'a> {
-    pub(super) fn new(
-        observer: &'a Observer,
-        epoch: Epoch,
-        record: &'a EpochRecord,
-        heard: &'a HeardRoster,
-        problem: &'a PlanningProblem,
-        claimed: &'a Claimed,
-    ) -> Self {
-        let states: BTreeMap<ModuleId, &ModuleState> = heard
-            .roster
-            .members
-            .iter()
+    pub(super) fn new(observer: &'a Observer, planned: PlannedEpoch<'a>) -> Self {
+        let members = planned.members().iter();
+        let states: BTreeMap<ModuleId, &ModuleState> = members
             .filter_map(|member| {
                 let module: &ModuleRecord = observer.modules.get(&member.module.id)?;
                 let state = module.state_of(member.incarnation)?;
                 Some((member.module.id, &**state))
             })
             .collect();
+        let epoch = Some(planned.epoch);
         let settled = states
             .iter()
-            .filter(|(_, state)| state.epoch == Some(epoch) && state.phase == ModulePhase::Settled)
+            .filter(|(_, state)| state.epoch == epoch && state.phase == ModulePhase::Settled)
             .map(|(&module, &state)| (module, state))
             .collect();
-        let (disagreeing, turns) = disagreement(record, heard);
+        let (disagreeing, turns) = disagreement(planned);
         Self {
-            epoch,
-            problem,
-            claimed,
-            members: heard.roster.members.len(),
+            planned,
+            claimed: replay_claims(planned),
             states,
             settled,
             disagreeing,
@@ -68,7 +53,7 @@ impl<'a> EndState<'a> {
         }
     }
 
-    /// Who has settled on which spot, by their own word.
+    /// Which members have settled on which spot, by their own report.
     pub(super) fn assignments(&self) -> BTreeMap<ModuleId, SpotId> {
         self.settled
             .iter()
@@ -78,10 +63,10 @@ impl<'a> EndState<'a> {
 
     /// How many members have shown the plan.
     pub(super) fn agreed(&self) -> usize {
-        self.members - self.disagreeing.len()
+        self.planned.members().len() - self.disagreeing.len()
     }
 
-    /// Whether every turn's claim was heard.
+    /// Whether every turn's claim arrived.
     pub(super) fn claims_are_whole(&self) -> bool {
         self.turns.is_some_and(|turns| turns <= self.claimed.turns)
     }
@@ -95,18 +80,18 @@ impl<'a> EndState<'a> {
         let mut missing = Vec::new();
         if !self.claims_are_whole() {
             missing.push(Missing::Claim {
-                epoch: self.epoch,
+                epoch: self.planned.epoch,
                 turn: self.claimed.turns,
             });
         }
         for &module in &self.disagreeing {
             missing.push(Missing::Agreement {
-                epoch: self.epoch,
+                epoch: self.planned.epoch,
                 module,
                 phase: self.states.get(&module).map(|state| state.phase),
             });
         }
-        for module in self.problem.modules() {
+        for module in self.planned.problem.modules() {
             let id = module.id;
             let state = self.states.get(&id);
             let phase = state.map(|state| state.phase);
@@ -118,7 +103,7 @@ impl<'a> EndState<'a> {
                 }),
                 None if self.claims_are_whole() => {
                     let is_spare = state.is_some_and(|state| {
-                        state.epoch == Some(self.epoch) && state.phase == ModulePhase::Spare
+                        state.epoch == Some(self.planned.epoch) && state.phase == ModulePhase::Spare
                     });
                     if !is_spare {
                         missing.push(Missing::Spare { module: id, phase });
@@ -130,7 +115,7 @@ impl<'a> EndState<'a> {
         missing
     }
 
-    /// What is wrong with the end state. Means little before it is reached.
+    /// What is wrong with the end state, once it is reached.
     pub(super) fn violations(&self, parameters: &ObserverParameters) -> Vec<Violation> {
         let mut violations = Vec::new();
         let mut holders: BTreeMap<SpotId, ModuleId> = BTreeMap::new();
@@ -144,7 +129,7 @@ impl<'a> EndState<'a> {
                 });
             }
             let Some(spot) = state.spot else { continue };
-            let Some(place) = self.problem.target().spot(spot) else {
+            let Some(place) = self.planned.problem.target().spot(spot) else {
                 violations.push(Violation::UnknownSpot { spot });
                 continue;
             };
@@ -167,7 +152,7 @@ impl<'a> EndState<'a> {
             }
         }
         check_filled(
-            self.problem,
+            self.planned.problem,
             &holders.keys().copied().collect(),
             &mut violations,
         );
@@ -182,6 +167,7 @@ impl<'a> EndState<'a> {
                 continue;
             };
             let wanted: BTreeSet<ModuleId> = self
+                .planned
                 .problem
                 .target()
                 .neighbours_of(spot)
@@ -215,12 +201,12 @@ impl<'a> EndState<'a> {
 }
 
 /// The members that have not shown the plan that most members have shown, and the number of its turns.
-fn disagreement(record: &EpochRecord, heard: &HeardRoster) -> (BTreeSet<ModuleId>, Option<u32>) {
+fn disagreement(planned: PlannedEpoch<'_>) -> (BTreeSet<ModuleId>, Option<u32>) {
     let mut shown: BTreeMap<Digest, BTreeMap<ModuleId, u32>> = BTreeMap::new();
-    let members = &heard.roster.members;
+    let members = planned.members();
     for member in members {
         let run = (member.module.id, member.incarnation);
-        for (&digest, plan) in record.shown.get(&run).into_iter().flatten() {
+        for (&digest, plan) in planned.record.shown.get(&run).into_iter().flatten() {
             shown
                 .entry(digest)
                 .or_default()

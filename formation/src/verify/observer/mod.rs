@@ -2,7 +2,7 @@
 //!
 //! The observer is a state machine without I/O. Messages may come in any order and more than once. What a module did is
 //! judged by what it says it waited for, since the order in which messages of different writers arrive proves nothing.
-//! That goes both ways: a promise counts as broken only if some message shows it, or if everything was heard and none
+//! That goes both ways: a guarantee counts as violated only if a message shows it, or if all messages arrived and none
 //! shows that it was kept.
 
 mod claims;
@@ -20,16 +20,14 @@ use std::time::Duration;
 
 use super::{Missing, Violation};
 use crate::model::{
-    Epoch, MODULES_MAX, Message, MicroUnits, ModuleId, ModulePhase, RosterMessage, SpotId,
-    TargetAnnouncement,
+    Epoch, FormationStage, MODULES_MAX, Message, MicroUnits, ModuleId, ModulePhase, RosterMessage,
+    SpotId, TargetAnnouncement,
 };
 use claims::{Claimed, replay_claims};
 use end_state::EndState;
 use order::Acts;
-use record::{EpochRecord, Epochs, HeardRoster, ModuleRecord};
-pub use verdict::{Agreement, Counts, FormationStage, Outcome, Progress, Timings, Verdict};
-
-use crate::model::PlanningProblem;
+use record::{EpochRecord, Epochs, ModuleRecord, PlannedEpoch};
+pub use verdict::{Agreement, Counts, Outcome, Progress, Timings, Verdict};
 
 /// How an observer judges.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -38,13 +36,13 @@ pub struct ObserverParameters {
     pub position_tolerance: MicroUnits,
     /// By how much its heading may differ, in micro-radians.
     pub heading_tolerance: MicroUnits,
-    /// So long after a target was announced that asks for something new, or after the observer's start while there is
-    /// none, a formation that is not done has failed.
+    /// A formation that is not done this long after a target was announced that asks for something new, or after the
+    /// observer's start while there is no target, has failed.
     pub time_limit: Duration,
     /// How long an end state that is reached, but not yet right, may take to become right: messages that prove it may
-    /// still be on their way. As long, an end state with fewer modules than expected waits for more of them.
+    /// still be in transit. An end state with fewer modules than expected waits for more of them for the same time.
     pub grace: Duration,
-    /// A member that was not heard for so long does not count as living, so no formation is done that relies on it.
+    /// A member that is silent for longer than this does not count as living, and no formation that relies on it is done.
     pub silence: Duration,
     /// The modules that are to take part, where they are known beforehand, so that absent ones can be named.
     pub expected: BTreeSet<ModuleId>,
@@ -63,7 +61,7 @@ impl Default for ObserverParameters {
     }
 }
 
-/// Listens to all topics and judges the formation.
+/// Takes the messages of all topics and judges the formation.
 ///
 /// Call [`Self::handle`] for each message, then, as often as you like and when [`Self::poll_timeout`] is due,
 /// [`Self::verdict`]. A verdict, once given, stands, unless it is asked to [`Self::review`] it.
@@ -77,8 +75,8 @@ pub struct Observer {
     epochs: Epochs,
     /// Violations outside any epoch, and in epochs that had to make room.
     retired: Vec<Violation>,
-    messages: u64,
-    dropped: u64,
+    /// How many messages arrived, and how many were dropped.
+    counts: Counts,
     /// Since when the end state is reached without a break.
     reached_since: Option<Duration>,
     /// Since when an end state that was reached and judged is no longer there.
@@ -90,15 +88,15 @@ pub struct Observer {
     verdict: Option<Verdict>,
 }
 
-/// An end state must be gone for so long before a verdict on it is taken back: a second process with a living module's
-/// identifier may hide that module until its next heartbeat comes.
+/// How long an end state must be gone before a verdict on it is retracted: a second process with a living module's
+/// identifier may hide that module until its next heartbeat arrives.
 const RETRACTION_DELAY: Duration = Duration::from_secs(1);
 
 /// How many violations are listed; more say nothing new.
 const VIOLATIONS_MAX: usize = 256;
 
 impl Observer {
-    /// Begins to listen, at time zero.
+    /// An observer that starts at time zero.
     #[must_use]
     pub fn new(parameters: ObserverParameters) -> Self {
         Self {
@@ -108,8 +106,7 @@ impl Observer {
             modules: BTreeMap::new(),
             epochs: Epochs::default(),
             retired: Vec::new(),
-            messages: 0,
-            dropped: 0,
+            counts: Counts::default(),
             reached_since: None,
             broken_since: None,
             limit_from: Duration::ZERO,
@@ -118,9 +115,9 @@ impl Observer {
         }
     }
 
-    /// Takes in one message, heard at `now` since the observer's start.
+    /// Takes in one message that arrived at `now`, measured from the observer's start.
     pub fn handle(&mut self, now: Duration, message: &Message) {
-        self.messages += 1;
+        self.counts.messages += 1;
         match message {
             Message::Target(announcement) => {
                 let is_newer = self
@@ -134,7 +131,7 @@ impl Observer {
                         .is_some_and(|known| ask_the_same(known, announcement));
                     if !asks_the_same {
                         self.has_new_target = self.verdict.is_some();
-                        // Time that went by before it was asked for is not taken from a formation.
+                        // The time limit counts from the request.
                         self.limit_from = now;
                     }
                     self.target = Some(Arc::clone(announcement));
@@ -157,7 +154,7 @@ impl Observer {
                 }
                 if let Some(epoch) = state.epoch {
                     let fits = self.epoch(epoch).note_state(now, state);
-                    self.dropped += u64::from(!fits);
+                    self.counts.dropped += u64::from(!fits);
                 }
             }
             Message::Roster(RosterMessage::Plan(roster)) => {
@@ -165,7 +162,7 @@ impl Observer {
             }
             Message::Claim(claim) => {
                 let fits = self.epoch(claim.epoch).note_claim(now, claim);
-                self.dropped += u64::from(!fits);
+                self.counts.dropped += u64::from(!fits);
             }
             Message::Heartbeat(heartbeat) => {
                 let Some(module) = self.module(heartbeat.module) else {
@@ -174,7 +171,7 @@ impl Observer {
                 module.note_heartbeat(now, heartbeat);
                 if let Some(epoch) = heartbeat.epoch {
                     let fits = self.epoch(epoch).note_heartbeat(heartbeat);
-                    self.dropped += u64::from(!fits);
+                    self.counts.dropped += u64::from(!fits);
                 }
             }
             // A gathering decides nothing yet, and eviction notices repeat what claims say.
@@ -184,7 +181,7 @@ impl Observer {
 
     fn module(&mut self, id: ModuleId) -> Option<&mut ModuleRecord> {
         if self.modules.len() >= MODULES_MAX && !self.modules.contains_key(&id) {
-            self.dropped += 1;
+            self.counts.dropped += 1;
             return None;
         }
         Some(self.modules.entry(id).or_default())
@@ -206,7 +203,7 @@ impl Observer {
         }
     }
 
-    /// When [`Self::verdict`] may change although nothing was heard; `None` once it is given.
+    /// When [`Self::verdict`] may change without a message; `None` once it is given.
     #[must_use]
     pub fn poll_timeout(&self) -> Option<Duration> {
         if self.verdict.is_some() {
@@ -233,8 +230,8 @@ impl Observer {
     /// Looks again at a verdict that was given; `None` while it still holds.
     ///
     /// A formation that was done and is not any more, because a member fell silent or a new plan is under way, is
-    /// FAILED until it is done again. With a target that asks for something else there is no verdict any more, and the
-    /// time limit begins anew.
+    /// FAILED until it is done again. A target that asks for something else ends the verdict, and the time limit starts
+    /// again.
     pub fn review(&mut self, now: Duration) -> Option<&Verdict> {
         let known = self
             .verdict
@@ -275,39 +272,34 @@ impl Observer {
     /// How far the formation has come.
     #[must_use]
     pub fn progress(&self) -> Progress {
-        let expected = self.expected_count();
-        let has_target = self
-            .target
-            .as_ref()
-            .is_some_and(|target| target.target.is_some());
-        let without_plan = if has_target {
-            FormationStage::Gathering
-        } else {
-            FormationStage::WaitingForTarget
+        let announced = self.target.as_ref();
+        let without_plan = match announced.and_then(|target| target.target.as_ref()) {
+            Some(_) => FormationStage::Gathering,
+            None => FormationStage::WaitingForTarget,
         };
         let mut progress = Progress {
             stage: without_plan,
             epoch: None,
             joined: self.modules.len(),
-            expected,
+            expected: self.expected_count(),
             planned: 0,
             agreed: 0,
             settled: 0,
             to_fill: 0,
-            waiting_for: self.never_heard().collect(),
+            waiting_for: self.absent().collect(),
         };
-        let Some((epoch, record, heard, problem)) = self.newest() else {
+        let Some(planned) = self.newest() else {
             return progress;
         };
-        let claimed = replay_claims(epoch, record, heard, problem);
-        let end = EndState::new(self, epoch, record, heard, problem, &claimed);
+        let end = EndState::new(self, planned);
         let missing = end.missing();
-        progress.epoch = Some(epoch);
-        progress.planned = claimed.replay.spots.len();
+        let problem = planned.problem;
+        progress.epoch = Some(planned.epoch);
+        progress.planned = end.claimed.replay.spots.len();
         progress.agreed = end.agreed();
         progress.settled = end.assignments().len();
         progress.to_fill = problem.modules().len().min(problem.target().spots().len());
-        progress.stage = if self.is_outdated(heard) {
+        progress.stage = if self.is_outdated(planned) {
             without_plan
         } else if missing.is_empty() {
             FormationStage::Done
@@ -319,7 +311,7 @@ impl Observer {
             FormationStage::Planning
         };
         let waits_for_agreement = progress.stage < FormationStage::Acting;
-        let members: BTreeSet<ModuleId> = missing
+        let waiting_for: BTreeSet<ModuleId> = missing
             .iter()
             .filter_map(|one| match *one {
                 Missing::Agreement { module, .. } => Some(module),
@@ -328,30 +320,26 @@ impl Observer {
                 }
                 _ => None,
             })
+            .chain(self.absent())
             .collect();
-        progress.waiting_for = self.never_heard().chain(members).collect();
-        progress.waiting_for.sort_unstable();
-        progress.waiting_for.dedup();
+        progress.waiting_for = waiting_for.into_iter().collect();
         progress
     }
 
     /// The newest plan, once all its members agree on it; `None` before, and as soon as a newer target is announced.
     #[must_use]
     pub fn agreement(&self) -> Option<Agreement> {
-        let (epoch, record, heard, problem) = self.current()?;
-        let claimed = replay_claims(epoch, record, heard, problem);
-        let end = EndState::new(self, epoch, record, heard, problem, &claimed);
+        let planned = self.current()?;
+        let end = EndState::new(self, planned);
         if !end.is_agreed() || !end.claims_are_whole() {
             return None;
         }
+        let last_claim = end.claimed.last_received.unwrap_or(planned.received);
         Some(Agreement {
-            epoch,
-            planning: claimed
-                .last_heard
-                .unwrap_or(heard.heard)
-                .saturating_sub(heard.heard),
-            violations: self.violations_in(epoch, record),
-            assignments: claimed.replay.spots,
+            epoch: planned.epoch,
+            planning: last_claim.saturating_sub(planned.received),
+            violations: self.violations_in(planned.epoch, planned.record),
+            assignments: end.claimed.replay.spots,
         })
     }
 
@@ -365,38 +353,33 @@ impl Observer {
         announced.or((named > 0).then_some(named))
     }
 
-    fn never_heard(&self) -> impl Iterator<Item = ModuleId> + '_ {
-        self.parameters
-            .expected
-            .iter()
-            .copied()
-            .filter(|module| !self.modules.contains_key(module))
+    /// The expected modules of which no message arrived, ascending.
+    fn absent(&self) -> impl Iterator<Item = ModuleId> + '_ {
+        let expected = self.parameters.expected.iter().copied();
+        expected.filter(|module| !self.modules.contains_key(module))
     }
 
     /// The newest epoch that can be planned for.
-    fn newest(&self) -> Option<(Epoch, &EpochRecord, &HeardRoster, &PlanningProblem)> {
-        self.epochs.planned().rev().find_map(|(epoch, record)| {
-            let heard = record.roster.as_ref()?;
-            Some((epoch, record, heard, heard.problem.as_ref()?))
-        })
+    fn newest(&self) -> Option<PlannedEpoch<'_>> {
+        let mut epochs = self.epochs.with_roster().rev();
+        epochs.find_map(|(epoch, record)| record.planned(epoch))
     }
 
-    /// The same, if it plans for the target that holds.
-    fn current(&self) -> Option<(Epoch, &EpochRecord, &HeardRoster, &PlanningProblem)> {
-        self.newest()
-            .filter(|(_, _, heard, _)| !self.is_outdated(heard))
+    /// The newest epoch that can be planned for, if it plans for the target that holds.
+    fn current(&self) -> Option<PlannedEpoch<'_>> {
+        self.newest().filter(|planned| !self.is_outdated(*planned))
     }
 
     /// The newest epoch with a roster, if it plans for the target that holds.
     #[must_use]
     pub fn current_epoch(&self) -> Option<Epoch> {
-        self.current().map(|(epoch, ..)| epoch)
+        self.current().map(|planned| planned.epoch)
     }
 
     /// Whether a newer target holds than a roster plans for: one that asks for something else, or the same once more
     /// after it was withdrawn. Agents, too, compare targets by what they ask for.
-    fn is_outdated(&self, heard: &HeardRoster) -> bool {
-        let planned = &heard.roster.target;
+    fn is_outdated(&self, planned: PlannedEpoch<'_>) -> bool {
+        let planned = &planned.roster.target;
         let is_withdrawn = self.withdrawn > Some(planned.revision);
         is_withdrawn
             || self.target.as_ref().is_some_and(|target| {
@@ -431,54 +414,47 @@ impl Observer {
 
     /// What the newest target still waits for.
     fn missing(&self, now: Duration) -> Vec<Missing> {
-        let Some((epoch, record, heard, problem)) = self.current() else {
-            return self.missing_roster();
+        let absent = self.absent().map(|module| Missing::Module { module });
+        let Some(planned) = self.current() else {
+            return absent.chain(self.missing_roster()).collect();
         };
-        let claimed = replay_claims(epoch, record, heard, problem);
-        let mut missing = EndState::new(self, epoch, record, heard, problem, &claimed).missing();
-        missing.extend(self.silent(now, heard));
+        let mut missing = EndState::new(self, planned).missing();
+        missing.extend(self.silent(now, planned));
         if !missing.is_empty() {
-            missing.extend(self.never_heard().map(|module| Missing::Module { module }));
+            missing.extend(absent);
         }
         missing
     }
 
-    /// The members that were heard before, but not lately.
-    fn silent(&self, now: Duration, heard: &HeardRoster) -> impl Iterator<Item = Missing> {
+    /// The members whose last heartbeat is too old.
+    fn silent(&self, now: Duration, planned: PlannedEpoch<'_>) -> impl Iterator<Item = Missing> {
         let silence = self.parameters.silence;
-        heard.roster.members.iter().filter_map(move |member| {
+        planned.members().iter().filter_map(move |member| {
             let module = member.module.id;
-            let last = self
-                .modules
-                .get(&module)?
-                .heartbeat_of(member.incarnation)?;
+            let known = self.modules.get(&module)?;
+            let last = known.heartbeat_of(member.incarnation)?;
             (now.saturating_sub(last) > silence).then_some(Missing::Silent { module, silence })
         })
     }
 
-    fn missing_roster(&self) -> Vec<Missing> {
-        let mut missing: Vec<Missing> = self
-            .never_heard()
-            .map(|module| Missing::Module { module })
-            .collect();
-        let heard = self.modules.len();
-        if let Some(expected) = self.expected_count().filter(|&expected| heard < expected) {
-            missing.push(Missing::Modules { heard, expected });
-        }
-        missing.push(match &self.target {
+    fn missing_roster(&self) -> impl Iterator<Item = Missing> {
+        let joined = self.modules.len();
+        let expected = self.expected_count().filter(|&expected| joined < expected);
+        let roster = match &self.target {
             None => Missing::Target,
             Some(target) if target.target.is_none() => Missing::WithdrawnTarget,
             Some(target) => Missing::Roster {
                 revision: target.revision,
             },
-        });
-        missing
+        };
+        let modules = expected.map(|expected| Missing::Modules { joined, expected });
+        modules.into_iter().chain([roster])
     }
 
     /// The report on what is known now; its outcome stands at FAILED until something better is shown.
     fn report(&self, mut missing: Vec<Missing>, completed: Option<Duration>) -> Verdict {
         let mut violations = self.retired.clone();
-        for (epoch, record) in self.epochs.planned() {
+        for (epoch, record) in self.epochs.with_roster() {
             violations.extend(self.violations_in(epoch, record));
         }
         let mut verdict = Verdict {
@@ -495,37 +471,35 @@ impl Observer {
                 ..Timings::default()
             },
             counts: Counts {
-                epochs: self.epochs.planned().count(),
-                messages: self.messages,
-                dropped: self.dropped,
-                ..Counts::default()
+                epochs: self.epochs.with_roster().count(),
+                ..self.counts
             },
         };
-        if let Some((epoch, record, heard, problem)) = self.current() {
-            let claimed = replay_claims(epoch, record, heard, problem);
-            let end = EndState::new(self, epoch, record, heard, problem, &claimed);
+        if let Some(planned) = self.current() {
+            let end = EndState::new(self, planned);
             if completed.is_some() {
                 verdict.violations.extend(end.violations(&self.parameters));
-                verdict.violations.extend(unit_violations(
-                    &Acts::new(epoch, record, heard, problem),
-                    &claimed,
-                ));
+                let acts = Acts::new(planned);
+                verdict
+                    .violations
+                    .extend(unit_violations(&acts, &end.claimed));
             }
+            let rostered = &planned.roster.target;
             let target_differs = self.target.as_ref().is_some_and(|target| {
-                target.revision == heard.roster.target.revision
-                    && target.target != heard.roster.target.target
+                target.revision == rostered.revision && target.target != rostered.target
             });
             if target_differs {
+                let epoch = planned.epoch;
                 verdict.violations.push(Violation::TargetDiffers { epoch });
             }
-            verdict.report_on(epoch, problem, &claimed, &end);
-            verdict.timings.roster_known = Some(heard.heard);
-            verdict.timings.first_moving = first_moving(record, heard);
+            verdict.report_on(planned, &end);
             if completed.is_none() {
-                missing.extend(verdict.open_spots.iter().filter_map(|&spot| {
-                    let is_claimed = claimed.replay.holders.contains_key(&spot);
-                    (!is_claimed).then_some(Missing::Spot { spot })
-                }));
+                let holders = &end.claimed.replay.holders;
+                let open = verdict.open_spots.iter().copied();
+                missing.extend(
+                    open.filter(|spot| !holders.contains_key(spot))
+                        .map(|spot| Missing::Spot { spot }),
+                );
             }
         }
         verdict.violations.sort();
@@ -538,15 +512,9 @@ impl Observer {
     /// What the messages of one epoch show to be wrong, whether or not its end state was reached.
     fn violations_in(&self, epoch: Epoch, record: &EpochRecord) -> Vec<Violation> {
         let mut violations = record.violations.clone();
-        if let Some(heard) = &record.roster
-            && let Some(problem) = &heard.problem
-        {
-            violations.extend(
-                replay_claims(epoch, record, heard, problem)
-                    .replay
-                    .violations,
-            );
-            let acts = Acts::new(epoch, record, heard, problem);
+        if let Some(planned) = record.planned(epoch) {
+            violations.extend(replay_claims(planned).replay.violations);
+            let acts = Acts::new(planned);
             violations.extend(acts.violations(self.parameters.position_tolerance));
         }
         violations
@@ -554,7 +522,7 @@ impl Observer {
 }
 
 impl Verdict {
-    /// Whether nobody needs to be told of the other after this one; what is still missing changes all the time.
+    /// Whether the other verdict says nothing new; what is still missing changes all the time.
     fn says_the_same_as(&self, other: &Self) -> bool {
         let unfinished = self.outcome == Outcome::Failed;
         self.outcome == other.outcome
@@ -565,31 +533,21 @@ impl Verdict {
                     && self.unassigned == other.unassigned))
     }
 
-    fn report_on(
-        &mut self,
-        epoch: Epoch,
-        problem: &PlanningProblem,
-        claimed: &Claimed,
-        end: &EndState<'_>,
-    ) {
-        self.epoch = Some(epoch);
+    fn report_on(&mut self, planned: PlannedEpoch<'_>, end: &EndState<'_>) {
+        self.epoch = Some(planned.epoch);
         self.assignments = end.assignments();
         let filled: BTreeSet<SpotId> = self.assignments.values().copied().collect();
         self.filled_spots = filled.len();
-        self.open_spots = problem
-            .target()
-            .spots()
-            .iter()
-            .map(|spot| spot.id)
-            .filter(|spot| !filled.contains(spot))
-            .collect();
-        self.unassigned = problem
-            .modules()
-            .iter()
-            .map(|module| module.id)
+        let spots = planned.problem.target().spots().iter().map(|spot| spot.id);
+        self.open_spots = spots.filter(|spot| !filled.contains(spot)).collect();
+        let modules = planned.problem.modules().iter().map(|module| module.id);
+        self.unassigned = modules
             .filter(|module| !self.assignments.contains_key(module))
             .collect();
-        self.timings.last_claim = claimed.last_heard;
+        let claimed = &end.claimed;
+        self.timings.roster_known = Some(planned.received);
+        self.timings.first_moving = first_moving(planned);
+        self.timings.last_claim = claimed.last_received;
         self.counts.claims = usize::try_from(claimed.turns).unwrap_or(usize::MAX);
         self.counts.pairs = claimed.replay.pairs;
         self.counts.evictions = claimed.replay.evictions;
@@ -616,15 +574,10 @@ fn unit_violations(acts: &Acts<'_>, claimed: &Claimed) -> Vec<Violation> {
         .collect()
 }
 
-fn first_moving(record: &EpochRecord, heard: &HeardRoster) -> Option<Duration> {
-    heard
-        .roster
-        .members
-        .iter()
+fn first_moving(planned: PlannedEpoch<'_>) -> Option<Duration> {
+    let members = planned.members().iter();
+    members
         .filter(|member| member.module.pin.is_none())
-        .filter_map(|member| {
-            let run = (member.module.id, member.incarnation);
-            record.acts.get(&run)?.moved_heard
-        })
+        .filter_map(|member| planned.act_of(member)?.moved_at)
         .min()
 }

@@ -3,57 +3,42 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::record::{Act, EpochRecord, HeardRoster};
-use crate::model::{Digest, Epoch, MicroUnits, ModuleId, PlanningProblem, RosterMember, SpotId};
+use super::record::{Act, PlannedEpoch};
+use crate::model::{Digest, MicroUnits, ModuleId, RosterMember, SpotId};
 use crate::verify::Violation;
 use crate::verify::plan::filled_parts;
 
-/// What the members of one epoch were heard to do.
+/// What the members of one epoch did, by their own reports.
 pub(super) struct Acts<'a> {
-    epoch: Epoch,
-    record: &'a EpochRecord,
-    members: &'a [RosterMember],
-    problem: &'a PlanningProblem,
+    planned: PlannedEpoch<'a>,
     /// The acts of the members that moved or settled, in the runs that the roster names.
     moved: BTreeMap<ModuleId, &'a Act>,
-    /// The acting units that were heard to move; pinned modules do not.
+    /// The acting units that moved; pinned modules do not.
     units: BTreeMap<ModuleId, Unit>,
 }
 
 /// What is known of one acting unit.
 #[derive(Default)]
 pub(super) struct Unit {
-    /// Those of its modules that were heard to move, ascending.
+    /// Those of its modules that moved, ascending.
     pub(super) modules: Vec<ModuleId>,
     /// The modules that they waited for, their own unit's apart.
     waited_for: BTreeSet<ModuleId>,
     /// The units of those modules.
     after: BTreeSet<ModuleId>,
-    /// Whether a message that was not heard could tell of more that it waited for.
+    /// Whether a message that did not arrive could name more modules that it waited for.
     is_open: bool,
 }
 
 impl<'a> Acts<'a> {
-    pub(super) fn new(
-        epoch: Epoch,
-        record: &'a EpochRecord,
-        heard: &'a HeardRoster,
-        problem: &'a PlanningProblem,
-    ) -> Self {
-        let members = heard.roster.members.as_slice();
-        let moved: BTreeMap<ModuleId, &Act> = members
-            .iter()
-            .filter_map(|member| {
-                let act = record.acts.get(&(member.module.id, member.incarnation))?;
-                act.moved.then_some((member.module.id, act))
-            })
-            .collect();
+    pub(super) fn new(planned: PlannedEpoch<'a>) -> Self {
+        let members = planned.members().iter();
         let mut acts = Self {
-            epoch,
-            record,
-            members,
-            problem,
-            moved,
+            planned,
+            moved: members
+                .filter_map(|member| Some((member.module.id, planned.act_of(member)?)))
+                .filter(|(_, act)| act.moved)
+                .collect(),
             units: BTreeMap::new(),
         };
         acts.units = acts.contract();
@@ -76,7 +61,7 @@ impl<'a> Acts<'a> {
                 .iter()
                 .filter_map(|module| self.moved.get(module))
                 .flat_map(|act| act.waited_for.keys().copied())
-                .filter(|&module| self.problem.position_of(module).is_some())
+                .filter(|&module| self.planned.problem.position_of(module).is_some())
                 .collect();
             for module in marks {
                 let earlier = self.unit_of(module);
@@ -92,24 +77,25 @@ impl<'a> Acts<'a> {
     }
 
     fn is_pinned(&self, module: ModuleId) -> bool {
-        self.problem
+        let problem = self.planned.problem;
+        problem
             .module(module)
             .is_some_and(|module| module.pin.is_some())
     }
 
-    /// The unit of a module that was heard to move, unless it is pinned.
+    /// The unit of a module that moved, unless it is pinned.
     fn unit_of(&self, module: ModuleId) -> Option<ModuleId> {
         let act = self.moved.get(&module)?;
         let named = act.named.and_then(|(_, unit, _)| unit).unwrap_or(module);
         (!self.is_pinned(module)).then_some(named)
     }
 
-    /// The acting units that were heard to move.
+    /// The acting units that moved.
     pub(super) fn units(&self) -> &BTreeMap<ModuleId, Unit> {
         &self.units
     }
 
-    /// Everything that was done too early or out of order, as far as the messages heard show it.
+    /// Everything that was done too early or out of order, as far as the received messages show it.
     pub(super) fn violations(&self, position_tolerance: MicroUnits) -> Vec<Violation> {
         let mut violations = Vec::new();
         self.check_digests(&mut violations);
@@ -135,7 +121,7 @@ impl<'a> Acts<'a> {
                 let &mut (other, other_digest) = first.get_or_insert((module, digest));
                 if other_digest != digest {
                     violations.push(Violation::PlansDiffer {
-                        epoch: self.epoch,
+                        epoch: self.planned.epoch,
                         first: other,
                         first_digest: other_digest,
                         second: module,
@@ -148,15 +134,14 @@ impl<'a> Acts<'a> {
 
     /// Until a module says that it moves, it must stand where the roster froze it.
     fn check_frozen(&self, position_tolerance: MicroUnits, violations: &mut Vec<Violation>) {
-        for member in self.members {
-            let run = (member.module.id, member.incarnation);
-            let Some(act) = self.record.acts.get(&run) else {
+        for member in self.planned.members() {
+            let Some(act) = self.planned.act_of(member) else {
                 continue;
             };
             let distance = act.farthest_from(&member.module.pose);
             if distance > position_tolerance {
                 violations.push(Violation::MovedEarly {
-                    epoch: self.epoch,
+                    epoch: self.planned.epoch,
                     module: member.module.id,
                     distance,
                 });
@@ -166,20 +151,18 @@ impl<'a> Acts<'a> {
 
     /// What a module counted as settled must have been, and what it counted as agreed as well.
     fn check_marks(&self, violations: &mut Vec<Violation>) {
-        let runs: BTreeMap<ModuleId, &RosterMember> = self
-            .members
-            .iter()
-            .map(|member| (member.module.id, member))
-            .collect();
+        let members = self.planned.members().iter();
+        let runs: BTreeMap<ModuleId, &RosterMember> =
+            members.map(|member| (member.module.id, member)).collect();
         for (&module, act) in &self.moved {
             for (&other, &sequence) in &act.waited_for {
                 let unsettled = runs
                     .get(&other)
-                    .and_then(|member| self.record.acts.get(&(other, member.incarnation)))
+                    .and_then(|member| self.planned.act_of(member))
                     .and_then(|act| act.unsettled_until);
                 if unsettled.is_some_and(|until| sequence <= until) {
                     violations.push(Violation::WaitedForUnsettled {
-                        epoch: self.epoch,
+                        epoch: self.planned.epoch,
                         module,
                         other,
                         sequence,
@@ -192,12 +175,12 @@ impl<'a> Acts<'a> {
             for (&member, &sequence) in &act.agreed_on {
                 let since = runs
                     .get(&member)
-                    .and_then(|one| self.record.shown.get(&(member, one.incarnation)))
+                    .and_then(|one| self.planned.record.shown.get(&(member, one.incarnation)))
                     .and_then(|shown| shown.get(&digest))
                     .map(|plan| plan.since);
                 if let Some(agreed_since) = since.filter(|&since| since > sequence) {
                     violations.push(Violation::MovedBeforeAgreement {
-                        epoch: self.epoch,
+                        epoch: self.planned.epoch,
                         module,
                         member,
                         sequence,
@@ -208,14 +191,20 @@ impl<'a> Acts<'a> {
         }
     }
 
-    /// The units that `holds` accepts, and all that have one of them in their causal past.
-    fn after_any(&self, holds: impl Fn(&Unit) -> bool) -> BTreeSet<ModuleId> {
+    /// The units that waited for each unit.
+    fn followers(&self) -> BTreeMap<ModuleId, Vec<ModuleId>> {
         let mut followers: BTreeMap<ModuleId, Vec<ModuleId>> = BTreeMap::new();
         for (&lead, unit) in &self.units {
             for &earlier in &unit.after {
                 followers.entry(earlier).or_default().push(lead);
             }
         }
+        followers
+    }
+
+    /// The units that `holds` accepts, and all that have one of them in their causal past.
+    fn after_any(&self, holds: impl Fn(&Unit) -> bool) -> BTreeSet<ModuleId> {
+        let followers = self.followers();
         let mut reached: BTreeSet<ModuleId> = self
             .units
             .iter()
@@ -233,19 +222,14 @@ impl<'a> Acts<'a> {
         reached
     }
 
-    /// Nobody can have waited for what waited for it.
+    /// No unit can have waited for one that waited for it.
     fn check_circles(&self, violations: &mut Vec<Violation>) {
         let mut waits: BTreeMap<ModuleId, usize> = self
             .units
             .iter()
             .map(|(&lead, unit)| (lead, unit.after.len()))
             .collect();
-        let mut followers: BTreeMap<ModuleId, Vec<ModuleId>> = BTreeMap::new();
-        for (&lead, unit) in &self.units {
-            for &earlier in &unit.after {
-                followers.entry(earlier).or_default().push(lead);
-            }
-        }
+        let followers = self.followers();
         let mut free: Vec<ModuleId> = waits
             .iter()
             .filter(|&(_, &count)| count == 0)
@@ -264,7 +248,7 @@ impl<'a> Acts<'a> {
         }
         if let Some((&module, _)) = waits.first_key_value() {
             violations.push(Violation::CircularWait {
-                epoch: self.epoch,
+                epoch: self.planned.epoch,
                 module,
             });
         }
@@ -279,7 +263,7 @@ impl<'a> Acts<'a> {
             }
             if let Some(member) = self.lacking_agreement(unit) {
                 violations.push(Violation::AgreementNotShown {
-                    epoch: self.epoch,
+                    epoch: self.planned.epoch,
                     module,
                     member,
                 });
@@ -293,22 +277,20 @@ impl<'a> Acts<'a> {
             .modules
             .iter()
             .filter_map(|&module| Some((module, self.moved.get(&module)?)))
-            .filter(|(_, act)| !act.agreed_on.is_empty() || self.members.len() == 1)
+            .filter(|(_, act)| !act.agreed_on.is_empty() || self.planned.members().len() == 1)
             .flat_map(|(module, act)| act.agreed_on.keys().copied().chain([module]))
             .collect();
-        self.members
-            .iter()
+        let members = self.planned.members().iter();
+        members
             .map(|member| member.module.id)
             .find(|member| !marks.contains(member))
     }
 
-    /// Each unit must have a placed module beside one of its spots in its causal past, but for the first of each connected
+    /// Each unit must have a placed module next to one of its spots in its causal past, except the first of each connected
     /// part of the filled spots.
     fn check_neighbours(&self, open: &BTreeSet<ModuleId>, violations: &mut Vec<Violation>) {
-        let mut holders: BTreeMap<SpotId, ModuleId> = self
-            .problem
-            .modules()
-            .iter()
+        let modules = self.planned.problem.modules().iter();
+        let mut holders: BTreeMap<SpotId, ModuleId> = modules
             .filter_map(|module| Some((module.pin?, module.id)))
             .collect();
         let pins: BTreeSet<SpotId> = holders.keys().copied().collect();
@@ -318,7 +300,7 @@ impl<'a> Acts<'a> {
             }
         }
         let filled: BTreeSet<SpotId> = holders.keys().copied().collect();
-        let parts = filled_parts(self.problem, &filled);
+        let parts = filled_parts(self.planned.problem, &filled);
         let part_of: BTreeMap<SpotId, usize> = parts
             .iter()
             .enumerate()
@@ -359,18 +341,18 @@ impl<'a> Acts<'a> {
     }
 
     fn has_placed_neighbour(&self, unit: &Unit, holders: &BTreeMap<SpotId, ModuleId>) -> bool {
-        let beside: BTreeSet<ModuleId> = self
+        let adjacent: BTreeSet<ModuleId> = self
             .spots_of(unit)
-            .flat_map(|spot| self.problem.target().neighbours_of(spot))
+            .flat_map(|spot| self.planned.problem.target().neighbours_of(spot))
             .filter_map(|spot| holders.get(&spot).copied())
             .collect();
-        if beside
+        if adjacent
             .iter()
             .any(|&module| self.is_pinned(module) || unit.waited_for.contains(&module))
         {
             return true;
         }
-        let wanted: BTreeSet<ModuleId> = beside
+        let wanted: BTreeSet<ModuleId> = adjacent
             .into_iter()
             .filter_map(|module| self.unit_of(module))
             .filter(|lead| !unit.modules.contains(lead))

@@ -1,4 +1,4 @@
-//! What was heard, in a form that does not depend on the order in which it came.
+//! The received messages, in a form that does not depend on the order of their arrival.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::model::{
     CausalMark, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits, ModuleId,
-    ModulePhase, ModuleState, PlanningProblem, Pose, Roster, SpotClaim, SpotId,
+    ModulePhase, ModuleState, PlanningProblem, Pose, Roster, RosterMember, SpotClaim, SpotId,
 };
 use crate::verify::Violation;
 
@@ -22,12 +22,12 @@ const RIVAL_DIGESTS_MAX: usize = 4;
 /// One run of a module's process.
 pub(super) type RunId = (ModuleId, Incarnation);
 
-/// What was heard of one run.
+/// The messages of one run.
 #[derive(Clone, Debug)]
 pub(super) struct Run {
     /// Its state of the highest sequence number.
     pub(super) latest: Option<Arc<ModuleState>>,
-    first_heard: Duration,
+    first_received: Duration,
     last_heartbeat: Option<(u64, Duration)>,
 }
 
@@ -44,7 +44,7 @@ impl ModuleRecord {
         }
         self.runs.entry(incarnation).or_insert(Run {
             latest: None,
-            first_heard: now,
+            first_received: now,
             last_heartbeat: None,
         })
     }
@@ -70,10 +70,10 @@ impl ModuleRecord {
         }
     }
 
-    /// When the latest heartbeat of a run came.
+    /// When the latest heartbeat of a run arrived.
     pub(super) fn heartbeat_of(&self, incarnation: Incarnation) -> Option<Duration> {
-        let (_, heard) = self.runs.get(&incarnation)?.last_heartbeat?;
-        Some(heard)
+        let (_, received) = self.runs.get(&incarnation)?.last_heartbeat?;
+        Some(received)
     }
 
     /// The latest state of the member's run, unless a later run has taken the module over.
@@ -85,19 +85,19 @@ impl ModuleRecord {
         let later = self.runs.range(incarnation..).nth(1);
         let stands = later.is_none_or(|(_, later)| {
             run.last_heartbeat
-                .is_some_and(|(_, heard)| heard > later.first_heard)
+                .is_some_and(|(_, received)| received > later.first_received)
         });
         run.latest.as_ref().filter(|_| stands)
     }
 }
 
-/// What one run was heard to do in one epoch: everything its states say, whichever of them were heard.
+/// What one run did in one epoch: all that its states say, whichever of them arrived.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Act {
     /// Whether it was MOVING or SETTLED.
     pub(super) moved: bool,
-    /// When that was first heard.
-    pub(super) moved_heard: Option<Duration>,
+    /// When a state first showed that.
+    pub(super) moved_at: Option<Duration>,
     /// The digests on which it moved; one, if all is well.
     pub(super) digests: Vec<Option<Digest>>,
     /// The highest sequence number at which it was MOVING or SETTLED, and the unit and the spot that it named there.
@@ -108,11 +108,11 @@ pub(super) struct Act {
     pub(super) waited_for: BTreeMap<ModuleId, u64>,
     /// The heartbeats on which it moved; the lowest sequence number for each module.
     pub(super) agreed_on: BTreeMap<ModuleId, u64>,
-    /// The poses at which it was heard before it was allowed to move.
+    /// The poses that it reported before it was allowed to move.
     pub(super) frozen_at: Vec<Pose>,
 }
 
-/// How many poses are kept of a module that ought to stand still.
+/// How many poses are kept of a module that must stand still.
 const FROZEN_POSES_MAX: usize = 8;
 
 impl Act {
@@ -120,7 +120,7 @@ impl Act {
         match state.phase {
             ModulePhase::Moving | ModulePhase::Settled => {
                 self.moved = true;
-                self.moved_heard.get_or_insert(now);
+                self.moved_at.get_or_insert(now);
                 if !self.digests.contains(&state.digest) && self.digests.len() < RIVAL_DIGESTS_MAX {
                     self.digests.push(state.digest);
                 }
@@ -154,12 +154,12 @@ impl Act {
         if is_before_settling {
             self.unsettled_until = self.unsettled_until.max(Some(state.sequence));
         }
-        // A reader may have missed the states just before; the module tells when it settled.
+        // A reader may have missed the states just before; the module reports when it settled.
         let before = state.settled_since.checked_sub(1);
         self.unsettled_until = self.unsettled_until.max(before);
     }
 
-    /// How far it was heard from where the roster froze it.
+    /// The greatest distance of these poses from the one that the roster froze.
     pub(super) fn farthest_from(&self, frozen: &Pose) -> MicroUnits {
         self.frozen_at
             .iter()
@@ -176,19 +176,42 @@ fn merge_lowest(marks: &mut BTreeMap<ModuleId, u64>, new: &[CausalMark]) {
     }
 }
 
-/// A claim and when it came.
+/// A claim and when it arrived.
 #[derive(Clone, Debug)]
-pub(super) struct HeardClaim {
+pub(super) struct ReceivedClaim {
     pub(super) claim: Arc<SpotClaim>,
-    pub(super) heard: Duration,
+    pub(super) received: Duration,
 }
 
-/// A roster, when it came, and the planning input that it carries.
+/// A roster, when it arrived, and the planning input that it carries.
 #[derive(Clone, Debug)]
-pub(super) struct HeardRoster {
+pub(super) struct ReceivedRoster {
     pub(super) roster: Arc<Roster>,
     pub(super) problem: Option<PlanningProblem>,
-    pub(super) heard: Duration,
+    pub(super) received: Duration,
+}
+
+/// An epoch whose roster arrived and can be planned for.
+#[derive(Clone, Copy)]
+pub(super) struct PlannedEpoch<'a> {
+    pub(super) epoch: Epoch,
+    pub(super) record: &'a EpochRecord,
+    pub(super) roster: &'a Roster,
+    pub(super) problem: &'a PlanningProblem,
+    /// When the roster arrived.
+    pub(super) received: Duration,
+}
+
+impl<'a> PlannedEpoch<'a> {
+    pub(super) fn members(self) -> &'a [RosterMember] {
+        &self.roster.members
+    }
+
+    /// What a member did, in the run that the roster names.
+    pub(super) fn act_of(self, member: &RosterMember) -> Option<&'a Act> {
+        let run = (member.module.id, member.incarnation);
+        self.record.acts.get(&run)
+    }
 }
 
 /// A whole plan, as one run's heartbeats showed it.
@@ -200,12 +223,12 @@ pub(super) struct ShownPlan {
     pub(super) turns: u32,
 }
 
-/// What was heard of one epoch.
+/// The messages of one epoch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EpochRecord {
-    pub(super) roster: Option<HeardRoster>,
+    pub(super) roster: Option<ReceivedRoster>,
     /// The claims of each turn: one, if all is well.
-    pub(super) claims: BTreeMap<u32, Vec<HeardClaim>>,
+    pub(super) claims: BTreeMap<u32, Vec<ReceivedClaim>>,
     pub(super) acts: BTreeMap<RunId, Act>,
     /// The plans that each run showed: one, if all is well.
     pub(super) shown: BTreeMap<RunId, BTreeMap<Digest, ShownPlan>>,
@@ -214,6 +237,18 @@ pub(super) struct EpochRecord {
 }
 
 impl EpochRecord {
+    /// The epoch, if its roster arrived and can be planned for.
+    pub(super) fn planned(&self, epoch: Epoch) -> Option<PlannedEpoch<'_>> {
+        let known = self.roster.as_ref()?;
+        Some(PlannedEpoch {
+            epoch,
+            record: self,
+            roster: &known.roster,
+            problem: known.problem.as_ref()?,
+            received: known.received,
+        })
+    }
+
     pub(super) fn note_roster(&mut self, now: Duration, roster: &Arc<Roster>) {
         let epoch = roster.epoch;
         match &self.roster {
@@ -232,10 +267,10 @@ impl EpochRecord {
                     });
                     None
                 });
-                self.roster = Some(HeardRoster {
+                self.roster = Some(ReceivedRoster {
                     roster: Arc::clone(roster),
                     problem,
-                    heard: now,
+                    received: now,
                 });
             }
         }
@@ -249,9 +284,9 @@ impl EpochRecord {
         }
         let has_room = rivals.len() < RIVAL_CLAIMS_MAX;
         if has_room {
-            rivals.push(HeardClaim {
+            rivals.push(ReceivedClaim {
                 claim: Arc::clone(claim),
-                heard: now,
+                received: now,
             });
         }
         has_room
@@ -289,7 +324,7 @@ impl EpochRecord {
     }
 }
 
-/// All that was heard, by epoch.
+/// All received messages, by epoch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Epochs {
     records: BTreeMap<Epoch, EpochRecord>,
@@ -320,8 +355,8 @@ impl Epochs {
         self.records.entry(epoch).or_default()
     }
 
-    /// The epochs whose rosters were heard, ascending.
-    pub(super) fn planned(&self) -> impl DoubleEndedIterator<Item = (Epoch, &EpochRecord)> {
+    /// The epochs whose rosters arrived, ascending.
+    pub(super) fn with_roster(&self) -> impl DoubleEndedIterator<Item = (Epoch, &EpochRecord)> {
         self.records
             .iter()
             .filter(|(_, record)| record.roster.is_some())

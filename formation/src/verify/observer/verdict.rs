@@ -4,11 +4,14 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::time::Duration;
 
-use crate::model::{Epoch, ModuleId, SpotId};
+use serde::{Deserialize, Serialize};
+
+use crate::model::{Epoch, FormationStage, ModuleId, SpotId};
 use crate::verify::{Missing, Violation};
 
 /// How a formation ended.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "UPPERCASE")]
 pub enum Outcome {
     /// Every spot of the target has exactly one module, where and docked as the target says.
     Complete,
@@ -28,21 +31,21 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// When things came to be, as heard, since the observer's start.
+/// When the parts of an epoch were reached, since the observer's start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
-    /// The judged epoch's roster came.
+    /// The judged epoch's roster arrived.
     pub roster_known: Option<Duration>,
-    /// The last of its claims came.
+    /// The last of its claims arrived.
     pub last_claim: Option<Duration>,
-    /// Its first unit was heard to move.
+    /// Its first unit reported that it moves.
     pub first_moving: Option<Duration>,
     /// The end state was reached.
     pub completed: Option<Duration>,
 }
 
-/// How much was heard.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+/// How many messages of each kind arrived.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
     /// Claims of the judged epoch, one a turn.
     pub claims: usize,
@@ -65,81 +68,53 @@ pub struct Counts {
 pub struct Verdict {
     /// How it ended.
     pub outcome: Outcome,
-    /// The epoch whose end state was judged; `None` when no roster came.
+    /// The epoch whose end state was judged; `None` when no roster arrived.
     pub epoch: Option<Epoch>,
     /// How many spots are filled by a settled module.
     pub filled_spots: usize,
     /// The spots that are not, ascending.
     pub open_spots: Vec<SpotId>,
-    /// Who settled where.
+    /// Which module settled on which spot.
     pub assignments: BTreeMap<ModuleId, SpotId>,
     /// The modules that are on no spot, ascending.
     pub unassigned: Vec<ModuleId>,
-    /// The promises that were broken, in any epoch.
+    /// The guarantees that were violated, in any epoch.
     pub violations: Vec<Violation>,
     /// What was not done in time.
     pub missing: Vec<Missing>,
-    /// When things came to be.
+    /// When the parts of the epoch were reached.
     pub timings: Timings,
-    /// How much was heard.
+    /// How many messages of each kind arrived.
     pub counts: Counts,
 }
 
-/// A plan that every member of its epoch has shown to hold, whether or not anybody has moved.
+/// A plan that every member of its epoch has shown to hold, whether or not any module has moved.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Agreement {
     /// The epoch.
     pub epoch: Epoch,
-    /// Who is to take which spot, by the claims.
+    /// Which module is to take which spot, by the claims.
     pub assignments: BTreeMap<ModuleId, SpotId>,
-    /// From the roster to the last claim, as heard.
+    /// From the arrival of the roster to that of the last claim.
     pub planning: Duration,
-    /// The promises that the epoch's messages show to be broken.
+    /// The guarantees that the epoch's messages show to be violated.
     pub violations: Vec<Violation>,
 }
 
-/// How far a formation has come.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum FormationStage {
-    /// Nobody announced a target yet, or it was withdrawn.
-    WaitingForTarget,
-    /// Modules announce themselves; no roster yet.
-    Gathering,
-    /// Units take turns.
-    Planning,
-    /// Every turn is claimed; some member has not shown the plan's digest.
-    Agreeing,
-    /// Units move.
-    Acting,
-    /// The end state is reached.
-    Done,
-}
-
-impl fmt::Display for FormationStage {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::WaitingForTarget => "waiting for a target",
-            Self::Gathering => "gathering",
-            Self::Planning => "planning",
-            Self::Agreeing => "agreeing",
-            Self::Acting => "acting",
-            Self::Done => "done",
-        })
-    }
-}
-
 /// How far a formation has come, in numbers.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Progress {
     /// Which part of the work is being done.
+    #[serde(rename = "phase")]
     pub stage: FormationStage,
     /// The epoch of the newest roster.
     pub epoch: Option<Epoch>,
-    /// How many modules were heard.
+    /// How many modules sent a message.
     pub joined: usize,
     /// How many are expected, where that is known.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expected: Option<usize>,
-    /// How many modules hold a spot by the claims heard so far.
+    /// How many modules hold a spot by the claims so far.
     pub planned: usize,
     /// How many members have shown the plan's digest.
     pub agreed: usize,
@@ -149,4 +124,12 @@ pub struct Progress {
     pub to_fill: usize,
     /// The modules for which the present stage waits, ascending.
     pub waiting_for: Vec<ModuleId>,
+}
+
+impl Progress {
+    /// Whether a target was announced and not withdrawn.
+    #[must_use]
+    pub fn knows_target(&self) -> bool {
+        self.stage > FormationStage::WaitingForTarget
+    }
 }

@@ -287,7 +287,7 @@ fn wrong_turns_are_found() {
             modules: 6
         }]
     );
-    // The chain's end is told wrongly.
+    // The chain's end is reported wrongly.
     let found = after(|case| case.decisions[2].evictions[0].to = Some(SpotId(1)));
     assert_finds(
         &found,

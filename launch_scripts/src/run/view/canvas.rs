@@ -1,4 +1,4 @@
-//! Lines that are drawn over and over at the same place.
+//! Lines that are drawn repeatedly at the same place.
 
 use std::io::Write;
 
@@ -19,9 +19,9 @@ impl<W: Write> Canvas<W> {
         }
     }
 
-    /// Draws lines, each narrower than the terminal, which has so many columns.
+    /// Draws lines, each narrower than the terminal, which has this many columns.
     pub fn draw(&mut self, lines: &[String], columns: usize) {
-        let mut text = self.way_back(columns);
+        let mut text = self.rewind(columns);
         for line in lines {
             text.push_str(line);
             // Clears what an earlier line has left there.
@@ -32,10 +32,10 @@ impl<W: Write> Canvas<W> {
         self.write(&text);
     }
 
-    /// Takes everything away that it drew.
+    /// Clears all that it drew.
     pub fn clear(&mut self, columns: usize) {
         if !self.drawn.is_empty() {
-            let text = self.way_back(columns) + "\x1b[J";
+            let text = self.rewind(columns) + "\x1b[J";
             self.drawn.clear();
             self.write(&text);
         }
@@ -43,7 +43,7 @@ impl<W: Write> Canvas<W> {
 
     /// Moves the cursor to where the first line begins. A terminal that has become narrower than a line shows it in
     /// several rows.
-    fn way_back(&self, columns: usize) -> String {
+    fn rewind(&self, columns: usize) -> String {
         let rows: usize = self
             .drawn
             .iter()
@@ -56,7 +56,7 @@ impl<W: Write> Canvas<W> {
         }
     }
 
-    /// A terminal that has gone is nobody to tell.
+    /// Errors are ignored: the terminal may be gone.
     fn write(&mut self, text: &str) {
         let _ = self
             .out

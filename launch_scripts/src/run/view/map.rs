@@ -2,19 +2,19 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{MICRO_PER_UNIT, Target};
+use formation::model::{MICRO_PER_UNIT, SpotId, Target};
 
-use super::draw::{Paint, Style, colour_of};
+use super::style::{Paint, Style, colour_of};
 use super::watched::{SpotStatus, Watched};
 
 /// The map in as many columns and rows as there are, with a line that explains it; empty where it does not fit, or the
 /// spots do not lie on a lattice.
 pub fn map(watched: &Watched<'_>, columns: usize, rows: usize, style: Style) -> Vec<String> {
-    let target = watched.plan().problem.target();
+    let target = watched.plan.problem.target();
     let Some(cells) = Cells::of(target) else {
         return Vec::new();
     };
-    let digits = watched.plan().problem.modules().last().map_or(1, |module| {
+    let digits = watched.plan.problem.modules().last().map_or(1, |module| {
         module.id.0.checked_ilog10().unwrap_or(0) as usize + 1
     });
     let width = digits + 2;
@@ -23,10 +23,10 @@ pub fn map(watched: &Watched<'_>, columns: usize, rows: usize, style: Style) -> 
         let mut lines = cells.lines(|spot| labelled(watched, spot, digits, style), width);
         let one = colour_of(Some(0));
         let signs = [
-            style.paint("[4]", one.back()) + " settled",
-            style.paint(">4", one.front()) + " moving",
+            style.paint("[4]", Paint::Back(one)) + " settled",
+            style.paint(">4", Paint::Front(one)) + " moving",
             style.paint("4", Paint::Dim) + " claimed",
-            style.paint(style.dot(), Paint::Dim) + " free",
+            style.paint(style.sign(DOT, "."), Paint::Dim) + " free",
         ];
         lines.push(format!("{INSET}{}", signs.join("   ")));
         return lines;
@@ -39,48 +39,49 @@ pub fn map(watched: &Watched<'_>, columns: usize, rows: usize, style: Style) -> 
     Vec::new()
 }
 
-/// What stands before each row, as before all other lines.
+/// Precedes each row, as all other lines.
 const INSET: &str = "  ";
+/// A free spot.
+const DOT: &str = "·";
 
 /// A spot with the number of its module.
-fn labelled(watched: &Watched<'_>, spot: usize, digits: usize, style: Style) -> String {
-    let problem = &watched.plan().problem;
+fn labelled(watched: &Watched<'_>, spot: SpotId, digits: usize, style: Style) -> String {
     let colour = |module| colour_of(watched.configuration_of(module));
-    match watched.spot(problem.target().spots()[spot].id) {
+    let (cell, paint) = match watched.spot(spot) {
         SpotStatus::Free => {
-            let cell = format!("{:^width$}", style.dot(), width = digits + 2);
-            style.paint(&cell, Paint::Dim)
+            let dot = style.sign(DOT, ".");
+            (format!("{dot:^width$}", width = digits + 2), Paint::Dim)
         }
-        SpotStatus::Claimed(module) => style.paint(&format!(" {:>digits$} ", module.0), Paint::Dim),
+        SpotStatus::Claimed(module) => (format!(" {:>digits$} ", module.0), Paint::Dim),
         SpotStatus::Awaited(module) => {
-            style.paint(&format!(">{:>digits$} ", module.0), colour(module).front())
+            let cell = format!(">{:>digits$} ", module.0);
+            (cell, Paint::Front(colour(module)))
         }
         SpotStatus::Filled(module) => {
-            style.paint(&format!("[{:>digits$}]", module.0), colour(module).back())
+            let cell = format!("[{:>digits$}]", module.0);
+            (cell, Paint::Back(colour(module)))
         }
-    }
+    };
+    style.paint(&cell, paint)
 }
 
 /// A spot as one sign.
-fn signed(watched: &Watched<'_>, spot: usize, style: Style) -> String {
-    let problem = &watched.plan().problem;
-    match watched.spot(problem.target().spots()[spot].id) {
-        SpotStatus::Free => style.paint(". ", Paint::Dim),
-        SpotStatus::Claimed(_) => style.paint("o ", Paint::Dim),
-        SpotStatus::Awaited(module) => {
-            style.paint("> ", colour_of(watched.configuration_of(module)).front())
-        }
-        SpotStatus::Filled(module) => {
-            style.paint("# ", colour_of(watched.configuration_of(module)).front())
-        }
-    }
+fn signed(watched: &Watched<'_>, spot: SpotId, style: Style) -> String {
+    let colour = |module| Paint::Front(colour_of(watched.configuration_of(module)));
+    let (sign, paint) = match watched.spot(spot) {
+        SpotStatus::Free => (". ", Paint::Dim),
+        SpotStatus::Claimed(_) => ("o ", Paint::Dim),
+        SpotStatus::Awaited(module) => ("> ", colour(module)),
+        SpotStatus::Filled(module) => ("# ", colour(module)),
+    };
+    style.paint(sign, paint)
 }
 
 /// Which spot is in which cell of the lattice, rows from the top.
 struct Cells {
     columns: usize,
     rows: usize,
-    spots: BTreeMap<(usize, usize), usize>,
+    spots: BTreeMap<(usize, usize), SpotId>,
 }
 
 impl Cells {
@@ -98,7 +99,7 @@ impl Cells {
             rows: 0,
             spots: BTreeMap::new(),
         };
-        for (spot, &(x, y)) in places.iter().enumerate() {
+        for (spot, &(x, y)) in target.spots().iter().zip(&places) {
             let (column, row) = (
                 usize::try_from(x - left).ok()?,
                 usize::try_from(top - y).ok()?,
@@ -106,14 +107,14 @@ impl Cells {
             cells.columns = cells.columns.max(column + 1);
             cells.rows = cells.rows.max(row + 1);
             // Two spots in one cell cannot both be shown.
-            if cells.spots.insert((row, column), spot).is_some() {
+            if cells.spots.insert((row, column), spot.id).is_some() {
                 return None;
             }
         }
         Some(cells)
     }
 
-    fn lines(&self, drawn: impl Fn(usize) -> String, width: usize) -> Vec<String> {
+    fn lines(&self, drawn: impl Fn(SpotId) -> String, width: usize) -> Vec<String> {
         (0..self.rows)
             .map(|row| {
                 let mut line = INSET.to_owned();

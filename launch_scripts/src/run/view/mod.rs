@@ -3,6 +3,7 @@
 mod canvas;
 mod draw;
 mod map;
+mod style;
 mod watched;
 
 use std::env;
@@ -11,16 +12,17 @@ use std::time::{Duration, Instant};
 
 use ::console::{Term, colors_enabled_stderr};
 use formation::event_log::Entry;
+use formation::verify::Progress;
 
-use super::progress::Progress;
-use crate::plan::CheckedPlan;
+use crate::checked_plan::CheckedPlan;
 use canvas::Canvas;
-use draw::{Size, Style, frame};
+use draw::{Size, frame};
+use style::Style;
 use watched::Watched;
 
-/// However much happens, it is drawn at most this often.
+/// The least time between two drawings.
 const DRAW_INTERVAL: Duration = Duration::from_millis(60);
-/// Though nothing happens, the clock goes on.
+/// The most time between two drawings, for the clock in the first line.
 const TICK_INTERVAL: Duration = Duration::from_millis(200);
 
 /// What the terminal shows of a run.
@@ -47,7 +49,7 @@ impl<'a> View<'a> {
             terminal: Term::stderr(),
             style: Style {
                 colours: colors_enabled_stderr(),
-                unicode: speaks_unicode(|name| env::var(name).ok()),
+                unicode: has_unicode(|name| env::var(name).ok()),
             },
             start: Instant::now(),
             drawn: Instant::now(),
@@ -57,19 +59,19 @@ impl<'a> View<'a> {
         Some(view)
     }
 
-    /// Takes in how far it has come.
-    pub fn show(&mut self, progress: &Progress) {
-        self.watched.show(progress);
+    /// Shows new progress.
+    pub fn show_progress(&mut self, progress: &Progress) {
+        self.watched.progress = Some(progress.clone());
         self.draw_if_due();
     }
 
-    /// Takes in something that happened.
-    pub fn hear(&mut self, entry: &Entry) {
-        self.watched.hear(entry);
+    /// Shows something that happened.
+    pub fn show_entry(&mut self, entry: &Entry) {
+        self.watched.take(entry);
         self.draw_if_due();
     }
 
-    /// When it wants to be drawn again.
+    /// When to draw next.
     pub fn due(&self) -> Instant {
         self.drawn
             + if self.is_stale {
@@ -86,11 +88,11 @@ impl<'a> View<'a> {
         }
     }
 
-    /// Draws what is known now, as large as the terminal is now.
+    /// Draws what is known, in the present size of the terminal.
     pub fn draw(&mut self) {
         self.drawn = Instant::now();
         self.is_stale = false;
-        // Where a terminal does not tell its size, it has the size that terminals always had.
+        // The usual size, where the terminal does not report one.
         let (rows, columns) = self.terminal.size_checked().unwrap_or((24, 80));
         let size = Size {
             columns: usize::from(columns),
@@ -100,10 +102,10 @@ impl<'a> View<'a> {
         self.canvas.draw(&lines, size.columns);
     }
 
-    /// Clears the view, lets `say` write beside it, and draws it again.
-    pub fn suspend(&mut self, say: impl FnOnce()) {
+    /// Clears the view, lets `write` use the terminal, and draws the view again.
+    pub fn suspend(&mut self, write: impl FnOnce()) {
         self.canvas.clear(self.columns());
-        say();
+        write();
         self.draw();
     }
 
@@ -119,8 +121,8 @@ impl<'a> View<'a> {
     }
 }
 
-/// Whether the locale has more than ASCII: the first of these variables that is set tells (POSIX, "Locale").
-fn speaks_unicode(variable: impl Fn(&str) -> Option<String>) -> bool {
+/// Whether the locale has more than ASCII, by the first of these variables that is set (POSIX, "Locale").
+fn has_unicode(variable: impl Fn(&str) -> Option<String>) -> bool {
     ["LC_ALL", "LC_CTYPE", "LANG"]
         .into_iter()
         .filter_map(variable)
@@ -136,16 +138,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn the_first_locale_variable_that_is_set_tells() {
-        let speaks = |set: &[(&str, &str)]| {
-            speaks_unicode(|name| {
+    fn the_first_locale_variable_that_is_set_decides() {
+        let unicode = |set: &[(&str, &str)]| {
+            has_unicode(|name| {
                 let found = set.iter().find(|(variable, _)| *variable == name);
                 found.map(|(_, value)| (*value).to_owned())
             })
         };
-        assert!(speaks(&[("LANG", "C.UTF-8")]));
-        assert!(speaks(&[("LC_ALL", ""), ("LANG", "en_GB.utf8")]));
-        assert!(!speaks(&[("LC_ALL", "C"), ("LANG", "en_GB.utf8")]));
-        assert!(!speaks(&[]));
+        assert!(unicode(&[("LANG", "C.UTF-8")]));
+        assert!(unicode(&[("LC_ALL", ""), ("LANG", "en_GB.utf8")]));
+        assert!(!unicode(&[("LC_ALL", "C"), ("LANG", "en_GB.utf8")]));
+        assert!(!unicode(&[]));
     }
 }

@@ -1,4 +1,4 @@
-//! Runs in which everything is as it must be, whatever is heard of them.
+//! Runs in which everything is as it must be, whichever messages arrive.
 
 use super::*;
 
@@ -115,7 +115,7 @@ fn an_agreement_needs_every_claim_and_every_member() {
             agreed_since = Some(observer.progress());
         }
     }
-    assert_eq!(agreed_since.unwrap().settled, 0, "nobody has moved yet");
+    assert_eq!(agreed_since.unwrap().settled, 0, "no module has moved yet");
     let agreement = observer.agreement().unwrap();
     assert_eq!(agreement.assignments, run.verdict().assignments);
     assert_eq!(agreement.violations, []);

@@ -316,7 +316,7 @@ impl Run {
     }
 }
 
-/// The hand-made messages all come in the first instant, and nothing that follows means that somebody fell silent.
+/// The hand-made messages all come in the first instant, and nothing that follows means that a module fell silent.
 fn patient() -> ObserverParameters {
     ObserverParameters {
         silence: Duration::MAX,

@@ -1,4 +1,4 @@
-//! A verdict that is looked at again: formations break, and are mended.
+//! A verdict that is looked at again: formations break, and recover.
 
 use super::*;
 
@@ -30,7 +30,7 @@ fn a_formation_is_not_done_while_a_member_is_silent() {
     assert_eq!(
         outcome(observer.verdict(at(21))),
         Some(Outcome::Complete),
-        "it is heard again"
+        "its heartbeats arrive again"
     );
 }
 
@@ -53,12 +53,12 @@ fn the_end_of_the_time_names_who_is_silent() {
     );
     assert_eq!(
         verdict.missing[0].to_string(),
-        "module 3 was not heard for 5 s"
+        "module 3 has been silent for more than 5 s"
     );
 }
 
 #[test]
-fn a_death_breaks_the_verdict_and_a_new_plan_mends_it() {
+fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
     let mut observer = observe(&good_run().messages(), ObserverParameters::default());
     assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
     assert_eq!(outcome(observer.review(at(2))), None, "nothing changed");
@@ -66,11 +66,15 @@ fn a_death_breaks_the_verdict_and_a_new_plan_mends_it() {
     for now in 2..9 {
         beat(&mut observer, at(now), 1..=4);
     }
-    assert_eq!(outcome(observer.review(at(8))), None, "it may be heard yet");
+    assert_eq!(
+        outcome(observer.review(at(8))),
+        None,
+        "its heartbeat may be late"
+    );
     let broken = observer.review(at(9)).unwrap();
     assert_eq!(broken.outcome, Outcome::Failed);
     assert_eq!(broken.missing.len(), 1);
-    assert_eq!(outcome(observer.review(at(10))), None, "told once");
+    assert_eq!(outcome(observer.review(at(10))), None, "reported once");
 
     // The others make a new plan without it, in which all stay where they are.
     let epoch = Epoch {
@@ -96,7 +100,7 @@ fn a_death_breaks_the_verdict_and_a_new_plan_mends_it() {
         at(10),
         &Message::Roster(RosterMessage::Plan(Arc::new(roster))),
     );
-    assert_eq!(outcome(observer.review(at(10))), None, "not mended yet");
+    assert_eq!(outcome(observer.review(at(10))), None, "not restored yet");
     for (module, spot) in pins {
         let mut beat = heartbeat(module, 200, 200);
         beat.epoch = Some(epoch);
@@ -114,11 +118,11 @@ fn a_death_breaks_the_verdict_and_a_new_plan_mends_it() {
         stays.agreed_on.clear();
         observer.handle(at(11), &Message::ModuleState(Arc::new(stays)));
     }
-    let mended = observer.review(at(11)).unwrap();
-    assert_eq!(mended.violations, []);
-    assert_eq!(mended.outcome, Outcome::Complete);
-    assert_eq!(mended.epoch, Some(epoch));
-    assert_eq!(mended.unassigned, [], "it counts the living only");
+    let restored = observer.review(at(11)).unwrap();
+    assert_eq!(restored.violations, []);
+    assert_eq!(restored.outcome, Outcome::Complete);
+    assert_eq!(restored.epoch, Some(epoch));
+    assert_eq!(restored.unassigned, [], "it counts the living only");
 }
 
 /// The good run's target under another revision, and what it asks for instead, if anything.
@@ -146,7 +150,7 @@ fn a_target_that_is_announced_again_changes_nothing_unless_it_was_withdrawn() {
     assert_eq!(
         observer.current_epoch(),
         None,
-        "agents plan anew after that"
+        "agents plan again after that"
     );
 }
 

@@ -20,9 +20,9 @@ fn silence_is_named() {
     assert_eq!(
         sentences,
         [
-            "module 4 was never heard",
-            "module 7 was never heard",
-            "0 of 2 modules were heard",
+            "module 4 has not joined",
+            "module 7 has not joined",
+            "0 of 2 modules have joined",
             "no target was announced"
         ]
     );

@@ -84,7 +84,7 @@ fn of_rival_claims() {
     let mut run = good_run();
     let mut rival = run.claims[0].clone();
     rival.decision.selections = select(&[(1, 3)]);
-    // The eviction of turn 1 contradicts it, but that comes later: nobody can tell which one was applied.
+    // The eviction of turn 1 contradicts it, but that comes later: an observer cannot know which one was applied.
     run.claims.push(rival.clone());
     run.assert_violates(&Violation::ClaimsDiffer {
         epoch: EPOCH,
@@ -194,7 +194,7 @@ fn of_moving_before_agreement() {
         });
     }
 
-    // Module 4 moves for itself, without waiting for anybody's agreement.
+    // Module 4 moves for itself, without waiting for any agreement.
     let mut run = good_run();
     for state in run.acts_of(4) {
         state.waited_for.clear();
@@ -220,7 +220,7 @@ fn of_the_order() {
         sequence: 2,
     });
 
-    // Spot 4 is filled after spot 1 alone, which is not beside it: module 3 moves first, on the agreement of all.
+    // Spot 4 is filled after spot 1 alone, which is not adjacent: module 3 moves first, on the agreement of all.
     let mut run = good_run();
     let agreement = run.state(1, 2).agreed_on.clone();
     for state in run.acts_of(3) {

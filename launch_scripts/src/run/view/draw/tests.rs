@@ -1,11 +1,11 @@
 use ::console::{measure_text_width, strip_ansi_codes};
-use formation::event_log::{Entry, Event, Told};
-use formation::model::{Epoch, ModulePhase, Pose, Scenario, SpotId};
+use formation::event_log::{Entry, Event, ModuleSnapshot};
+use formation::model::{Epoch, ModuleId, ModulePhase, Pose, Scenario, SpotId};
+use formation::verify::Progress;
 use formation_report::course_of_plan;
 
-use super::super::super::progress::Progress;
 use super::*;
-use crate::plan::CheckedPlan;
+use crate::checked_plan::CheckedPlan;
 
 const PLAIN: Style = Style {
     colours: false,
@@ -34,21 +34,21 @@ fn drawn(watched: &Watched<'_>, size: Size) -> String {
     frame(watched, Duration::from_millis(12_300), size, PLAIN).join("\n")
 }
 
-/// A run that goes as planned, after so many of its entries.
+/// A run that goes as planned, after this many of its entries.
 fn after<'a>(plan: &'a CheckedPlan, entries: &[Entry], count: usize) -> Watched<'a> {
     let mut watched = Watched::new("three", plan);
     for entry in &entries[..count] {
-        watched.hear(entry);
+        watched.take(entry);
     }
     watched
 }
 
 fn is_moving(entry: &Entry) -> bool {
-    matches!(&entry.event, Event::State(told) if told.phase == ModulePhase::Moving)
+    matches!(&entry.event, Event::State(snapshot) if snapshot.phase == ModulePhase::Moving)
 }
 
 #[test]
-fn it_tells_whose_turn_it_is_and_who_waits_for_whom() {
+fn it_shows_whose_turn_it_is_and_who_waits_for_whom() {
     let plan = plan();
     let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
     let roster = entries
@@ -62,11 +62,14 @@ fn it_tells_whose_turn_it_is_and_who_waits_for_whom() {
     let text = drawn(&after(&plan, &entries, roster + 1), LARGE);
     assert!(text.contains(&format!("now   {first}")), "{text}");
     assert!(text.contains(&format!("next  {second}")), "{text}");
-    assert!(text.contains("the roster has 3 modules"), "{text}");
+    assert!(
+        text.contains("The roster is fixed: 3 modules take part"),
+        "{text}"
+    );
 
     let text = drawn(&after(&plan, &entries, roster + 2), LARGE);
     assert!(text.contains("turn 1 of 2"), "{text}");
-    assert!(text.contains("turn 1: "), "{text}");
+    assert!(text.contains("Turn 1: "), "{text}");
 
     let units = &plan.outcome.plan.assembly.units;
     let first_motion = entries.iter().position(is_moving).unwrap();
@@ -93,7 +96,10 @@ fn the_map_shows_what_is_filled_moving_claimed_and_free() {
         end.contains("\n     [3]\n  [1][2]\n") || end.contains("\n     [3]\n  [2][1]\n"),
         "{end}"
     );
-    assert!(!end.contains("now "), "nobody is left to wait for: {end}");
+    assert!(
+        !end.contains("now "),
+        "no module is left to wait for: {end}"
+    );
     let moving = entries.iter().rposition(is_moving).unwrap();
     let text = drawn(&after(&plan, &entries, moving + 1), LARGE);
     assert!(text.contains('>'), "{text}");
@@ -104,19 +110,23 @@ fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
     let plan = plan();
     let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
     let mut watched = after(&plan, &entries, entries.len());
-    watched.hear(&Entry {
+    watched.take(&Entry {
         at_ms: 9_000,
         event: Event::Gathering(Epoch {
             number: 2,
             convener: ModuleId(1),
         }),
     });
-    watched.show(&Progress {
-        phase: "gathering".to_owned(),
+    watched.progress = Some(Progress {
+        stage: FormationStage::Gathering,
+        epoch: None,
         joined: 2,
-        expected: 3,
-        waiting_for: vec![3],
-        ..Progress::default()
+        expected: Some(3),
+        planned: 0,
+        agreed: 0,
+        settled: 0,
+        to_fill: 0,
+        waiting_for: vec![ModuleId(3)],
     });
     let text = drawn(&watched, LARGE);
     for part in [
@@ -124,7 +134,7 @@ fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
         "[gathering] → planning",
         "  2/3",
         "waiting for 3",
-        "9.0 s  epoch 2: all gather anew",
+        "9.0 s  Epoch 2: all modules halt and gather again",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
@@ -187,9 +197,9 @@ fn colours_add_nothing_but_colour() {
 fn a_module_that_only_settles_is_no_news() {
     let plan = plan();
     let mut watched = Watched::new("three", &plan);
-    watched.hear(&Entry {
+    watched.take(&Entry {
         at_ms: 1,
-        event: Event::State(Told {
+        event: Event::State(ModuleSnapshot {
             module: ModuleId(3),
             phase: ModulePhase::Settled,
             pose: Pose::default(),
@@ -198,5 +208,5 @@ fn a_module_that_only_settles_is_no_news() {
             unit: None,
         }),
     });
-    assert_eq!(watched.log().len(), 0);
+    assert_eq!(watched.log.len(), 0);
 }

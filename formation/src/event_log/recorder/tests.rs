@@ -1,7 +1,7 @@
 use super::*;
 use crate::model::{
-    Decision, MicroUnits, ModulePhase, PlannerParameters, Roster, Service, SpotId, SpotSelection,
-    TargetAnnouncement,
+    Decision, MicroUnits, ModulePhase, PlannerParameters, Pose, Roster, Service, SpotId,
+    SpotSelection, TargetAnnouncement,
 };
 
 fn epoch(number: u64) -> Epoch {
@@ -82,17 +82,19 @@ fn roster(number: u64) -> Message {
     })))
 }
 
-/// What a chronicler makes of messages, each heard 10 ms after the last.
-fn told(messages: &[Message]) -> Vec<String> {
-    let mut chronicler = Chronicler::default();
+/// What a recorder makes of messages that arrive 10 ms after each other.
+fn recorded(messages: &[Message]) -> Vec<String> {
+    let mut recorder = Recorder::default();
     (0..)
         .zip(messages)
-        .flat_map(|(index, message)| chronicler.hear(at(10 * index), message))
+        .flat_map(|(index, message)| recorder.record(at(10 * index), message))
         .map(|entry| match entry.event {
             Event::Gathering(epoch) => format!("gathering {}", epoch.number),
             Event::Roster { epoch, .. } => format!("roster {}", epoch.number),
             Event::Claim { epoch, turn, .. } => format!("claim {}.{turn}", epoch.number),
-            Event::State(told) => format!("{} is {:?}", told.module, told.phase),
+            Event::State(snapshot) => {
+                format!("{} is {:?}", snapshot.module, snapshot.phase)
+            }
             Event::Pose { module, pose } => format!("{module} at {}", pose.x.0),
         })
         .collect()
@@ -101,7 +103,7 @@ fn told(messages: &[Message]) -> Vec<String> {
 #[test]
 fn claims_come_in_the_order_of_turns_after_their_roster_and_once() {
     assert_eq!(
-        told(&[
+        recorded(&[
             gather(1),
             claim(1, 1, 5),
             claim(1, 0, 4),
@@ -123,9 +125,9 @@ fn claims_come_in_the_order_of_turns_after_their_roster_and_once() {
 }
 
 #[test]
-fn what_an_older_epoch_says_late_is_left_out() {
+fn late_messages_of_an_older_epoch_are_left_out() {
     assert_eq!(
-        told(&[
+        recorded(&[
             roster(1),
             claim(1, 0, 4),
             claim(2, 0, 5),
@@ -140,54 +142,62 @@ fn what_an_older_epoch_says_late_is_left_out() {
 }
 
 #[test]
-fn a_module_is_told_of_when_something_changed() {
+fn a_state_is_recorded_when_something_changed() {
     use ModulePhase::{Gathered, Moving, Settled, Waiting};
-    let mut chronicler = Chronicler::default();
-    let mut hear = |millis, message: &Message| {
-        let mut entries = chronicler.hear(at(millis), message);
+    let mut recorder = Recorder::default();
+    let mut record = |millis, message: &Message| {
+        let mut entries = recorder.record(at(millis), message);
         assert!(entries.len() < 2);
         entries.pop().map(|entry| entry.event)
     };
     let is_state = |event: Option<Event>, phase: ModulePhase| match event {
-        Some(Event::State(told)) => told.phase == phase,
+        Some(Event::State(snapshot)) => snapshot.phase == phase,
         _ => false,
     };
-    assert!(is_state(hear(0, &state(4, 1, 1, Waiting, 0)), Waiting));
+    assert!(is_state(record(0, &state(4, 1, 1, Waiting, 0)), Waiting));
     assert_eq!(
-        hear(5, &state(4, 1, 2, Waiting, 0)),
+        record(5, &state(4, 1, 2, Waiting, 0)),
         None,
         "nothing changed"
     );
-    assert!(is_state(hear(10, &state(4, 1, 4, Moving, 0)), Moving));
-    assert_eq!(hear(300, &state(4, 1, 3, Waiting, 0)), None, "out of date");
+    assert!(is_state(record(10, &state(4, 1, 4, Moving, 0)), Moving));
     assert_eq!(
-        hear(310, &state(4, 1, 5, Moving, 7)),
+        record(300, &state(4, 1, 3, Waiting, 0)),
+        None,
+        "out of date"
+    );
+    assert_eq!(
+        record(310, &state(4, 1, 5, Moving, 7)),
         Some(Event::Pose {
             module: ModuleId(4),
             pose: pose(7)
         })
     );
-    assert_eq!(hear(320, &state(4, 1, 6, Moving, 8)), None, "too soon");
+    assert_eq!(record(320, &state(4, 1, 6, Moving, 8)), None, "too soon");
     assert!(
-        is_state(hear(330, &state(4, 1, 7, Settled, 9)), Settled),
+        is_state(record(330, &state(4, 1, 7, Settled, 9)), Settled),
         "a change of phase is never too soon"
     );
     assert!(
-        is_state(hear(340, &state(4, 2, 1, Gathered, 9)), Gathered),
-        "it started again"
+        is_state(record(340, &state(4, 2, 1, Gathered, 9)), Gathered),
+        "it restarted"
     );
-    assert_eq!(hear(350, &state(4, 1, 8, Settled, 9)), None, "the dead run");
+    assert_eq!(
+        record(350, &state(4, 1, 8, Settled, 9)),
+        None,
+        "the earlier run"
+    );
 }
 
 #[test]
 fn entries_are_lines_of_json() {
-    let mut chronicler = Chronicler::default();
+    let mut recorder = Recorder::default();
     for message in [
         roster(1),
         claim(1, 0, 4),
         state(4, 1, 1, ModulePhase::WaitingForQuorum, 3),
     ] {
-        for entry in chronicler.hear(at(1_234), &message) {
+        for entry in recorder.record(at(1_234), &message) {
             let line = serde_json::to_string(&entry).unwrap();
             assert!(line.starts_with("{\"at_ms\":1234,\""), "{line}");
             assert_eq!(serde_json::from_str::<Entry>(&line).unwrap(), entry);

@@ -1,4 +1,4 @@
-//! Which processes a run can do without, and what is told of those that died.
+//! The roles of the processes of a run, and the processes that a run lost.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
@@ -6,17 +6,16 @@ use std::process::ExitStatus;
 use std::time::Duration;
 
 use formation::model::ModuleId;
-use serde_json::{Value, json};
+use serde::{Serialize, Serializer};
 
-use super::processes::module_list;
 use super::supervisor::ProcessId;
 
-/// How a program says that it was started with what it cannot use.
+/// The exit status of a program that cannot use its arguments.
 const STATUS_BAD_INPUT: i32 = 2;
 
-/// Which process has which part in a run.
+/// Which process has which role in a run.
 #[derive(Clone, Debug)]
-pub struct Cast {
+pub struct ProcessRoles {
     /// Judges; without it there is no verdict.
     pub verifier: ProcessId,
     /// Announces the target, which the modules then know.
@@ -25,10 +24,10 @@ pub struct Cast {
     pub agents: BTreeMap<ProcessId, Vec<ModuleId>>,
 }
 
-impl Cast {
-    /// Whether a run can go on without a process that ended. What fails at its start would fail again, and is to be
-    /// mended; what dies later is what a formation is to bear.
-    pub fn can_spare(
+impl ProcessRoles {
+    /// Whether a run can continue without a process that ended. A process that fails at its start would fail again, so
+    /// a person has to act; a formation has to tolerate a process that ends later.
+    pub fn can_continue_without(
         &self,
         process: ProcessId,
         status: ExitStatus,
@@ -40,7 +39,7 @@ impl Cast {
         }
         let failed_at_start = match status.code() {
             Some(STATUS_BAD_INPUT) => true,
-            // Zero is the status of one that was asked to end.
+            // Zero is the status of a process that was asked to end.
             Some(code) => code != 0 && !all_joined,
             None => false,
         };
@@ -48,83 +47,67 @@ impl Cast {
     }
 }
 
-/// A process that died while the run went on.
-#[derive(Clone, Debug)]
+/// A process that ended while the run continued, as `--json` prints it.
+#[derive(Clone, Debug, Serialize)]
 pub struct Death {
-    /// What it is called before people.
+    /// Its name in messages to people.
+    #[serde(rename = "process")]
     pub name: String,
     /// The modules that it hosted.
     pub modules: Vec<ModuleId>,
     /// How it ended.
+    #[serde(rename = "ended_with", serialize_with = "in_words")]
     pub status: ExitStatus,
-    /// When, since the start of the run.
+    /// When it ended, since the start of the run.
+    #[serde(rename = "after_ms", serialize_with = "in_milliseconds")]
     pub after: Duration,
+}
+
+fn in_words<S: Serializer>(status: &ExitStatus, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.collect_str(status)
+}
+
+fn in_milliseconds<S: Serializer>(duration: &Duration, serializer: S) -> Result<S::Ok, S::Error> {
+    duration.as_millis().serialize(serializer)
 }
 
 impl fmt::Display for Death {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        let Self {
-            name,
-            status,
-            after,
-            ..
-        } = self;
+        let after = self.after.as_secs_f64();
         write!(
             formatter,
-            "{name} ended with {status} after {:.1} s",
-            after.as_secs_f64()
+            "{} ended with {} after {after:.1} s",
+            self.name, self.status
         )
     }
 }
 
-/// Those that died, in the order in which they did.
-#[derive(Clone, Debug, Default)]
-pub struct Deaths {
-    deaths: Vec<Death>,
-}
+/// The processes that ended while the run continued, in that order.
+#[derive(Clone, Debug, Default, Serialize)]
+#[serde(transparent)]
+pub struct Deaths(Vec<Death>);
 
 impl Deaths {
     /// Adds one.
     pub fn push(&mut self, death: Death) {
-        self.deaths.push(death);
+        self.0.push(death);
     }
 
     /// All of them.
     pub fn iter(&self) -> impl Iterator<Item = &Death> {
-        self.deaths.iter()
+        self.0.iter()
     }
 
-    /// How many processes of modules died.
+    /// How many processes of modules ended.
     pub fn of_agents(&self) -> usize {
-        self.iter()
-            .filter(|death| !death.modules.is_empty())
-            .count()
+        let agents = self.iter().filter(|death| !death.modules.is_empty());
+        agents.count()
     }
 
-    /// The modules that are dead.
+    /// The modules that they hosted.
     pub fn modules(&self) -> BTreeSet<ModuleId> {
-        self.iter()
-            .flat_map(|death| death.modules.iter().copied())
-            .collect()
-    }
-
-    /// Those modules in words, such as `modules 3, 7-9`.
-    pub fn modules_text(&self) -> String {
-        module_list(&self.modules().into_iter().collect::<Vec<_>>())
-    }
-
-    /// What `--json` prints of them.
-    pub fn json(&self) -> Value {
-        self.iter()
-            .map(|death| {
-                json!({
-                    "process": death.name,
-                    "modules": death.modules,
-                    "ended_with": death.status.to_string(),
-                    "after_ms": u64::try_from(death.after.as_millis()).unwrap_or(u64::MAX),
-                })
-            })
-            .collect()
+        let modules = self.iter().flat_map(|death| &death.modules);
+        modules.copied().collect()
     }
 }
 
@@ -135,16 +118,16 @@ mod tests {
     use super::*;
 
     #[test]
-    fn a_death_can_be_spared_and_a_failure_at_the_start_cannot() {
+    fn a_run_continues_after_a_death_and_not_after_a_failure_at_the_start() {
         let [verifier, agent, target_publisher, driver] = ProcessId::some();
-        let cast = Cast {
+        let roles = ProcessRoles {
             verifier,
             target_publisher,
             agents: BTreeMap::from([(agent, vec![ModuleId(4)])]),
         };
         let killed = ExitStatus::from_raw(9);
         let exited = |code: i32| ExitStatus::from_raw(code << 8);
-        for (process, status, all_joined, target_is_known, spared) in [
+        for (process, status, all_joined, target_is_known, continues) in [
             (agent, killed, false, false, true),
             (agent, killed, true, true, true),
             (agent, exited(0), false, false, true),
@@ -157,8 +140,8 @@ mod tests {
             (driver, exited(0), true, true, false),
         ] {
             assert_eq!(
-                cast.can_spare(process, status, all_joined, target_is_known),
-                spared,
+                roles.can_continue_without(process, status, all_joined, target_is_known),
+                continues,
                 "{process:?} {status} {all_joined} {target_is_known}"
             );
         }

@@ -1,0 +1,196 @@
+//! A plan that is made offline, by the same core as in every agent, and checked.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::anyhow;
+use formation::model::text::{counted, listed_in_full};
+use formation::model::{Decision, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation::planner::{PlanOutcome, Planning, Statistics};
+use formation::verify::check_plan;
+use formation_report::Fact;
+use serde::Serialize;
+
+use crate::console;
+use crate::failure::{Failure, one_line};
+use crate::table::Table;
+
+/// A plan that the verifier's checks have passed.
+pub struct CheckedPlan {
+    /// What was planned for.
+    pub problem: Arc<PlanningProblem>,
+    /// The plan and its turns.
+    pub outcome: PlanOutcome,
+    /// What the plan keeps, breaks and costs.
+    pub statistics: Statistics,
+    /// How long the allocation took, without acting order and statistics.
+    pub planning_us: u64,
+}
+
+/// What `formation plan --json` prints.
+#[derive(Debug, Serialize)]
+pub struct PlanReport {
+    /// What the plan keeps, breaks and costs.
+    #[serde(flatten)]
+    pub statistics: Statistics,
+    /// How long the allocation took.
+    pub planning_us: u64,
+}
+
+impl CheckedPlan {
+    /// Plans a scenario and has the plan checked independently.
+    ///
+    /// # Errors
+    /// Lists the guarantees that the plan does not keep.
+    pub fn of(scenario: &Scenario) -> Result<Self, Failure> {
+        let problem = Arc::new(scenario.problem().clone());
+        let start = Instant::now();
+        let mut planning = Planning::new(Arc::clone(&problem));
+        let decisions = planning.take_all_turns();
+        let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
+        let outcome = planning.outcome(decisions);
+        let decisions: Vec<Decision> = outcome
+            .decisions
+            .iter()
+            .map(|(_, decision)| decision.clone())
+            .collect();
+        check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
+            let named: Vec<String> = violations.iter().map(ToString::to_string).collect();
+            Failure::Failed(anyhow!(
+                "the plan does not keep its guarantees: {}",
+                named.join("; ")
+            ))
+        })?;
+        Ok(Self {
+            statistics: Statistics::of(&problem, &outcome),
+            problem,
+            outcome,
+            planning_us,
+        })
+    }
+
+    /// What to print as JSON.
+    pub fn report(&self) -> PlanReport {
+        PlanReport {
+            statistics: self.statistics.clone(),
+            planning_us: self.planning_us,
+        }
+    }
+
+    /// Prints what people should know before anything moves.
+    pub fn warn(&self, path: &Path) {
+        for warning in &self.statistics.warnings {
+            console::note(&format!("warning: {}: {warning}", path.display()));
+        }
+        if !self.statistics.proven {
+            console::note(&format!(
+                "warning: {}: a search on a graph with cycles was cut at its budget; a better plan may exist",
+                path.display()
+            ));
+        }
+    }
+
+    /// The plan as a table, and its sums.
+    pub fn text(&self, name: &str) -> String {
+        let mut parts = Vec::new();
+        if !name.is_empty() {
+            parts.push(one_line(name));
+        }
+        parts.push(self.table().to_string());
+        let statistics = &self.statistics;
+        if !statistics.unassigned.is_empty() {
+            let unassigned = listed_in_full(statistics.unassigned.iter().copied());
+            parts.push(format!("without a spot: {unassigned}"));
+        }
+        if !statistics.open_spots.is_empty() {
+            let open = listed_in_full(statistics.open_spots.iter().copied());
+            parts.push(format!("left open: {open}"));
+        }
+        parts.push(format!(
+            "{} kept, {} broken; {} detached; {}; {}",
+            counted(statistics.kept_links, "link"),
+            statistics.broken_links,
+            counted(statistics.detached_modules, "module"),
+            counted(statistics.port_changes, "port change"),
+            counted(statistics.evictions, "eviction"),
+        ));
+        parts.push(format!(
+            "total utility {:.3}, total distance {:.3} units",
+            statistics.total_utility, statistics.total_distance
+        ));
+        let messages = &statistics.messages;
+        parts.push(format!(
+            "{} in {} µs; messages: {}, {} deliveries, {} pairs delivered",
+            counted(self.outcome.decisions.len(), "turn"),
+            self.planning_us,
+            counted(messages.samples, "sample"),
+            messages.deliveries,
+            messages.pairs,
+        ));
+        parts.join("\n")
+    }
+
+    fn table(&self) -> Table {
+        let order = self.statistics.assembly_order.iter().copied();
+        let order: BTreeMap<SpotId, usize> = order.zip(1..).collect();
+        let units = self.outcome.plan.assembly.units.iter();
+        let leads: BTreeMap<ModuleId, ModuleId> = units
+            .filter(|unit| unit.placements.len() > 1)
+            .flat_map(|unit| {
+                let placements = unit.placements.iter();
+                placements.map(|&(module, _)| (module, unit.lead))
+            })
+            .collect();
+        let mut table = Table::new(["module", "spot", "filled", "distance", "moves with"]);
+        for assignment in &self.statistics.assignments {
+            let (module, spot) = (assignment.module, assignment.spot);
+            let ends = self
+                .problem
+                .module(module)
+                .zip(self.problem.target().spot(spot));
+            let distance = ends.map(|(module, spot)| module.pose.distance_to(&spot.pose));
+            let or_blank = |cell: Option<String>| cell.unwrap_or_default();
+            table.row([
+                module.0.to_string(),
+                spot.0.to_string(),
+                or_blank(order.get(&spot).map(usize::to_string)),
+                or_blank(distance.map(|distance| format!("{:.3}", distance.to_units()))),
+                or_blank(leads.get(&module).map(|lead| lead.0.to_string())),
+            ]);
+        }
+        table
+    }
+
+    /// The numbers of the plan, for the page of a report.
+    pub fn facts(&self) -> Vec<Fact> {
+        let statistics = &self.statistics;
+        let messages = &statistics.messages;
+        vec![
+            Fact::new("modules", self.problem.modules().len()),
+            Fact::new("modules without a spot", statistics.unassigned.len()),
+            Fact::new("spots", self.problem.target().spots().len()),
+            Fact::new("spots left open", statistics.open_spots.len()),
+            Fact::new("turns", self.outcome.decisions.len()),
+            Fact::new("evictions", statistics.evictions),
+            Fact::new("links kept", statistics.kept_links),
+            Fact::new("links broken", statistics.broken_links),
+            Fact::new("modules detached", statistics.detached_modules),
+            Fact::new("port changes", statistics.port_changes),
+            Fact::new("total utility", format!("{:.3}", statistics.total_utility)),
+            Fact::new(
+                "total distance",
+                format!("{:.3} units", statistics.total_distance),
+            ),
+            Fact::new("planned offline in", format!("{} µs", self.planning_us)),
+            Fact::new(
+                "messages while planning",
+                format!(
+                    "{} samples, {} deliveries, {} pairs delivered",
+                    messages.samples, messages.deliveries, messages.pairs
+                ),
+            ),
+        ]
+    }
+}

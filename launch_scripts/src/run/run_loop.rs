@@ -1,0 +1,389 @@
+//! One run, from the first process to the verdict.
+
+use std::process::ExitStatus;
+use std::time::{Duration, Instant};
+
+use formation::verify::{AgreementReport, Outcome, Progress, ReportLine, VerdictReport};
+
+use super::display::Display;
+use super::recording::Recording;
+use super::roles::{Death, Deaths, ProcessRoles};
+use super::supervisor::{ProcessEvent, ProcessId, Supervisor};
+
+/// After its verdict, the verifier stays for this long, so that subscribers of its topic receive the verdict.
+const LINGER: Duration = Duration::from_millis(500);
+
+/// What the verifier found.
+#[derive(Clone, Debug)]
+pub enum Judgement {
+    /// A verdict on the formation.
+    Verdict(VerdictReport),
+    /// All modules hold the same plan, and none was to move.
+    Agreement(AgreementReport),
+}
+
+/// How a run ended.
+#[derive(Debug)]
+pub enum RunEnd {
+    /// The verifier has judged.
+    Judged(Judgement),
+    /// A process ended without which the run cannot continue.
+    ProcessEnded(ProcessId, ExitStatus),
+    /// All processes of modules ended, this one last.
+    NoAgentLeft(ProcessId, ExitStatus),
+    /// A signal asked the launcher to end.
+    Interrupted(i32),
+    /// The time was up.
+    TimedOut,
+}
+
+/// What was observed of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Observed {
+    /// The latest progress.
+    pub progress: Option<Progress>,
+    /// How long after the start the last module had joined.
+    pub discovery: Option<Duration>,
+    /// The event log.
+    pub recording: Recording,
+    /// The processes that ended while the run continued.
+    pub deaths: Deaths,
+}
+
+/// Watches the processes until the verifier has judged, something failed, or the time is up.
+///
+/// The run continues when a process of modules ends. A verdict that relies on such a module is set aside: the verifier,
+/// which finds the module silent later, will retract it and give another.
+pub struct RunLoop<'a, 'b> {
+    /// The processes.
+    pub supervisor: &'a mut Supervisor,
+    /// Their roles.
+    pub roles: &'a ProcessRoles,
+    /// How many modules take part.
+    pub modules: usize,
+    /// When the first process was started.
+    pub start: Instant,
+    /// When to stop waiting for the verdict.
+    pub deadline: Instant,
+    /// Where the run is shown.
+    pub display: &'a mut Display<'b>,
+    /// What was observed so far.
+    pub observed: Observed,
+}
+
+impl RunLoop<'_, '_> {
+    /// Runs to the end.
+    pub fn run(mut self) -> (RunEnd, Observed) {
+        let end = self.run_until_the_end();
+        if let RunEnd::Judged(_) = end {
+            self.display.refresh();
+            self.linger();
+        }
+        (end, self.observed)
+    }
+
+    fn run_until_the_end(&mut self) -> RunEnd {
+        let mut set_aside = None;
+        loop {
+            let due = self.display.due();
+            let wake = due.map_or(self.deadline, |due| due.min(self.deadline));
+            let end = match self.supervisor.next(wake) {
+                ProcessEvent::Line(process, line) if process == self.roles.verifier => {
+                    self.take_line(&line, &mut set_aside)
+                }
+                ProcessEvent::Line(..) => None,
+                ProcessEvent::Exited(process, status) => self.take_exit(process, status),
+                ProcessEvent::Interrupted(signal) => Some(RunEnd::Interrupted(signal)),
+                ProcessEvent::TimedOut if Instant::now() < self.deadline => {
+                    self.display.refresh();
+                    None
+                }
+                ProcessEvent::TimedOut => Some(match set_aside.take() {
+                    Some(verdict) => RunEnd::Judged(Judgement::Verdict(VerdictReport {
+                        outcome: Outcome::Failed,
+                        ..verdict
+                    })),
+                    None => RunEnd::TimedOut,
+                }),
+            };
+            if let Some(end) = end {
+                return end;
+            }
+        }
+    }
+
+    /// Takes in a line of the verifier.
+    fn take_line(&mut self, line: &str, set_aside: &mut Option<VerdictReport>) -> Option<RunEnd> {
+        match serde_json::from_str(line) {
+            Ok(ReportLine::Progress(mut progress)) => {
+                progress.expected = Some(self.modules);
+                if progress.joined >= self.modules {
+                    let discovery = &mut self.observed.discovery;
+                    discovery.get_or_insert_with(|| self.start.elapsed());
+                }
+                self.display.show_progress(&progress);
+                self.observed.progress = Some(progress);
+                None
+            }
+            Ok(ReportLine::Entry(entry)) => {
+                self.display.show_entry(&entry);
+                self.observed.recording.keep(entry);
+                None
+            }
+            Ok(ReportLine::Agreement(agreement)) => {
+                Some(RunEnd::Judged(Judgement::Agreement(agreement)))
+            }
+            Ok(ReportLine::Verdict(verdict)) => {
+                let may_change = match verdict.outcome {
+                    Outcome::Failed => set_aside.is_some(),
+                    Outcome::Complete | Outcome::Partial => self.relies_on_the_dead(&verdict),
+                };
+                if may_change {
+                    *set_aside = Some(verdict);
+                    return None;
+                }
+                Some(RunEnd::Judged(Judgement::Verdict(verdict)))
+            }
+            Err(error) => {
+                self.display.note(&format!(
+                    "warning: the verifier wrote a line that cannot be read ({error}): {line}"
+                ));
+                None
+            }
+        }
+    }
+
+    /// Whether a verdict counts on a module whose process ended, which the verifier may not have found yet.
+    fn relies_on_the_dead(&self, verdict: &VerdictReport) -> bool {
+        let dead = self.observed.deaths.modules();
+        let mut settled = verdict.assignments.iter();
+        settled.any(|assignment| dead.contains(&assignment.module))
+    }
+
+    fn take_exit(&mut self, process: ProcessId, status: ExitStatus) -> Option<RunEnd> {
+        let all_joined = self.observed.discovery.is_some();
+        let target_is_known = self
+            .observed
+            .progress
+            .as_ref()
+            .is_some_and(Progress::knows_target);
+        let roles = self.roles;
+        if !roles.can_continue_without(process, status, all_joined, target_is_known) {
+            return Some(RunEnd::ProcessEnded(process, status));
+        }
+        let death = Death {
+            name: self.supervisor.name(process).to_owned(),
+            modules: roles.agents.get(&process).cloned().unwrap_or_default(),
+            status,
+            after: self.start.elapsed(),
+        };
+        self.display
+            .note(&format!("{death}; the run continues without it"));
+        let deaths = &mut self.observed.deaths;
+        deaths.push(death);
+        (deaths.of_agents() == roles.agents.len()).then_some(RunEnd::NoAgentLeft(process, status))
+    }
+
+    fn linger(&mut self) {
+        let deadline = Instant::now() + LINGER;
+        loop {
+            match self.supervisor.next(deadline) {
+                ProcessEvent::Exited(process, _) if process == self.roles.verifier => break,
+                ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) => break,
+                ProcessEvent::Exited(..) | ProcessEvent::Line(..) => {}
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::process::Command;
+
+    use formation::model::text::listed_in_full;
+    use formation::model::{Assignment, FormationStage, ModuleId, SpotId};
+
+    use super::super::display::{LineThrottle, progress_line};
+    use super::super::supervisor::Output;
+    use super::*;
+
+    /// Runs processes that are shell scripts until the time is up: the verifier, the target publisher, and processes of
+    /// modules 1, 2 and so on.
+    fn run_for(seconds: u64, scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
+        let mut supervisor = Supervisor::new(&[]).unwrap();
+        let processes: Vec<ProcessId> = scripts
+            .iter()
+            .enumerate()
+            .map(|(index, script)| {
+                let mut command = Command::new("sh");
+                command.args(["-c", script]);
+                supervisor
+                    .start(format!("process {index}"), &mut command, Output::Results)
+                    .unwrap()
+            })
+            .collect();
+        let agents = processes[2..].iter().copied().zip(1..);
+        let roles = ProcessRoles {
+            verifier: processes[0],
+            target_publisher: processes[1],
+            agents: agents
+                .map(|(process, module)| (process, vec![ModuleId(module)]))
+                .collect(),
+        };
+        let start = Instant::now();
+        let (end, observed) = RunLoop {
+            supervisor: &mut supervisor,
+            roles: &roles,
+            modules: 2,
+            start,
+            deadline: start + Duration::from_secs(seconds),
+            display: &mut Display::Lines(LineThrottle::default()),
+            observed: Observed::default(),
+        }
+        .run();
+        (end, observed, supervisor)
+    }
+
+    fn run(scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
+        run_for(30, scripts)
+    }
+
+    /// A script that prints a line of the verifier.
+    fn prints(line: &ReportLine) -> String {
+        format!("echo '{}'", serde_json::to_string(line).unwrap())
+    }
+
+    fn progress(stage: FormationStage, joined: usize, waiting_for: &[u32]) -> String {
+        prints(&ReportLine::Progress(Progress {
+            stage,
+            epoch: None,
+            joined,
+            expected: None,
+            planned: 0,
+            agreed: 0,
+            settled: joined,
+            to_fill: 2,
+            waiting_for: waiting_for.iter().copied().map(ModuleId).collect(),
+        }))
+    }
+
+    /// Settled on spot 1, and nothing else.
+    fn verdict(outcome: Outcome, module: u32) -> String {
+        prints(&ReportLine::Verdict(VerdictReport {
+            outcome,
+            epoch: None,
+            filled_spots: 1,
+            assignments: vec![Assignment {
+                module: ModuleId(module),
+                spot: SpotId(1),
+            }],
+            unassigned: Vec::new(),
+            open_spots: Vec::new(),
+            violations: Vec::new(),
+            missing: Vec::new(),
+            timings_ms: Default::default(),
+            planning_ms: None,
+            acting_ms: None,
+            counts: Default::default(),
+        }))
+    }
+
+    fn judged(end: RunEnd) -> VerdictReport {
+        match end {
+            RunEnd::Judged(Judgement::Verdict(verdict)) => verdict,
+            other => panic!("expected a verdict, got {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_run_ends_with_the_verdict() {
+        let verifier = [
+            progress(FormationStage::Gathering, 1, &[]),
+            "echo 'no JSON'".to_owned(),
+            progress(FormationStage::Acting, 2, &[]),
+            verdict(Outcome::Complete, 1),
+        ];
+        let (end, observed, mut supervisor) = run(&[
+            &verifier.join("\n"),
+            "echo '{\"verdict\":\"of no verifier\"}'; exec sleep 30",
+            "exec sleep 30",
+        ]);
+        assert_eq!(judged(end).outcome, Outcome::Complete);
+        assert_eq!(observed.progress.unwrap().settled, 2);
+        assert!(observed.discovery.is_some());
+        assert_eq!(
+            supervisor.stop(Duration::from_secs(30)),
+            Vec::<String>::new()
+        );
+    }
+
+    #[test]
+    fn a_process_without_which_a_run_cannot_continue_ends_it() {
+        let stay = "exec sleep 30";
+        for (scripts, name) in [
+            (["exit 3", stay, stay, stay], "process 0"),
+            ([stay, "kill -9 $$", stay, stay], "process 1"),
+            (
+                [stay, stay, stay, "echo out of battery >&2; exit 9"],
+                "process 3",
+            ),
+        ] {
+            let (end, _, supervisor) = run(&scripts);
+            let RunEnd::ProcessEnded(process, _) = end else {
+                panic!("expected an end, got {end:?}");
+            };
+            assert_eq!(supervisor.name(process), name);
+        }
+    }
+
+    #[test]
+    fn a_run_continues_without_some_agents_and_ends_with_the_last() {
+        let (end, observed, supervisor) = run(&[
+            "exec sleep 30",
+            "exec sleep 30",
+            "kill -9 $$",
+            "sleep 0.5; kill -9 $$",
+        ]);
+        let RunEnd::NoAgentLeft(process, status) = end else {
+            panic!("expected that no agent is left, got {end:?}");
+        };
+        assert_eq!(supervisor.name(process), "process 3");
+        assert_eq!(status.code(), None);
+        assert_eq!(listed_in_full(observed.deaths.modules()), "modules 1-2");
+        let first = observed.deaths.iter().next().unwrap().to_string();
+        assert!(
+            first.starts_with("process 2 ended with signal: 9 (SIGKILL) after 0."),
+            "{first}"
+        );
+    }
+
+    #[test]
+    fn a_verdict_that_relies_on_the_dead_is_not_final() {
+        let directory = tempfile::tempdir().unwrap();
+        let died = directory.path().join("died").display().to_string();
+        let verifier = [
+            format!("while [ ! -e {died} ]; do sleep 0.02; done"),
+            "sleep 1".to_owned(),
+            verdict(Outcome::Complete, 1),
+            verdict(Outcome::Failed, 1),
+            verdict(Outcome::Complete, 2),
+            "exec sleep 30".to_owned(),
+        ];
+        let (end, observed, _) = run(&[
+            &verifier.join("\n"),
+            "exec sleep 30",
+            &format!("touch {died}; kill -9 $$"),
+            "exec sleep 30",
+        ]);
+        assert_eq!(judged(end).assignments[0].module, ModuleId(2));
+        assert_eq!(observed.deaths.modules(), [ModuleId(1)].into());
+    }
+
+    #[test]
+    fn a_run_without_a_verdict_keeps_its_last_progress() {
+        let verifier = progress(FormationStage::Gathering, 1, &[4]) + "; exec sleep 30";
+        let (end, observed, _) = run_for(1, &[&verifier, "exec sleep 30", "exec sleep 30"]);
+        assert!(matches!(end, RunEnd::TimedOut), "{end:?}");
+        assert!(progress_line(&observed.progress.unwrap()).ends_with("waiting for module 4"));
+    }
+}

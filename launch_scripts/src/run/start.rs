@@ -1,0 +1,164 @@
+//! Starts the processes of a run, each with its arguments.
+
+use std::collections::BTreeMap;
+use std::os::unix::process::CommandExt;
+use std::process::Command;
+
+use anyhow::Context;
+use formation::model::ModuleId;
+use formation::model::text::ranges;
+use ros_runtime::environment::Environment;
+
+use super::processes::Host;
+use super::programs::Programs;
+use super::roles::ProcessRoles;
+use super::supervisor::{Output, ProcessId, Supervisor};
+use crate::arguments::{MotionMode, RunArguments, Switch};
+use crate::failure::Failure;
+
+/// With more processes of modules than these, the endpoints of the parameter services make discovery too slow:
+/// 0.7 s for 17 and 1.6 s for 25 with them, 0.6 s and 1.1 s without, but 7.1 s for 40 against 3.4 s.
+const PARAMETER_SERVICES_PROCESSES_MAX: usize = 25;
+
+/// What to start, and where.
+pub struct Start<'a> {
+    /// The user's choices.
+    pub arguments: &'a RunArguments,
+    /// How many modules the scenario has.
+    pub modules: usize,
+    /// Where the programs are.
+    pub programs: &'a Programs,
+    /// The processes of modules.
+    pub hosts: &'a [Host],
+    /// The domain and the discovery range of all processes.
+    pub environment: Environment,
+}
+
+impl Start<'_> {
+    /// Starts the verifier first, so that it receives all messages, and the target publisher last.
+    ///
+    /// # Errors
+    /// Names the process that could not be started.
+    pub fn all(&self, supervisor: &mut Supervisor) -> Result<ProcessRoles, Failure> {
+        let verifier = self.verifier(supervisor)?;
+        if let Some(driver) = &self.arguments.motion.driver {
+            self.driver(supervisor, driver)?;
+        }
+        let agents = self.agents(supervisor)?;
+        let modules = self.modules.to_string();
+        let target_publisher = self.program(
+            supervisor,
+            "target_publisher",
+            "target_publisher".to_owned(),
+            &["--expected-modules", &modules],
+            Output::Discarded,
+        )?;
+        Ok(ProcessRoles {
+            verifier,
+            target_publisher,
+            agents,
+        })
+    }
+
+    fn verifier(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {
+        let timeout = self.arguments.timeout.as_secs_f64().to_string();
+        let until = match self.arguments.plan_only {
+            true => "--plan-only",
+            // When a module dies, the verdict may change.
+            false => "--keep-watching",
+        };
+        let options = [
+            "--progress",
+            "--event-log",
+            "--json",
+            "--time-limit-s",
+            &timeout,
+            until,
+        ];
+        let name = "verifier".to_owned();
+        self.program(supervisor, "verifier", name, &options, Output::Results)
+    }
+
+    fn agents(
+        &self,
+        supervisor: &mut Supervisor,
+    ) -> Result<BTreeMap<ProcessId, Vec<ModuleId>>, Failure> {
+        let motion = &self.arguments.motion;
+        let speed = motion.speed.to_string();
+        let mode = match motion.mode() {
+            MotionMode::Simulated => "simulated",
+            MotionMode::External => "external",
+        };
+        let mut common = vec!["--speed", &speed, "--motion", mode];
+        common.extend(motion.module_option.iter().map(String::as_str));
+        if self.arguments.plan_only {
+            common.push("--plan-only");
+        }
+        let mut agents = BTreeMap::new();
+        for host in self.hosts {
+            let list = ranges(host.modules.iter().copied());
+            let option = match host.modules.len() {
+                1 => "--module",
+                _ => "--modules",
+            };
+            let process = self.program(
+                supervisor,
+                host.program(),
+                host.name(),
+                &[&[option, &list], common.as_slice()].concat(),
+                Output::Discarded,
+            )?;
+            agents.insert(process, host.modules.clone());
+        }
+        Ok(agents)
+    }
+
+    /// Starts what drives the modules, with the environment variables that set the domain and the discovery range of any ROS 2 node.
+    fn driver(&self, supervisor: &mut Supervisor, driver: &str) -> Result<(), Failure> {
+        let Environment { domain, range } = self.environment;
+        let mut command = Command::new("sh");
+        command
+            // The shell is replaced by what it runs, so that the driver itself receives the signal to end.
+            .args(["-c", &format!("exec {driver}")])
+            .env("ROS_DOMAIN_ID", domain.to_string())
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", range.to_string())
+            .process_group(0);
+        supervisor
+            .start("driver".to_owned(), &mut command, Output::Discarded)
+            .with_context(|| format!("cannot start the driver `{driver}`"))
+            .map_err(Failure::Failed)
+            .map(drop)
+    }
+
+    fn program(
+        &self,
+        supervisor: &mut Supervisor,
+        program: &str,
+        name: String,
+        options: &[&str],
+        output: Output,
+    ) -> Result<ProcessId, Failure> {
+        let mut command = self.programs.command(program);
+        command
+            .arg("--scenario")
+            .arg(&self.arguments.scenario)
+            .args(["--domain", &self.environment.domain.to_string()])
+            .args(["--discovery-range", &self.environment.range.to_string()])
+            .args(options);
+        if !self.serves_parameters() {
+            command.args(["--ros-args", "-p", "start_parameter_services:=false"]);
+        }
+        let context = format!("cannot start {name}");
+        supervisor
+            .start(name, &mut command, output)
+            .context(context)
+            .map_err(Failure::Failed)
+    }
+
+    fn serves_parameters(&self) -> bool {
+        match self.arguments.parameter_services {
+            Some(switch) => switch == Switch::On,
+            None => self.hosts.len() <= PARAMETER_SERVICES_PROCESSES_MAX,
+        }
+    }
+}
