@@ -4,7 +4,7 @@
 
 use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed, run_seeds};
 
-/// How many seeds the test command runs; the soak script asks for more.
+/// The number of seeds; the soak script runs more.
 fn seeds() -> u64 {
     std::env::var("FORMATION_SEEDS").map_or(1_000, |text| text.parse().unwrap())
 }
@@ -32,14 +32,19 @@ fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
         }
     }
     if let Some(first) = bad.iter().min_by_key(|report| report.modules) {
-        let told = CampaignParameters {
+        let parameters = CampaignParameters {
             transcripts: true,
             ..parameters.clone()
         };
         println!(
             "the end of seed {}:\n{}",
             first.seed,
-            tail(&run_seed(&told, first.seed).unwrap().transcript.to_string())
+            tail(
+                &run_seed(&parameters, first.seed)
+                    .unwrap()
+                    .transcript
+                    .to_string()
+            )
         );
     }
     assert!(bad.is_empty(), "{} bad seeds", bad.len());
@@ -83,8 +88,8 @@ fn hostile_faults_leave_no_hole() {
     run_all(&parameters, 0..seeds() / 10);
 }
 
-/// A goal was given out in the very moment in which its sender left the plan; one that the last roster left out, and
-/// heard a later run only of one that it lists, did not say that it waits for a quorum.
+/// Seeds with a goal of the instant in which its sender leaves the plan, and with an outsider that reaches only a later run of
+/// a member: the goal is withdrawn, and the outsider reports that it waits for a quorum.
 #[test]
 fn goals_end_with_their_plan_and_all_say_that_they_wait() {
     let parameters = CampaignParameters {
@@ -97,8 +102,8 @@ fn goals_end_with_their_plan_and_all_say_that_they_wait() {
     }
 }
 
-/// A state that came while its sender's earlier run still counted as living was lost; a target that changed between
-/// freezing and the roster made members refuse it for good. Both left a quorum waiting for itself.
+/// Seeds with a state that arrives while its sender's earlier run still counts as live, and with a target that changes between
+/// freezing and the roster: neither leaves a quorum waiting for itself.
 #[test]
 fn a_quorum_does_not_wait_for_itself() {
     for seed in [

@@ -1,7 +1,7 @@
 //! Deliberate protocol bugs: each is found by the simulator, on the seed that is listed with it.
 //!
 //! The bugs are compiled in by this package's dev-dependency on `formation` alone, and chosen at run time here; see
-//! `formation/src/agent/mutation.rs`.
+//! `formation/src/protocol/mutation.rs`.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
@@ -10,7 +10,7 @@ use formation_sim::{
     AgentFactory, CampaignParameters, FaultKind, RunReport, ViolationKind, run_seed,
 };
 
-/// The bug, the seed that found it, and what was violated there.
+/// Each bug, a seed that finds it, and the violation.
 const FOUND: [(Mutation, u64, ViolationKind); 14] = [
     (Mutation::AcceptStaleEpoch, 2, ViolationKind::EpochWentBack),
     (
@@ -93,7 +93,7 @@ fn without_the_bugs_the_same_seeds_are_clean() {
 
 /// Prints, for each bug, the first seeds on which it is found, and what was violated there.
 #[test]
-#[ignore = "a search, for when the protocol or the faults change and the list must be made anew"]
+#[ignore = "a search, for when the protocol or the faults change and the list must be rebuilt"]
 fn find_seeds() {
     for (mutation, ..) in FOUND {
         let mut hits = 0;

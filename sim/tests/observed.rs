@@ -1,4 +1,4 @@
-//! What an observer of the topics makes of whole runs, be it late, far away or hard of hearing.
+//! The verdicts of observers on whole runs: late ones, distant ones, and ones that miss messages.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
@@ -47,11 +47,11 @@ fn published(problem: &PlanningProblem, network: NetworkParameters, seed: u64) -
     let end = cluster.now() + Duration::from_secs(3);
     cluster.run_until(end, |_| false);
     let mut messages = vec![Message::Target(Arc::new(announcement(problem)))];
-    messages.extend(heard(&mut cluster));
+    messages.extend(received(&mut cluster));
     messages
 }
 
-fn heard(cluster: &mut Cluster) -> impl Iterator<Item = Message> {
+fn received(cluster: &mut Cluster) -> impl Iterator<Item = Message> {
     let observations = cluster.take_observations().into_iter();
     observations.filter_map(|(_, observation)| match observation {
         Observation::Published(_, message) => Some(message),
@@ -103,7 +103,7 @@ fn whole_runs_are_complete_or_partial() {
 }
 
 #[test]
-fn an_observer_that_comes_late_hears_enough() {
+fn an_observer_that_comes_late_receives_enough() {
     for seed in 0..12 {
         let problem = problem(10, 10, seed);
         let messages = published(&problem, NetworkParameters::default(), seed);
@@ -129,7 +129,7 @@ fn an_observer_that_comes_late_hears_enough() {
 }
 
 #[test]
-fn an_observer_may_miss_half_of_it_and_hear_the_rest_in_any_order() {
+fn an_observer_may_miss_half_of_it_and_receive_the_rest_in_any_order() {
     for seed in 0..12 {
         let problem = problem(10, 10, seed);
         let mut messages = published(&problem, NetworkParameters::default(), seed);
@@ -141,7 +141,7 @@ fn an_observer_may_miss_half_of_it_and_hear_the_rest_in_any_order() {
             }
         }
         messages.retain(|message| match message {
-            // The last state is latched; any heartbeat after the agreement tells of it.
+            // The last state is latched; any heartbeat after the agreement shows it.
             Message::ModuleState(state) => {
                 last_state.get(&state.module) == Some(&state.sequence) || random.below(2) == 0
             }
@@ -176,7 +176,7 @@ fn a_run_that_lost_a_module_on_the_way_is_judged_by_its_last_epoch() {
         cluster.run_until(end, |_| false);
         assert!(cluster.has_formed(), "seed {seed}");
         let mut messages = vec![Message::Target(Arc::new(announcement(&problem)))];
-        messages.extend(heard(&mut cluster));
+        messages.extend(received(&mut cluster));
         let verdict = judge(&messages);
         assert_eq!(
             (verdict.outcome, &verdict.violations, &verdict.missing),

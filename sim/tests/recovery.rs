@@ -1,46 +1,46 @@
-//! What happens when modules die, disagree or stand in each other's way, step by step.
+//! Recovery when modules die, disagree or block each other, step by step.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
 use std::time::Duration;
 
-use crate::support::{Stage, drawn, in_phase, scenario, spots};
 use formation::generate::Grouping;
 use formation::model::{AssemblyWarning, ModuleId, ModulePhase};
 use formation::protocol::{Agent, Event, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
+use crate::support::{Trial, drawn, in_phase, scenario, spots};
 
 #[test]
 fn a_spare_replaces_a_module_that_dies_on_its_way() {
     for seed in 0..6 {
-        let mut stage = Stage::new(&drawn(7, 6, Grouping::Singletons, seed), seed);
-        stage.until(|cluster| !in_phase(cluster, ModulePhase::Moving).is_empty());
-        let lost = stage.in_phase(ModulePhase::Moving)[0];
-        stage.cluster.crash(lost);
-        stage.until_formed_anew();
-        let settled = stage.settled();
+        let mut trial = Trial::new(&drawn(7, 6, Grouping::Singletons, seed), seed);
+        trial.until(|cluster| !in_phase(cluster, ModulePhase::Moving).is_empty());
+        let lost = trial.in_phase(ModulePhase::Moving)[0];
+        trial.cluster.crash(lost);
+        trial.until_formed_again();
+        let settled = trial.settled();
         assert_eq!(spots(&settled).len(), 6, "seed {seed}");
-        assert_eq!(stage.open_spots(), None, "seed {seed}");
+        assert_eq!(trial.open_spots(), None, "seed {seed}");
     }
 }
 
 #[test]
 fn without_a_spare_the_spot_of_a_module_that_died_settled_is_named_open() {
     for seed in 0..6 {
-        let mut stage = Stage::new(&drawn(6, 6, Grouping::Mixed, seed), seed);
-        stage.until(Cluster::has_formed);
-        let (lost, spot) = stage.settled()[1];
-        stage.cluster.crash(lost);
-        stage.until_formed_anew();
-        assert_eq!(stage.open_spots(), Some(vec![spot]), "seed {seed}");
-        assert_eq!(stage.settled().len(), 5, "seed {seed}");
+        let mut trial = Trial::new(&drawn(6, 6, Grouping::Mixed, seed), seed);
+        trial.until(Cluster::has_formed);
+        let (lost, spot) = trial.settled()[1];
+        trial.cluster.crash(lost);
+        trial.until_formed_again();
+        assert_eq!(trial.open_spots(), Some(vec![spot]), "seed {seed}");
+        assert_eq!(trial.settled().len(), 5, "seed {seed}");
     }
 }
 
 #[test]
 fn what_is_left_of_a_half_moved_block_carries_on() {
     for seed in 0..6 {
-        let mut stage = Stage::new(&drawn(8, 8, Grouping::Configurations(4), seed), seed);
+        let mut trial = Trial::new(&drawn(8, 8, Grouping::Configurations(4), seed), seed);
         // Two drives on their way at once are a block: units move one after another.
         let on_their_way = |cluster: &Cluster| {
             let moving = in_phase(cluster, ModulePhase::Moving);
@@ -49,14 +49,14 @@ fn what_is_left_of_a_half_moved_block_carries_on() {
                 .filter(|&module| cluster.plan_in_motion(module).is_some());
             driven.collect::<Vec<_>>()
         };
-        stage.until(|cluster| on_their_way(cluster).len() >= 3);
-        let lost = on_their_way(&stage.cluster)[1];
-        stage.cluster.crash(lost);
-        stage.until_formed_anew();
-        let settled = stage.settled();
+        trial.until(|cluster| on_their_way(cluster).len() >= 3);
+        let lost = on_their_way(&trial.cluster)[1];
+        trial.cluster.crash(lost);
+        trial.until_formed_again();
+        let settled = trial.settled();
         assert_eq!(spots(&settled).len(), 7, "seed {seed}");
         assert!(
-            stage.open_spots().is_some_and(|open| open.len() == 1),
+            trial.open_spots().is_some_and(|open| open.len() == 1),
             "seed {seed}"
         );
     }
@@ -74,15 +74,15 @@ fn unequal_digests_bring_one_new_epoch_and_then_both_sides_are_named() {
             agent
         }
     });
-    let mut stage = Stage::of_agents(&problem, ClusterParameters::default(), 2, agents);
-    stage.run_for(Duration::from_secs(200));
-    assert_eq!(stage.newest_epoch(), 2, "{}", stage.cluster.transcript());
-    assert_eq!(stage.count(|event| matches!(event, Event::Agreed(_))), 0);
+    let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), 2, agents);
+    trial.run_for(Duration::from_secs(200));
+    assert_eq!(trial.newest_epoch(), 2, "{}", trial.cluster.transcript());
+    assert_eq!(trial.count(|event| matches!(event, Event::Agreed(_))), 0);
     assert_eq!(
-        stage.count(|event| matches!(event, Event::MotionBegun(_))),
+        trial.count(|event| matches!(event, Event::MotionBegun(_))),
         0
     );
-    let sides: Vec<_> = stage
+    let sides: Vec<_> = trial
         .noted
         .iter()
         .filter_map(|(_, event)| match event {
@@ -96,7 +96,7 @@ fn unequal_digests_bring_one_new_epoch_and_then_both_sides_are_named() {
         })
         .collect();
     let (odd, even) = (vec![ModuleId(4)], [1, 2, 3, 5].map(ModuleId).to_vec());
-    assert_eq!(sides.len(), 5, "each member tells it once");
+    assert_eq!(sides.len(), 5, "each member reports it once");
     assert!(
         sides
             .iter()
@@ -134,28 +134,28 @@ singletons:
 #[test]
 fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
     let problem = scenario(SQUARE);
-    let mut stage = Stage::new(&problem, 5);
-    stage.until(Cluster::has_formed);
+    let mut trial = Trial::new(&problem, 5);
+    trial.until(Cluster::has_formed);
     let centre = formation::model::SpotId(5);
-    let (lost, _) = stage
+    let (lost, _) = trial
         .settled()
         .into_iter()
         .find(|&(_, spot)| spot == centre)
         .unwrap();
-    stage.noted.clear();
-    stage.cluster.crash(lost);
-    stage.until_formed_anew();
-    assert_eq!(spots(&stage.settled()).len(), 9);
+    trial.noted.clear();
+    trial.cluster.crash(lost);
+    trial.until_formed_again();
+    assert_eq!(spots(&trial.settled()).len(), 9);
     let walled =
         |event: &Event| matches!(event, Event::AssemblyWarning(AssemblyWarning::WalledIn(_)));
-    assert_eq!(stage.count(walled), 0, "{}", stage.cluster.transcript());
-    let roster = stage.rosters.last().unwrap();
+    assert_eq!(trial.count(walled), 0, "{}", trial.cluster.transcript());
+    let roster = trial.rosters.last().unwrap();
     let pinned: Vec<u32> = roster
         .members
         .iter()
         .filter_map(|member| Some(member.module.pin?.0))
         .collect();
-    // The four corners and one side had to go; three sides stayed.
+    // The four corners and one side were released; three sides kept their pins.
     assert_eq!(pinned.len(), 3, "{pinned:?}");
     assert!(
         pinned.iter().all(|spot| [2, 4, 6, 8].contains(spot)),
@@ -166,10 +166,10 @@ fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
 #[test]
 fn a_higher_revision_of_the_same_target_opens_no_epoch() {
     let problem = drawn(5, 5, Grouping::Singletons, 1);
-    let mut stage = Stage::new(&problem, 1);
-    stage.until(Cluster::has_formed);
-    stage.cluster.announce_problem(&problem, 2);
-    stage.run_for(Duration::from_secs(60));
-    assert_eq!(stage.newest_epoch(), 1);
-    assert_eq!(stage.settled().len(), 5);
+    let mut trial = Trial::new(&problem, 1);
+    trial.until(Cluster::has_formed);
+    trial.cluster.announce_problem(&problem, 2);
+    trial.run_for(Duration::from_secs(60));
+    assert_eq!(trial.newest_epoch(), 1);
+    assert_eq!(trial.settled().len(), 5);
 }

@@ -1,7 +1,7 @@
 //! The normalised events of short runs, compared line by line with what is kept under `tests/transcripts`.
 //!
-//! A change of the protocol shows here as a difference to read. When it is meant, `FORMATION_UPDATE_TRANSCRIPTS=1`
-//! writes the files anew.
+//! A change of the protocol shows here as a difference to read. `FORMATION_UPDATE_TRANSCRIPTS=1` rewrites the files when the
+//! change is intended.
 
 #![allow(
     clippy::unwrap_used,
@@ -15,11 +15,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
-use crate::support::{Stage, drawn, in_phase, scenario};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, ModulePhase};
 use formation::protocol::Command;
 use formation_sim::Cluster;
+use crate::support::{Trial, drawn, in_phase, scenario};
 
 /// The nearest spot of the second module is taken when its turn comes.
 const CHAIN: &str = "
@@ -56,23 +56,23 @@ configurations:
     edges: [[1, 2], [2, 3], [3, 4]]
 ";
 
-fn compare(name: &str, told: &str) {
+fn compare(name: &str, events: &str) {
     let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
         .join("../tests/transcripts")
         .join(name)
         .with_extension("txt");
     if std::env::var_os("FORMATION_UPDATE_TRANSCRIPTS").is_some_and(|value| value == "1") {
-        fs::write(&path, told).unwrap();
+        fs::write(&path, events).unwrap();
         return;
     }
     let kept = fs::read_to_string(&path).unwrap_or_default();
-    if kept == told {
+    if kept == events {
         return;
     }
-    let (kept, told): (Vec<&str>, Vec<&str>) = (kept.lines().collect(), told.lines().collect());
+    let (kept, events): (Vec<&str>, Vec<&str>) = (kept.lines().collect(), events.lines().collect());
     let same = kept
         .iter()
-        .zip(&told)
+        .zip(&events)
         .take_while(|(one, other)| one == other)
         .count();
     let mut difference = String::new();
@@ -82,11 +82,11 @@ fn compare(name: &str, told: &str) {
     for line in kept[same..].iter().take(12) {
         writeln!(difference, "- {line}").unwrap();
     }
-    for line in told[same..].iter().take(12) {
+    for line in events[same..].iter().take(12) {
         writeln!(difference, "+ {line}").unwrap();
     }
     panic!(
-        "tests/transcripts/{name}.txt differs from line {} on; if that is meant, run this test with \
+        "tests/transcripts/{name}.txt differs from line {} on; if that is intended, run this test with \
          FORMATION_UPDATE_TRANSCRIPTS=1\n{difference}",
         same + 1
     );
@@ -94,77 +94,86 @@ fn compare(name: &str, told: &str) {
 
 #[test]
 fn three_single_modules_agree_and_move() {
-    let mut stage = Stage::new(&drawn(3, 3, Grouping::Singletons, 1), 1);
-    stage.until(Cluster::has_formed);
-    compare("singletons_agree", &stage.cluster.transcript().events());
+    let mut trial = Trial::new(&drawn(3, 3, Grouping::Singletons, 1), 1);
+    trial.until(Cluster::has_formed);
+    compare("singletons_agree", &trial.cluster.transcript().events());
 }
 
 #[test]
 fn a_later_unit_evicts_an_earlier_one() {
-    let mut stage = Stage::new(&scenario(CHAIN), 1);
-    stage.until(Cluster::has_formed);
+    let mut trial = Trial::new(&scenario(CHAIN), 1);
+    trial.until(Cluster::has_formed);
     assert!(
-        stage
+        trial
             .cluster
             .transcript()
             .events()
             .contains(" eviction epoch=")
     );
-    compare("eviction_chain", &stage.cluster.transcript().events());
+    compare("eviction_chain", &trial.cluster.transcript().events());
 }
 
 #[test]
 fn a_block_that_does_not_fit_breaks() {
-    let mut stage = Stage::new(&scenario(BLOCK), 1);
-    stage.until(Cluster::has_formed);
-    compare("block_and_remainder", &stage.cluster.transcript().events());
+    let mut trial = Trial::new(&scenario(BLOCK), 1);
+    trial.until(Cluster::has_formed);
+    compare("block_and_remainder", &trial.cluster.transcript().events());
 }
 
 #[test]
 fn another_module_convenes_when_the_convener_dies() {
-    let mut stage = Stage::new(&drawn(4, 4, Grouping::Singletons, 2), 2);
-    stage.until(|cluster| in_phase(cluster, ModulePhase::Gathered).len() == 3);
-    stage.cluster.crash(ModuleId(1));
-    stage.until(Cluster::has_formed);
-    compare("convener_dies", &stage.cluster.transcript().events());
+    let mut trial = Trial::new(&drawn(4, 4, Grouping::Singletons, 2), 2);
+    trial.until(|cluster| in_phase(cluster, ModulePhase::Gathered).len() == 3);
+    trial.cluster.crash(ModuleId(1));
+    trial.until(Cluster::has_formed);
+    compare("convener_dies", &trial.cluster.transcript().events());
 }
 
 #[test]
 fn a_cut_network_heals() {
-    let mut stage = Stage::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
-    stage.until(Cluster::has_formed);
+    let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
+    trial.until(Cluster::has_formed);
     let aside = BTreeSet::from([ModuleId(1), ModuleId(2)]);
-    stage.cluster.cut(&aside);
-    stage.run_for(Duration::from_secs(20));
-    stage.cluster.heal();
-    stage.until_formed_anew();
+    trial.cluster.cut(&aside);
+    trial.run_for(Duration::from_secs(20));
+    trial.cluster.heal();
+    trial.until_formed_again();
     assert!(
-        stage
+        trial
             .cluster
             .transcript()
             .events()
             .contains("waiting_for_quorum present=2 basis=5")
     );
-    compare("cut_heals", &stage.cluster.transcript().events());
+    compare("cut_heals", &trial.cluster.transcript().events());
 }
 
 #[test]
-fn a_module_starts_again() {
-    let mut stage = Stage::new(&drawn(4, 4, Grouping::Singletons, 4), 4);
-    stage.until(Cluster::has_formed);
-    stage.cluster.crash(ModuleId(3));
-    stage.run_for(Duration::from_secs(1));
-    stage.cluster.restart(ModuleId(3));
-    stage.until_formed_anew();
-    compare("module_restarts", &stage.cluster.transcript().events());
+fn a_module_restarts() {
+    let mut trial = Trial::new(&drawn(4, 4, Grouping::Singletons, 4), 4);
+    trial.until(Cluster::has_formed);
+    trial.cluster.crash(ModuleId(3));
+    trial.run_for(Duration::from_secs(1));
+    trial.cluster.restart(ModuleId(3));
+    trial.until_formed_again();
+    compare("module_restarts", &trial.cluster.transcript().events());
 }
 
 #[test]
 fn a_module_retires_and_a_spare_takes_its_spot() {
+<<<<<<< HEAD
     let mut stage = Stage::new(&drawn(4, 3, Grouping::Singletons, 5), 5);
     stage.until(Cluster::has_formed);
     let (retired, _) = stage.settled()[0];
     stage.cluster.command(retired, Command::Retire);
     stage.until(|cluster| cluster.has_formed() && crate::support::newest_epoch(cluster) == 2);
     compare("module_retires", &stage.cluster.transcript().events());
+=======
+    let mut trial = Trial::new(&drawn(4, 3, Grouping::Singletons, 5), 5);
+    trial.until(Cluster::has_formed);
+    let (retired, _) = trial.settled()[0];
+    trial.cluster.command(retired, Command::Retire);
+    trial.until(|cluster| cluster.has_formed() && support::newest_epoch(cluster) == 2);
+    compare("module_retires", &trial.cluster.transcript().events());
+>>>>>>> 524ac1a (sim: word tests and explorer by the glossary, and group what the explorer's world holds)
 }

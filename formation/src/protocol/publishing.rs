@@ -1,4 +1,4 @@
-//! What an agent publishes of itself.
+//! The states and heartbeats of an agent.
 
 use crate::model::{Heartbeat, Message, ModuleState};
 

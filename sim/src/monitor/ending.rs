@@ -52,29 +52,13 @@ impl Monitor {
             .iter()
             .filter(|&&module| self.is_active(cluster, module))
             .count();
-        let knows_target = |module: ModuleId| {
-            let announcement = cluster.received_announcement(module);
-            announcement.is_some_and(|announcement| announcement.target.is_some())
-        };
-        if active == 0 || !modules.iter().any(|&module| knows_target(module)) {
+        if active == 0 || !modules.iter().any(|&module| knows_target(cluster, module)) {
             return Part::Idle;
         }
-        let phase_and_epoch = |module: ModuleId| {
-            let heartbeat = self.heartbeat(cluster, module)?;
-            Some((heartbeat.phase, heartbeat.epoch))
-        };
-        // Modules that halted for an epoch leave it to their convener to report what it waits for.
-        let waits = |module: ModuleId| match phase_and_epoch(module) {
-            Some((ModulePhase::WaitingForQuorum, _)) => true,
-            _ if !knows_target(module) => true,
-            Some((ModulePhase::Gathered, Some(epoch))) => {
-                modules.contains(&epoch.convener)
-                    && phase_and_epoch(epoch.convener)
-                        == Some((ModulePhase::WaitingForQuorum, Some(epoch)))
-            }
-            _ => false,
-        };
-        if modules.iter().all(|&module| waits(module)) {
+        if modules
+            .iter()
+            .all(|&module| self.waits(cluster, modules, module))
+        {
             return Part::Waiting;
         }
         let Some((epoch, digest)) = self.common_plan(cluster, modules) else {
@@ -118,6 +102,23 @@ impl Monitor {
                 filled: filled.len(),
                 wanted,
             }
+        }
+    }
+
+    /// Whether a module waits for a quorum. Modules that halted for an epoch leave it to their convener to report that.
+    fn waits(&self, cluster: &Cluster, group: &BTreeSet<ModuleId>, module: ModuleId) -> bool {
+        let phase_and_epoch = |module: ModuleId| {
+            let heartbeat = self.heartbeat(cluster, module)?;
+            Some((heartbeat.phase, heartbeat.epoch))
+        };
+        match phase_and_epoch(module) {
+            Some((ModulePhase::WaitingForQuorum, _)) => true,
+            _ if !knows_target(cluster, module) => true,
+            Some((ModulePhase::Gathered, Some(epoch))) => {
+                let waiting = Some((ModulePhase::WaitingForQuorum, Some(epoch)));
+                group.contains(&epoch.convener) && phase_and_epoch(epoch.convener) == waiting
+            }
+            _ => false,
         }
     }
 
@@ -243,4 +244,9 @@ impl Monitor {
 fn listed(modules: &BTreeSet<ModuleId>) -> String {
     let ids: Vec<String> = modules.iter().map(|module| module.0.to_string()).collect();
     ids.join(", ")
+}
+
+fn knows_target(cluster: &Cluster, module: ModuleId) -> bool {
+    let announcement = cluster.received_announcement(module);
+    announcement.is_some_and(|announcement| announcement.target.is_some())
 }

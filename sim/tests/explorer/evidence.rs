@@ -1,4 +1,4 @@
-//! What an observer has seen of a search, and what it makes of that.
+//! The evidence of an observer of a search, and its judgement.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -12,18 +12,18 @@ use super::{Bound, MODULES};
 
 /// After the last disturbance, everything must have ended within this time.
 const PATIENCE: Duration = Duration::from_secs(120);
-/// What has ended must stay so for longer than it takes to miss somebody.
+/// An end must last for longer than it takes to detect a silent module.
 const CALM: Duration = Duration::from_secs(6);
 
 pub(super) type PlanKey = (Epoch, Digest);
 
-/// What an observer has seen, as far as later judgements depend on it.
+/// The observations on which later judgements depend.
 #[derive(Clone, Debug, Default, Hash)]
 pub(super) struct Evidence {
     pub(super) rosters: BTreeMap<Epoch, Vec<ModuleId>>,
     pub(super) shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
     pub(super) begun: BTreeSet<PlanKey>,
-    /// The epoch that each module showed last, and since when.
+    /// The epoch that each module shows, and since when.
     pub(super) in_epoch: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     pub(super) settled: BTreeMap<(Epoch, Digest, SpotId), ModuleId>,
 }
@@ -57,7 +57,7 @@ impl World {
         let evidence = Rc::make_mut(&mut self.evidence);
         match message {
             Message::Heartbeat(heartbeat) => {
-                self.heartbeats.insert(index, *heartbeat);
+                self.published.heartbeats.insert(index, *heartbeat);
                 let entry = evidence
                     .in_epoch
                     .entry(module)
@@ -89,7 +89,7 @@ impl World {
                 if evidence.rosters.insert(roster.epoch, members).is_some() {
                     self.violation = Some(format!("two rosters for {}", roster.epoch));
                 }
-                // What came long before no longer matters.
+                // Earlier rosters no longer matter.
                 while evidence.rosters.len() > 4 {
                     evidence.rosters.pop_first();
                 }
@@ -103,7 +103,7 @@ impl World {
                     .retain(|(epoch, ..), _| Some(*epoch) >= oldest);
             }
             Message::ModuleState(state) => {
-                self.states.insert(index, Arc::clone(state));
+                self.published.states.insert(index, Arc::clone(state));
                 if let (ModulePhase::Settled, Some(epoch), Some(digest), Some(spot)) =
                     (state.phase, state.epoch, state.digest, state.spot)
                 {
@@ -120,7 +120,7 @@ impl World {
         }
     }
 
-    /// A drive is told to go, or to go on.
+    /// A drive receives a goal.
     pub(super) fn set_off(&mut self, index: usize, plan: Option<PlanKey>, lease: Duration) {
         let module = id(index);
         let now = self.now;
@@ -129,11 +129,11 @@ impl World {
             return;
         };
         for (other, actor) in self.actors.iter().enumerate() {
-            let Some((_, arrives, told, others)) = actor.as_ref().and_then(|actor| actor.drive)
+            let Some((_, arrives, repeated, others)) = actor.as_ref().and_then(|actor| actor.drive)
             else {
                 continue;
             };
-            let still_going = arrives > now && told + lease >= now && !self.is_down(other);
+            let still_going = arrives > now && repeated + lease >= now && !self.is_down(other);
             if still_going && other != index && others != Some(plan) {
                 self.violation = Some(format!(
                     "{module} and {} move on different plans",
@@ -171,25 +171,29 @@ impl World {
             .collect();
         let plans: BTreeSet<_> = live
             .iter()
-            .filter_map(|index| self.heartbeats.get(index))
+            .filter_map(|index| self.published.heartbeats.get(index))
             .map(|heartbeat| (heartbeat.epoch, heartbeat.digest))
             .collect();
         let spots: BTreeSet<_> = live
             .iter()
-            .filter_map(|index| self.states.get(index))
+            .filter_map(|index| self.published.states.get(index))
             .filter(|state| state.phase == ModulePhase::Settled)
             .filter(|state| plans.contains(&(state.epoch, state.digest)))
             .filter_map(|state| state.spot)
             .collect();
-        let ended = self.agenda.is_none() && plans.len() == 1 && spots.len() == live.len();
+        let ended =
+            self.disturbance.agenda.is_none() && plans.len() == 1 && spots.len() == live.len();
         self.ended_since = match self.ended_since {
             Some(since) if ended => Some(since),
             _ => ended.then_some(self.now),
         };
-        if !ended && self.agenda.is_none() && self.now > self.disturbed + PATIENCE {
+        if !ended
+            && self.disturbance.agenda.is_none()
+            && self.now > self.disturbance.last + PATIENCE
+        {
             let phases: Vec<_> = live
                 .iter()
-                .filter_map(|index| self.heartbeats.get(index))
+                .filter_map(|index| self.published.heartbeats.get(index))
                 .map(|heartbeat| (heartbeat.module.0, heartbeat.phase))
                 .collect();
             self.violation = Some(format!("no end: {phases:?}"));
@@ -197,8 +201,9 @@ impl World {
     }
 
     pub(super) fn has_ended(&self, bound: Bound) -> bool {
-        let undisturbed = self.now >= bound.until || (self.deviations == 0 && !self.fault);
+        let undisturbed = self.now >= bound.until
+            || (self.disturbance.deviations == 0 && !self.disturbance.fault);
         self.ended_since
-            .is_some_and(|since| undisturbed && self.now >= since.max(self.disturbed) + CALM)
+            .is_some_and(|since| undisturbed && self.now >= since.max(self.disturbance.last) + CALM)
     }
 }

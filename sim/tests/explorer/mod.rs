@@ -3,15 +3,15 @@
 //! A schedule is the order in which messages are delivered and timers run out. The plain one delivers messages at once, in
 //! the order in which they were sent, and lets a timer run out when none is left. A *deviation* delivers a message before
 //! one that was sent earlier on another channel, loses a heartbeat, or lets the next timer run out although messages are
-//! on their way. Every schedule with at most so many deviations is searched, each with at most one fault at any step: a
+//! on their way. Every schedule up to a number of deviations is searched, each with at most one fault at any step: a
 //! crash, a crash and a restart, or one module cut off for a while (delay-bounded scheduling: Emmi, Qadeer and
-//! Rakamaric, 2011). States that were met before are not searched again.
+//! Rakamaric, 2011). A state that was met before is not searched again.
 
 mod evidence;
 mod steps;
 mod world;
 
-use std::collections::{BTreeMap, HashSet};
+use std::collections::HashSet;
 use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
@@ -20,29 +20,29 @@ use formation::model::{Incarnation, PlanningProblem, TargetAnnouncement};
 use formation::protocol::AgentParameters;
 use formation_sim::AgentFactory;
 
-use world::World;
+use world::{Disturbance, Published, World};
 
 const MODULES: usize = 3;
 
-/// How far to search.
+/// The bound of a search.
 #[derive(Clone, Copy, Debug)]
 pub struct Bound {
-    /// How often a schedule may deviate from the plain one.
+    /// The greatest number of deviations from the plain schedule.
     pub deviations: u8,
-    /// Whether one fault may strike.
+    /// Whether one fault may occur.
     pub fault: bool,
-    /// Deviations and faults come within this time of the start.
+    /// The time from the start within which deviations and faults occur.
     pub until: Duration,
 }
 
-/// What a search came to.
+/// The result of a search.
 #[derive(Debug, Default)]
 pub struct Searched {
-    /// How many different states were met.
+    /// The number of different states.
     pub states: usize,
-    /// How many steps were taken from them.
+    /// The number of steps from them.
     pub steps: usize,
-    /// How many of the states were ends.
+    /// The number of states that were ends.
     pub ends: usize,
     /// The first violation, and the steps that led to it.
     pub violation: Option<(String, String)>,
@@ -63,7 +63,7 @@ struct Trail {
     before: Option<Rc<Trail>>,
     line: String,
 }
-/// Agents and their surroundings.
+/// Agents and their environment.
 pub struct Explorer {
     problem: PlanningProblem,
     parameters: AgentParameters,
@@ -119,7 +119,7 @@ impl Explorer {
                 let mut next = world.clone();
                 self.take(&mut next, step);
                 if let Some(violation) = next.violation {
-                    searched.violation = Some((violation, told(next.trail.as_ref())));
+                    searched.violation = Some((violation, steps_of(next.trail.as_ref())));
                     return searched;
                 }
                 stack.push(next);
@@ -134,14 +134,14 @@ impl Explorer {
             actors: [None, None, None],
             flights: Vec::new(),
             held: Vec::new(),
-            cut: None,
-            agenda: None,
-            deviations: bound.deviations,
-            fault: bound.fault,
-            disturbed: Duration::ZERO,
-            latched: BTreeMap::new(),
-            heartbeats: BTreeMap::new(),
-            states: BTreeMap::new(),
+            disturbance: Disturbance {
+                cut: None,
+                agenda: None,
+                deviations: bound.deviations,
+                fault: bound.fault,
+                last: Duration::ZERO,
+            },
+            published: Published::default(),
             ended_since: None,
             evidence: Rc::default(),
             violation: None,
@@ -156,7 +156,7 @@ impl Explorer {
     }
 }
 
-fn told(trail: Option<&Rc<Trail>>) -> String {
+fn steps_of(trail: Option<&Rc<Trail>>) -> String {
     let mut lines = Vec::new();
     let mut next = trail;
     while let Some(trail) = next {

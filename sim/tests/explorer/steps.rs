@@ -1,4 +1,4 @@
-//! Taking one step: what happens to the agents and their drives.
+//! One step, and its effects on agents and drives.
 
 use std::collections::BTreeSet;
 use std::rc::Rc;
@@ -11,9 +11,9 @@ use formation::protocol::{Identity, Input, MotionReport, Output, SourceId};
 use super::world::{Actor, Agenda, World, hash_of, id};
 use super::{Explorer, MODULES, Step, Trail};
 
-/// How long a drive takes.
+/// The duration of a motion.
 const JOURNEY: Duration = Duration::from_millis(700);
-/// How long a module is cut off, and how long a crashed one takes to start again.
+/// The duration of a cut, and the time from a crash to a restart.
 const CUT: Duration = Duration::from_secs(7);
 const DOWN: Duration = Duration::from_secs(1);
 
@@ -46,6 +46,7 @@ impl Explorer {
         let target = Message::Target(Arc::clone(&self.target));
         world.send(None, index, &target);
         let latched: Vec<(usize, Message)> = world
+            .published
             .latched
             .iter()
             .filter(|((from, _), _)| *from != index)
@@ -102,19 +103,19 @@ impl Explorer {
                 self.run_timer(world);
             }
             Step::Crash(index) => {
-                world.strike();
+                world.use_fault();
                 world.remove(index);
             }
             Step::CrashAndRestart(index) => {
-                world.strike();
-                // The body keeps its pose and links; what the process knew is gone.
-                world.agenda = Some((world.now + DOWN, Agenda::Restart(index)));
+                world.use_fault();
+                // The body keeps its pose and links; the state of the process is lost.
+                world.disturbance.agenda = Some((world.now + DOWN, Agenda::Restart(index)));
                 world.flights.retain(|flight| flight.to != index);
             }
             Step::CutOff(index) => {
-                world.strike();
-                world.cut = Some(index);
-                world.agenda = Some((world.now + CUT, Agenda::Heal));
+                world.use_fault();
+                world.disturbance.cut = Some(index);
+                world.disturbance.agenda = Some((world.now + CUT, Agenda::Heal));
             }
         }
         world.judge();
@@ -125,15 +126,15 @@ impl Explorer {
             .filter(|&index| !world.is_down(index))
             .filter_map(|index| Some((world.actors[index].as_ref()?.due(), index)))
             .min();
-        if let Some((at, agenda)) = world.agenda
+        if let Some((at, agenda)) = world.disturbance.agenda
             && actor_due.is_none_or(|(due, _)| at <= due)
         {
             world.now = world.now.max(at);
-            world.agenda = None;
-            world.disturbed = world.now;
+            world.disturbance.agenda = None;
+            world.disturbance.last = world.now;
             match agenda {
                 Agenda::Heal => {
-                    world.cut = None;
+                    world.disturbance.cut = None;
                     let held = std::mem::take(&mut world.held);
                     world.flights.extend(held);
                 }
@@ -153,10 +154,10 @@ impl Explorer {
         let now = world.now;
         let actor = Rc::make_mut(world.actors[index].as_mut().unwrap());
         let input = match actor.drive {
-            Some((goal, arrives, told, _)) if arrives <= now => {
+            Some((goal, arrives, repeated, _)) if arrives <= now => {
                 actor.drive = None;
-                // A drive stops when goals cease to repeat.
-                if arrives > told + self.parameters.lease {
+                // A drive stops when its goal no longer repeats.
+                if arrives > repeated + self.parameters.lease {
                     Input::Motion(MotionReport::Halted(actor.pose))
                 } else {
                     actor.pose = goal.pose;

@@ -1,4 +1,4 @@
-//! The state of a search: agents, what is under way between them, and which steps may come next.
+//! The state of a search: agents, the messages between them, and the next steps.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{DefaultHasher, Hash, Hasher as _};
@@ -29,7 +29,7 @@ pub(super) struct Flight {
     pub(super) hash: u64,
 }
 
-/// The goal, when it is reached, when the drive was last told, and the plan that sent it.
+/// The goal, when it is reached, when it was last repeated, and its plan.
 pub(super) type Journey = (MotionGoal, Duration, Duration, Option<PlanKey>);
 
 #[derive(Clone)]
@@ -41,21 +41,38 @@ pub(super) struct Actor {
     pub(super) hash: u64,
 }
 
+/// The fault in progress, and what may still disturb the schedule.
+#[derive(Clone, Copy, Debug, Hash)]
+pub(super) struct Disturbance {
+    /// The module that is cut off.
+    pub(super) cut: Option<usize>,
+    /// What ends the fault, and when.
+    pub(super) agenda: Option<(Duration, Agenda)>,
+    /// The number of deviations that are left.
+    pub(super) deviations: u8,
+    /// Whether a fault may still occur.
+    pub(super) fault: bool,
+    /// When the last disturbance came or ended.
+    pub(super) last: Duration,
+}
+
+/// The latest messages of each module.
+#[derive(Clone, Default)]
+pub(super) struct Published {
+    /// The messages on latched topics, for modules that start later.
+    pub(super) latched: BTreeMap<(usize, u8), Vec<Message>>,
+    pub(super) heartbeats: BTreeMap<usize, Heartbeat>,
+    pub(super) states: BTreeMap<usize, Arc<ModuleState>>,
+}
+
 #[derive(Clone)]
 pub(super) struct World {
     pub(super) now: Duration,
     pub(super) actors: [Option<Rc<Actor>>; MODULES],
     pub(super) flights: Vec<Rc<Flight>>,
     pub(super) held: Vec<Rc<Flight>>,
-    pub(super) cut: Option<usize>,
-    pub(super) agenda: Option<(Duration, Agenda)>,
-    pub(super) deviations: u8,
-    pub(super) fault: bool,
-    pub(super) disturbed: Duration,
-    /// What each module last published on its latched topics, for those that start later.
-    pub(super) latched: BTreeMap<(usize, u8), Vec<Message>>,
-    pub(super) heartbeats: BTreeMap<usize, Heartbeat>,
-    pub(super) states: BTreeMap<usize, Arc<ModuleState>>,
+    pub(super) disturbance: Disturbance,
+    pub(super) published: Published,
     pub(super) ended_since: Option<Duration>,
     pub(super) evidence: Rc<Evidence>,
     pub(super) violation: Option<String>,
@@ -125,39 +142,38 @@ impl World {
                 (flight.from, flight.to, flight.hash).hash(&mut hasher);
             }
         }
-        (self.cut, self.agenda, self.deviations, self.fault).hash(&mut hasher);
-        (self.disturbed, self.ended_since).hash(&mut hasher);
+        (self.disturbance, self.ended_since).hash(&mut hasher);
         self.evidence.hash(&mut hasher);
         hasher.finish()
     }
 
     pub(super) fn is_down(&self, index: usize) -> bool {
-        matches!(self.agenda, Some((_, Agenda::Restart(down))) if down == index)
+        matches!(self.disturbance.agenda, Some((_, Agenda::Restart(down))) if down == index)
     }
 
     pub(super) fn remove(&mut self, index: usize) {
         self.actors[index] = None;
         self.flights.retain(|flight| flight.to != index);
-        self.latched.retain(|(from, _), _| *from != index);
-        self.heartbeats.remove(&index);
-        self.states.remove(&index);
+        self.published.latched.retain(|(from, _), _| *from != index);
+        self.published.heartbeats.remove(&index);
+        self.published.states.remove(&index);
         Rc::make_mut(&mut self.evidence).in_epoch.remove(&id(index));
     }
 
     pub(super) fn deviate(&mut self) {
-        self.deviations -= 1;
-        self.disturbed = self.now;
+        self.disturbance.deviations -= 1;
+        self.disturbance.last = self.now;
     }
 
-    pub(super) fn strike(&mut self) {
-        self.fault = false;
-        self.disturbed = self.now;
+    pub(super) fn use_fault(&mut self) {
+        self.disturbance.fault = false;
+        self.disturbance.last = self.now;
     }
 
     pub(super) fn choices(&self, bound: Bound) -> Vec<Step> {
         let mut steps = Vec::new();
         let in_time = self.now < bound.until;
-        let deviates = self.deviations > 0 && in_time;
+        let deviates = self.disturbance.deviations > 0 && in_time;
         let mut channels = BTreeSet::new();
         for (index, flight) in self.flights.iter().enumerate() {
             let first = channels.insert((flight.from, flight.to, flight.topic));
@@ -171,7 +187,7 @@ impl World {
         if self.flights.is_empty() || deviates {
             steps.push(Step::RunTimer);
         }
-        if self.fault && in_time {
+        if self.disturbance.fault && in_time {
             for index in 0..MODULES {
                 steps.push(Step::Crash(index));
                 steps.push(Step::CrashAndRestart(index));
@@ -194,6 +210,7 @@ impl World {
             hash: hash_of_message(message),
         });
         let severed = self
+            .disturbance
             .cut
             .is_some_and(|cut| from.is_some() && (from == Some(cut)) != (to == cut));
         if !severed {
@@ -211,7 +228,7 @@ impl World {
     pub(super) fn publish(&mut self, index: usize, message: &Message) {
         let topic = topic_of(message);
         if topic != HEARTBEATS {
-            let latched = self.latched.entry((index, topic)).or_default();
+            let latched = self.published.latched.entry((index, topic)).or_default();
             if topic != CLAIMS {
                 latched.clear();
             }

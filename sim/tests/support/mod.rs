@@ -1,4 +1,4 @@
-//! Clusters that are told step by step what to do.
+//! Clusters under step-by-step control of a test.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -21,8 +21,8 @@ pub fn scenario(yaml: &str) -> PlanningProblem {
     Scenario::from_yaml(yaml).unwrap().problem().clone()
 }
 
-/// A cluster and everything that was noted in it.
-pub struct Stage {
+/// A cluster and all events in it.
+pub struct Trial {
     pub cluster: Cluster,
     pub noted: Vec<(ModuleId, Event)>,
     pub rosters: Vec<Arc<Roster>>,
@@ -30,7 +30,7 @@ pub struct Stage {
     pub convened: Vec<Duration>,
 }
 
-impl Stage {
+impl Trial {
     pub fn new(problem: &PlanningProblem, seed: u64) -> Self {
         Self::with(problem, ClusterParameters::default(), seed)
     }
@@ -73,18 +73,22 @@ impl Stage {
         }
     }
 
-    /// Runs until `done` holds, which must come within ten minutes of the cluster's time.
+    /// Runs until `done` holds, for at most ten minutes of the cluster's time.
     #[track_caller]
     pub fn until(&mut self, done: impl FnMut(&Cluster) -> bool) {
         let limit = self.cluster.now() + Duration::from_secs(600);
         let came = self.cluster.run_until(limit, done);
         self.collect();
-        assert!(came, "it never came:\n{}", self.cluster.transcript());
+        assert!(
+            came,
+            "no end within ten minutes:\n{}",
+            self.cluster.transcript()
+        );
     }
 
-    /// Runs until all have formed after an epoch that is still to come.
+    /// Runs until all modules have formed in a later epoch.
     #[track_caller]
-    pub fn until_formed_anew(&mut self) {
+    pub fn until_formed_again(&mut self) {
         let before = self.newest_epoch();
         self.until(|cluster| cluster.has_formed() && newest_epoch(cluster) > before);
     }
@@ -99,7 +103,7 @@ impl Stage {
         newest_epoch(&self.cluster)
     }
 
-    /// Who stands settled on which spot.
+    /// The settled modules with their spots.
     pub fn settled(&self) -> Vec<(ModuleId, SpotId)> {
         settled(&self.cluster)
     }
@@ -115,7 +119,7 @@ impl Stage {
         in_phase(&self.cluster, phase)
     }
 
-    /// The spots that were last said to stay open.
+    /// The spots that were last reported open.
     pub fn open_spots(&self) -> Option<Vec<SpotId>> {
         self.noted.iter().rev().find_map(|(_, event)| match event {
             Event::SpotsLeftOpen(spots) => Some(spots.clone()),
