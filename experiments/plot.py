@@ -14,10 +14,14 @@ import io
 import math
 import re
 import statistics
+import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
 
-import matplotlib
+try:
+    import matplotlib
+except ImportError:
+    sys.exit("error: matplotlib is missing; run `pip install -r experiments/plot_requirements.txt`")
 
 matplotlib.use("Agg")
 from matplotlib import colormaps, pyplot
@@ -127,7 +131,9 @@ class Figure:
         if all(legend == legends[0] for legend in legends):
             handles = self.panels[0].axes.get_legend_handles_labels()[0]
             columns = legend_columns(legends[0], self.figure.get_figwidth())
-            self.figure.legend(handles, legends[0], loc="outside lower center", ncols=columns)
+            legend = self.figure.legend(handles, legends[0], loc="outside lower center", ncols=columns)
+            for handle in legend.legend_handles:
+                handle.set_alpha(1)
         else:
             for panel in self.panels:
                 columns = legend_columns(panel.legend(), ONE_OF_PANELS[0])
@@ -148,6 +154,7 @@ class Panel:
         self.figure = figure
         self.axes = axes
         self.bars = 0
+        self.lowest, self.highest = math.inf, -math.inf
 
     def legend(self):
         return self.axes.get_legend_handles_labels()[1]
@@ -158,14 +165,13 @@ class Panel:
         axis, limit = getattr(self.axes, f"{which}axis"), getattr(self.axes, f"set_{which}lim")
         if kind == "log":
             getattr(self.axes, f"set_{which}scale")("log")
-            low, high = self.axes.dataLim.intervaly
-            limit(10 ** math.floor(math.log10(low)), 10 ** math.ceil(math.log10(high * 1.02)))
+            limit(10 ** math.floor(math.log10(self.lowest)), 10 ** math.ceil(math.log10(self.highest * 1.02)))
             axis.set_major_locator(LogLocator(numticks=20))
             axis.set_minor_formatter(NullFormatter())
         elif kind == "percent":
             limit(0, 100)
         elif kind == "zero":
-            limit(0, None)
+            limit(0, self.highest * 1.04 if which == "y" else None)
         axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:,.10g}"))
 
     def draw(self, look, points):
@@ -173,14 +179,18 @@ class Panel:
         if not points:
             return
         xs, ys = [point[0] for point in points], [point[1] for point in points]
+        deviations = [point[2] if len(point) > 2 and point[2] != "" else 0 for point in points]
+        self.lowest = min(self.lowest, *ys)
+        self.highest = max(self.highest, *(y + deviation for y, deviation in zip(ys, deviations)))
         colour = look.colour[0]
-        self.axes.plot(
+        [line] = self.axes.plot(
             xs, ys, label=look.label or None, color=colour, marker=look.marker, linestyle=look.line,
-            linewidth=look.width, alpha=look.opacity, markersize=5.5, clip_on=False, zorder=3,
+            linewidth=look.width, alpha=look.opacity, markersize=8 if look.hollow else 5.5, clip_on=False, zorder=3,
             markeredgecolor=colour, markerfacecolor="none" if look.hollow else colour,
             markevery=list(range(len(points) - 1, -1, -look.every)),
         )
-        deviations = [point[2] if len(point) > 2 and point[2] != "" else 0 for point in points]
+        # Matplotlib omits points on straight parts of a line by itself only if the line has many points.
+        line.get_path().should_simplify = True
         if any(deviations):
             # Bars of neighbouring series stand next to each other, as they would hide each other.
             aside = (self.bars + 1) // 2 * (1.5 if self.bars % 2 else -1.5)
@@ -359,7 +369,8 @@ def auction_completion(results, name):
             at = {}
             for seed in results.values(name, "seed"):
                 rows = results.rows(name, contender=contender, seed=seed)
-                panel.draw(replace(look, label="", marker="", width=0.8, opacity=0.15), points(rows, "time_percent", quantity))
+                run = replace(look, label="", marker="", line="-", width=0.8, opacity=0.15)
+                panel.draw(run, points(rows, "time_percent", quantity))
                 for row in rows:
                     at.setdefault(row["time_percent"], []).append(row[quantity])
             means = [(percent, statistics.fmean(values)) for percent, values in at.items()]
@@ -469,12 +480,13 @@ FIGURES = {
 
 
 def with_dark_colours(svg):
-    """Adds the dark variant of every colour, for viewers whose colour scheme is dark; shortens numbers to hundredths."""
+    """Adds the dark variant of every colour, for viewers whose colour scheme is dark; shortens coordinates."""
     rules = []
     for light, dark in COLOURS:
         for paint in ("fill", "stroke"):
             rules.append(f'[style*="{paint}: {light}"] {{ {paint}: {dark} !important; }}')
     style = "<style>@media (prefers-color-scheme: dark) {{\n{}\n}}</style>".format("\n".join(dict.fromkeys(rules)))
+    svg = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d)\d+", r"\1", path.group()).replace(" \n", ""), svg)
     svg = re.sub(r"(\.\d\d)\d+", r"\1", svg)
     return svg.replace("</defs>", f"</defs>\n{style}", 1)
 

@@ -6,74 +6,13 @@
     reason = "a test fails by panicking"
 )]
 
+mod support;
+
 use std::fs;
-use std::os::unix::fs::PermissionsExt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use formation_experiments::{ExperimentError, Progress, Settings, Work, names, run};
-
-/// Goes on for a number of cells, and remembers how the work began.
-struct Stopwatch {
-    cells_left: usize,
-    work: Option<Work>,
-    measured: usize,
-}
-
-impl Stopwatch {
-    fn stopping_after(cells: usize) -> Self {
-        Self {
-            cells_left: cells,
-            work: None,
-            measured: 0,
-        }
-    }
-
-    fn never_stopping() -> Self {
-        Self::stopping_after(usize::MAX)
-    }
-}
-
-impl Progress for Stopwatch {
-    fn begin(&mut self, work: Work) {
-        self.work = Some(work);
-    }
-
-    fn cell(&mut self, label: &str) {
-        assert!(!label.is_empty());
-    }
-
-    fn finished(&mut self, cost: u64) {
-        assert!(cost > 0);
-        self.measured += 1;
-        // Workers finish what they are at after the stop.
-        self.cells_left = self.cells_left.saturating_sub(1);
-    }
-
-    fn goes_on(&self) -> bool {
-        self.cells_left > 0
-    }
-}
-
-/// A stand-in for the program `formation`, as real processes have tests of their own.
-fn launcher(directory: &Path, script: &str) -> PathBuf {
-    let path = directory.join("launcher");
-    fs::write(&path, format!("#!/bin/sh\n{script}\n")).unwrap();
-    fs::set_permissions(&path, fs::Permissions::from_mode(0o755)).unwrap();
-    path
-}
-
-const REPORT: &str = r#"
-test "$1 $3 $4" = "run --plan-only --json" || { echo "odd arguments: $*" >&2; exit 2; }
-grep -q '"spots"' "$2" || exit 2
-echo '{"verdict": "AGREED", "planning_ms": 12, "discovery_ms": 34, "planning_us": 56, "more": 1}'"#;
-
-fn finish(out: &Path, settings: &Settings, only: &[&str]) -> Result<Stopwatch, ExperimentError> {
-    let home = tempfile::tempdir().unwrap();
-    let launcher = launcher(home.path(), REPORT);
-    let only: Vec<String> = only.iter().map(|&name| name.to_owned()).collect();
-    let mut progress = Stopwatch::never_stopping();
-    run(out, settings, &only, &launcher, &mut progress).map(|()| progress)
-}
+use formation_experiments::{ExperimentError, Settings, names, run};
+use support::{REPORT, Stopwatch, finish, launcher};
 
 /// The fields of a line of CSV; commas within quotation marks separate nothing.
 fn fields(line: &str) -> Vec<String> {
