@@ -5,6 +5,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
+use crate::support::{Trial, drawn, settled, spots};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, ModulePhase};
 use formation::protocol::{Agent, Event, Mutation};
@@ -12,7 +13,6 @@ use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
     run_seed,
 };
-use crate::support::{Trial, drawn, settled, spots};
 
 fn ids(ids: &[u32]) -> BTreeSet<ModuleId> {
     ids.iter().copied().map(ModuleId).collect()

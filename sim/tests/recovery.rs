@@ -4,11 +4,11 @@
 
 use std::time::Duration;
 
+use crate::support::{Trial, drawn, in_phase, scenario, spots};
 use formation::generate::Grouping;
 use formation::model::{AssemblyWarning, ModuleId, ModulePhase};
 use formation::protocol::{Agent, Event, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
-use crate::support::{Trial, drawn, in_phase, scenario, spots};
 
 #[test]
 fn a_spare_replaces_a_module_that_dies_on_its_way() {

@@ -4,11 +4,11 @@
 
 use std::time::Duration;
 
+use crate::support::{Trial, drawn, in_phase, spots};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, ModulePhase, Service};
 use formation::protocol::{Command, EpochReason, Event};
 use formation_sim::Cluster;
-use crate::support::{Trial, drawn, in_phase, spots};
 
 const SEEDS: std::ops::Range<u64> = 0..6;
 

@@ -15,11 +15,11 @@ use std::fs;
 use std::path::PathBuf;
 use std::time::Duration;
 
+use crate::support::{Trial, drawn, in_phase, scenario};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, ModulePhase};
 use formation::protocol::Command;
 use formation_sim::Cluster;
-use crate::support::{Trial, drawn, in_phase, scenario};
 
 /// The nearest spot of the second module is taken when its turn comes.
 const CHAIN: &str = "
@@ -161,19 +161,10 @@ fn a_module_restarts() {
 
 #[test]
 fn a_module_retires_and_a_spare_takes_its_spot() {
-<<<<<<< HEAD
-    let mut stage = Stage::new(&drawn(4, 3, Grouping::Singletons, 5), 5);
-    stage.until(Cluster::has_formed);
-    let (retired, _) = stage.settled()[0];
-    stage.cluster.command(retired, Command::Retire);
-    stage.until(|cluster| cluster.has_formed() && crate::support::newest_epoch(cluster) == 2);
-    compare("module_retires", &stage.cluster.transcript().events());
-=======
     let mut trial = Trial::new(&drawn(4, 3, Grouping::Singletons, 5), 5);
     trial.until(Cluster::has_formed);
     let (retired, _) = trial.settled()[0];
     trial.cluster.command(retired, Command::Retire);
-    trial.until(|cluster| cluster.has_formed() && support::newest_epoch(cluster) == 2);
+    trial.until(|cluster| cluster.has_formed() && crate::support::newest_epoch(cluster) == 2);
     compare("module_retires", &trial.cluster.transcript().events());
->>>>>>> 524ac1a (sim: word tests and explorer by the glossary, and group what the explorer's world holds)
 }

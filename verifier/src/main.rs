@@ -5,11 +5,12 @@ use std::process::ExitCode;
 use std::time::Duration;
 
 use clap::Parser;
+use formation::verify::ReportLine;
 use ros_runtime::arguments::{self, NetworkArguments};
 use ros_runtime::lifetime::{EXIT_GRACE, limit_exit, stop_requested};
 use ros_runtime::outcome::{Failure, conclude};
 use verifier::judging::JudgingArguments;
-use verifier::verdict_report::{JsonLine, end_status, end_text};
+use verifier::verdict_report::{end_line, end_status, end_text};
 use verifier::verification::{News, VerifierProcess};
 
 /// After the verdict, subscribers have so long to take it.
@@ -59,12 +60,14 @@ fn run() -> Result<u8, Failure> {
         linger: LINGER,
     };
     let judgement = process.run(&stop, |news| match news {
-        News::Progress(progress) if arguments.progress => print(&JsonLine::Progress(progress)),
+        News::Progress(progress) if arguments.progress => {
+            print_line(&ReportLine::Progress(progress.clone()));
+        }
         News::Progress(_) => {}
-        News::Entry(entry) => print(&JsonLine::Entry(entry)),
+        News::Entry(entry) => print_line(&ReportLine::Entry(entry.clone())),
         News::End(end) => {
             if arguments.json || arguments.progress || arguments.event_log {
-                print(&JsonLine::End(end));
+                print_line(&end_line(end));
             } else {
                 print(&end_text(end));
             }
@@ -80,8 +83,15 @@ fn run() -> Result<u8, Failure> {
     }
 }
 
-/// A reader that has gone away is no reason to stop judging.
-fn print(line: &dyn std::fmt::Display) {
+fn print_line(line: &ReportLine) {
+    match serde_json::to_string(line) {
+        Ok(line) => print(&line),
+        Err(error) => tracing::error!("cannot write a line of the report: {error}"),
+    }
+}
+
+/// The verifier continues to judge when the reader of its output is gone.
+fn print(line: &str) {
     let mut out = io::stdout().lock();
     let _ = writeln!(out, "{line}").and_then(|()| out.flush());
 }

@@ -3,7 +3,7 @@
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::event_log::{Entry, Recorder};
+use formation::event_log::{Entry, POSE_INTERVAL, Recorder};
 use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdict};
 use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::Publisher;
@@ -106,7 +106,7 @@ impl VerifierProcess {
             start: Instant::now(),
             observer: Observer::new(judging),
             plan_only: self.plan_only,
-            recorder: self.event_log.then(Recorder::default),
+            recorder: self.event_log.then(|| Recorder::new(POSE_INTERVAL)),
             keep_watching: self.keep_watching,
             inbox,
             inlets: &inlets.facilities,

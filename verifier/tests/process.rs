@@ -31,7 +31,7 @@ fn running_out_of_time_names_what_was_missing() {
 }
 
 #[test]
-fn programs_are_told_of_progress_and_verdict_in_lines_of_json() {
+fn programs_read_progress_and_verdict_in_lines_of_json() {
     let output = verifier(&["--progress"]);
     assert_eq!(output.status.code(), Some(1));
     let text = String::from_utf8(output.stdout).unwrap();
@@ -54,5 +54,5 @@ fn absent_modules_are_named_where_a_scenario_lists_them() {
     let output = verifier(&["--json", "--scenario", scenario]);
     let verdict: Value = serde_json::from_slice(&output.stdout).unwrap();
     let missing = verdict["verdict"]["missing"].to_string();
-    assert!(missing.contains("module 1 was never heard"), "{missing}");
+    assert!(missing.contains("module 1 has not joined"), "{missing}");
 }

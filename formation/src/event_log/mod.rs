@@ -14,7 +14,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId};
 
-pub use recorder::Recorder;
+pub use recorder::{POSE_INTERVAL, Recorder};
 pub use scene::{Changes, Scene, SceneModule};
 pub use step::Step;
 

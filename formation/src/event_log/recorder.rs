@@ -9,16 +9,17 @@ use crate::model::{
     Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState, RosterMessage, SpotClaim,
 };
 
-/// Poses of one module that follow each other faster than this are left out.
-const POSE_INTERVAL: Duration = Duration::from_millis(100);
+/// The usual least time between two recorded poses of one module.
+pub const POSE_INTERVAL: Duration = Duration::from_millis(100);
 
 /// Makes entries of messages, in an order that can be replayed.
 ///
 /// Messages may arrive late, more than once, and in any order across writers. The recorder leaves out what is out of
 /// date and puts the claims of an epoch in the order of their turns; of several different claims for one turn the first
 /// counts. Memory is bounded by the number of modules; entries are handed out, not kept.
-#[derive(Clone, Debug, Default)]
+#[derive(Clone, Debug)]
 pub struct Recorder {
+    pose_interval: Duration,
     modules: BTreeMap<ModuleId, Known>,
     /// The newest known epoch, and whether its roster arrived.
     epoch: Option<(Epoch, bool)>,
@@ -38,6 +39,18 @@ struct Known {
 }
 
 impl Recorder {
+    /// A recorder that leaves out poses of one module that follow each other faster than `pose_interval`.
+    #[must_use]
+    pub fn new(pose_interval: Duration) -> Self {
+        Self {
+            pose_interval,
+            modules: BTreeMap::new(),
+            epoch: None,
+            next_turn: 0,
+            early: BTreeMap::new(),
+        }
+    }
+
     /// Records a message that arrived at `now`, measured from the beginning of the observation.
     pub fn record(&mut self, now: Duration, message: &Message) -> Vec<Entry> {
         let mut events = Vec::new();
@@ -143,7 +156,7 @@ impl Recorder {
                 ..known.snapshot.clone()
             };
             only_moved = !is_restart && before == snapshot;
-            let is_too_soon = now < known.pose_at.saturating_add(POSE_INTERVAL);
+            let is_too_soon = now < known.pose_at.saturating_add(self.pose_interval);
             if only_moved && (snapshot.pose == known.snapshot.pose || is_too_soon) {
                 return None;
             }

@@ -13,5 +13,5 @@ pub use observer::{
     Agreement, Counts, Observer, ObserverParameters, Outcome, Progress, Timings, Verdict,
 };
 pub use plan::check_plan;
-pub use report::{AgreementReport, ReportLine, TimingsReport, VerdictReport};
+pub use report::{AgreementReport, ReportLine, TimingsReport, VerdictReport, outcome_text};
 pub use violation::{Missing, Violation};

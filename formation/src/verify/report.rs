@@ -121,6 +121,19 @@ impl From<&Agreement> for AgreementReport {
     }
 }
 
+/// The outcome in one line, with the numbers of filled spots and of all spots.
+#[must_use]
+pub fn outcome_text(outcome: Outcome, filled: usize, spots: usize) -> String {
+    match outcome {
+        Outcome::Complete => format!("COMPLETE: all {spots} spots are filled, hole-free"),
+        Outcome::Partial => format!(
+            "PARTIAL: {filled} of {spots} spots are filled, as many as there are modules, hole-free"
+        ),
+        Outcome::Failed if spots == 0 => "FAILED".to_owned(),
+        Outcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
+    }
+}
+
 fn by_module(assignments: &BTreeMap<ModuleId, SpotId>) -> Vec<Assignment> {
     let pairs = assignments.iter();
     pairs

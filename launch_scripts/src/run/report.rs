@@ -5,9 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use anyhow::anyhow;
 use formation::model::text::listed_in_full;
 use formation::model::{Assignment, ModuleId, SpotId};
-use formation::verify::Outcome;
+use formation::verify::{Outcome, outcome_text};
 use formation_report::Fact;
-use serde::Serialize;
+use serde::{Serialize, Serializer};
 
 use super::roles::Deaths;
 use super::run_loop::{Judgement, Observed};
@@ -20,26 +20,17 @@ const DIFFERENCES_MAX: usize = 8;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "UPPERCASE")]
+#[serde(untagged)]
 pub enum RunOutcome {
-    /// Every spot is filled.
-    Complete,
-    /// There are fewer modules than spots.
-    Partial,
-    /// Something is wrong, or was not done in time.
-    Failed,
+    /// With a verdict on the formation.
+    Judged(Outcome),
     /// All modules hold one plan, and none was to move.
+    #[serde(serialize_with = "agreed")]
     Agreed,
 }
 
-impl From<Outcome> for RunOutcome {
-    fn from(outcome: Outcome) -> Self {
-        match outcome {
-            Outcome::Complete => Self::Complete,
-            Outcome::Partial => Self::Partial,
-            Outcome::Failed => Self::Failed,
-        }
-    }
+fn agreed<S: Serializer>(serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_str("AGREED")
 }
 
 /// The plan and what the verifier observed, as `formation run --json` prints it.
@@ -84,7 +75,7 @@ impl RunReport {
         let statistics = &mut report.plan.statistics;
         match judgement {
             Judgement::Verdict(verdict) => {
-                report.verdict = verdict.outcome.into();
+                report.verdict = RunOutcome::Judged(verdict.outcome);
                 report.filled_spots = verdict.filled_spots;
                 statistics.assignments = verdict.assignments;
                 statistics.unassigned = verdict.unassigned;
@@ -140,7 +131,7 @@ impl RunReport {
     /// The text for people; the verdict comes last.
     pub fn text(&self, plan: &CheckedPlan, name: &str) -> String {
         let mut lines = Vec::new();
-        if self.verdict != RunOutcome::Failed {
+        if self.verdict != RunOutcome::Judged(Outcome::Failed) {
             if self.differences().is_empty() {
                 lines.push(plan.text(name));
             } else if self.dead.of_agents() > 0 {
@@ -187,19 +178,13 @@ impl RunReport {
         let filled = self.filled_spots;
         let spots = filled + self.plan.statistics.open_spots.len();
         match self.verdict {
-            RunOutcome::Complete => {
-                format!("COMPLETE: all {spots} spots are filled, hole-free")
-            }
-            RunOutcome::Partial if filled < self.planned.len() => {
+            RunOutcome::Judged(Outcome::Partial) if filled < self.planned.len() => {
                 format!("PARTIAL: {filled} of {spots} spots are filled, one by each living module")
             }
-            RunOutcome::Partial => format!(
-                "PARTIAL: {filled} of {spots} spots are filled, as many as there are modules, hole-free"
-            ),
+            RunOutcome::Judged(outcome) => outcome_text(outcome, filled, spots),
             RunOutcome::Agreed => {
                 "AGREED: all modules hold the same plan; none has moved".to_owned()
             }
-            RunOutcome::Failed => format!("FAILED: {filled} of {spots} spots are filled"),
         }
     }
 
@@ -236,7 +221,9 @@ impl RunReport {
     pub fn conclusion(&self) -> Result<(), Failure> {
         let failed = |what: String| Err(Failure::Failed(anyhow!(what)));
         let is_agreed = self.verdict == RunOutcome::Agreed;
-        if self.verdict == RunOutcome::Failed || is_agreed && !self.violations.is_empty() {
+        if self.verdict == RunOutcome::Judged(Outcome::Failed)
+            || is_agreed && !self.violations.is_empty()
+        {
             let missing = self.missing.iter().flatten();
             let reasons: Vec<&str> = self
                 .violations

@@ -8,7 +8,7 @@ use formation_msgs::foreign::geometry_msgs::{self, Point, Vector3};
 use formation_msgs::foreign::std_msgs::ColorRGBA;
 use formation_msgs::foreign::visualization_msgs::{Marker, MarkerArray};
 
-use super::scene::{Figure, Scene};
+use super::scene::{DrawnScene, Figure};
 
 /// A module is a unit wide; a little less shows the gap between two.
 const MODULE_SIZE: f64 = 0.9;
@@ -32,7 +32,7 @@ const WHITE: ColorRGBA = ColorRGBA {
 };
 
 /// A picture of the whole scene; it replaces the one before.
-pub(super) fn of(scene: &Scene, header: &Header, labels: bool) -> MarkerArray {
+pub(super) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArray {
     let mut picture = Picture {
         header,
         markers: vec![Marker {
@@ -45,8 +45,8 @@ pub(super) fn of(scene: &Scene, header: &Header, labels: bool) -> MarkerArray {
     picture.draw_links(scene);
     picture.draw_claims(scene);
     for (module, figure) in scene.figures() {
-        picture.draw_trail(*module, figure);
-        picture.draw_module(*module, figure, labels);
+        picture.draw_trail(module, &figure);
+        picture.draw_module(module, &figure, labels);
     }
     MarkerArray {
         markers: picture.markers,
@@ -112,23 +112,18 @@ impl Picture<'_> {
         );
     }
 
-    /// The outline of each spot, in the colour of whoever claims it, and the edges between them.
-    fn draw_target(&mut self, scene: &Scene, labels: bool) {
+    /// The outline of each spot, in the colour of its holder, and the edges between them.
+    fn draw_target(&mut self, scene: &DrawnScene, labels: bool) {
         let Some(target) = scene.target() else {
             return;
         };
-        let claimants: BTreeMap<_, _> = scene
-            .claimed()
-            .into_iter()
-            .map(|(module, spot)| (spot, module))
-            .collect();
+        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
         let mut outlines = Vec::new();
         let mut edges = Vec::new();
         for spot in target.spots() {
-            let claimant = claimants
-                .get(&spot.id)
-                .and_then(|module| scene.figures().get(module));
-            let colour = claimant.map_or(GREY, colour_of);
+            let holder = scene.holders().get(&spot.id);
+            let holder = holder.and_then(|module| figures.get(module));
+            let colour = holder.map_or(GREY, colour_of);
             let corners = corners_of(&spot.pose);
             for (index, corner) in corners.iter().enumerate() {
                 outlines.push(([*corner, corners[(index + 1) % 4]], colour));
@@ -150,20 +145,21 @@ impl Picture<'_> {
     }
 
     /// A line between two docked modules; pale while only one of them says so.
-    fn draw_links(&mut self, scene: &Scene) {
+    fn draw_links(&mut self, scene: &DrawnScene) {
+        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
         let mut links = Vec::new();
-        for (&module, figure) in scene.figures() {
-            for &other in &figure.state.links {
-                let Some(end) = scene.figures().get(&other) else {
+        for (&module, figure) in &figures {
+            for &other in &figure.snapshot.links {
+                let Some(end) = figures.get(&other) else {
                     continue;
                 };
-                let mutual = end.state.links.contains(&module);
+                let mutual = end.snapshot.links.contains(&module);
                 if mutual && other < module {
                     continue;
                 }
                 let ends = [
-                    point(&figure.state.pose, MODULE_HEIGHT),
-                    point(&end.state.pose, MODULE_HEIGHT),
+                    point(&figure.snapshot.pose, MODULE_HEIGHT),
+                    point(&end.snapshot.pose, MODULE_HEIGHT),
                 ];
                 links.push((ends, if mutual { WHITE } else { GREY }));
             }
@@ -172,16 +168,17 @@ impl Picture<'_> {
     }
 
     /// A line from each module to the spot that it claims and does not stand on yet.
-    fn draw_claims(&mut self, scene: &Scene) {
+    fn draw_claims(&mut self, scene: &DrawnScene) {
         let Some(target) = scene.target() else {
             return;
         };
+        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
         let lines: Vec<_> = scene
-            .claimed()
-            .into_iter()
-            .filter_map(|(module, spot)| {
-                let figure = scene.figures().get(&module)?;
-                if figure.state.phase == ModulePhase::Settled {
+            .holders()
+            .iter()
+            .filter_map(|(&spot, module)| {
+                let figure = figures.get(module)?;
+                if figure.snapshot.phase == ModulePhase::Settled {
                     return None;
                 }
                 let colour = ColorRGBA {
@@ -190,7 +187,7 @@ impl Picture<'_> {
                 };
                 let spot = target.spot(spot)?;
                 Some((
-                    [point(&figure.state.pose, 0.0), point(&spot.pose, 0.0)],
+                    [point(&figure.snapshot.pose, 0.0), point(&spot.pose, 0.0)],
                     colour,
                 ))
             })
@@ -223,7 +220,7 @@ impl Picture<'_> {
     }
 
     fn draw_module(&mut self, module: ModuleId, figure: &Figure, labels: bool) {
-        let mut pose = geometry_msgs::Pose::from(&figure.state.pose);
+        let mut pose = geometry_msgs::Pose::from(&figure.snapshot.pose);
         pose.position.z = MODULE_HEIGHT / 2.0;
         self.add(
             "modules",
@@ -242,7 +239,13 @@ impl Picture<'_> {
         );
         if labels {
             let height = MODULE_HEIGHT + LABEL_HEIGHT;
-            self.add_label("module_labels", module.0, &figure.state.pose, height, WHITE);
+            self.add_label(
+                "module_labels",
+                module.0,
+                &figure.snapshot.pose,
+                height,
+                WHITE,
+            );
         }
     }
 }
@@ -271,7 +274,7 @@ fn colour_of(figure: &Figure) -> ColorRGBA {
     if !figure.is_live {
         return GREY;
     }
-    match figure.state.configuration {
+    match figure.configuration {
         Some(configuration) => {
             // The golden angle keeps colours that follow each other far apart.
             let turn = f64::from(configuration.0) * 0.618_033_988_749_895;
@@ -315,7 +318,7 @@ mod tests {
     use super::super::scene::tests::{pose, scene, state};
     use super::*;
 
-    fn drawn(scene: &Scene) -> Vec<Marker> {
+    fn drawn(scene: &DrawnScene) -> Vec<Marker> {
         of(scene, &Header::default(), true).markers
     }
 
@@ -355,7 +358,7 @@ mod tests {
     fn no_two_markers_share_a_name() {
         let mut scene = scene();
         let moved = state(2, 2, pose(1.0, 1.0));
-        scene.hear(Duration::ZERO, Message::ModuleState(Arc::new(moved)));
+        scene.handle(Duration::ZERO, &Message::ModuleState(Arc::new(moved)));
         let markers = drawn(&scene);
         let names: std::collections::BTreeSet<_> = markers
             .iter()

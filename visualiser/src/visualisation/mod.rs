@@ -10,7 +10,7 @@ use async_channel::Receiver;
 use formation::model::Message;
 use formation_msgs::foreign::tf2_msgs::TFMessage;
 use formation_msgs::foreign::visualization_msgs::MarkerArray;
-use formation_msgs::{Heartbeat, ModuleStates, SpotClaim, TargetConfiguration};
+use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
 use ros2_client::{ParameterValue, Publisher};
 
 use formation_node::inlet::{Delivery, deliveries, source_id};
@@ -26,7 +26,7 @@ use ros_runtime::parameters::{Change, Declaration, ParameterError, Range, Values
 use ros_runtime::session::{Session, SessionError};
 use ros_runtime::settings::Settings;
 use ros_runtime::traffic::Traffic;
-use scene::Scene;
+use scene::DrawnScene;
 
 /// Even when nothing changes, transforms are sent this often: listeners forget old ones.
 const TRANSFORM_INTERVAL: Duration = Duration::from_secs(1);
@@ -125,11 +125,13 @@ impl VisualiserProcess {
         let facilities = FacilityInlets::open(&self.settings, &mut session)?;
         let target: Inlet<TargetConfiguration> = Inlet::open(&mut session, &topics::TARGET)?;
         let states: Inlet<ModuleStates> = Inlet::open(&mut session, &topics::MODULE_STATES)?;
+        let roster: Inlet<Roster> = Inlet::open(&mut session, &topics::ROSTER)?;
         let claims: Inlet<SpotClaim> = Inlet::open(&mut session, &topics::claims(1))?;
         let heartbeats: Inlet<Heartbeat> = Inlet::open(&mut session, &topics::HEARTBEATS)?;
         let samples = [
             deliveries(&target),
             deliveries(&states),
+            deliveries(&roster),
             deliveries(&claims),
             deliveries(&heartbeats),
         ];
@@ -143,7 +145,7 @@ impl VisualiserProcess {
             facilities: Facilities::open(&self.settings, &mut session)?,
             session: &mut session,
             parameters: shown,
-            scene: Scene::new(shown.suspicion),
+            scene: DrawnScene::new(shown.suspicion),
             traffic: Traffic::default(),
             drawn: None,
             transformed: None,
@@ -163,7 +165,7 @@ struct Easel<'a> {
     facilities: Facilities,
     session: &'a mut Session,
     parameters: VisualisationParameters,
-    scene: Scene,
+    scene: DrawnScene,
     traffic: Traffic,
     /// When the last picture was drawn.
     drawn: Option<Instant>,
@@ -224,7 +226,7 @@ impl Easel<'_> {
 
     fn hear(&mut self, now: Duration, message: Message) {
         let had = self.scene.target().cloned();
-        self.scene.hear(now, message);
+        self.scene.handle(now, &message);
         if let Some(target) = self.scene.target()
             && had.as_ref() != Some(target)
         {

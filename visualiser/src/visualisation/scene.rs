@@ -1,53 +1,58 @@
-//! What a picture shows: the latest word of everyone, and the way that each module came.
+//! What a picture shows: the event log's scene, and what the pictures add to it.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
-    Epoch, Incarnation, Message, MicroUnits, ModuleId, ModuleState, Pose, SpotClaim, SpotId, Target,
-};
+use formation::event_log::{ModuleSnapshot, Recorder, Scene};
+use formation::model::{ConfigurationId, Message, MicroUnits, ModuleId, Pose, SpotId, Target};
 
-/// A trail keeps so many corners; the oldest go.
+/// The most corners of a trail; the oldest are dropped.
 const CORNERS_MAX: usize = 64;
-/// A corner that lies so near the line between its neighbours is none.
+/// A corner that adds no more than this to the length of the trail is left out.
 const STRAIGHT: MicroUnits = MicroUnits(20_000);
 
 /// One module as it is drawn.
-#[derive(Debug)]
-pub(super) struct Figure {
-    pub state: Arc<ModuleState>,
-    /// Where it came along, oldest first; it ends where the module stands.
-    pub trail: Vec<Pose>,
-    /// When it was last heard.
-    heard: Duration,
-    /// Whether it was heard lately.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Figure<'a> {
+    pub snapshot: &'a ModuleSnapshot,
+    pub configuration: Option<ConfigurationId>,
+    /// The corners of its path, oldest first; it ends where the module stands.
+    pub trail: &'a [Pose],
+    /// Whether a message of it arrived within the suspicion time.
     pub is_live: bool,
+}
+
+/// What the event log does not have of a module.
+#[derive(Debug, Default)]
+struct Extra {
+    configuration: Option<ConfigurationId>,
+    trail: Vec<Pose>,
+    is_live: bool,
 }
 
 /// All that is drawn.
 #[derive(Debug)]
-pub(super) struct Scene {
+pub(super) struct DrawnScene {
     suspicion: Duration,
     target: Option<Arc<Target>>,
     revision: u64,
-    figures: BTreeMap<ModuleId, Figure>,
-    /// The claims of the latest epoch, by turn.
-    claims: BTreeMap<u32, Arc<SpotClaim>>,
-    claims_of: Option<Epoch>,
+    recorder: Recorder,
+    scene: Scene,
+    extras: BTreeMap<ModuleId, Extra>,
     changed: bool,
 }
 
-impl Scene {
-    /// A module that was not heard for `suspicion` is no longer live.
+impl DrawnScene {
+    /// A module that is silent for longer than `suspicion` is not live.
     pub(super) fn new(suspicion: Duration) -> Self {
         Self {
             suspicion,
             target: None,
             revision: 0,
-            figures: BTreeMap::new(),
-            claims: BTreeMap::new(),
-            claims_of: None,
+            recorder: Recorder::new(Duration::ZERO),
+            scene: Scene::default(),
+            extras: BTreeMap::new(),
             changed: false,
         }
     }
@@ -56,15 +61,26 @@ impl Scene {
         self.target.as_ref()
     }
 
-    /// The frame of all poses; `map` until a target says otherwise.
+    /// The frame of all poses; `map` until a target names another.
     pub(super) fn frame_id(&self) -> &str {
         self.target
             .as_ref()
             .map_or("map", |target| target.frame_id())
     }
 
-    pub(super) fn figures(&self) -> &BTreeMap<ModuleId, Figure> {
-        &self.figures
+    /// All modules, ascending.
+    pub(super) fn figures(&self) -> impl Iterator<Item = (ModuleId, Figure<'_>)> {
+        let modules = self.scene.modules().iter();
+        modules.filter_map(|(&module, known)| {
+            let extra = self.extras.get(&module)?;
+            let figure = Figure {
+                snapshot: &known.snapshot,
+                configuration: extra.configuration,
+                trail: &extra.trail,
+                is_live: extra.is_live,
+            };
+            Some((module, figure))
+        })
     }
 
     /// Whether there is anything that the last picture did not show.
@@ -76,90 +92,79 @@ impl Scene {
         self.changed = false;
     }
 
-    /// Who claims which spot, after all claims of the latest epoch that were heard, whatever their order.
-    pub(super) fn claimed(&self) -> BTreeMap<ModuleId, SpotId> {
-        let mut claimed = BTreeMap::new();
-        for claim in self.claims.values() {
-            for eviction in &claim.decision.evictions {
-                claimed.remove(&eviction.evicted);
-            }
-            for selection in &claim.decision.selections {
-                claimed.insert(selection.module, selection.spot);
-            }
-        }
-        claimed
+    /// Which module holds which spot by the pins and claims of the latest epoch.
+    pub(super) fn holders(&self) -> &BTreeMap<SpotId, ModuleId> {
+        self.scene.holders()
     }
 
-    pub(super) fn hear(&mut self, now: Duration, message: Message) {
-        match message {
-            Message::Target(announcement) => {
-                if announcement.revision >= self.revision && announcement.target != self.target {
-                    self.revision = announcement.revision;
-                    self.target.clone_from(&announcement.target);
-                    self.changed = true;
-                }
-            }
-            Message::ModuleState(state) => self.hear_state(now, state),
-            Message::Claim(claim) => {
-                if Some(claim.epoch) > self.claims_of {
-                    self.claims_of = Some(claim.epoch);
-                    self.claims.clear();
-                }
-                if Some(claim.epoch) == self.claims_of {
-                    self.claims.insert(claim.turn, claim);
-                    self.changed = true;
-                }
-            }
-            Message::Heartbeat(heartbeat) => {
-                self.note_alive(now, heartbeat.module, heartbeat.incarnation);
-            }
-            Message::Roster(_) | Message::Eviction(_) => {}
-        }
-    }
-
-    fn hear_state(&mut self, now: Duration, state: Arc<ModuleState>) {
-        let figure = self.figures.entry(state.module).or_insert_with(|| Figure {
-            state: Arc::clone(&state),
-            trail: vec![state.pose],
-            heard: now,
-            is_live: true,
-        });
-        let run = |state: &ModuleState| (state.incarnation, state.sequence);
-        if run(&state) < run(&figure.state) {
-            return;
-        }
-        if state.incarnation != figure.state.incarnation {
-            figure.trail.clear();
-        }
-        lengthen(&mut figure.trail, state.pose);
-        figure.state = state;
-        figure.heard = now;
-        figure.is_live = true;
-        self.changed = true;
-    }
-
-    fn note_alive(&mut self, now: Duration, module: ModuleId, incarnation: Incarnation) {
-        if let Some(figure) = self.figures.get_mut(&module)
-            && figure.state.incarnation == incarnation
+    pub(super) fn handle(&mut self, now: Duration, message: &Message) {
+        if let Message::Target(announcement) = message
+            && announcement.revision >= self.revision
+            && announcement.target != self.target
         {
-            figure.heard = now;
-            self.changed |= !figure.is_live;
-            figure.is_live = true;
+            self.revision = announcement.revision;
+            self.target.clone_from(&announcement.target);
+            self.changed = true;
+        }
+        let run = match message {
+            Message::ModuleState(state) => Some((state.module, state.incarnation)),
+            Message::Heartbeat(heartbeat) => Some((heartbeat.module, heartbeat.incarnation)),
+            _ => None,
+        };
+        let is_current = |recorder: &Recorder| {
+            run.filter(|&(module, incarnation)| recorder.is_current(module, incarnation))
+        };
+        let was_current = is_current(&self.recorder).is_some();
+        for entry in self.recorder.record(now, message) {
+            self.scene.apply(&entry);
+            self.changed = true;
+        }
+        if let Some((module, _)) = is_current(&self.recorder) {
+            self.scene.note_received(milliseconds(now), module);
+            self.note_run(module, message, was_current);
         }
     }
 
-    /// Lets time pass: modules that fell silent are no longer live.
+    /// Keeps what the event log does not have. The trail of an earlier run ends.
+    fn note_run(&mut self, module: ModuleId, message: &Message, was_current: bool) {
+        let extra = self.extras.entry(module).or_default();
+        if !was_current {
+            extra.trail.clear();
+        }
+        if let Message::ModuleState(state) = message {
+            extra.configuration = state.configuration;
+        }
+        if let Some(pose) = self.scene.pose_of(module) {
+            lengthen(&mut extra.trail, pose);
+        }
+        self.changed |= !extra.is_live;
+        extra.is_live = true;
+    }
+
+    /// Advances the time: modules that fell silent are no longer live.
     pub(super) fn advance(&mut self, now: Duration) {
-        for figure in self.figures.values_mut() {
-            if figure.is_live && now.saturating_sub(figure.heard) > self.suspicion {
-                figure.is_live = false;
+        let now_ms = milliseconds(now);
+        let suspicion_ms = milliseconds(self.suspicion);
+        for (module, extra) in &mut self.extras {
+            let received_ms = self
+                .scene
+                .modules()
+                .get(module)
+                .map(|known| known.received_ms);
+            let is_silent = received_ms.is_none_or(|at| now_ms.saturating_sub(at) > suspicion_ms);
+            if extra.is_live && is_silent {
+                extra.is_live = false;
                 self.changed = true;
             }
         }
     }
 }
 
-/// Adds a pose to a trail; of a straight way only the ends are kept.
+fn milliseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
+}
+
+/// Adds a pose to a trail; of a straight path only the ends are kept.
 fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
     if let [.., before, last] = trail.as_slice() {
         let detour = before.distance_to(last).0 + last.distance_to(&pose).0;
@@ -181,8 +186,9 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 #[cfg(test)]
 pub(super) mod tests {
     use formation::model::{
-        ConfigurationId, Decision, EvictionRecord, Heartbeat, ModulePhase, Scenario, Service,
-        SpotSelection, TargetAnnouncement,
+        Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase, ModuleState,
+        PlannerParameters, Roster, RosterMessage, Scenario, Service, SpotClaim, SpotSelection,
+        TargetAnnouncement,
     };
 
     use super::*;
@@ -213,6 +219,34 @@ pub(super) mod tests {
         }
     }
 
+    fn figure(scene: &DrawnScene, module: u32) -> Figure<'_> {
+        let mut figures = scene.figures();
+        let found = figures.find(|(id, _)| *id == ModuleId(module));
+        found.unwrap().1
+    }
+
+    fn epoch(number: u64) -> Epoch {
+        Epoch {
+            number,
+            convener: ModuleId(1),
+        }
+    }
+
+    fn roster(number: u64) -> Message {
+        Message::Roster(RosterMessage::Plan(Arc::new(Roster {
+            epoch: epoch(number),
+            target: TargetAnnouncement {
+                revision: 1,
+                name: String::new(),
+                target: None,
+                parameters: PlannerParameters::default(),
+                expected_modules: None,
+            },
+            members: Vec::new(),
+            quorum_bases: Vec::new(),
+        })))
+    }
+
     fn claim(number: u64, turn: u32, pairs: &[(u32, u32)], evicted: &[u32]) -> Message {
         let evictions = evicted.iter().map(|&module| EvictionRecord {
             evicted: ModuleId(module),
@@ -221,10 +255,7 @@ pub(super) mod tests {
             to: None,
         });
         Message::Claim(Arc::new(SpotClaim {
-            epoch: Epoch {
-                number,
-                convener: ModuleId(1),
-            },
+            epoch: epoch(number),
             turn,
             claimant: ModuleId(1),
             incarnation: Incarnation(1),
@@ -243,13 +274,13 @@ pub(super) mod tests {
     }
 
     /// Two docked modules, one of which claims a spot of a pair.
-    pub(in crate::visualisation) fn scene() -> Scene {
+    pub(in crate::visualisation) fn scene() -> DrawnScene {
         let scenario = Scenario::from_yaml(
             "target: {frame_id: hall, spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}], edges: [[1, 2]]}
 singletons: [{id: 2, x: 0.0, y: 0.0}]",
         )
         .unwrap();
-        let mut scene = Scene::new(Duration::from_secs(5));
+        let mut scene = DrawnScene::new(Duration::from_secs(5));
         let announcement = TargetAnnouncement {
             revision: 1,
             name: String::new(),
@@ -257,32 +288,37 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
             parameters: *scenario.problem().parameters(),
             expected_modules: None,
         };
-        scene.hear(Duration::ZERO, Message::Target(Arc::new(announcement)));
+        scene.handle(Duration::ZERO, &Message::Target(Arc::new(announcement)));
         for (module, x) in [(2, 0.0), (3, 1.0)] {
             let state = state(module, 1, pose(x, 0.0));
-            scene.hear(Duration::ZERO, Message::ModuleState(Arc::new(state)));
+            scene.handle(Duration::ZERO, &Message::ModuleState(Arc::new(state)));
         }
-        scene.hear(Duration::ZERO, claim(1, 0, &[(2, 1)], &[]));
+        scene.handle(Duration::ZERO, &roster(1));
+        scene.handle(Duration::ZERO, &claim(1, 0, &[(2, 1)], &[]));
         scene
     }
 
     #[test]
     fn claims_count_in_the_order_of_turns_and_of_the_latest_epoch_alone() {
         let mut scene = scene();
-        let claimed = |scene: &Scene| -> Vec<(u32, u32)> {
-            let claimed = scene.claimed().into_iter();
-            claimed.map(|(module, spot)| (module.0, spot.0)).collect()
+        let claimed = |scene: &DrawnScene| -> Vec<(u32, u32)> {
+            let holders = scene.holders().iter();
+            let mut claimed: Vec<(u32, u32)> =
+                holders.map(|(spot, module)| (module.0, spot.0)).collect();
+            claimed.sort_unstable();
+            claimed
         };
-        scene.hear(Duration::ZERO, claim(1, 2, &[(4, 1)], &[3]));
-        scene.hear(Duration::ZERO, claim(1, 1, &[(2, 2), (3, 1)], &[2]));
+        scene.handle(Duration::ZERO, &claim(1, 2, &[(4, 1)], &[3]));
+        scene.handle(Duration::ZERO, &claim(1, 1, &[(2, 2), (3, 1)], &[2]));
         assert_eq!(claimed(&scene), [(2, 2), (4, 1)]);
-        scene.hear(Duration::ZERO, claim(2, 0, &[(9, 1)], &[]));
-        scene.hear(Duration::ZERO, claim(1, 3, &[(5, 2)], &[]));
+        scene.handle(Duration::ZERO, &claim(2, 0, &[(9, 1)], &[]));
+        scene.handle(Duration::ZERO, &roster(2));
+        scene.handle(Duration::ZERO, &claim(1, 3, &[(5, 2)], &[]));
         assert_eq!(claimed(&scene), [(9, 1)]);
     }
 
     #[test]
-    fn of_a_straight_way_a_trail_keeps_the_ends() {
+    fn of_a_straight_path_a_trail_keeps_the_ends() {
         let mut trail = Vec::new();
         for step in 0..50 {
             lengthen(&mut trail, pose(f64::from(step) * 0.1, 0.0));
@@ -299,14 +335,14 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
     }
 
     #[test]
-    fn a_module_that_falls_silent_is_drawn_anew_and_its_return_too() {
+    fn silence_and_return_of_a_module_change_the_picture() {
         let mut scene = scene();
         scene.was_drawn();
         scene.advance(Duration::from_secs(5));
         assert!(!scene.has_changed());
         scene.advance(Duration::from_secs(6));
         assert!(scene.has_changed());
-        assert!(!scene.figures()[&ModuleId(2)].is_live);
+        assert!(!figure(&scene, 2).is_live);
         scene.was_drawn();
         let beat = Heartbeat {
             module: ModuleId(2),
@@ -319,20 +355,20 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
             applied_turns: 0,
             phase: ModulePhase::Moving,
         };
-        scene.hear(Duration::from_secs(7), Message::Heartbeat(beat));
+        scene.handle(Duration::from_secs(7), &Message::Heartbeat(beat));
         assert!(scene.has_changed());
-        assert!(scene.figures()[&ModuleId(2)].is_live);
+        assert!(figure(&scene, 2).is_live);
     }
 
     #[test]
     fn an_older_state_changes_nothing() {
         let mut scene = scene();
         let newer = state(2, 5, pose(2.0, 2.0));
-        scene.hear(Duration::ZERO, Message::ModuleState(Arc::new(newer)));
+        scene.handle(Duration::ZERO, &Message::ModuleState(Arc::new(newer)));
         scene.was_drawn();
         let older = state(2, 4, pose(9.0, 9.0));
-        scene.hear(Duration::ZERO, Message::ModuleState(Arc::new(older)));
+        scene.handle(Duration::ZERO, &Message::ModuleState(Arc::new(older)));
         assert!(!scene.has_changed());
-        assert_eq!(scene.figures()[&ModuleId(2)].state.pose, pose(2.0, 2.0));
+        assert_eq!(figure(&scene, 2).snapshot.pose, pose(2.0, 2.0));
     }
 }

@@ -5,17 +5,17 @@ use formation_msgs::Header;
 use formation_msgs::foreign::geometry_msgs::TransformStamped;
 use formation_msgs::foreign::tf2_msgs::TFMessage;
 
-use super::scene::Scene;
+use super::scene::DrawnScene;
 
 /// Where each live module stands: `module_N`.
-pub(super) fn of_modules(scene: &Scene, header: &Header) -> TFMessage {
-    let live = scene.figures().iter().filter(|(_, figure)| figure.is_live);
+pub(super) fn of_modules(scene: &DrawnScene, header: &Header) -> TFMessage {
+    let live = scene.figures().filter(|(_, figure)| figure.is_live);
     TFMessage {
         transforms: live
             .map(|(module, figure)| TransformStamped {
                 header: header.clone(),
                 child_frame_id: format!("module_{}", module.0),
-                transform: (&figure.state.pose).into(),
+                transform: (&figure.snapshot.pose).into(),
             })
             .collect(),
     }

@@ -84,7 +84,7 @@ fn roster(number: u64) -> Message {
 
 /// What a recorder makes of messages that arrive 10 ms after each other.
 fn recorded(messages: &[Message]) -> Vec<String> {
-    let mut recorder = Recorder::default();
+    let mut recorder = Recorder::new(POSE_INTERVAL);
     (0..)
         .zip(messages)
         .flat_map(|(index, message)| recorder.record(at(10 * index), message))
@@ -144,7 +144,7 @@ fn late_messages_of_an_older_epoch_are_left_out() {
 #[test]
 fn a_state_is_recorded_when_something_changed() {
     use ModulePhase::{Gathered, Moving, Settled, Waiting};
-    let mut recorder = Recorder::default();
+    let mut recorder = Recorder::new(POSE_INTERVAL);
     let mut record = |millis, message: &Message| {
         let mut entries = recorder.record(at(millis), message);
         assert!(entries.len() < 2);
@@ -191,7 +191,7 @@ fn a_state_is_recorded_when_something_changed() {
 
 #[test]
 fn entries_are_lines_of_json() {
-    let mut recorder = Recorder::default();
+    let mut recorder = Recorder::new(POSE_INTERVAL);
     for message in [
         roster(1),
         claim(1, 0, 4),
