@@ -1,9 +1,9 @@
-//! How the time of an allocation grows with the number of modules: `cargo bench -p formation --bench growth`.
+//! The growth of the time of an allocation with the number of modules: `cargo bench -p formation --bench growth`.
 //!
 //! Prints a table and the growth exponent between each size and the one before it. The sizes end at 3,000; with
 //! `FORMATION_BENCH_LARGE=1` they end at 10,000, which takes minutes. An argument such as `singletons` runs only the
-//! groupings whose name begins with it, in a process whose peak memory is theirs alone. Processor time stands beside the
-//! time that went by, since only the latter depends on what else the machine does.
+//! groupings whose name begins with it, in a process whose peak memory is theirs alone. It prints processor time
+//! and wall-clock time, since only the latter depends on the load of the machine.
 
 #![allow(
     clippy::unwrap_used,
@@ -24,7 +24,7 @@ use formation::planner::Planning;
 
 use support::processor_time;
 
-/// Each figure is the median of this many runs, one a seed; above [`ONCE_FROM`] modules one run has to do.
+/// Each figure is the median of this many runs, one for each seed; from [`ONCE_FROM`] modules on, of one run.
 const SEEDS: u64 = 5;
 const ONCE_FROM: u32 = 3_000;
 
@@ -52,13 +52,16 @@ fn main() {
                 continue;
             }
             let times = median_times(modules, grouping);
-            let (seconds, gone_by) = (times.processor.as_secs_f64(), times.gone_by.as_secs_f64());
+            let (seconds, wall_clock) = (
+                times.processor.as_secs_f64(),
+                times.wall_clock.as_secs_f64(),
+            );
             let exponent = before.map_or(String::new(), |(fewer, less)| {
                 let ratio = f64::from(modules) / f64::from(fewer);
                 format!("{:.2}", (seconds / less).ln() / ratio.ln())
             });
             println!(
-                "{name:20}  {modules:7}  {seconds:17.6}  {exponent:>8}  {gone_by:15.6}  {}",
+                "{name:20}  {modules:7}  {seconds:17.6}  {exponent:>8}  {wall_clock:15.6}  {}",
                 peak_memory()
             );
             before = Some((modules, seconds));
@@ -66,11 +69,11 @@ fn main() {
     }
 }
 
-/// What an allocation took; ordered by processor time.
+/// The times of an allocation; ordered by processor time.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 struct Times {
     processor: Duration,
-    gone_by: Duration,
+    wall_clock: Duration,
 }
 
 fn median_times(modules: u32, grouping: Grouping) -> Times {
@@ -87,7 +90,7 @@ fn median_times(modules: u32, grouping: Grouping) -> Times {
     times[times.len() / 2]
 }
 
-/// The times of all turns, without the acting order: a mean of more runs the fewer modules there are.
+/// The times of all turns, without the acting order; for fewer modules the mean of more runs.
 fn allocation_times(problem: &Arc<PlanningProblem>) -> Times {
     let modules = u32::try_from(problem.modules().len()).unwrap();
     let runs = (1_000 / modules).pow(2).max(1);
@@ -99,11 +102,11 @@ fn allocation_times(problem: &Arc<PlanningProblem>) -> Times {
     }
     Times {
         processor: (processor_time() - before) / runs,
-        gone_by: start.elapsed() / runs,
+        wall_clock: start.elapsed() / runs,
     }
 }
 
-/// The most memory that this process has held, as Linux tells it.
+/// The peak memory of this process by Linux.
 fn peak_memory() -> String {
     std::fs::read_to_string("/proc/self/status")
         .ok()

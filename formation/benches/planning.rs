@@ -1,4 +1,4 @@
-//! How long planning takes, beside solvers that others wrote: `cargo bench -p formation`.
+//! The time that planning takes, next to third-party solvers: `cargo bench -p formation`.
 
 #![allow(
     missing_docs,
@@ -28,7 +28,7 @@ use petgraph::graph::UnGraph;
 
 use support::processor_time;
 
-/// Counts the time that the thread is on a processor.
+/// Measures the processor time of the thread.
 struct ProcessorTime;
 
 impl Measurement for ProcessorTime {
@@ -60,7 +60,7 @@ impl Measurement for ProcessorTime {
     }
 }
 
-/// Whole plans are made for this many seeds by turns, so that no single instance decides a figure.
+/// Whole plans are computed for this many seeds in turn, so that no single instance decides a figure.
 const SEEDS: u64 = 10;
 
 fn problem(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> Arc<PlanningProblem> {
@@ -94,13 +94,13 @@ fn graph(topology: &Topology) -> UnGraph<(), (), usize> {
     graph
 }
 
-/// A random connected part of a tree, its nodes in random order, so that no solver meets its fit by the numbers alone.
+/// A random connected part of a tree, its nodes in random order, so that no solver profits from the numbers.
 fn part_of(topology: &Topology, size: usize) -> Topology {
     let mut random = Random::from_seed(1);
     let mut nodes = vec![random.index(topology.node_count())];
     while nodes.len() < size {
-        let beside = topology.neighbours(nodes[random.index(nodes.len())]);
-        let neighbour = beside[random.index(beside.len())];
+        let adjacent = topology.neighbours(nodes[random.index(nodes.len())]);
+        let neighbour = adjacent[random.index(adjacent.len())];
         if !nodes.contains(&neighbour) {
             nodes.push(neighbour);
         }
@@ -114,7 +114,7 @@ fn part_of(topology: &Topology, size: usize) -> Topology {
             Some((label(first)?, label(second)?))
         })
         .collect();
-    Topology::new(size, &edges).unwrap()
+    Topology::new(size, &edges)
 }
 
 fn common_subtrees(criterion: &mut Criterion<ProcessorTime>) {
@@ -135,7 +135,7 @@ fn common_subtrees(criterion: &mut Criterion<ProcessorTime>) {
     group.finish();
 }
 
-/// Where a whole configuration fits: any first fit by petgraph, the best one by ours, on the same pairs of trees.
+/// The place of a whole configuration: the first fit by petgraph, and the best fit by our solver, on the same pairs of trees.
 fn fits(criterion: &mut Criterion<ProcessorTime>) {
     for size in [10, 20, 30] {
         let mut group = criterion.benchmark_group(format!("fit_of_{size}_in_100"));
@@ -161,7 +161,7 @@ fn fits(criterion: &mut Criterion<ProcessorTime>) {
                 let (mut nodes, mut edges) = (|_: &(), _: &()| true, |_: &(), _: &()| true);
                 let mut fits =
                     subgraph_isomorphisms_iter(&pattern, &host, &mut nodes, &mut edges).unwrap();
-                // Only the first: asked for its length, the iterator panics at 21 nodes.
+                // Only the first: `size_hint` of the iterator panics at 21 nodes.
                 let first = fits.next().unwrap();
                 assert_eq!(first.len(), size);
                 first
@@ -199,8 +199,8 @@ fn plans(criterion: &mut Criterion<ProcessorTime>) {
     }
 }
 
-/// Single modules only: our turns, one after another, beside one central solution by Kuhn and Munkres' method. Ours
-/// begins at the poses; theirs gets the finished matrix for nothing.
+/// Single modules only: our turns, and one central solution by the method of Kuhn and Munkres. Our time includes the
+/// computation of utilities from the poses; the other solver gets the finished matrix.
 fn assignments(criterion: &mut Criterion<ProcessorTime>) {
     for count in [100, 300, 1_000] {
         let mut group = criterion.benchmark_group(format!("assignment_of_{count}"));
@@ -218,7 +218,7 @@ fn assignments(criterion: &mut Criterion<ProcessorTime>) {
     }
 }
 
-/// Ten samples of one run each are enough where a run takes long.
+/// Ten samples of one run each, for runs that take long.
 fn slow(group: &mut BenchmarkGroup<'_, ProcessorTime>, count: usize) {
     if count >= 1_000 {
         group.sampling_mode(SamplingMode::Flat);

@@ -1,4 +1,4 @@
-//! Prints instances and our own times for them as JSON, for `experiments/compare_peers.py` to try its peers on.
+//! Prints instances and our times for them as JSON, for the comparison in `experiments/compare_peers.py`.
 //!
 //! `cargo run --release -p formation --example peer_instances [SEED]`
 
@@ -28,12 +28,12 @@ use support::processor_time;
 
 type Failure = Box<dyn std::error::Error>;
 
-/// Each figure is the median of at most this many runs, fewer if [`RUN_TIME_MAX`] is over before.
+/// Each figure is the median of at most this many runs, of fewer if [`RUN_TIME_MAX`] is over before.
 const RUNS_MAX: usize = 101;
-/// How long one figure may take.
+/// The longest time for one figure.
 const RUN_TIME_MAX: Duration = Duration::from_secs(3);
 
-/// What is compared.
+/// The compared instances.
 #[derive(Serialize)]
 struct Instances {
     common_subtrees: Vec<CommonSubtree>,
@@ -52,7 +52,7 @@ struct CommonSubtree {
     seconds: f64,
 }
 
-/// Single modules, and what each spot is worth to each in micro-units.
+/// Single modules with their utilities for each spot, in micro-units.
 #[derive(Serialize)]
 struct Assignment {
     utilities: Vec<Vec<i64>>,
@@ -94,7 +94,7 @@ fn main() -> Result<(), Failure> {
         assignments: Vec::new(),
         centralities: Vec::new(),
     };
-    // Several of the largest, since a search's time varies widely between instances.
+    // Several of the largest, since the time of a search varies widely between instances.
     let sizes = [(5, 1), (10, 1), (20, 1), (30, 1), (50, 5)];
     for (size, count) in sizes {
         for seed in seed..seed + count {
@@ -178,7 +178,7 @@ fn centrality(instance: &Instance) -> Centrality {
     }
 }
 
-/// Runs something several times; returns its answer and the median of the processor times in seconds.
+/// Runs a function several times; returns its result and the median of the processor times in seconds.
 fn timed<T>(mut run: impl FnMut() -> T) -> (T, f64) {
     let begin = Instant::now();
     let mut times = Vec::new();

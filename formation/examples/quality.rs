@@ -1,4 +1,4 @@
-//! Prints how good plans are on the paper's settings: means over seeded instances, one line a setting.
+//! Prints the quality of plans on the paper's settings: means over seeded instances, one line for each setting.
 //!
 //! `cargo run --release -p formation --example quality [INSTANCES [FIRST_SEED]]` (50 from 0 by default; the paper has 50)
 
@@ -29,7 +29,7 @@ struct Trees {
     name: &'static str,
     kind: TreeKind,
     degree_max: usize,
-    /// What the rules' prototype broke on such trees, by configuration size, `size_first` and `rank`.
+    /// The links that a prototype of the planning rules broke on such trees, by configuration size, with `size_first` and `rank`.
     prototype: &'static [(usize, [f64; 2])],
     /// The paper's "number of modules disconnected", by configuration size.
     paper: &'static [(usize, f64)],
@@ -122,7 +122,7 @@ fn problem(
     parameters: PlannerParameters,
 ) -> Result<Arc<PlanningProblem>, Failure> {
     let scenario = match generate(generator) {
-        // A seed without a tree is not an instance; the next free one stands in.
+        // The next free seed replaces one without a tree.
         Err(GenerateError::NoTreeFound { .. }) => generate(&GeneratorParameters {
             seed: generator.seed + 1_000_000,
             ..*generator
@@ -161,7 +161,7 @@ fn singletons(
         let (planning, statistics, time) = timed(&problem);
         elapsed += time;
         let utilities = &planning.instance().utilities;
-        let formed = utilities.spot_count();
+        let formed = planning.instance().target.spots().len();
         let weight = |module: usize, spot: usize| utilities.of(module, spot).0;
         let (optimum, _) = if modules <= formed {
             kuhn_munkres(&Matrix::from_fn(modules, formed, |(row, column)| {
@@ -204,7 +204,7 @@ fn singletons(
     Ok(())
 }
 
-/// Size 0 stands for mixed sizes.
+/// Size 0 means mixed sizes.
 fn configurations(
     seeds: Range<u64>,
     trees: &Trees,
@@ -247,7 +247,7 @@ fn configurations(
         TurnOrder::Rank => ("rank", 1),
     };
     let text = |number: Option<f64>| number.map_or(String::new(), |number| format!("{number:.2}"));
-    // The prototype followed the rules, so its figures say nothing of the paper's planner.
+    // The prototype followed the planning rules, so its figures do not apply to the paper's planner.
     let prototype = trees
         .prototype
         .iter()

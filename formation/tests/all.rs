@@ -9,8 +9,8 @@
 
 mod baselines;
 mod degenerate;
+mod duplicate_module;
 mod limits;
-mod namesakes;
 mod oracles;
 mod planning;
 mod properties;

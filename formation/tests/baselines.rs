@@ -1,4 +1,4 @@
-//! The baselines: each is agreed on turn by turn, the central ones are optimal, and the paper's leaves holes at worst.
+//! The baselines: replicas agree on each turn, the central policies are optimal, and the paper's violates only completeness.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
@@ -79,7 +79,7 @@ fn auction_and_hungarian_plans_are_sound_and_equally_good() {
                     .any(|(_, decision)| !decision.evictions.is_empty())
             };
             assert!(!evicted(&bidding) && !evicted(&solved));
-            // With too few modules the target is trimmed around each policy's own dry run, which ties may change.
+            // With too few modules, each policy trims the target by its own dry run, which ties can change.
             if modules >= spots || bidding.trimmed_spots == solved.trimmed_spots {
                 assert_eq!(bidding.total_utility, solved.total_utility, "seed {seed}");
             }
@@ -120,7 +120,7 @@ fn bids_and_prices_count_as_messages() {
 }
 
 #[test]
-fn the_papers_plans_break_no_promise_but_completeness() {
+fn the_papers_plans_violate_nothing_but_completeness() {
     let mut with_holes = 0;
     let parameters = [
         following(Policy::Paper),

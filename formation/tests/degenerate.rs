@@ -1,5 +1,5 @@
-//! Inputs that no robot makes but somebody will try: everything on one point, a whole world to cross, a hundred links at
-//! one module. Tests run with overflow checks.
+//! Degenerate inputs: all poses equal, distances across the whole range of coordinates, a hundred links at one module. Tests
+//! run with overflow checks.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
@@ -61,14 +61,14 @@ fn module(position: usize, (x, y): (f64, f64), links: &[usize]) -> PlanningModul
     }
 }
 
-/// Everybody has to cross the whole world: the greatest sum of utilities that there can be.
+/// Every module has to cross the whole range of coordinates: the greatest possible sum of costs.
 #[test]
 fn ten_thousand_modules_across_the_world_do_not_overflow_the_totals() {
     let far = COORDINATE_LIMIT_UNITS;
     let spots: Vec<(f64, f64)> = (0..SPOTS_MAX)
         .map(|position| (far, far - f64::from(id(position)) * 1.0e-3))
         .collect();
-    // Chains of a hundred, for which the target, a path, has room.
+    // Configurations are chains of a hundred, which fit the target, a path.
     let modules: Vec<PlanningModule> = (0..MODULES_MAX)
         .map(|position| {
             let first = position - position % 100;
@@ -94,9 +94,9 @@ fn ten_thousand_modules_across_the_world_do_not_overflow_the_totals() {
     assert!(utility > i128::from(i64::MIN));
 }
 
-/// Everything ties: all modules on one point, all spots on another.
+/// Every comparison ties: all modules are on one point, all spots on another.
 #[test]
-fn modules_and_spots_that_coincide_are_still_told_apart() {
+fn modules_and_spots_that_coincide_are_still_distinguished() {
     let spots = vec![(5.0, 5.0); 30];
     let modules: Vec<PlanningModule> = (0..40)
         .map(|position| module(position, (1.0, 1.0), &[]))
@@ -105,7 +105,7 @@ fn modules_and_spots_that_coincide_are_still_told_apart() {
     let problem = Arc::new(PlanningProblem::new(path(&spots), parameters, modules).unwrap());
     let mut planning = Planning::new(Arc::clone(&problem));
     let decisions = planning.take_all_turns();
-    // Nobody gains by an eviction, so there is none, and the lower identifiers come first.
+    // No eviction raises the utility, so there is none, and the lower identifiers come first.
     assert!(
         decisions
             .iter()
@@ -127,7 +127,7 @@ fn modules_and_spots_that_coincide_are_still_told_apart() {
     assert_eq!(total, hungarian::best_total(&utilities));
 }
 
-/// A star and a comb: degrees far beyond what a module has ports for.
+/// A star and a comb, with more edges at one node than a module has ports.
 #[test]
 fn large_degrees_are_matched() {
     let star = |leaves: usize| -> Vec<PlanningModule> {

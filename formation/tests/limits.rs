@@ -1,5 +1,5 @@
-//! Numbers at their limits: no panic, no wrap, and a clear error where they are refused. Tests are compiled with checks
-//! of overflow, so a sum that wrapped would fail them.
+//! Numbers at their limits do not panic or wrap, and are refused with a clear error beyond. Tests are compiled with overflow
+//! checks.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
@@ -16,7 +16,7 @@ use formation::verify::check_plan;
 
 use crate::support::{hungarian, with_parameters};
 
-/// Every module is in one corner of the world and every spot within reach of the opposite one.
+/// Every module is at one corner of the range of coordinates, and every spot near the opposite corner.
 fn at_opposite_corners(modules: usize, spots: usize, grouping: Grouping) -> RawScenario {
     let mut raw = generate(&GeneratorParameters::new(modules, spots, 3).grouped(grouping)).unwrap();
     let members = raw
@@ -24,7 +24,7 @@ fn at_opposite_corners(modules: usize, spots: usize, grouping: Grouping) -> RawS
         .iter_mut()
         .flat_map(|configuration| &mut configuration.modules);
     for (number, module) in members.chain(&mut raw.singletons).enumerate() {
-        // A few stand exactly in the corner; the others differ, so that their ways do.
+        // A few start exactly at the corner; the others differ, so that their distances do.
         let inward = f64::from(u32::try_from(number / 3).unwrap());
         (module.x, module.y) = (inward - COORDINATE_LIMIT_UNITS, -COORDINATE_LIMIT_UNITS);
     }
@@ -44,7 +44,7 @@ fn heaviest() -> Weights {
 }
 
 #[test]
-fn the_longest_ways_at_the_heaviest_weights_are_planned_and_verified() {
+fn the_longest_distances_at_the_greatest_weights_are_planned_and_verified() {
     for grouping in [
         Grouping::Singletons,
         Grouping::Mixed,
@@ -88,7 +88,7 @@ fn the_longest_ways_at_the_heaviest_weights_are_planned_and_verified() {
 }
 
 #[test]
-fn utilities_at_their_limit_are_still_told_apart() {
+fn utilities_at_their_limit_are_still_distinguished() {
     let raw = at_opposite_corners(40, 40, Grouping::Singletons);
     let scenario = Scenario::try_from(raw).unwrap();
     let parameters = PlannerParameters {
@@ -117,15 +117,15 @@ fn utilities_at_their_limit_are_still_told_apart() {
     assert_eq!(total.0, hungarian::best_total(&rows));
 }
 
-/// Blocks of 2,500 keep this to seconds: as many modules as may take part, on as many spots, allocation only. That sums
-/// of as many utilities at the limit fit follows from their bounds, which is checked here too.
+/// The greatest number of modules on as many spots; blocks of 2,500 keep the allocation to seconds. The bounds of the
+/// utilities, checked here too, imply that their sums fit.
 #[test]
-fn as_many_modules_as_may_take_part_are_allocated() {
+fn the_greatest_number_of_modules_is_allocated() {
     let grouping = Grouping::Configurations(2_500);
     let raw = generate(&GeneratorParameters::new(MODULES_MAX, MODULES_MAX, 5).grouped(grouping));
     let scenario = Scenario::try_from(raw.unwrap()).unwrap();
     let parameters = PlannerParameters {
-        // Inserting the many modules left over takes minutes with chains; what is tried here is their number.
+        // With chains, inserting the many modules left over would take minutes.
         d_max: Some(0),
         weights: heaviest(),
         ..PlannerParameters::default()
@@ -166,9 +166,10 @@ fn what_is_beyond_the_limits_is_refused_by_name() {
         refused.contains("spots[2].x") && refused.contains("finite"),
         "{refused}"
     );
-    let refused = beyond(|raw| raw.planner.cut_price = WEIGHT_LIMIT + 1.0);
+    let expensive = "target: {spots: [{id: 1, x: 0, y: 0}]}\nplanner: {cut_price: 101}";
+    let refused = Scenario::from_yaml(expensive).unwrap_err().to_string();
     assert!(
-        refused.contains("planner.cut_price") && refused.contains("100"),
+        refused.contains("cut_price") && refused.contains("+-100"),
         "{refused}"
     );
     let refused = Weights::from_units(WEIGHT_LIMIT + 1.0, 1.0, 0.5).unwrap_err();

@@ -1,4 +1,4 @@
-//! The planner against solvers that we did not write, or that try everything.
+//! The planner against third-party solvers and exhaustive search.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
@@ -77,7 +77,7 @@ fn the_common_subtree_equals_brute_force() {
     }
 }
 
-/// The weights of a configuration's turn as the planning rules define them, from what is public.
+/// The weights of a configuration's turn by the definition in the planning rules, from public data.
 fn weights_by_definition(
     planning: &Planning,
     members: &[ModuleId],
@@ -136,7 +136,7 @@ fn weights_by_definition(
         .collect()
 }
 
-/// The groups of two or more modules that links join.
+/// The groups of two or more linked modules.
 fn joined(planning: &Planning, modules: &[ModuleId]) -> Vec<Vec<ModuleId>> {
     let problem = planning.problem();
     let mut groups = Vec::new();
@@ -205,7 +205,7 @@ fn every_turn_of_a_configuration_equals_brute_force() {
                             .collect::<Vec<_>>()
                     })
                     .collect();
-                let configuration = Topology::new(turn.modules.len(), &edges).unwrap();
+                let configuration = Topology::new(turn.modules.len(), &edges);
                 let target = &planning.instance().target;
                 let pairs: Vec<(usize, usize)> = decision
                     .selections
@@ -239,9 +239,9 @@ fn every_turn_of_a_configuration_equals_brute_force() {
     assert!(turns_with_held_spots >= 250, "{turns_with_held_spots}");
 }
 
-/// The total utility of the modules on their own, and the optimum over the spots that no block holds.
+/// The total utility of the single modules, and the optimum over the spots that no block holds.
 ///
-/// `inserted` are the modules on their own that have taken their turn.
+/// `inserted` are the single modules that have taken their turn.
 fn singletons_and_optimum(
     planning: &Planning,
     inserted: &[ModuleId],
@@ -342,7 +342,7 @@ fn singletons_stay_optimal_given_the_blocks_through_displacement_and_dropping() 
     assert!(dropped > 100, "{dropped}");
 }
 
-/// The greatest gain of a chain that begins with `module`, by trying all chains of at most `evictions_left` evictions.
+/// The greatest gain of a chain that begins with `module`, over all chains of at most `evictions_left` evictions.
 fn best_chain(
     utilities: &[Vec<i64>],
     holders: &[Option<usize>],
@@ -455,7 +455,7 @@ fn bounded_chains_with_an_exact_finish_equal_the_hungarian_method() {
                 ..parameters
             },
         ));
-        // A finished dry run may trim the target in another way.
+        // A dry run with the exact finish can trim the target differently.
         if outcome.trimmed_spots != unfinished.trimmed_spots {
             continue;
         }
@@ -495,7 +495,7 @@ fn betweenness_equals_networkx() {
             .split_whitespace()
             .map(|value| value.parse().unwrap())
             .collect();
-        let topology = Topology::new(expected.len(), &edges).unwrap();
+        let topology = Topology::new(expected.len(), &edges);
         let values = betweenness(&topology);
         for (node, (value, expected)) in values.iter().zip(expected).enumerate() {
             let gap = (value.to_units() - expected).abs();

@@ -12,7 +12,7 @@ use formation::planner::{ClaimRefused, Planning, Statistics, plan};
 use crate::support::{problem, size_first};
 
 #[test]
-fn as_many_spots_are_filled_as_can_be() {
+fn the_greatest_possible_number_of_spots_is_filled() {
     for (seed, (modules, spots)) in [(30, 30), (40, 25), (25, 40)].into_iter().enumerate() {
         for grouping in [
             Grouping::Singletons,
@@ -101,11 +101,11 @@ fn the_statistics_account_for_every_module_and_link() {
     assert!(statistics.messages.pairs >= 59 * 60);
     assert_eq!(statistics.assembly_order.len(), 60);
     assert_eq!(statistics.assignments.len(), 60);
-    // What does not fit an empty target does not fit one that others share.
+    // Modules that do not fit an empty target do not fit one with other modules.
     let disconnected = statistics.disconnected;
     assert!(disconnected.unmatched_on_empty_target <= disconnected.outside_largest_piece);
     assert!(disconnected.outside_largest_piece <= statistics.detached_modules);
     assert!(disconnected.alone <= statistics.detached_modules);
-    // A link breaks at every module that leaves, at most all of its links.
+    // Each module that leaves breaks at least one link and at most all of its links.
     assert!(disconnected.broken_links >= disconnected.outside_largest_piece.div_ceil(2));
 }

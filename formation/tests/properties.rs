@@ -1,6 +1,6 @@
-//! The guarantees of section 6 of the planning rules, over random problems, cyclic ones included.
+//! The guarantees of the planning rules (listed at `verify::check_plan`) on random problems, cyclic ones included.
 //!
-//! Failing cases are kept in `proptest-regressions` and run first.
+//! `proptest-regressions` keeps failing cases; they run first.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
@@ -16,15 +16,15 @@ use proptest::test_runner::FileFailurePersistence;
 use crate::support::hungarian;
 use crate::support::world::{World, worlds};
 
-/// What is public of a run: its turns, and who held what after each.
-struct Run {
+/// The turns of a plan with the public state after each.
+struct Replay {
     problem: Arc<PlanningProblem>,
     planning: Planning,
     turns: Vec<(Turn, Decision)>,
 }
 
-impl Run {
-    /// Takes every turn, at most as many as can be.
+impl Replay {
+    /// Takes every turn; fails if there are too many.
     fn of(problem: &Arc<PlanningProblem>) -> Self {
         let mut planning = Planning::new(Arc::clone(problem));
         let mut turns = Vec::new();
@@ -50,7 +50,7 @@ impl Run {
             .collect()
     }
 
-    /// The modules that took their spot with a block, or stood there already.
+    /// The modules that took their spot with a block, and pinned ones.
     fn fixed(&self) -> BTreeSet<ModuleId> {
         let pinned = self
             .problem
@@ -67,8 +67,8 @@ impl Run {
     }
 }
 
-/// The spots that may be filled: with pins that are too far apart, more than there are modules may have to stay.
-fn spots_formed(run: &Run) -> usize {
+/// The spots of the formed target: if pinned modules are too far apart, there can be more than modules.
+fn spots_formed(run: &Replay) -> usize {
     run.planning.instance().target.spots().len()
 }
 
@@ -81,7 +81,7 @@ proptest! {
 
     #[test]
     fn guarantee_1_every_run_ends(world in worlds(3)) {
-        let run = Run::of(&world.problem());
+        let run = Replay::of(&world.problem());
         let numbers: Vec<u32> = run.turns.iter().map(|(turn, _)| turn.number).collect();
         prop_assert!(numbers.iter().copied().eq(0..run.planning.applied_turns()));
         prop_assert!(run.planning.finish().is_some());
@@ -90,7 +90,7 @@ proptest! {
     #[test]
     fn guarantee_2_all_spots_that_can_be_are_filled_once(world in worlds(3)) {
         let problem = world.problem();
-        let run = Run::of(&problem);
+        let run = Replay::of(&problem);
         let assignment = run.assignment();
         let spots: BTreeSet<SpotId> = assignment.values().copied().collect();
         prop_assert_eq!(spots.len(), assignment.len());
@@ -102,7 +102,7 @@ proptest! {
 
     #[test]
     fn guarantee_3_no_member_of_a_block_is_evicted(world in worlds(3)) {
-        let run = Run::of(&world.problem());
+        let run = Replay::of(&world.problem());
         let mut fixed: BTreeSet<ModuleId> = BTreeSet::new();
         for (turn, decision) in &run.turns {
             for eviction in &decision.evictions {
@@ -121,7 +121,7 @@ proptest! {
 
     #[test]
     fn guarantee_4_a_chain_beats_insertion_without_eviction(world in worlds(3)) {
-        // An exact finish does more than insert one module.
+        // An exact finish can move more than one chain of modules.
         let mut planning = Planning::new(World { exact_finish: false, ..world.clone() }.problem());
         let problem = Arc::clone(planning.problem());
         let position = |module| problem.position_of(module).unwrap();
@@ -170,7 +170,7 @@ proptest! {
     fn guarantee_4_singletons_are_optimal_given_the_blocks(world in worlds(3)) {
         // Bounded chains reach it only with the exact finish.
         let exact_finish = world.d_max.is_some();
-        let run = Run::of(&World { exact_finish, ..world }.problem());
+        let run = Replay::of(&World { exact_finish, ..world }.problem());
         let instance = run.planning.instance();
         let fixed = run.fixed();
         let assignment = run.assignment();
@@ -235,14 +235,14 @@ proptest! {
         prop_assert_eq!(check_plan(&problem, &decisions, &outcome.plan), Ok(()));
     }
 
-    /// Without ties, which identifiers decide, and without trimming, where all leaves are worth the same.
+    /// Without ties, which identifiers decide, and without trimming, for which all leaves have the same value.
     #[test]
     fn other_identifiers_give_the_same_plan(world in worlds(3), stride in 1..1_000_u32) {
         let world = World { grid: 1, keep_all_spots: true, ..world };
-        // Multiplying by an odd number turns the order of identifiers upside down and keeps them distinct.
+        // Multiplication by an odd number changes the order of identifiers and keeps them distinct.
         let other = |id: u32| (id + 7).wrapping_mul(2 * stride + 1) & 0xffff;
-        let plain = Run::of(&world.problem()).assignment();
-        let relabelled = Run::of(&world.problem_with(&other, &other, (0, 0))).assignment();
+        let plain = Replay::of(&world.problem()).assignment();
+        let relabelled = Replay::of(&world.problem_with(&other, &other, (0, 0))).assignment();
         let expected: BTreeMap<ModuleId, SpotId> = plain
             .into_iter()
             .map(|(module, spot)| (ModuleId(other(module.0)), SpotId(other(spot.0))))
@@ -256,8 +256,8 @@ proptest! {
         shift in (0..900_000_000_000_i64, 0..900_000_000_000_i64),
     ) {
         let identity = |id| id;
-        let here = Run::of(&world.problem());
-        let there = Run::of(&world.problem_with(&identity, &identity, shift));
+        let here = Replay::of(&world.problem());
+        let there = Replay::of(&world.problem_with(&identity, &identity, shift));
         prop_assert_eq!(here.turns, there.turns);
     }
 }

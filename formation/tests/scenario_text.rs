@@ -1,6 +1,6 @@
-//! Whatever stands in a scenario file, reading it ends, with a scenario that can be planned or with an error that helps.
+//! Reading any text as a scenario ends with a scenario that can be planned or with a helpful error.
 //!
-//! `FORMATION_FUZZ_CASES` says how many cases each test tries; `tests/soak_fuzz.sh` tries a million.
+//! `FORMATION_FUZZ_CASES` sets the number of cases of each test; `tests/soak_fuzz.sh` runs a million.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
@@ -20,10 +20,10 @@ const VALID: [&str; 3] = [
     include_str!("../../launch_scripts/scenarios/undersupply.yaml"),
 ];
 
-/// A scenario this small is planned as well, if it is valid.
+/// Valid scenarios up to this size are planned as well.
 const PLANNED_MAX: usize = 20;
 
-/// How many cases a test tries.
+/// The number of cases of each test.
 #[allow(
     clippy::disallowed_methods,
     reason = "the core does no I/O; its tests may"
@@ -34,7 +34,7 @@ fn cases(usual: u32) -> ProptestConfig {
     ProptestConfig::with_cases(cases)
 }
 
-/// Reads a text, and plans what it says.
+/// Reads a text, and plans the scenario if it is valid.
 fn try_all(text: &str) {
     match Scenario::from_yaml(text) {
         Err(error) => assert!(!error.to_string().trim().is_empty()),
@@ -51,7 +51,7 @@ fn try_all(text: &str) {
     }
 }
 
-/// What scenarios are made of, and what they should not be made of.
+/// Words of scenarios, and words that do not belong there.
 fn token() -> impl Strategy<Value = String> {
     let words = [
         "target",
@@ -128,17 +128,17 @@ fn token() -> impl Strategy<Value = String> {
 /// One change of a valid scenario.
 #[derive(Clone, Debug)]
 enum Change {
-    /// The line is left out.
+    /// Removes a line.
     Drop(Index),
-    /// The line is there twice.
+    /// Repeats a line.
     Repeat(Index),
-    /// The two lines change places.
+    /// Swaps two lines.
     Swap(Index, Index),
-    /// A number in the text is another.
+    /// Replaces a number.
     Number(Index, String),
-    /// Something stands where it does not belong.
+    /// Inserts a word.
     Insert(Index, String),
-    /// The text ends here.
+    /// Cuts the text.
     Cut(Index),
 }
 
@@ -230,14 +230,14 @@ proptest! {
     }
 
     #[test]
-    fn spoilt_scenarios(scenario in select(VALID.to_vec()), changes in vec(change(), 1..5)) {
-        let spoilt = changes.iter().fold(scenario.to_owned(), |text, change| changed(&text, change));
-        try_all(&spoilt);
+    fn changed_scenarios(scenario in select(VALID.to_vec()), changes in vec(change(), 1..5)) {
+        let text = changes.iter().fold(scenario.to_owned(), |text, change| changed(&text, change));
+        try_all(&text);
     }
 }
 
 #[test]
-fn what_is_unspoilt_is_planned_and_right() {
+fn valid_scenarios_are_planned_correctly() {
     for text in VALID {
         let problem = Arc::new(Scenario::from_yaml(text).unwrap().problem().clone());
         try_all(text);
@@ -267,7 +267,7 @@ fn aliases_do_not_multiply() {
 }
 
 #[test]
-fn depth_is_refused_and_overflows_no_stack() {
+fn deep_nesting_is_refused_without_a_stack_overflow() {
     for (open, close) in [
         ("[", "]"),
         ("{a: ", "}"),

@@ -1,4 +1,4 @@
-//! The paper's theorems: what of each is true of our planner, and where the paper's own algorithms fall short of it.
+//! The paper's theorems: the parts that hold for this planner, and counterexamples for the paper's own algorithms.
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
 
@@ -31,7 +31,7 @@ fn following(policy: Policy) -> PlannerParameters {
 /// A cell of the unit lattice.
 type Cell = (i64, i64);
 
-/// The spots' cells on the unit lattice through the first spot, where generated targets stand.
+/// The spots' cells on the unit lattice through the first spot, on which generated targets lie.
 fn cells(target: &Target) -> BTreeMap<SpotId, Cell> {
     let origin = target.spots()[0].pose;
     target
@@ -45,7 +45,7 @@ fn cells(target: &Target) -> BTreeMap<SpotId, Cell> {
         .collect()
 }
 
-/// Whether a unit module can come from outside to a cell, side by side through cells that are not taken.
+/// Whether a unit module can move from outside to a cell, edge by edge through cells that are not taken.
 fn can_be_reached(cell: Cell, taken: &BTreeSet<Cell>, (least, most): (Cell, Cell)) -> bool {
     let mut seen = BTreeSet::from([cell]);
     let mut open = vec![cell];
@@ -53,17 +53,17 @@ fn can_be_reached(cell: Cell, taken: &BTreeSet<Cell>, (least, most): (Cell, Cell
         if x < least.0 || x > most.0 || y < least.1 || y > most.1 {
             return true;
         }
-        for beside in [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)] {
-            if !taken.contains(&beside) && seen.insert(beside) {
-                open.push(beside);
+        for adjacent in [(x + 1, y), (x - 1, y), (x, y + 1), (x, y - 1)] {
+            if !taken.contains(&adjacent) && seen.insert(adjacent) {
+                open.push(adjacent);
             }
         }
     }
     false
 }
 
-/// Fills the spots in this order; counts those that have no placed neighbour at their turn (the first aside), and
-/// those that no module can reach any more.
+/// Fills the spots in this order; counts those without a placed neighbour at their turn, except the first, and those that no
+/// module can reach any more.
 fn faults_along(target: &Target, order: &[SpotId]) -> (usize, usize) {
     let cells = cells(target);
     let bounds = cells.values().fold(
@@ -87,9 +87,9 @@ fn faults_along(target: &Target, order: &[SpotId]) -> (usize, usize) {
     (lonely, walled_in)
 }
 
-/// The paper's Theorem 1: with enough modules every spot is filled, and no module is kept from its spot by those that
-/// came before it. True of ours: all that can be are filled, and each spot has a placed neighbour and a free way from
-/// outside at its turn, wherever such an order exists; where none does, the plan says so before anything moves.
+/// The paper's Theorem 1: with enough modules every spot is filled, and no module is kept from its spot by earlier ones. This
+/// planner fills the greatest possible number of spots. Each spot has a placed neighbour and a free path from outside at its
+/// turn, if such an order exists; otherwise the plan has a warning.
 #[test]
 fn theorem_1_completeness() {
     let (mut free, mut warned) = (0, 0);
@@ -125,9 +125,9 @@ fn theorem_1_completeness() {
     );
 }
 
-/// Theorem 1's second half rests on the acting order alone: "centre first, then neighbours, outward". Breadth-first
-/// from the centre is the most favourable reading, and it walls a spot in on most targets; sorted by centrality
-/// alone, spots are also filled beside nobody.
+/// The second half of Theorem 1 depends on the acting order alone: "centre first, then neighbours, outward". Breadth-first from
+/// the centre is the most favourable reading, and it walls a spot in on most targets. Sorted by centrality alone, spots are
+/// also filled while no adjacent one is.
 #[test]
 fn theorem_1_fails_geometrically_in_the_papers_acting_order() {
     let (mut breadth_first_walls_in, mut by_value_leaves_alone) = (0, 0);
@@ -146,9 +146,9 @@ fn theorem_1_fails_geometrically_in_the_papers_acting_order() {
         let mut breadth_first = vec![by_value[0]];
         let mut next = 0;
         while let Some(&spot) = breadth_first.get(next) {
-            for &beside in target.topology().neighbours(spot) {
-                if !breadth_first.contains(&beside) {
-                    breadth_first.push(beside);
+            for &adjacent in target.topology().neighbours(spot) {
+                if !breadth_first.contains(&adjacent) {
+                    breadth_first.push(adjacent);
                 }
             }
             next += 1;
@@ -169,9 +169,9 @@ fn theorem_1_fails_geometrically_in_the_papers_acting_order() {
     assert!(by_value_leaves_alone > 45, "{by_value_leaves_alone} of 50");
 }
 
-/// "spotAllocation and blockAllocation algorithms are complete when sufficient number of modules are available": not
-/// so. The second-best spot to which `evict` sends a module may be taken by the very block that evicts it, and nothing
-/// gives that module another turn.
+/// "spotAllocation and blockAllocation algorithms are complete when sufficient number of modules are available" is false. The
+/// second-best spot to which `evict` sends a module can be taken by the same block that evicts it, and that module gets no
+/// other turn.
 #[test]
 fn theorem_1_fails_for_the_papers_algorithms() {
     let problem = problem(6, 6, Grouping::Mixed, 0, following(Policy::Paper));
@@ -189,7 +189,7 @@ fn theorem_1_fails_for_the_papers_algorithms() {
     assert_eq!((exact.unassigned.len(), exact.open_spots.len()), (0, 0));
 }
 
-/// Whether some modules that are in no block could exchange their spots, or move to free ones, so that each gains.
+/// Whether some modules outside blocks could exchange their spots, or move to free ones, so that each gains.
 fn could_all_gain(problem: &Arc<PlanningProblem>, outcome: &PlanOutcome) -> bool {
     let planning = Planning::new(Arc::clone(problem));
     let instance = planning.instance();
@@ -211,7 +211,7 @@ fn could_all_gain(problem: &Arc<PlanningProblem>, outcome: &PlanOutcome) -> bool
         let free = instance.target.position_of(spot);
         free.is_some_and(|free| placed.iter().any(|&one| gains(one, free)))
     });
-    // Who would rather have whose spot; a circle of such wishes can be granted.
+    // The modules whose spots each module prefers; a cycle of preferences is an exchange.
     let mut wishes: Vec<Vec<bool>> = placed
         .iter()
         .map(|&one| placed.iter().map(|&(_, spot)| gains(one, spot)).collect())
@@ -227,8 +227,8 @@ fn could_all_gain(problem: &Arc<PlanningProblem>, outcome: &PlanOutcome) -> bool
     prefers_a_free_one || (0..placed.len()).any(|one| wishes[one][one])
 }
 
-/// The paper's Theorem 2, "spotAllocation algorithm returns a Pareto-optimal allocation between modules and spots". True
-/// of ours: among the modules that are in no block, none can gain without another's loss.
+/// The paper's Theorem 2, "spotAllocation algorithm returns a Pareto-optimal allocation between modules and spots". In this
+/// planner, no module outside blocks can gain without another's loss.
 #[test]
 fn theorem_2_pareto_optimality() {
     for seed in 0..100 {
@@ -244,9 +244,9 @@ fn theorem_2_pareto_optimality() {
     }
 }
 
-/// So it does among modules that are all single, and no longer once configurations take part.
+/// It holds if all modules are single, but not with configurations.
 #[test]
-fn theorem_2_fails_for_the_papers_algorithms_beside_configurations() {
+fn theorem_2_fails_for_the_papers_algorithms_with_configurations() {
     for seed in 0..100 {
         let single = problem(12, 12, Grouping::Singletons, seed, following(Policy::Paper));
         assert!(!could_all_gain(&single, &plan(Arc::clone(&single))));
@@ -257,7 +257,7 @@ fn theorem_2_fails_for_the_papers_algorithms_beside_configurations() {
     assert!(!could_all_gain(&exact, &plan(Arc::clone(&exact))));
 }
 
-/// What the modules outside blocks earn, and the most that they could earn on the spots that blocks leave.
+/// The total utility of the modules outside blocks, and the optimum over the spots that blocks leave.
 fn earned_and_optimal(problem: &Arc<PlanningProblem>, outcome: &PlanOutcome) -> (i64, i64) {
     let planning = Planning::new(Arc::clone(problem));
     let instance = planning.instance();
@@ -290,9 +290,8 @@ fn earned_and_optimal(problem: &Arc<PlanningProblem>, outcome: &PlanOutcome) -> 
     (earned, hungarian::best_total(&utilities))
 }
 
-/// The paper's Theorem 3: as `D_max` grows, the total utility approaches the optimum. True of ours: unbounded, it is the
-/// optimum, given the blocks, as a solver that we did not write finds it; bounded, a longer chain never ends lower
-/// in the mean.
+/// The paper's Theorem 3: as `D_max` grows, the total utility approaches the optimum. In this planner it equals the optimum of
+/// a third-party solver, given the blocks, if `d_max` is unbounded. With a bound, its mean never falls as the bound grows.
 #[test]
 fn theorem_3_social_optimality() {
     for seed in 0..25 {
@@ -329,8 +328,8 @@ fn theorem_3_social_optimality() {
     );
 }
 
-/// "As D_max approaches |S|, the total utility earned by the modules approaches the optimal utility": it does not move at
-/// all, since `evict` never gets anywhere beyond its first level.
+/// "As D_max approaches |S|, the total utility earned by the modules approaches the optimal utility": it does not change, since
+/// `evict` never succeeds beyond its first level.
 #[test]
 fn theorem_3_fails_for_the_papers_algorithms() {
     let mut below = 0;

@@ -1,4 +1,4 @@
-//! Every plan of random scenarios keeps the guarantees of the planning rules, as an independent checker sees it.
+//! The independent checker finds no violation in the plans of random scenarios.
 
 use std::sync::Arc;
 
@@ -7,7 +7,7 @@ use formation::model::{PlanningProblem, RawScenario, Scenario, SpotId, TurnOrder
 use formation::planner;
 use formation::verify::check_plan;
 
-/// Plans a scenario and fails with its text if the plan breaks a promise.
+/// Plans a scenario; fails with its text if the plan has violations.
 fn assert_verified(raw: RawScenario) -> Result<(), Box<dyn std::error::Error>> {
     let text = serde_yaml::to_string(&raw)?;
     let scenario = Scenario::try_from(raw)?;
@@ -15,7 +15,7 @@ fn assert_verified(raw: RawScenario) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Plans a problem and fails with `text` if the plan breaks a promise.
+/// Plans a problem; fails with `text` if the plan has violations.
 fn assert_plan_verified(problem: &Arc<PlanningProblem>, text: &str) {
     let outcome = planner::plan(Arc::clone(problem));
     let decisions: Vec<_> = outcome
@@ -71,8 +71,8 @@ fn random_scenarios_of_every_kind() -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-/// Some modules have settled on a connected part of the target, as after an epoch that was cut short; some of these have
-/// been lost since, so that the rest may be apart.
+/// Some modules have settled on a connected part of the target, as after an interrupted epoch. Some of these have failed since, so
+/// that the others can be disconnected.
 #[test]
 fn modules_that_have_settled_stay() -> Result<(), Box<dyn std::error::Error>> {
     for seed in 0..300 {
@@ -85,8 +85,8 @@ fn modules_that_have_settled_stay() -> Result<(), Box<dyn std::error::Error>> {
         let mut settled: Vec<SpotId> = vec![target.spots()[random.index(spots)].id];
         let mut next = 0;
         while settled.len() < 6 {
-            let beside: Vec<SpotId> = target.neighbours_of(settled[next]).collect();
-            for spot in beside {
+            let adjacent: Vec<SpotId> = target.neighbours_of(settled[next]).collect();
+            for spot in adjacent {
                 if !settled.contains(&spot) {
                     settled.push(spot);
                 }

@@ -107,7 +107,7 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use formation::model::RawPlanner;
+    use formation::model::PlannerParameters;
 
     use super::*;
 
@@ -120,7 +120,7 @@ mod tests {
         ] {
             let parameters = GeneratorParameters::new(modules, spots, 7).grouped(grouping);
             let scenario = generate(&parameters).unwrap();
-            assert_eq!(scenario.planner, RawPlanner::default());
+            assert_eq!(scenario.planner, PlannerParameters::default());
             let read: RawScenario = serde_yaml::from_str(&to_yaml(&scenario)).unwrap();
             assert_eq!(read, scenario);
         }

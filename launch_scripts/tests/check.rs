@@ -106,7 +106,7 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
             "{id: 2, x: 3.0, y: 0.0}",
             "target.spots[3].id: spot 2 is used twice",
         ),
-        ("[3, 4]]", "[3, 9]]", "target.edges[2]: there is no spot 9"),
+        ("[3, 4]]", "[3, 9]]", "target.edges[2]: spot 9 is not in the target"),
         (
             "[3, 4]]",
             "[4, 4]]",
@@ -115,7 +115,7 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
         (
             "[3, 4]]",
             "[2, 1], [3, 4]]",
-            "target.edges: spot 1 and spot 2 are joined twice",
+            "target.edges[2]: spot 1 and spot 2 are joined twice",
         ),
         (
             "[2, 3], [3, 4]]",
@@ -125,17 +125,17 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
         (
             "x: 3.0, y: 0.0",
             "x: .nan, y: 0.0",
-            "target.spots[3].x must be a finite number, got NaN (spot 4)",
+            "target.spots[3].x: must be a finite number, got NaN (spot 4)",
         ),
         (
             "x: 3.0, y: 0.0",
             "x: 3.0, y: -.inf",
-            "target.spots[3].y must be a finite number, got -inf (spot 4)",
+            "target.spots[3].y: must be a finite number, got -inf (spot 4)",
         ),
         (
             "x: 3.0, y: 0.0",
             "x: 3.0e7, y: 0.0",
-            "target.spots[3].x must lie within +-1000000, got 30000000 (spot 4)",
+            "target.spots[3].x: must lie within +-1000000, got 30000000 (spot 4)",
         ),
         // The modules.
         (
@@ -176,7 +176,7 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
         (
             "    leader: 2",
             "    leader: 3",
-            "configurations[0].leader: module 3 is no member of configuration 1",
+            "configurations[0].leader: module 3 is not in configuration 1",
         ),
         (
             "    edges: [[1, 2]]",
@@ -186,12 +186,12 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
         (
             "    edges: [[1, 2]]",
             "    edges: [[1, 2], [2, 2]]",
-            "configurations[0].edges: joins module 2 to itself",
+            "configurations[0].edges[1]: joins module 2 to itself",
         ),
         (
             "    edges: [[1, 2]]",
             "    edges: [[1, 2], [2, 3]]",
-            "configurations[0].edges[1]: module 3 is no member of configuration 1",
+            "configurations[0].edges[1]: module 3 is not in configuration 1",
         ),
         (
             "{id: 4, x: 7.0",
@@ -202,17 +202,17 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
         (
             "loc: 1.0, dock: 0.1",
             "loc: 0.1, dock: 1.0",
-            "planner.weights: must satisfy loc > dock > undock >= 0",
+            "line 20 column 3: planner: weights: must satisfy loc > dock > undock >= 0",
         ),
         (
             "undock: 0.05",
             "undock: -0.05",
-            "planner.weights: must satisfy loc > dock > undock >= 0",
+            "line 20 column 3: planner: weights: must satisfy loc > dock > undock >= 0",
         ),
         (
             "undock: 0.05",
             "undock: .nan",
-            "planner.weights: undock must be a finite number, got NaN",
+            "line 20 column 3: planner: weights: undock must be a finite number, got NaN",
         ),
         (
             "planner:",
@@ -291,18 +291,18 @@ fn whole_files_that_are_no_scenario_are_refused() {
     for (text, expected) in [
         ("", "line 1 column 1: missing field `target`"),
         ("just some prose", "line 1 column 1: invalid type: string"),
-        ("target: {spots: []}", "target.spots: the target is empty"),
+        ("target: {spots: []}", "target.spots: the target needs at least one spot"),
         (
             "target: {spots: [{id: 1, x: 0, y: 0}]}",
             "modules: there is no module to plan for",
         ),
         (
             &crowded_spot,
-            "target.edges: spot 0 has 65 neighbours, at most 64 are supported",
+            "target.edges: spot 0 has 65 neighbours; at most 64 are supported",
         ),
         (
             &crowded_module,
-            "configurations[0].edges: module 0 has 65 neighbours, at most 64 are supported",
+            "configurations[0].edges: module 0 has 65 neighbours; at most 64 are supported",
         ),
         ("singletons: []", "line 1 column 1: missing field `target`"),
         (
@@ -329,7 +329,7 @@ fn hostile_yaml_is_refused_without_harm() {
     let name = format!("name: {}", "a".repeat(300));
     assert_eq!(
         refusal_of(directory.path(), &VALID.replace("name: small", &name)),
-        "name: is 300 bytes long, at most 255 are supported"
+        "name: is 300 bytes long; at most 255 are supported"
     );
     assert!(refusal_of(directory.path(), &"a".repeat(1_000_000)).len() < 1_000);
     let mut aliases = String::from("a0: &a0 [x, x, x, x, x, x, x, x, x, x]\n");

@@ -1,8 +1,8 @@
 //! What can be wrong with a message.
 
 use formation::model::{
-    CutPriceError, MICRO_PER_UNIT, ModuleId, NO_ID, ProblemError, QuantiseError, SpotId,
-    TargetError, WeightsError,
+    self, CutPriceError, MICRO_PER_UNIT, ModuleId, NO_ID, ProblemError, QuantiseError, SpotId,
+    WeightsError,
 };
 use thiserror::Error;
 
@@ -108,7 +108,7 @@ pub enum Fault {
     },
     /// The target is wrong; the text begins with its field.
     #[error(transparent)]
-    Target(#[from] TargetError),
+    Target(#[from] model::FieldError),
     /// The weights are wrong.
     #[error(transparent)]
     Weights(#[from] WeightsError),

@@ -193,12 +193,12 @@ fn targets() {
         target => { target.spots.clear(); target.edges.clear(); }, "target: spots: the target is empty; it needs at least one spot";
         target => target.spots[1].id = 1, "target: spots[1].id: spot 1 is used twice";
         target => target.spots[1].x = f64::INFINITY,
-            "target: spots[1].x must be a finite number, got inf (spot 2)";
+            "target: spots[1].x: must be a finite number, got inf (spot 2)";
         target => target.spots = vec![target.spots[0]; bounds::SPOTS_MAX + 1],
-            "target: spots: 10001 entries, at most 10000 are supported";
+            "target: spots: 10001 entries; at most 10000 are supported";
         target => target.edges = vec![target.edges[0]; bounds::EDGES_MAX + 1],
-            "target: edges: 40001 entries, at most 40000 are supported";
-        target => target.edges[0].second = 9, "target: edges[0]: there is no spot 9";
+            "target: edges: 40001 entries; at most 40000 are supported";
+        target => target.edges[0].second = 9, "target: edges[0]: spot 9 is not in the target";
         target => target.edges.clear(),
             "target: edges: the target is disconnected; spot 2 cannot be reached from spot 1";
         target => target.planner.policy = 4,

@@ -1,10 +1,10 @@
-//! The clock by which everything is measured.
+//! The clock of all measurements.
 
 use std::time::Duration;
 
 use rustix::time::{ClockId, clock_gettime};
 
-/// How long this thread has been on a processor: unlike the time that goes by, other work does not stretch it.
+/// The processor time of this thread, which does not depend on the load of the machine.
 pub fn processor_time() -> Duration {
     let time = clock_gettime(ClockId::ThreadCPUTime);
     Duration::new(

@@ -1,80 +1,80 @@
-//! Random scenarios, made from a seed: the instances of the paper's "Experimental Evaluation".
+//! Random scenarios from a seed: the instances of the paper's "Experimental Evaluation".
 //!
-//! Leaders and singletons stand uniformly in a box of 16 by 16 units with headings uniform in `[0, pi]`. The members of a
-//! configuration stand on the unit lattice that their leader's pose spans, and share its heading; so they, like the
-//! target, may reach beyond the box, and nothing keeps two of them from overlapping, as nothing does in the paper. The
-//! target stands axis-aligned, its bounding rectangle centred on the box up to half a unit.
+//! Leaders and singletons start uniformly in a box of 16 by 16 units with headings uniform in `[0, pi]`. The members of a
+//! configuration start on the unit lattice of their leader's pose and share its heading. They, like the target, can reach
+//! beyond the box, and modules of different configurations can overlap, as in the paper. The target is axis-aligned, and
+//! its bounding rectangle is centred on the box up to half a unit.
 //!
-//! Randomness ends here: a scenario is plain data, and no decision on it draws a number.
+//! A scenario is plain data: planning draws no random numbers.
 
 pub(crate) mod random;
 mod tree;
 
+use nalgebra::{UnitComplex, Vector2};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::model::{
-    MICRO_PER_UNIT, MODULES_MAX, MicroUnits, RawConfiguration, RawModule, RawPlanner, RawScenario,
-    RawSpot, RawTarget, SPOTS_MAX,
+    MICRO_PER_UNIT, MODULES_MAX, MicroUnits, PlannerParameters, Pose, RawConfiguration, RawModule,
+    RawScenario, RawSpot, RawTarget, SPOTS_MAX,
 };
 pub use random::Random;
 use tree::{Cell, DrawnTree};
 
 /// The side of the box in which leaders and singletons start, in units.
-pub const BOX_SIDE_UNITS: u32 = 16;
+const BOX_SIDE_UNITS: u32 = 16;
 /// The sizes of the configurations of a mixed scenario, as in the paper.
-pub const MIXED_SIZES: std::ops::RangeInclusive<usize> = 2..=10;
+const MIXED_SIZES: std::ops::RangeInclusive<usize> = 2..=10;
 
 /// Half a turn in micro-radians, rounded down.
 const HALF_TURN: u64 = 3_141_592;
 
-/// How the modules are grouped at the start.
+/// The grouping of the modules at the start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Grouping {
-    /// Every module stands alone.
+    /// Every module starts alone.
     #[default]
     Singletons,
-    /// As many configurations of this size as the modules make; the rest stand alone.
+    /// As many configurations of this size as possible; the other modules start alone.
     Configurations(usize),
-    /// A uniformly random number of singletons; the others form configurations whose sizes are uniform in
-    /// [`MIXED_SIZES`]. A single module that is left over stands alone.
+    /// A uniformly random number of singletons; the others form configurations of sizes uniform in 2 to 10. A single module
+    /// that is left over starts alone.
     Mixed,
 }
 
-/// Which random trees targets and configurations are.
+/// The distribution of the trees of targets and configurations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum TreeKind {
     /// Grown cell by cell on the unit lattice.
     #[default]
     Lattice,
-    /// Uniform among all labelled trees; for figures about topology alone, as the nodes' poses do not follow the links.
+    /// Uniform among all labelled trees. Only for measurements of topology: the poses do not follow the links.
     UniformLabelled,
 }
 
-/// What to generate.
+/// The parameters of a random scenario.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct GeneratorParameters {
-    /// How many modules, 1 to [`MODULES_MAX`].
+    /// The number of modules, 1 to [`MODULES_MAX`].
     pub modules: usize,
-    /// How many spots, 1 to [`SPOTS_MAX`].
+    /// The number of spots, 1 to [`SPOTS_MAX`].
     pub spots: usize,
-    /// How the modules are grouped.
+    /// The grouping of the modules.
     pub grouping: Grouping,
-    /// Which trees.
+    /// The distribution of the trees.
     pub tree: TreeKind,
     /// The greatest number of links of a spot or a module, 3 or 4.
     pub degree_max: usize,
-    /// Leaders and singletons start with coordinates from 0 to this, at most [`BOX_SIDE_UNITS`].
+    /// The side of the box in which leaders and singletons start, in units, 1 to 16.
     pub start_side_units: u32,
-    /// The same seed gives the same scenario.
+    /// The seed; equal parameters give the same scenario on every machine.
     pub seed: u64,
 }
 
 impl GeneratorParameters {
     /// Singletons on lattice trees of maximum degree 3.
-    #[must_use]
     pub fn new(modules: usize, spots: usize, seed: u64) -> Self {
         Self {
             modules,
@@ -87,7 +87,7 @@ impl GeneratorParameters {
         }
     }
 
-    /// The same with another grouping.
+    /// The same parameters with another grouping.
     #[must_use]
     pub fn grouped(self, grouping: Grouping) -> Self {
         Self { grouping, ..self }
@@ -100,19 +100,19 @@ pub enum GenerateError {
     /// A count is out of its range.
     #[error("{field} must be {least} to {most}, got {given}")]
     OutOfRange {
-        /// Which count, by its name in the command.
+        /// The name of the count in the command.
         field: &'static str,
-        /// The least that is allowed.
+        /// The least allowed value.
         least: usize,
-        /// The most that is allowed.
+        /// The greatest allowed value.
         most: usize,
-        /// What was given.
+        /// The given value.
         given: usize,
     },
-    /// Chance never gave a tree; try another seed.
-    #[error("found no tree of {node_count} nodes with this seed; try another")]
+    /// No draw gave a tree.
+    #[error("found no tree of {node_count} nodes with this seed; try another seed")]
     NoTreeFound {
-        /// How many nodes it should have.
+        /// The number of nodes of the tree.
         node_count: usize,
     },
 }
@@ -147,30 +147,22 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
     let mut random = Random::from_seed(parameters.seed);
     let target = generate_target(parameters, &mut random)?;
     let sizes = group_sizes(parameters, &mut random);
-    let mut scenario = RawScenario {
-        name: name_of(parameters),
-        target,
-        configurations: Vec::with_capacity(sizes.len()),
-        singletons: Vec::new(),
-        planner: RawPlanner::default(),
-    };
+    let alone = parameters.modules - sizes.iter().sum::<usize>();
+    let mut configurations = Vec::with_capacity(sizes.len());
     let mut ids = 1_u32..;
     for (number, size) in (1..).zip(sizes) {
         let members: Vec<u32> = ids.by_ref().take(size).collect();
         let configuration = generate_configuration(number, &members, parameters, &mut random)?;
-        scenario.configurations.push(configuration);
+        configurations.push(configuration);
     }
-    let grouped: usize = scenario
-        .configurations
-        .iter()
-        .map(|configuration| configuration.modules.len())
-        .sum();
-    for id in ids.take(parameters.modules - grouped) {
-        scenario
-            .singletons
-            .push(StartPose::draw(parameters, &mut random).module(id, (0, 0)));
-    }
-    Ok(scenario)
+    let mut singleton = |id| module_on_cell(&draw_start(parameters, &mut random), id, (0, 0));
+    Ok(RawScenario {
+        name: name_of(parameters),
+        target,
+        configurations,
+        singletons: ids.take(alone).map(&mut singleton).collect(),
+        planner: PlannerParameters::default(),
+    })
 }
 
 fn name_of(parameters: &GeneratorParameters) -> String {
@@ -179,13 +171,10 @@ fn name_of(parameters: &GeneratorParameters) -> String {
         Grouping::Configurations(size) => format!("configurations-of-{size}"),
         Grouping::Mixed => "mixed".to_owned(),
     };
-    let GeneratorParameters {
-        modules,
-        spots,
-        seed,
-        ..
-    } = parameters;
-    format!("{modules}-modules-{spots}-spots-{grouping}-seed-{seed}")
+    format!(
+        "{}-modules-{}-spots-{grouping}-seed-{}",
+        parameters.modules, parameters.spots, parameters.seed
+    )
 }
 
 fn draw_tree(
@@ -207,14 +196,14 @@ fn generate_target(
 ) -> Result<RawTarget, GenerateError> {
     let tree = draw_tree(parameters.spots, parameters, random)?;
     let side = i32::try_from(BOX_SIDE_UNITS).unwrap_or_default();
-    // Whole units keep the spots on the lattice of the frame.
+    // A shift by whole units keeps the spots on the lattice of the frame.
     let shift = |coordinates: &dyn Fn(&Cell) -> i32| {
         let least = tree.cells.iter().map(coordinates).min().unwrap_or_default();
         let most = tree.cells.iter().map(coordinates).max().unwrap_or_default();
         (side - least - most).div_euclid(2)
     };
     let (right, up) = (shift(&|cell| cell.0), shift(&|cell| cell.1));
-    let spots = (1..)
+    let spots: Vec<RawSpot> = (1..)
         .zip(&tree.cells)
         .map(|(id, &(column, row))| RawSpot {
             id,
@@ -222,16 +211,14 @@ fn generate_target(
             y: f64::from(row + up),
             theta: 0.0,
         })
-        .collect::<Vec<_>>();
-    let edges = tree
-        .edges
-        .iter()
-        .map(|&(one, other)| [spots[one].id, spots[other].id])
         .collect();
+    let edges = tree.edges.iter();
     Ok(RawTarget {
         frame_id: "map".to_owned(),
+        edges: edges
+            .map(|&(one, other)| [spots[one].id, spots[other].id])
+            .collect(),
         spots,
-        edges,
     })
 }
 
@@ -262,14 +249,14 @@ fn generate_configuration(
     let tree = draw_tree(members.len(), parameters, random)?;
     let leader = random.index(members.len());
     let (column, row) = tree.cells[leader];
-    let start = StartPose::draw(parameters, random);
+    let start = draw_start(parameters, random);
     Ok(RawConfiguration {
         id,
         leader: Some(members[leader]),
         modules: members
             .iter()
             .zip(&tree.cells)
-            .map(|(&member, cell)| start.module(member, (cell.0 - column, cell.1 - row)))
+            .map(|(&member, cell)| module_on_cell(&start, member, (cell.0 - column, cell.1 - row)))
             .collect(),
         edges: tree
             .edges
@@ -279,43 +266,33 @@ fn generate_configuration(
     })
 }
 
-/// Where a singleton or a leader starts, in micro-units and micro-radians.
-struct StartPose {
-    x: i64,
-    y: i64,
-    theta: i64,
+/// Draws the pose at which a singleton or a leader starts.
+fn draw_start(parameters: &GeneratorParameters, random: &mut Random) -> Pose {
+    let side = u64::from(parameters.start_side_units) * MICRO_PER_UNIT.unsigned_abs();
+    let mut within = |limit: u64| {
+        let number = random.below(limit + 1);
+        MicroUnits(i64::try_from(number).unwrap_or_default())
+    };
+    Pose {
+        x: within(side),
+        y: within(side),
+        theta: within(HALF_TURN),
+    }
 }
 
-impl StartPose {
-    fn draw(parameters: &GeneratorParameters, random: &mut Random) -> Self {
-        let side = u64::from(parameters.start_side_units) * MICRO_PER_UNIT.unsigned_abs();
-        let mut within = |limit: u64| i64::try_from(random.below(limit + 1)).unwrap_or_default();
-        Self {
-            x: within(side),
-            y: within(side),
-            theta: within(HALF_TURN),
-        }
-    }
-
-    /// A module on a cell of the lattice that this pose spans.
-    ///
-    /// Coordinates are rounded to micro-units, so that the last bit of a sine, in which mathematical libraries differ, does
-    /// not show in the scenario.
-    fn module(&self, id: u32, (column, row): Cell) -> RawModule {
-        let theta = MicroUnits(self.theta).to_units();
-        let (sine, cosine) = theta.sin_cos();
-        let (forward, left) = (f64::from(column), f64::from(row));
-        let moved = |origin: i64, offset: f64| {
-            let start = MicroUnits(origin);
-            // An offset is at most the configuration's size, far below the limit of a coordinate.
-            (start + MicroUnits::from_units(offset).unwrap_or_default()).to_units()
-        };
-        RawModule {
-            id,
-            x: moved(self.x, forward * cosine - left * sine),
-            y: moved(self.y, forward * sine + left * cosine),
-            theta,
-        }
+/// A module on a cell of the lattice of a pose.
+///
+/// Coordinates are rounded to micro-units, which hides the last bit of a sine, in which mathematical libraries differ.
+fn module_on_cell(start: &Pose, id: u32, (column, row): Cell) -> RawModule {
+    let theta = start.theta.to_units();
+    let offset = UnitComplex::new(theta) * Vector2::new(f64::from(column), f64::from(row));
+    // An offset is at most the configuration's size, far below the limit of a coordinate.
+    let quantised = |offset| MicroUnits::from_units(offset).unwrap_or_default();
+    RawModule {
+        id,
+        x: (start.x + quantised(offset.x)).to_units(),
+        y: (start.y + quantised(offset.y)).to_units(),
+        theta,
     }
 }
 
@@ -413,10 +390,10 @@ mod tests {
                 let module = problem.module(member).unwrap();
                 assert_eq!(module.pose.theta, leader.pose.theta);
                 for &other in &module.links {
-                    let way = module
+                    let distance = module
                         .pose
                         .distance_to(&problem.module(other).unwrap().pose);
-                    assert!((way.0 - MICRO_PER_UNIT).abs() <= 3, "{way}");
+                    assert!((distance.0 - MICRO_PER_UNIT).abs() <= 3, "{distance}");
                 }
             }
             let distinct: BTreeSet<_> = configuration

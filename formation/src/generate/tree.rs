@@ -14,10 +14,10 @@ pub(super) struct DrawnTree {
     pub(super) edges: Vec<(usize, usize)>,
 }
 
-/// Grows a tree on the unit lattice: each new node sits on a free cell beside the node that it is linked to.
+/// Grows a tree on the unit lattice: each new node is on a free cell adjacent to the node to which it is linked.
 ///
-/// Each step picks uniformly among all pairs of a node with a free port and a free cell beside it. Neighbouring cells
-/// need not be linked, as the ports of two modules side by side need not be docked.
+/// Each step picks uniformly among all pairs of a node with a free port and a free cell adjacent to it. Adjacent cells
+/// need not be linked, as adjacent modules need not be docked.
 pub(super) fn lattice(node_count: usize, degree_max: usize, random: &mut Random) -> DrawnTree {
     let mut tree = DrawnTree {
         cells: vec![(0, 0)],
@@ -25,9 +25,9 @@ pub(super) fn lattice(node_count: usize, degree_max: usize, random: &mut Random)
     };
     let mut taken = BTreeSet::from([(0, 0)]);
     let mut degrees = vec![0_usize];
-    let mut frontier: Vec<(usize, Cell)> = beside((0, 0)).map(|cell| (0, cell)).into();
-    // The frontier cannot run dry: the topmost of the leftmost cells has two free cells beside it, hence a free port at any
-    // degree of three or more, and its pairs leave the list only when they are used or can no longer be.
+    let mut frontier: Vec<(usize, Cell)> = adjacent((0, 0)).map(|cell| (0, cell)).into();
+    // The frontier never becomes empty: the topmost of the leftmost cells has two free neighbours, so it has a free port at
+    // any degree of three or more, and its pairs leave the list only when they are used or become impossible.
     while tree.cells.len() < node_count && !frontier.is_empty() {
         let (parent, cell) = frontier.swap_remove(random.index(frontier.len()));
         if degrees[parent] >= degree_max || !taken.insert(cell) {
@@ -39,7 +39,7 @@ pub(super) fn lattice(node_count: usize, degree_max: usize, random: &mut Random)
         degrees[parent] += 1;
         degrees.push(1);
         frontier.extend(
-            beside(cell)
+            adjacent(cell)
                 .into_iter()
                 .filter(|other| !taken.contains(other))
                 .map(|other| (node, other)),
@@ -48,7 +48,7 @@ pub(super) fn lattice(node_count: usize, degree_max: usize, random: &mut Random)
     tree
 }
 
-fn beside((column, row): Cell) -> [Cell; 4] {
+fn adjacent((column, row): Cell) -> [Cell; 4] {
     [
         (column + 1, row),
         (column - 1, row),
@@ -57,8 +57,8 @@ fn beside((column, row): Cell) -> [Cell; 4] {
     ]
 }
 
-/// How often the degrees of a labelled tree are drawn anew before giving up. One draw in about 250 fits at 10,000
-/// nodes, more at fewer, so that a failure is beyond expectation.
+/// The greatest number of draws of the degrees of a labelled tree. At 10,000 nodes one draw in about 250 fits, at fewer
+/// nodes more, so all of them fail with a probability below 1e-170.
 const DRAWS_MAX: usize = 100_000;
 
 /// Draws uniformly among all labelled trees of at most this degree.
@@ -67,7 +67,7 @@ const DRAWS_MAX: usize = 100_000;
 /// times. The number of occurrences of each label is drawn from a Poisson law cut off at the degree; given that they
 /// sum to `n - 2`, every sequence is then equally likely once it is shuffled, whatever the law's rate.
 ///
-/// Such a tree has no drawing on a lattice, so its nodes stand row by row in a square; only its links mean anything.
+/// Such a tree need not fit a lattice, so its nodes are placed row by row in a square, whatever their links.
 pub(super) fn uniform_labelled(
     node_count: usize,
     degree_max: usize,
@@ -121,7 +121,7 @@ fn pruefer_sequence(
     Err(GenerateError::NoTreeFound { node_count })
 }
 
-/// Turns a Prüfer sequence into the edges of its tree, in linear time.
+/// The edges of the tree with a given Prüfer sequence, in linear time.
 fn decode_pruefer(node_count: usize, sequence: &[usize]) -> Vec<(usize, usize)> {
     if node_count < 2 {
         return Vec::new();
@@ -158,7 +158,7 @@ mod tests {
     use std::collections::BTreeMap;
 
     fn assert_tree(tree: &DrawnTree, node_count: usize, degree_max: usize) {
-        let topology = Topology::new(node_count, &tree.edges).unwrap();
+        let topology = Topology::new(node_count, &tree.edges);
         assert!(topology.is_tree(), "{node_count} nodes");
         assert!((0..node_count).all(|node| topology.degree(node) <= degree_max));
         let distinct: BTreeSet<_> = tree.cells.iter().collect();
@@ -173,7 +173,7 @@ mod tests {
                 let drawn = lattice(node_count, degree_max, &mut random);
                 assert_tree(&drawn, node_count, degree_max);
                 for &(one, other) in &drawn.edges {
-                    assert!(beside(drawn.cells[one]).contains(&drawn.cells[other]));
+                    assert!(adjacent(drawn.cells[one]).contains(&drawn.cells[other]));
                 }
                 let labelled = uniform_labelled(node_count, degree_max, &mut random).unwrap();
                 assert_tree(&labelled, node_count, degree_max);
@@ -185,7 +185,7 @@ mod tests {
     fn lattice_trees_reach_the_degree_allowed() {
         let widest = |degree_max| {
             let tree = lattice(300, degree_max, &mut Random::from_seed(9));
-            let topology = Topology::new(300, &tree.edges).unwrap();
+            let topology = Topology::new(300, &tree.edges);
             (0..300).map(|node| topology.degree(node)).max()
         };
         assert_eq!((widest(3), widest(4)), (Some(3), Some(4)));
@@ -200,7 +200,7 @@ mod tests {
             let mut seen: BTreeMap<Vec<(usize, usize)>, usize> = BTreeMap::new();
             for _ in 0..draws {
                 let tree = uniform_labelled(5, degree_max, &mut random).unwrap();
-                let topology = Topology::new(5, &tree.edges).unwrap();
+                let topology = Topology::new(5, &tree.edges);
                 *seen.entry(topology.edges().to_vec()).or_default() += 1;
             }
             assert_eq!(seen.len(), trees);

@@ -1,13 +1,13 @@
-//! Digests by which agents see that they hold the same plan, whatever machine they run on.
+//! Digests by which agents compare plans; they are equal on every machine.
 
 use sha2::{Digest as _, Sha256};
 
 use crate::model::{
-    Decision, Digest, ModuleId, NO_ID, PlannerParameters, Policy, Pose, Roster, Service,
-    TargetAnnouncement, TurnOrder,
+    Decision, Digest, ModuleId, NO_ID, PlannerParameters, Pose, Roster, TargetAnnouncement,
 };
 
-/// Feeds numbers to SHA-256 in a fixed layout; every list is preceded by its length, so that no two inputs run together.
+/// Feeds numbers to SHA-256 in a fixed layout. The length of every list precedes it, so that different inputs never have
+/// the same bytes.
 struct Canonical(Sha256);
 
 impl Canonical {
@@ -49,16 +49,8 @@ impl Canonical {
 }
 
 fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
-    canonical.number(match parameters.policy {
-        Policy::Exact => 0,
-        Policy::Paper => 1,
-        Policy::Auction => 2,
-        Policy::Hungarian => 3,
-    });
-    canonical.number(match parameters.order {
-        TurnOrder::Rank => 0,
-        TurnOrder::SizeFirst => 1,
-    });
+    canonical.number(parameters.policy as u64);
+    canonical.number(parameters.order as u64);
     canonical.number(parameters.d_max.map_or(u64::MAX, u64::from));
     canonical.number(u64::from(parameters.exact_finish));
     for weight in [
@@ -93,17 +85,16 @@ fn put_target(canonical: &mut Canonical, announcement: &TargetAnnouncement) {
     }
 }
 
-/// What a target asks for, whatever its revision and name: equal for announcements that lead to the same plans.
-#[must_use]
-pub fn of_target(announcement: &TargetAnnouncement) -> Digest {
+/// The digest of a target and the planner's parameters: equal for announcements that lead to the same plans, whatever
+/// their revision and name.
+pub(crate) fn of_target(announcement: &TargetAnnouncement) -> Digest {
     let mut canonical = Canonical::new("formation target 1");
     put_target(&mut canonical, announcement);
     canonical.finish()
 }
 
 /// The digest of a whole plan: the roster with its epoch, and every decision in the order of the turns.
-#[must_use]
-pub fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
+pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
     let mut canonical = Canonical::new("formation plan 2");
     canonical.number(roster.epoch.number);
     canonical.identifier(Some(roster.epoch.convener.0));
@@ -113,11 +104,7 @@ pub fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
         let module = &member.module;
         canonical.identifier(Some(module.id.0));
         canonical.number(member.incarnation.0);
-        canonical.number(match member.service {
-            Service::Active => 0,
-            Service::Retired => 1,
-            Service::MotionFailed => 2,
-        });
+        canonical.number(member.service as u64);
         canonical.pose(&module.pose);
         canonical.length(module.links.len());
         for link in &module.links {

@@ -1,13 +1,13 @@
-//! Fixed-point numbers: every module must compute the same bits, so no float enters a comparison.
+//! Fixed-point numbers. Every module must compute the same bits, so no float enters a comparison.
 
 use std::fmt;
 use std::iter::Sum;
-use std::ops::{Add, AddAssign, Neg, Sub, SubAssign};
+use std::ops::{Add, AddAssign, Sub};
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-/// How many micro-units make one unit.
+/// The number of micro-units of one unit.
 pub const MICRO_PER_UNIT: i64 = 1_000_000;
 
 /// The greatest magnitude of a coordinate, in units.
@@ -43,7 +43,7 @@ pub enum QuantiseError {
 }
 
 impl MicroUnits {
-    /// Nothing.
+    /// Zero.
     pub const ZERO: Self = Self(0);
     /// One whole unit.
     pub const ONE: Self = Self(MICRO_PER_UNIT);
@@ -56,7 +56,7 @@ impl MicroUnits {
         Self::from_units_within(value, COORDINATE_LIMIT_UNITS)
     }
 
-    /// Quantises a number whose magnitude is at most `limit` units (itself at most 1e12).
+    /// Quantises a number whose magnitude is at most `limit` units, where `limit` is at most 1e12.
     ///
     /// # Errors
     /// Refuses numbers that are not finite or exceed `limit`.
@@ -64,7 +64,7 @@ impl MicroUnits {
         clippy::cast_possible_truncation,
         reason = "the magnitude was just checked to fit"
     )]
-    pub fn from_units_within(value: f64, limit: f64) -> Result<Self, QuantiseError> {
+    pub(crate) fn from_units_within(value: f64, limit: f64) -> Result<Self, QuantiseError> {
         if !value.is_finite() {
             return Err(QuantiseError::NotFinite(value));
         }
@@ -74,8 +74,7 @@ impl MicroUnits {
         Ok(Self((value * 1.0e6).round() as i64))
     }
 
-    /// The number in whole units, for people and for the wire.
-    #[must_use]
+    /// The number in units, for display and for messages.
     #[expect(
         clippy::cast_precision_loss,
         reason = "for display and transport; coordinates are below 2^53 micro-units"
@@ -85,7 +84,6 @@ impl MicroUnits {
     }
 
     /// The product of two fixed-point numbers, rounded towards zero.
-    #[must_use]
     #[inline]
     #[expect(
         clippy::cast_possible_truncation,
@@ -96,7 +94,7 @@ impl MicroUnits {
             return self;
         }
         match self.0.checked_mul(factor.0) {
-            // Division by a constant is much faster in 64 bits.
+            // The division is much faster in 64 bits.
             Some(product) => Self(product / MICRO_PER_UNIT),
             None => Self(
                 (i128::from(self.0) * i128::from(factor.0) / i128::from(MICRO_PER_UNIT)) as i64,
@@ -104,13 +102,11 @@ impl MicroUnits {
         }
     }
 
-    /// This number `count` times, for a handful of equal costs.
+    /// This number `count` times; saturates.
     #[must_use]
     pub fn times(self, count: usize) -> Self {
-        Self(
-            self.0
-                .saturating_mul(i64::try_from(count).unwrap_or(i64::MAX)),
-        )
+        let count = i64::try_from(count).unwrap_or(i64::MAX);
+        Self(self.0.saturating_mul(count))
     }
 }
 
@@ -131,19 +127,6 @@ impl Sub for MicroUnits {
     type Output = Self;
     fn sub(self, other: Self) -> Self {
         Self(self.0 - other.0)
-    }
-}
-
-impl SubAssign for MicroUnits {
-    fn sub_assign(&mut self, other: Self) {
-        self.0 -= other.0;
-    }
-}
-
-impl Neg for MicroUnits {
-    type Output = Self;
-    fn neg(self) -> Self {
-        Self(-self.0)
     }
 }
 

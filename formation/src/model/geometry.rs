@@ -1,27 +1,31 @@
 //! Poses in the plane, quantised once at the border.
 
+use nalgebra::{Isometry2, Vector2};
 use serde::{Deserialize, Serialize};
 
 use crate::model::{MicroUnits, QuantiseError};
 
-/// A position (micro-units) and a heading (micro-radians, counter-clockwise from the x axis).
+/// A full turn in micro-radians.
+const FULL_TURN: i64 = 6_283_185;
+
+/// A position in micro-units and a heading in micro-radians, counter-clockwise from the x axis.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
 pub struct Pose {
-    /// Along the frame's x axis.
+    /// The position along the frame's x axis.
     pub x: MicroUnits,
-    /// Along the frame's y axis.
+    /// The position along the frame's y axis.
     pub y: MicroUnits,
     /// The heading.
     pub theta: MicroUnits,
 }
 
-/// A pose whose named coordinate could not be taken.
+/// A coordinate of a pose that was refused, and why.
 #[derive(Clone, Copy, Debug, PartialEq, thiserror::Error)]
 #[error("{coordinate} {source}")]
 pub struct PoseError {
-    /// Which coordinate: `x`, `y` or `theta`.
+    /// `x`, `y` or `theta`.
     pub coordinate: &'static str,
     /// What is wrong with it.
     #[source]
@@ -44,7 +48,20 @@ impl Pose {
         })
     }
 
-    /// The straight distance between two positions: the integer square root of the squared micro-units.
+    /// The pose as a rigid motion from the frame's origin, in units and radians. For simulation and reports; decisions stay
+    /// in fixed point.
+    pub(crate) fn to_isometry(self) -> Isometry2<f64> {
+        let translation = Vector2::new(self.x.to_units(), self.y.to_units());
+        Isometry2::new(translation, self.theta.to_units())
+    }
+
+    /// The angle between the two headings in micro-radians, at most half a turn.
+    pub(crate) fn heading_difference(&self, other: &Self) -> MicroUnits {
+        let turn = (self.theta.0 - other.theta.0).rem_euclid(FULL_TURN);
+        MicroUnits(turn.min(FULL_TURN - turn))
+    }
+
+    /// The distance between the two positions, rounded down to whole micro-units.
     #[must_use]
     #[inline]
     pub fn distance_to(&self, other: &Self) -> MicroUnits {
@@ -58,10 +75,10 @@ impl Pose {
     }
 }
 
-/// Below this many micro-units along each axis, the squared distance is below 2^62.
+/// For differences below this many micro-units along each axis, the squared distance is below 2^62.
 const SHORT: i64 = 1 << 30;
 
-/// The integer square root of a sum of squares that may not fit 64 bits.
+/// The integer square root of a sum of squares that may exceed 64 bits.
 #[cold]
 fn long_root(dx: i64, dy: i64) -> i64 {
     let (dx, dy) = (i128::from(dx), i128::from(dy));
@@ -70,7 +87,7 @@ fn long_root(dx: i64, dy: i64) -> i64 {
 
 /// The integer square root of a number below 2^62.
 ///
-/// The float root is off by less than one at this size and only the first guess: whole numbers decide, so the
+/// The float root, which errs by less than one at this size, is only the first guess. Whole numbers correct it, so the
 /// result is exact on every machine.
 #[expect(
     clippy::cast_possible_truncation,
@@ -86,26 +103,6 @@ fn short_root(square: i64) -> i64 {
         guess + 1
     } else {
         guess
-    }
-}
-
-/// The mean of some positions, with heading zero; each coordinate rounds towards zero.
-///
-/// The paper ranks modules by their distance from this point (section "Planning Phase").
-/// Returns the origin when there are no positions.
-#[must_use]
-pub fn centre_of<'a>(poses: impl IntoIterator<Item = &'a Pose>) -> Pose {
-    let (mut x, mut y, mut count) = (0_i128, 0_i128, 0_i128);
-    for pose in poses {
-        x += i128::from(pose.x.0);
-        y += i128::from(pose.y.0);
-        count += 1;
-    }
-    let mean = |sum: i128| MicroUnits(i64::try_from(sum / count.max(1)).unwrap_or_default());
-    Pose {
-        x: mean(x),
-        y: mean(y),
-        theta: MicroUnits::ZERO,
     }
 }
 

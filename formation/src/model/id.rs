@@ -1,4 +1,4 @@
-//! Identifiers, each a type of its own so that a spot can never be passed for a module.
+//! Identifiers, each with its own type, so that a spot cannot be passed where a module is expected.
 
 use std::fmt;
 
@@ -52,10 +52,10 @@ identifier!(
     "configuration"
 );
 
-/// The identifier that stands for "none" on the wire; no module, spot or configuration may carry it.
+/// The identifier that means "none" in messages; no module, spot or configuration may have it.
 pub const NO_ID: u32 = u32::MAX;
 
-/// Tells one run of a module's process from the next: the wall-clock time of its start in microseconds.
+/// Distinguishes the runs of a module's process: the wall-clock time of its start in microseconds.
 ///
 /// A larger incarnation is a later start of the same module.
 #[derive(
@@ -69,11 +69,11 @@ pub struct Incarnation(pub u64);
 pub struct ModuleRun {
     /// The module.
     pub module: ModuleId,
-    /// Which start of its process.
+    /// The start of its process.
     pub incarnation: Incarnation,
 }
 
-/// One attempt at agreeing on a plan; ordered by number, then by the convener that opened it.
+/// One attempt to agree on a plan; ordered by number, then by convener.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub struct Epoch {
     /// Counts the attempts, from 1.
@@ -88,9 +88,8 @@ impl fmt::Display for Epoch {
     }
 }
 
-/// The first eight bytes of a SHA-256 over a roster and every decision made on it.
-///
-/// Two agents with equal digests hold the same plan for the same epoch.
+/// The first eight bytes of a SHA-256 over a roster and every decision made on it. Two agents with equal digests hold the
+/// same plan for the same epoch.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct Digest(pub u64);

@@ -1,4 +1,4 @@
-//! The limits of what one formation can contain. Input beyond them is refused.
+//! The limits of one formation. Input beyond them is refused.
 
 /// The most modules that take part in one formation.
 pub const MODULES_MAX: usize = 10_000;

@@ -1,4 +1,4 @@
-//! What agents tell each other, as validated data; the wire types live in `formation_msgs`.
+//! The messages of the protocol as validated data; the wire types are in `formation_msgs`.
 
 use std::collections::BTreeSet;
 use std::fmt;
@@ -12,48 +12,47 @@ use crate::model::{
     PlanningModule, PlanningProblem, Pose, ProblemError, SpotId, Target,
 };
 
-/// The target that all modules are to form, as announced.
+/// A target as announced to all modules.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct TargetAnnouncement {
-    /// Rises with every change of the target; the highest revision holds.
+    /// Rises with every change of the target; the announcement of the highest revision is in force.
     pub revision: u64,
-    /// What the formation is called, for people.
+    /// The formation's name, for people.
     pub name: String,
-    /// The target; `None` withdraws it, and modules stay where they are.
+    /// The target; `None` withdraws it, and the modules stop.
     pub target: Option<Arc<Target>>,
-    /// What the user chose about planning.
+    /// The user's choices about planning.
     pub parameters: PlannerParameters,
-    /// How many modules take part, if it is known; without it the gathering ends when nothing new comes.
+    /// The number of modules that take part, if known. Without it a gathering ends when no further module joins.
     pub expected_modules: Option<u32>,
 }
 
-/// What a module is doing.
+/// The phase in which a module is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]
 pub enum ModulePhase {
-    /// Started, and listening before it takes part.
+    /// Started; receives messages for a while before it takes part.
     Listening,
-    /// Halted and frozen in an epoch that gathers its members.
+    /// Halted, in an epoch that gathers its members.
     Gathered,
     /// Taking turns.
     Planning,
-    /// Every turn is applied; waiting until all members show the same digest.
+    /// All turns are applied; waits until all members show the same digest.
     Agreeing,
-    /// Agreed; waiting until the earlier units have settled.
+    /// Agreed; waits until the earlier units have settled.
     Waiting,
-    /// On the way to its spot.
+    /// Moves to its spot.
     Moving,
     /// On its spot and docked.
     Settled,
-    /// Agreed, and without a spot.
+    /// Agreed; the plan gives it no spot.
     Spare,
-    /// Too few modules are within reach to decide anything.
+    /// Receives heartbeats of too few modules for a majority.
     WaitingForQuorum,
 }
 
 impl ModulePhase {
-    /// What it is called before people and in `ModuleState.msg`.
-    #[must_use]
+    /// The name of the phase for people and in `ModuleState.msg`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Listening => "LISTENING",
@@ -69,16 +68,16 @@ impl ModulePhase {
     }
 }
 
-/// Whether a module takes a spot when it can.
+/// Whether a module takes part in plans. Digests contain the numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Service {
-    /// It does.
+    /// Takes a spot if the plan gives it one.
     #[default]
-    Active,
-    /// It was told to leave the formation: it gets no spot, and still counts towards majorities while it runs.
-    Retired,
-    /// Its drive or its docking ports gave up; as if it were retired.
-    MotionFailed,
+    Active = 0,
+    /// Retired by command: gets no spot, but counts towards majorities while its process runs.
+    Retired = 1,
+    /// Its drive or a docking port has failed; treated as retired.
+    MotionFailed = 2,
 }
 
 impl fmt::Display for Service {
@@ -91,70 +90,69 @@ impl fmt::Display for Service {
     }
 }
 
-/// One module's state at one point in time that an action waited for.
+/// A message of a module for which an action waited.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct CausalMark {
-    /// The module that was waited for.
+    /// The module that sent it.
     pub module: ModuleId,
-    /// Its sequence number at that time.
+    /// Its sequence number.
     pub sequence: u64,
 }
 
-/// One module's announcement of itself.
+/// The state that a module publishes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ModuleState {
     /// The module.
     pub module: ModuleId,
-    /// Which run of its process speaks.
+    /// The run of its process.
     pub incarnation: Incarnation,
     /// Rises with every state that this incarnation publishes.
     pub sequence: u64,
-    /// The epoch in which the state holds; `None` before the first.
+    /// The epoch of the state; `None` before the first.
     pub epoch: Option<Epoch>,
-    /// The digest of the plan on which it acts; `None` while there is none.
+    /// The digest of its plan; `None` without a plan.
     pub digest: Option<Digest>,
-    /// What it is doing.
+    /// Its phase.
     pub phase: ModulePhase,
-    /// Whether it takes a spot when it can.
+    /// Whether it takes part in plans.
     pub service: Service,
-    /// Where it stands.
+    /// Its pose.
     pub pose: Pose,
-    /// The modules that it is docked to.
+    /// The modules to which it is docked.
     pub links: BTreeSet<ModuleId>,
     /// The initial configuration to which it belongs.
     pub configuration: Option<ConfigurationId>,
     /// The module that leads it.
     pub leader: Option<ModuleId>,
-    /// The spot that the plan gives it; while it is gathered, the spot on which it has settled already and stays.
+    /// The spot that the plan gives it; in GATHERED, the spot on which it has settled already and stays.
     pub spot: Option<SpotId>,
-    /// The module whose acting unit it moves with; itself when it moves alone.
+    /// The lead of its acting unit; itself when it moves alone.
     pub unit: Option<ModuleId>,
-    /// The sequence number of the first state that showed it settled in this epoch; 0 before. A depth-1 reader may
-    /// have missed that state, and still knows whether a mark lies after it.
+    /// The sequence number of the first state that showed it settled in this epoch; 0 before. A reader that keeps one
+    /// sample can miss that state, and this tells whether a mark is later.
     pub settled_since: u64,
-    /// In MOVING and SETTLED: the settled states that it waited for. Proof of order for observers.
+    /// In MOVING and SETTLED: the settled states for which it waited. They prove the order to observers.
     pub waited_for: Vec<CausalMark>,
-    /// In MOVING and SETTLED, of the first unit to move: the heartbeats that showed agreement, one a member. SETTLED keeps
-    /// them, as an observer that comes late hears no MOVING.
+    /// In MOVING and SETTLED of the first unit to move: the heartbeats that showed agreement, one of each member. SETTLED
+    /// repeats them for observers that join late and receive no MOVING.
     pub agreed_on: Vec<CausalMark>,
-    /// While it is gathered: the rosters of which a new one must hold a majority, as far as it knows.
+    /// In GATHERED: the rosters known to it of which a new one must contain a majority.
     pub quorum_bases: Vec<QuorumBasis>,
 }
 
-/// One member of a roster, frozen.
+/// One member of a roster, as it was when it halted.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct RosterMember {
-    /// Which run of its process takes part.
+    /// The run of its process.
     pub incarnation: Incarnation,
-    /// Whether it takes a spot. One that does not is no part of the plan; it agrees and is counted like any other.
+    /// Whether it takes part in plans. A member out of service is not part of the plan; it agrees like any other.
     pub service: Service,
-    /// What planning has to know of it.
+    /// The data on which planning depends.
     pub module: PlanningModule,
 }
 
 impl RosterMember {
-    /// Which run of which module it is.
-    #[must_use]
+    /// The module with the run of its process.
     pub fn run(&self) -> ModuleRun {
         ModuleRun {
             module: self.module.id,
@@ -163,35 +161,34 @@ impl RosterMember {
     }
 }
 
-/// The members of an earlier epoch, by which a majority is counted.
+/// The members of an earlier roster of which a new one must contain a majority.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct QuorumBasis {
     /// The epoch.
     pub epoch: Epoch,
-    /// Whether all of its members were seen to agree.
+    /// Whether all of its members are known to have agreed.
     pub agreed: bool,
     /// Its active members in ascending order, in the runs that took part.
     pub members: Vec<ModuleRun>,
 }
 
-/// The whole input of one epoch's plan.
+/// The input of one epoch's plan.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Roster {
     /// The epoch.
     pub epoch: Epoch,
-    /// The target and planner parameters that all plan for.
+    /// The target and the parameters of the planner.
     pub target: TargetAnnouncement,
     /// The members in ascending order of module.
     pub members: Vec<RosterMember>,
-    /// The earlier rosters of which this one holds a majority.
+    /// The earlier rosters of which this one contains a majority.
     pub quorum_bases: Vec<QuorumBasis>,
 }
 
 impl Roster {
-    /// The members of which a later roster must hold a majority, ascending: the active ones. Those out of service agreed
-    /// to this roster like the others, and with that to being counted no more.
-    #[must_use]
-    pub fn quorum_basis(&self) -> Vec<ModuleRun> {
+    /// The active members, ascending: a later roster must contain a majority of them. Members out of service have agreed to
+    /// this roster, and so to counting no more.
+    pub(crate) fn quorum_basis(&self) -> Vec<ModuleRun> {
         self.members
             .iter()
             .filter(|member| member.service == Service::Active)
@@ -202,7 +199,7 @@ impl Roster {
     /// The planning input of this roster, its active members only; `None` when its target is withdrawn.
     ///
     /// # Errors
-    /// Says what contradicts itself in the roster.
+    /// Names the contradiction in the roster.
     pub fn problem(&self) -> Result<Option<PlanningProblem>, ProblemError> {
         let Some(target) = &self.target.target else {
             return Ok(None);
@@ -217,23 +214,22 @@ impl Roster {
     }
 }
 
-/// What a convener announces.
+/// The message of a convener.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum RosterMessage {
-    /// An epoch opens: halt, freeze and announce your state.
+    /// Opens an epoch: receivers halt and publish their state.
     Gather {
         /// The epoch.
         epoch: Epoch,
-        /// The revision of the target that will be planned for.
+        /// The revision of the target to plan for.
         target_revision: u64,
     },
-    /// The gathering is over; plan on this.
+    /// Ends the gathering: receivers plan for this roster.
     Plan(Arc<Roster>),
 }
 
 impl RosterMessage {
-    /// The epoch that it opens or fixes.
-    #[must_use]
+    /// The epoch that it opens or plans.
     pub fn epoch(&self) -> Epoch {
         match self {
             Self::Gather { epoch, .. } => *epoch,
@@ -247,7 +243,7 @@ impl RosterMessage {
 pub struct SpotSelection {
     /// The spot.
     pub spot: SpotId,
-    /// The module that is to occupy it.
+    /// The module that takes it.
     pub module: ModuleId,
 }
 
@@ -260,23 +256,23 @@ pub struct EvictionRecord {
     pub by: ModuleId,
     /// The spot that changes hands.
     pub from: SpotId,
-    /// Where the evicted module goes; `None` when it is dropped.
+    /// The spot that the evicted module takes instead; `None` leaves it without a spot.
     pub to: Option<SpotId>,
 }
 
-/// What one unit decides in its turn; applied whole or not at all.
+/// The decision of one unit in its turn; applied as a whole or not at all.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct Decision {
-    /// The pairs that change, the new spots of evicted modules included; ascending by spot. Empty means NO_SPOT_FOUND.
+    /// The new pairs, with the new spots of evicted modules; ascending by spot. Empty means NO_SPOT_FOUND.
     pub selections: Vec<SpotSelection>,
     /// The evictions that it makes, in the order of the chain.
     pub evictions: Vec<EvictionRecord>,
-    /// The modules that leave their configuration, ascending; in an exact finish also those that left it before and are
-    /// placed only now.
+    /// The modules that leave their configuration, ascending; in an exact finish also those that left it in an earlier turn
+    /// and get a spot only now.
     pub detached: Vec<ModuleId>,
 }
 
-/// A unit's decision, as broadcast.
+/// A unit's decision as published.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SpotClaim {
     /// The epoch.
@@ -285,48 +281,48 @@ pub struct SpotClaim {
     pub turn: u32,
     /// The module that decides for the unit.
     pub claimant: ModuleId,
-    /// Which run of its process speaks.
+    /// The run of its process.
     pub incarnation: Incarnation,
-    /// What it decides.
+    /// The decision.
     pub decision: Decision,
 }
 
-/// One eviction, told to the evicted and whoever watches; it changes no state.
+/// One eviction, published for the evicted module and for observers; it changes no state.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct EvictionNotice {
     /// The epoch.
     pub epoch: Epoch,
     /// The turn whose claim evicts.
     pub turn: u32,
-    /// Who loses what to whom.
+    /// The eviction.
     pub eviction: EvictionRecord,
 }
 
-/// A sign of life of one module.
+/// A heartbeat of one module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Heartbeat {
     /// The module.
     pub module: ModuleId,
-    /// Which run of its process speaks.
+    /// The run of its process.
     pub incarnation: Incarnation,
     /// Rises with every heartbeat of this incarnation.
     pub sequence: u64,
-    /// How long this incarnation has been running when it sent this, by its own clock. Receivers compare it with
-    /// their own clocks, so that a heartbeat that lay in a buffer is not taken for a fresh one.
+    /// The time since the start of this incarnation, by its own clock, at the time of sending. Receivers compare it with
+    /// their own clocks to recognise a heartbeat that was delayed in a buffer.
     pub uptime: Duration,
-    /// The epoch it is in.
+    /// Its epoch.
     pub epoch: Option<Epoch>,
-    /// The digest of its whole plan; `None` until every turn is applied.
+    /// The digest of its plan; `None` until every turn is applied.
     pub digest: Option<Digest>,
     /// The sequence number of the first heartbeat that showed this digest; 0 without one.
     pub digest_since: u64,
-    /// How many turns of the epoch it has applied.
+    /// The number of turns of the epoch that it has applied.
     pub applied_turns: u32,
-    /// What it is doing.
+    /// Its phase.
     pub phase: ModulePhase,
 }
 
-/// Everything that an agent may hear.
+/// A message that an agent can receive, by its topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Message {
     /// On `target`.
@@ -337,7 +333,7 @@ pub enum Message {
     Roster(RosterMessage),
     /// On `claims`.
     Claim(Arc<SpotClaim>),
-    /// On `evictions`; informs only.
+    /// On `evictions`.
     Eviction(EvictionNotice),
     /// On `heartbeats`.
     Heartbeat(Heartbeat),

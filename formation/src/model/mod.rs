@@ -1,9 +1,10 @@
-//! The data that every chapter shares: identifiers, fixed-point numbers, poses, graphs, targets, problems, scenarios,
-//! messages and plans.
+//! The data that all parts share: identifiers, fixed-point numbers, poses, graphs, targets, problems, scenarios, messages
+//! and plans.
 //!
 //! Raw input becomes a validated type here, and nowhere else.
 
-pub mod digest;
+pub(crate) mod digest;
+mod field;
 mod fixed;
 mod geometry;
 mod id;
@@ -18,6 +19,7 @@ mod target;
 pub mod text;
 mod topology;
 
+pub use field::FieldError;
 pub use fixed::*;
 pub use geometry::*;
 pub use id::*;

@@ -1,11 +1,11 @@
-//! What the user may choose about planning.
+//! The user's choices about planning.
 
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::model::{MicroUnits, QuantiseError, WEIGHT_LIMIT};
+use crate::model::{FieldError, MicroUnits, QuantiseError, WEIGHT_LIMIT};
 
-/// Which planner decides.
+/// The planner. Digests contain the numbers.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
@@ -13,16 +13,16 @@ use crate::model::{MicroUnits, QuantiseError, WEIGHT_LIMIT};
 pub enum Policy {
     /// Utility-optimal common subtrees and eviction chains.
     #[default]
-    Exact,
+    Exact = 0,
     /// Algorithms 1 and 2 of the paper, as literally as they can be run.
-    Paper,
-    /// Bertsekas' auction; treats every module as a singleton.
-    Auction,
-    /// A central optimal assignment; treats every module as a singleton.
-    Hungarian,
+    Paper = 1,
+    /// Bertsekas' auction, which treats every module as a singleton.
+    Auction = 2,
+    /// A central optimal assignment, which treats every module as a singleton.
+    Hungarian = 3,
 }
 
-/// In which order units take their turns.
+/// The order in which units take their turns. Digests contain the numbers.
 #[derive(
     Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
 )]
@@ -30,23 +30,58 @@ pub enum Policy {
 pub enum TurnOrder {
     /// By distance of the unit's leader from the target's centre, the paper's order.
     #[default]
-    Rank,
-    /// Larger configurations first, then by rank: breaks fewer links.
-    SizeFirst,
+    Rank = 0,
+    /// Larger configurations first, then by rank; this breaks fewer links.
+    SizeFirst = 1,
 }
 
 /// The weights of the cost of taking a spot; always `loc > dock > undock >= 0`.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "RawWeights", into = "RawWeights")]
 pub struct Weights {
     loc: MicroUnits,
     dock: MicroUnits,
     undock: MicroUnits,
 }
 
+/// The weights as they stand in a scenario file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawWeights {
+    loc: f64,
+    dock: f64,
+    undock: f64,
+}
+
+impl Default for RawWeights {
+    fn default() -> Self {
+        Weights::default().into()
+    }
+}
+
+impl From<Weights> for RawWeights {
+    fn from(weights: Weights) -> Self {
+        Self {
+            loc: weights.loc.to_units(),
+            dock: weights.dock.to_units(),
+            undock: weights.undock.to_units(),
+        }
+    }
+}
+
+impl TryFrom<RawWeights> for Weights {
+    type Error = FieldError;
+
+    fn try_from(raw: RawWeights) -> Result<Self, FieldError> {
+        Self::from_units(raw.loc, raw.dock, raw.undock)
+            .map_err(|error| FieldError::new("weights", error))
+    }
+}
+
 /// Why a set of weights was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum WeightsError {
-    /// A weight is no number that can be used.
+    /// A weight is not finite or too large.
     #[error("{name} {source}")]
     Weight {
         /// `loc`, `dock` or `undock`.
@@ -60,11 +95,11 @@ pub enum WeightsError {
         "must satisfy loc > dock > undock >= 0, got loc {}, dock {}, undock {}", loc.to_units(), dock.to_units(), undock.to_units()
     )]
     Order {
-        /// The weight of one unit of way.
+        /// The cost of one unit of distance.
         loc: MicroUnits,
-        /// The weight of one docking.
+        /// The cost of one docking.
         dock: MicroUnits,
-        /// The weight of one undocking.
+        /// The cost of one undocking.
         undock: MicroUnits,
     },
 }
@@ -91,20 +126,17 @@ impl Weights {
         }
     }
 
-    /// The cost of one unit of way.
-    #[must_use]
+    /// The cost of one unit of distance.
     pub fn loc(&self) -> MicroUnits {
         self.loc
     }
 
     /// The cost of one docking, per link end.
-    #[must_use]
     pub fn dock(&self) -> MicroUnits {
         self.dock
     }
 
     /// The cost of one undocking, per link end.
-    #[must_use]
     pub fn undock(&self) -> MicroUnits {
         self.undock
     }
@@ -120,20 +152,20 @@ impl Default for Weights {
     }
 }
 
-/// What a configuration pays for each cut when it chooses its spots; never below zero.
+/// The price, in units of utility, of each cut when a configuration chooses its spots; never negative.
 ///
-/// A cut is a link that it breaks, or an edge between a spot that it takes and a free one that it leaves: on trees, a
-/// piece that later turns find cut off. The price decides between places for equally many modules, as the utility
-/// does, but is charged to nobody. At zero the utility decides alone; a price above all ways makes it decide only
-/// between equally few cuts.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+/// A cut is a link that the configuration breaks, or an edge between a spot that it takes and a free one that it leaves: on
+/// trees, one more piece for later turns. Like the utility, the price decides between places for equally many modules, but
+/// it enters no total. At zero the utility decides alone; above the longest distance, the number of cuts decides first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "f64", into = "f64")]
 pub struct CutPrice(MicroUnits);
 
 impl CutPrice {
-    /// Nothing is charged.
+    /// No price.
     pub const ZERO: Self = Self(MicroUnits::ZERO);
 
-    /// What a way of one unit costs at the default weights.
+    /// The cost of one unit of distance at the default weights.
     pub const ONE: Self = Self(MicroUnits::ONE);
 
     /// Validates and quantises a price.
@@ -149,7 +181,6 @@ impl CutPrice {
     }
 
     /// The price of one cut.
-    #[must_use]
     pub fn per_cut(&self) -> MicroUnits {
         self.0
     }
@@ -161,10 +192,24 @@ impl Default for CutPrice {
     }
 }
 
+impl TryFrom<f64> for CutPrice {
+    type Error = FieldError;
+
+    fn try_from(price: f64) -> Result<Self, FieldError> {
+        Self::from_units(price).map_err(|error| FieldError::new("cut_price", error))
+    }
+}
+
+impl From<CutPrice> for f64 {
+    fn from(price: CutPrice) -> Self {
+        price.0.to_units()
+    }
+}
+
 /// Why a price of cuts was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Error)]
 pub enum CutPriceError {
-    /// The price is no number that can be used.
+    /// The price is not finite or too large.
     #[error(transparent)]
     Number(#[from] QuantiseError),
     /// The price is below zero.
@@ -172,21 +217,22 @@ pub enum CutPriceError {
     Negative(MicroUnits),
 }
 
-/// Everything the user may choose about planning; part of the input that every replica shares.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+/// All choices of the user about planning, as they stand in a scenario file; every replica holds the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
 pub struct PlannerParameters {
-    /// Which planner decides.
+    /// The planner.
     pub policy: Policy,
-    /// In which order units take their turns.
+    /// The order in which units take their turns.
     pub order: TurnOrder,
-    /// At most how many evictions one chain may make; `None` is unbounded. The paper used 3.
+    /// The greatest number of evictions of one chain; `None` is unbounded. The paper used 3.
     pub d_max: Option<u32>,
-    /// With a bounded `d_max`, let the last turn move singletons as far as it takes to make their allocation
-    /// utility-optimal given the blocks. Without a bound it always is. Only for the policy `exact`.
+    /// With a bounded `d_max`, let the last turn move singletons so that their allocation is utility-optimal given the
+    /// blocks. Without a bound it always is. Only for the policy `exact`.
     pub exact_finish: bool,
     /// The weights of the cost of taking a spot.
     pub weights: Weights,
-    /// What a configuration pays for each cut when it chooses its spots. Only for the policy `exact`.
+    /// The price of each cut when a configuration chooses its spots. Only for the policy `exact`.
     pub cut_price: CutPrice,
     /// Keep every spot even when there are fewer modules than spots, instead of trimming the target.
     pub keep_all_spots: bool,

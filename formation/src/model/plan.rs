@@ -1,4 +1,4 @@
-//! A finished plan: who takes which spot, and in which order the units move.
+//! A finished plan: the spot of each module, and the order in which the units move.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -19,41 +19,41 @@ pub struct Assignment {
 /// One unit of the acting phase: a block that moves together, or a single module.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ActingUnit {
-    /// The module that names the unit: the lowest of its modules.
+    /// The lowest of its modules, which names the unit.
     pub lead: ModuleId,
-    /// Its modules and their spots, in the order in which the spots are listed in the assembly order.
+    /// Its modules and their spots, in the order in which the spots are filled.
     pub placements: Vec<(ModuleId, SpotId)>,
-    /// Whether it stands on its spots already.
+    /// Whether its modules stand on their spots already.
     pub pinned: bool,
 }
 
-/// Something about the acting order that people should know before anything moves.
+/// A flaw of the acting order that people should know before anything moves.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
 pub enum AssemblyWarning {
-    /// In the breadth-first order that is used, this spot has no free corridor from outside when its turn comes.
-    /// No order would do, unless [`Self::BudgetSpent`] stands beside this.
-    #[error("{0} is walled in when its turn comes; its module needs help to get there")]
+    /// The order is breadth-first, and this spot has no free corridor from outside when its turn comes. No order has
+    /// corridors for all spots, unless [`Self::BudgetSpent`] is listed as well.
+    #[error("{0} is walled in when its turn comes; its module cannot get there without help")]
     WalledIn(SpotId),
     /// The spots do not lie on a unit lattice, so corridors were not checked.
     #[error(
         "the spots do not lie on a unit lattice with edges of one unit, so no corridor was checked"
     )]
     OffLattice,
-    /// The search for an order with corridors was cut at its budget; one may exist.
-    #[error("the search for an order that leaves every spot a corridor was cut at its budget")]
+    /// The search for an order with corridors ended at its budget; one may exist.
+    #[error("the search for an order that leaves every spot a corridor ended at its budget")]
     BudgetSpent,
-    /// The filled spots are disconnected, so the order begins anew at this one, beside no placed spot.
-    #[error("the filled spots are disconnected: {0} is filled beside no placed spot")]
+    /// The filled spots are disconnected, and this one is filled while no adjacent spot is.
+    #[error("the filled spots are disconnected: {0} is filled while no adjacent spot is")]
     Disconnected(SpotId),
 }
 
-/// In which order the units take their spots.
+/// The order in which the units take their spots.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Assembly {
-    /// The units, pinned ones first; each but the first has a spot beside one that is placed before it, unless a
+    /// The units, pinned ones first. Each but the first has a spot adjacent to one that is filled before it, unless a
     /// warning says otherwise.
     pub units: Vec<ActingUnit>,
-    /// What is wrong with the order, if anything.
+    /// The flaws of the order.
     pub warnings: Vec<AssemblyWarning>,
 }
 
@@ -69,12 +69,12 @@ impl Assembly {
 /// The outcome of all turns.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Plan {
-    /// Which spot each placed module takes.
+    /// The spot of each placed module.
     pub assignments: BTreeMap<ModuleId, SpotId>,
-    /// The groups of two or more modules that stay docked on their way, each ascending.
+    /// The groups of two or more modules that stay docked while they move, each ascending.
     pub blocks: Vec<Vec<ModuleId>>,
-    /// The links that are kept: both ends in one block, on adjacent spots; lower module first.
+    /// The kept links, whose ends are in one block, or both pinned, and on adjacent spots; lower module first.
     pub kept_links: BTreeSet<(ModuleId, ModuleId)>,
-    /// In which order the units move.
+    /// The order in which the units move.
     pub assembly: Assembly,
 }

@@ -1,4 +1,4 @@
-//! The whole input of one plan: what every replica must hold alike before the first turn.
+//! The input of one plan, which every replica holds alike before the first turn.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -7,26 +7,27 @@ use thiserror::Error;
 
 use crate::model::{
     ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
+    Topology,
 };
 
-/// What planning has to know of one module.
+/// The data about one module on which planning depends.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct PlanningModule {
     /// The module.
     pub id: ModuleId,
-    /// Where it stands.
+    /// Its pose.
     pub pose: Pose,
-    /// The modules that it is docked to. Only links that both ends name count.
+    /// The modules to which it is docked. A link counts only if both ends name it.
     pub links: BTreeSet<ModuleId>,
-    /// The initial configuration to which it belongs, for reports; the links decide.
+    /// The initial configuration to which it belongs. Reports show it; planning goes by the links.
     pub configuration: Option<ConfigurationId>,
-    /// The module that it takes for its leader.
+    /// The module that it names as its leader.
     pub leader: Option<ModuleId>,
     /// The spot on which it has settled already and stays.
     pub pin: Option<SpotId>,
 }
 
-/// A connected group of docked modules, as its links show it.
+/// A connected group of docked modules, found from their links.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Configuration {
     /// The module that decides for all of them.
@@ -49,11 +50,11 @@ pub enum ProblemError {
     /// There is no module.
     #[error("there is no module to plan for")]
     NoModules,
-    /// There are more modules than the suite takes.
-    #[error("{0} modules, at most {MODULES_MAX} are supported")]
+    /// There are more than [`MODULES_MAX`] modules.
+    #[error("{0} modules; at most {MODULES_MAX} are supported")]
     TooManyModules(usize),
-    /// A module carries the identifier reserved for "none".
-    #[error("module identifier {NO_ID} is reserved and cannot be used")]
+    /// A module has the identifier reserved for "none".
+    #[error("module identifier {NO_ID} is reserved")]
     ReservedId,
     /// A module is listed twice.
     #[error("{0} is listed twice")]
@@ -67,7 +68,7 @@ pub enum ProblemError {
 }
 
 impl PlanningProblem {
-    /// Validates an input: sorts the modules and drops links that not both ends name.
+    /// Validates an input, sorts the modules, and drops links that only one end names.
     ///
     /// # Errors
     /// Refuses empty or oversized inputs, repeated modules, and pins that contradict the target or each other.
@@ -99,15 +100,16 @@ impl PlanningProblem {
                 return Err(ProblemError::SharedPin(other, module.id, spot));
             }
         }
-        let named: BTreeMap<ModuleId, BTreeSet<ModuleId>> = modules
+        // The links that modules name, turned round: from the module named to the one that names it.
+        let named: BTreeSet<(ModuleId, ModuleId)> = modules
             .iter()
-            .map(|module| (module.id, module.links.clone()))
+            .flat_map(|module| module.links.iter().map(|&other| (other, module.id)))
             .collect();
         for module in &mut modules {
             let id = module.id;
-            module.links.retain(|other| {
-                *other != id && named.get(other).is_some_and(|links| links.contains(&id))
-            });
+            module
+                .links
+                .retain(|&other| other != id && named.contains(&(id, other)));
         }
         Ok(Self {
             target,
@@ -116,26 +118,22 @@ impl PlanningProblem {
         })
     }
 
-    /// The target that all modules are to form.
-    #[must_use]
+    /// The target to form.
     pub fn target(&self) -> &Arc<Target> {
         &self.target
     }
 
-    /// What the user chose about planning.
-    #[must_use]
+    /// The user's choices about planning.
     pub fn parameters(&self) -> &PlannerParameters {
         &self.parameters
     }
 
     /// The modules in ascending order of identifier; their links are symmetric.
-    #[must_use]
     pub fn modules(&self) -> &[PlanningModule] {
         &self.modules
     }
 
     /// The position of a module in [`Self::modules`].
-    #[must_use]
     pub fn position_of(&self, id: ModuleId) -> Option<usize> {
         self.modules
             .binary_search_by_key(&id, |module| module.id)
@@ -143,66 +141,58 @@ impl PlanningProblem {
     }
 
     /// The module of that identifier.
-    #[must_use]
     pub fn module(&self, id: ModuleId) -> Option<&PlanningModule> {
         self.position_of(id).map(|position| &self.modules[position])
     }
 
+    /// The links between the modules, by their positions in [`Self::modules`].
+    pub(crate) fn links(&self) -> Topology {
+        let mut edges = Vec::new();
+        for (position, module) in self.modules.iter().enumerate() {
+            let higher = module.links.range(module.id..);
+            let others = higher.filter_map(|&other| self.position_of(other));
+            edges.extend(others.map(|other| (position, other)));
+        }
+        Topology::new(self.modules.len(), &edges)
+    }
+
     /// The configurations of two or more modules that are free to move, in ascending order of their lowest module.
     ///
-    /// A pinned module takes no part. The leader is the member that the members name, if they name exactly one of
-    /// themselves; otherwise the member nearest the target's centre, ties by identifier.
-    #[must_use]
+    /// Pinned modules take no part. The leader is the member that the members name, if they name exactly one of
+    /// themselves; otherwise the member nearest the target's centre, the lowest of equals.
     pub fn configurations(&self) -> Vec<Configuration> {
-        let mut seen = BTreeSet::new();
-        let mut configurations = Vec::new();
-        for module in &self.modules {
-            if module.pin.is_some() || !seen.insert(module.id) {
-                continue;
-            }
-            let mut members = vec![module.id];
-            let mut next = 0;
-            while let Some(member) = members.get(next).and_then(|&id| self.module(id)) {
-                for &other in &member.links {
-                    let free = self.module(other).is_some_and(|other| other.pin.is_none());
-                    if free && seen.insert(other) {
-                        members.push(other);
-                    }
-                }
-                next += 1;
-            }
-            if members.len() < 2 {
-                continue;
-            }
-            members.sort_unstable();
-            configurations.push(Configuration {
-                leader: self.leader_among(&members),
-                modules: members,
-            });
-        }
-        configurations
+        let components = self
+            .links()
+            .components_within(|position| self.modules[position].pin.is_none());
+        components
+            .into_iter()
+            .filter(|members| members.len() > 1)
+            .filter_map(|members| {
+                let members = members.iter().map(|&position| &self.modules[position]);
+                Some(Configuration {
+                    leader: self.leader_among(members.clone())?,
+                    modules: members.map(|member| member.id).collect(),
+                })
+            })
+            .collect()
     }
 
-    fn leader_among(&self, members: &[ModuleId]) -> ModuleId {
+    fn leader_among<'a>(
+        &self,
+        members: impl Iterator<Item = &'a PlanningModule> + Clone,
+    ) -> Option<ModuleId> {
+        let ids: BTreeSet<ModuleId> = members.clone().map(|member| member.id).collect();
         let named: BTreeSet<ModuleId> = members
-            .iter()
-            .filter_map(|&id| self.module(id)?.leader)
-            .filter(|leader| members.binary_search(leader).is_ok())
+            .clone()
+            .filter_map(|member| member.leader)
+            .filter(|leader| ids.contains(leader))
             .collect();
-        match named.first() {
-            Some(&leader) if named.len() == 1 => leader,
-            _ => self.nearest_to_centre(members).unwrap_or(members[0]),
+        if named.len() == 1 {
+            return named.first().copied();
         }
-    }
-
-    /// The module among `members` nearest the target's centre, ties by identifier.
-    #[must_use]
-    pub fn nearest_to_centre(&self, members: &[ModuleId]) -> Option<ModuleId> {
         let centre = self.target.centre();
         members
-            .iter()
-            .filter_map(|&id| Some((self.module(id)?.pose.distance_to(&centre), id)))
-            .min()
-            .map(|(_, id)| id)
+            .min_by_key(|member| (member.pose.distance_to(&centre), member.id))
+            .map(|member| member.id)
     }
 }

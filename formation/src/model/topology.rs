@@ -1,165 +1,124 @@
 //! Undirected simple graphs over `0..node_count`, with sorted neighbours.
 
+use petgraph::Directed;
 use petgraph::csr::Csr;
-use thiserror::Error;
+use petgraph::unionfind::UnionFind;
 
-/// The shape of a target or a configuration: nodes are positions in ascending order of identifier.
+/// The graph of a target or a configuration: nodes are positions in ascending order of identifier.
 #[derive(Clone, Debug)]
 pub struct Topology {
-    /// Each undirected edge stands in both directions, so that a neighbour list is one sorted slice.
-    graph: Csr<(), (), petgraph::Directed, usize>,
+    /// Holds each undirected edge in both directions, so that the neighbours of a node are one sorted slice.
+    graph: Csr<(), (), Directed, usize>,
     edges: Vec<(usize, usize)>,
 }
 
-/// Why a list of edges is no simple graph; both numbers are node positions.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Error)]
-pub enum TopologyError {
-    /// An edge names a node beyond the last.
-    #[error("edge {0}-{1} names a node that does not exist")]
-    NoSuchNode(usize, usize),
-    /// An edge joins a node to itself.
-    #[error("edge {0}-{0} joins a node to itself")]
-    SelfLoop(usize),
-    /// An edge is listed twice, in either direction.
-    #[error("edge {0}-{1} is listed twice")]
-    Duplicate(usize, usize),
-}
-
 impl Topology {
-    /// Builds the graph.
-    ///
-    /// # Errors
-    /// Refuses self loops, repeated edges and edges to nodes that do not exist.
-    pub fn new(node_count: usize, edges: &[(usize, usize)]) -> Result<Self, TopologyError> {
-        let mut ordered = Vec::with_capacity(edges.len());
-        for &(first, second) in edges {
-            if first >= node_count || second >= node_count {
-                return Err(TopologyError::NoSuchNode(first, second));
-            }
-            if first == second {
-                return Err(TopologyError::SelfLoop(first));
-            }
-            ordered.push((first.min(second), first.max(second)));
-        }
+    /// Builds the graph from distinct edges, each between two distinct nodes below `node_count`.
+    pub fn new(node_count: usize, edges: &[(usize, usize)]) -> Self {
+        let mut ordered: Vec<(usize, usize)> = edges
+            .iter()
+            .map(|&(first, second)| (first.min(second), first.max(second)))
+            .collect();
         ordered.sort_unstable();
-        if let Some(pair) = ordered.windows(2).find(|pair| pair[0] == pair[1]) {
-            return Err(TopologyError::Duplicate(pair[0].0, pair[0].1));
-        }
-        let mut both_ways: Vec<(usize, usize)> = ordered
+        debug_assert!(
+            ordered.windows(2).all(|pair| pair[0] != pair[1])
+                && ordered
+                    .iter()
+                    .all(|&(low, high)| low < high && high < node_count),
+            "no simple graph of {node_count} nodes: {edges:?}"
+        );
+        Self::from_ordered(node_count, ordered)
+    }
+
+    /// Builds the graph from valid edges, each with its lower node first, in ascending order.
+    fn from_ordered(node_count: usize, edges: Vec<(usize, usize)>) -> Self {
+        let mut directed: Vec<(usize, usize)> = edges
             .iter()
             .flat_map(|&(first, second)| [(first, second), (second, first)])
             .collect();
-        both_ways.sort_unstable();
-        // The list is sorted and within bounds, so this cannot fail; nodes beyond the last edge follow.
-        let mut graph = Csr::from_sorted_edges(&both_ways).unwrap_or_default();
+        directed.sort_unstable();
+        let graph = Csr::from_sorted_edges(&directed);
+        debug_assert!(graph.is_ok(), "the edges are sorted and distinct");
+        let mut graph = graph.unwrap_or_default();
+        // The nodes after the last edge.
         while graph.node_count() < node_count {
             graph.add_node(());
         }
-        Ok(Self {
-            graph,
-            edges: ordered,
-        })
+        Self { graph, edges }
     }
 
-    /// The graph of that many nodes and no edge.
-    #[must_use]
-    pub fn without_edges(node_count: usize) -> Self {
-        Self {
-            graph: Csr::with_nodes(node_count),
-            edges: Vec::new(),
-        }
-    }
-
-    /// How many nodes there are.
-    #[must_use]
+    /// The number of nodes.
     pub fn node_count(&self) -> usize {
         self.graph.node_count()
     }
 
     /// The edges, each once with its lower node first, in ascending order.
-    #[must_use]
     pub fn edges(&self) -> &[(usize, usize)] {
         &self.edges
     }
 
     /// The neighbours of a node in ascending order.
-    #[must_use]
     pub fn neighbours(&self, node: usize) -> &[usize] {
         self.graph.neighbors_slice(node)
     }
 
-    /// How many neighbours a node has.
-    #[must_use]
+    /// The number of neighbours of a node.
     pub fn degree(&self, node: usize) -> usize {
         self.neighbours(node).len()
     }
 
     /// Whether an edge joins the two nodes.
-    #[must_use]
     pub fn has_edge(&self, first: usize, second: usize) -> bool {
         self.neighbours(first).binary_search(&second).is_ok()
     }
 
-    /// Whether every node can be reached from every other; true for the empty graph.
-    #[must_use]
-    pub fn is_connected(&self) -> bool {
-        self.components_within(|_| true).len() <= 1
-    }
-
-    /// Whether the graph is connected and has no cycle.
-    #[must_use]
+    /// Whether the graph is connected and has no cycle; false for the empty graph.
     pub fn is_tree(&self) -> bool {
-        self.node_count() > 0 && self.edges.len() + 1 == self.node_count() && self.is_connected()
+        self.edges.len() + 1 == self.node_count() && self.components().len() == 1
     }
 
-    /// The connected components of the subgraph of the nodes that `keeps` accepts; each component and
-    /// the list of them are in ascending order.
-    #[must_use]
+    /// The connected components; each of them, and the list of them, in ascending order.
+    pub(crate) fn components(&self) -> Vec<Vec<usize>> {
+        self.components_within(|_| true)
+    }
+
+    /// The connected components of the subgraph of the nodes that `keeps` accepts; each of them, and the list of them, in
+    /// ascending order.
     pub fn components_within(&self, keeps: impl Fn(usize) -> bool) -> Vec<Vec<usize>> {
-        let mut seen = vec![false; self.node_count()];
-        let mut components = Vec::new();
-        for start in 0..self.node_count() {
-            if seen[start] || !keeps(start) {
-                continue;
+        let mut sets = UnionFind::new(self.node_count());
+        for &(first, second) in &self.edges {
+            if keeps(first) && keeps(second) {
+                sets.union(first, second);
             }
-            seen[start] = true;
-            let mut component = vec![start];
-            let mut next = 0;
-            while next < component.len() {
-                for &neighbour in self.neighbours(component[next]) {
-                    if !seen[neighbour] && keeps(neighbour) {
-                        seen[neighbour] = true;
-                        component.push(neighbour);
-                    }
-                }
-                next += 1;
+        }
+        let mut component_of = vec![usize::MAX; self.node_count()];
+        let mut components: Vec<Vec<usize>> = Vec::new();
+        for node in (0..self.node_count()).filter(|&node| keeps(node)) {
+            let component = &mut component_of[sets.find_mut(node)];
+            if *component == usize::MAX {
+                *component = components.len();
+                components.push(Vec::new());
             }
-            component.sort_unstable();
-            components.push(component);
+            components[*component].push(node);
         }
         components
+    }
+
+    /// The graph for algorithms of petgraph; it holds every edge in both directions.
+    pub(crate) fn as_petgraph(&self) -> &Csr<(), (), Directed, usize> {
+        &self.graph
     }
 
     /// The subgraph on `nodes` (ascending, distinct); node `i` of the result is `nodes[i]`.
     #[must_use]
     pub fn induced_by(&self, nodes: &[usize]) -> Self {
-        let edges: Vec<(usize, usize)> = self
-            .edges
-            .iter()
-            .filter_map(|(first, second)| {
-                Some((
-                    nodes.binary_search(first).ok()?,
-                    nodes.binary_search(second).ok()?,
-                ))
-            })
-            .collect();
-        Self::new(nodes.len(), &edges).unwrap_or_else(|_| Self::without_edges(nodes.len()))
-    }
-
-    /// The graph itself, for petgraph's algorithms; every edge stands in both directions.
-    #[must_use]
-    pub fn as_petgraph(&self) -> &Csr<(), (), petgraph::Directed, usize> {
-        &self.graph
+        let mut edges = Vec::new();
+        for (first, &node) in nodes.iter().enumerate() {
+            let higher = self.neighbours(node).iter().filter(|&&other| other > node);
+            let within = higher.filter_map(|other| nodes.binary_search(other).ok());
+            edges.extend(within.map(|second| (first, second)));
+        }
+        Self::from_ordered(nodes.len(), edges)
     }
 }
 
@@ -176,28 +135,15 @@ mod tests {
     use super::*;
 
     #[test]
-    fn refuses_what_is_no_simple_graph() {
-        assert_eq!(
-            Topology::new(2, &[(0, 2)]),
-            Err(TopologyError::NoSuchNode(0, 2))
-        );
-        assert_eq!(Topology::new(2, &[(1, 1)]), Err(TopologyError::SelfLoop(1)));
-        assert_eq!(
-            Topology::new(2, &[(0, 1), (1, 0)]),
-            Err(TopologyError::Duplicate(0, 1))
-        );
-    }
-
-    #[test]
     fn components_and_trees() {
-        let path = Topology::new(4, &[(0, 1), (1, 2), (2, 3)]).unwrap();
+        let path = Topology::new(4, &[(0, 1), (1, 2), (2, 3)]);
         assert!(path.is_tree());
         assert_eq!(
             path.components_within(|node| node != 1),
             [vec![0], vec![2, 3]]
         );
-        let ring = Topology::new(3, &[(0, 1), (1, 2), (0, 2)]).unwrap();
-        assert!(ring.is_connected() && !ring.is_tree());
+        let ring = Topology::new(3, &[(0, 1), (1, 2), (0, 2)]);
+        assert!(ring.components().len() == 1 && !ring.is_tree());
         assert_eq!(ring.neighbours(1), [0, 2]);
         assert_eq!(path.induced_by(&[1, 2]).edges(), [(0, 1)]);
     }

@@ -3,10 +3,12 @@
 //! Every agent steps through the same [turns](Planning) and reaches the same plan, bit for bit. [`plan`] runs all turns at
 //! once, offline.
 
-pub(crate) mod assembly;
+mod assembly;
 pub mod assignment;
 pub mod baseline;
+mod cut_nodes;
 pub mod placement;
+mod rooted_tree;
 mod statistics;
 mod turns;
 mod value;

@@ -1,15 +1,16 @@
-//! What there is to report of a finished plan, as `formation plan --json` prints it.
+//! The statistics of a finished plan, as `formation plan --json` prints them.
 
 use std::collections::BTreeSet;
 
+use nalgebra::{UnitComplex, Vector2};
 use serde::Serialize;
 
 use crate::model::{Assignment, MicroUnits, ModuleId, PlanningProblem, Pose, SpotId, Topology};
-use crate::planner::PlanOutcome;
-use crate::planner::turns::block_allocation::best_matching;
+use crate::planner::placement::best_matching;
+use crate::planner::turns::PlanOutcome;
 
-/// How much was said while units took their turns: one claim a turn, heard by every other module. An auction adds a
-/// sample for each bid and for each new price, each of one pair.
+/// The messages of all turns: one claim for each turn, received by every other module. An auction adds a sample for each
+/// bid and for each new price, each of one pair.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct MessageCounts {
     /// Samples published.
@@ -20,11 +21,11 @@ pub struct MessageCounts {
     pub pairs: usize,
 }
 
-/// How far the initial configurations were taken apart, counted in four ways; the paper's "number of modules
-/// disconnected" leaves open which one it means.
+/// Four measures of how far the initial configurations were taken apart; the paper does not say which one its "number of
+/// modules disconnected" is.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
 pub struct Disconnected {
-    /// The modules of all configurations that would not fit if each had the whole target for itself.
+    /// The modules that would not fit if each configuration had the whole target for itself.
     pub unmatched_on_empty_target: usize,
     /// The initial links that are not kept.
     pub broken_links: usize,
@@ -34,18 +35,18 @@ pub struct Disconnected {
     pub alone: usize,
 }
 
-/// Everything there is to report of a plan. Lengths are in units, utilities in units of utility.
+/// The statistics of a plan. Lengths are in units, utilities in units of utility.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Statistics {
-    /// Who takes which spot, by module.
+    /// The spot of each placed module, in ascending order of modules.
     pub assignments: Vec<Assignment>,
     /// The modules without a spot.
     pub unassigned: Vec<ModuleId>,
-    /// The spots that nobody takes, those trimmed included.
+    /// The spots that no module takes, with those trimmed.
     pub open_spots: Vec<SpotId>,
     /// The spots that were left out because there are too few modules.
     pub trimmed_spots: Vec<SpotId>,
-    /// The links of which both ends are in one block, on adjacent spots.
+    /// The links whose ends are in one block, or both pinned, and on adjacent spots.
     pub kept_links: usize,
     /// The initial links that are not kept.
     pub broken_links: usize,
@@ -55,25 +56,24 @@ pub struct Statistics {
     pub port_changes: usize,
     /// The evictions of all turns.
     pub evictions: usize,
-    /// Four ways of counting what was taken apart.
+    /// How far the initial configurations were taken apart.
     pub disconnected: Disconnected,
     /// The sum of all utilities.
     pub total_utility: f64,
-    /// The sum of all straight ways.
+    /// The sum of the distances of all placed modules to their spots.
     pub total_distance: f64,
-    /// Whether every block took the best place there is.
+    /// Whether every block took the best place that exists.
     pub proven: bool,
     /// The spots in the order in which they are filled.
     pub assembly_order: Vec<SpotId>,
-    /// What people should know of the acting order.
+    /// The flaws of the acting order.
     pub warnings: Vec<String>,
-    /// How much was said.
+    /// The messages of all turns.
     pub messages: MessageCounts,
 }
 
 impl Statistics {
-    /// Counts what a plan keeps, breaks and costs.
-    #[must_use]
+    /// Computes the statistics of a plan.
     pub fn of(problem: &PlanningProblem, outcome: &PlanOutcome) -> Self {
         let plan = &outcome.plan;
         let receivers = problem.modules().len() - 1;
@@ -86,18 +86,13 @@ impl Statistics {
             .iter()
             .map(|(_, decision)| decision.selections.len())
             .sum();
-        let initial_links = problem
-            .modules()
-            .iter()
-            .map(|module| module.links.len())
-            .sum::<usize>()
-            / 2;
+        let links = problem.links();
         let detached: BTreeSet<ModuleId> = outcome
             .decisions
             .iter()
             .flat_map(|(_, decision)| decision.detached.iter().copied())
             .collect();
-        let broken_links = initial_links - plan.kept_links.len();
+        let broken_links = links.edges().len() - plan.kept_links.len();
         Self {
             assignments: plan
                 .assignments
@@ -118,7 +113,7 @@ impl Statistics {
                 .sum(),
             disconnected: Disconnected {
                 broken_links,
-                ..disconnected(problem, outcome)
+                ..disconnected(problem, &links, outcome)
             },
             total_utility: outcome.total_utility.to_units(),
             total_distance: outcome.total_distance.to_units(),
@@ -139,32 +134,30 @@ impl Statistics {
     }
 }
 
-fn disconnected(problem: &PlanningProblem, outcome: &PlanOutcome) -> Disconnected {
+/// All measures but the number of broken links.
+fn disconnected(
+    problem: &PlanningProblem,
+    links: &Topology,
+    outcome: &PlanOutcome,
+) -> Disconnected {
     let mut counts = Disconnected::default();
     for configuration in problem.configurations() {
-        let members = &configuration.modules;
-        let edges_where = |keeps: &dyn Fn(ModuleId, ModuleId) -> bool| {
-            let mut edges = Vec::new();
-            for (first, &id) in members.iter().enumerate() {
-                let links = problem.module(id).map(|module| &module.links);
-                for &other in links.into_iter().flatten().filter(|&&other| other > id) {
-                    if let Ok(second) = members.binary_search(&other)
-                        && keeps(id, other)
-                    {
-                        edges.push((first, second));
-                    }
-                }
-            }
-            Topology::new(members.len(), &edges)
-                .unwrap_or_else(|_| Topology::without_edges(members.len()))
-        };
-        let whole = edges_where(&|_, _| true);
+        let modules = &configuration.modules;
+        let members: Vec<usize> = modules
+            .iter()
+            .filter_map(|&id| problem.position_of(id))
+            .collect();
+        let whole = links.induced_by(&members);
         let matching = best_matching(outcome.target.topology(), &whole, |_, _| {
             Some(MicroUnits::ZERO)
         });
         counts.unmatched_on_empty_target += members.len() - matching.pairs.len();
-        let kept = edges_where(&|first, second| outcome.plan.kept_links.contains(&(first, second)));
-        let pieces = kept.components_within(|_| true);
+        let mut kept = whole.edges().to_vec();
+        kept.retain(|&(first, second)| {
+            let link = (modules[first], modules[second]);
+            outcome.plan.kept_links.contains(&link)
+        });
+        let pieces = Topology::new(members.len(), &kept).components();
         let largest = pieces.iter().map(Vec::len).max().unwrap_or(0);
         counts.outside_largest_piece += members.len() - largest;
         counts.alone += pieces.iter().filter(|piece| piece.len() == 1).count();
@@ -172,8 +165,8 @@ fn disconnected(problem: &PlanningProblem, outcome: &PlanOutcome) -> Disconnecte
     counts
 }
 
-/// Counts the ends of kept links at which one undocking and one redocking are due although the neighbour stays the
-/// same (the grey modules of the paper's case studies).
+/// The ends of kept links that have to undock and dock at another port although the neighbour stays the same (the grey
+/// modules of the paper's case studies).
 fn port_changes(problem: &PlanningProblem, outcome: &PlanOutcome) -> usize {
     let spot_pose = |module: ModuleId| {
         let spot = outcome.plan.assignments.get(&module)?;
@@ -185,16 +178,14 @@ fn port_changes(problem: &PlanningProblem, outcome: &PlanOutcome) -> usize {
         let after = port(&spot_pose(module)?, &spot_pose(neighbour)?)?;
         Some(before != after)
     };
-    outcome
-        .plan
-        .kept_links
-        .iter()
+    let links = outcome.plan.kept_links.iter();
+    links
         .flat_map(|&(first, second)| [(first, second), (second, first)])
         .filter(|&(module, neighbour)| changed(module, neighbour) == Some(true))
         .count()
 }
 
-/// The side of a module on which its neighbour is.
+/// A side of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Port {
     Front,
@@ -206,23 +197,22 @@ enum Port {
 /// The port of a module at `own` that faces a neighbour at `other`; `None` if both are at one point.
 #[expect(
     clippy::cast_precision_loss,
-    reason = "a report, not a decision; differences are below 2^53 micro-units"
+    reason = "for a report; differences are below 2^53 micro-units"
 )]
 fn port(own: &Pose, other: &Pose) -> Option<Port> {
-    let (dx, dy) = ((other.x - own.x).0 as f64, (other.y - own.y).0 as f64);
-    if own.x == other.x && own.y == other.y {
+    let offset = Vector2::new((other.x - own.x).0 as f64, (other.y - own.y).0 as f64);
+    if offset == Vector2::zeros() {
         return None;
     }
-    let (sine, cosine) = own.theta.to_units().sin_cos();
-    let (ahead, leftward) = (dx * cosine + dy * sine, dy * cosine - dx * sine);
-    Some(
-        match (ahead.abs() >= leftward.abs(), ahead > 0.0, leftward > 0.0) {
-            (true, true, _) => Port::Front,
-            (true, false, _) => Port::Back,
-            (false, _, true) => Port::Left,
-            (false, _, false) => Port::Right,
-        },
-    )
+    let rotation = UnitComplex::new(own.theta.to_units());
+    let turned = rotation.inverse_transform_vector(&offset);
+    let (ahead, left) = (turned.x, turned.y);
+    Some(match (ahead.abs() >= left.abs(), ahead > 0.0, left > 0.0) {
+        (true, true, _) => Port::Front,
+        (true, false, _) => Port::Back,
+        (false, _, true) => Port::Left,
+        (false, _, false) => Port::Right,
+    })
 }
 
 #[cfg(test)]

@@ -1,8 +1,8 @@
-//! Maximum common subtrees by trying everything.
+//! Maximum common subtrees by exhaustive search.
 
 use formation::model::{MicroUnits, Topology};
 
-/// The greatest (size, utility) over all ways to lay a connected part of a tree into another tree, edges on edges.
+/// The greatest (size, utility) over all placements of a connected part of a tree in another tree, edges on edges.
 ///
 /// `None` in `weights[node][spot]` forbids the pair.
 pub fn best_common_subtree(
@@ -32,7 +32,7 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// Tries every image of `node`, none included, with those of all lower nodes fixed.
+    /// Tries every image of `node`, and none, with those of all lower nodes fixed.
     fn assign(&mut self, node: usize) {
         if node == self.image.len() {
             self.judge();

@@ -1,9 +1,9 @@
-//! The optimal assignment by somebody else's solver.
+//! The optimal assignment by a third-party solver.
 
 use pathfinding::matrix::Matrix;
 use pathfinding::prelude::kuhn_munkres;
 
-/// The greatest total of `utilities[module][spot]` over all assignments that fill as many spots as can be.
+/// The greatest total of `utilities[module][spot]` over all assignments that fill the greatest possible number of spots.
 pub fn best_total(utilities: &[Vec<i64>]) -> i64 {
     let rows = utilities.len();
     let columns = utilities.first().map_or(0, Vec::len);

@@ -1,4 +1,4 @@
-//! What the tests of the planner share: seeded instances and slow, obvious solvers.
+//! Helpers of the planner's tests: seeded instances and slow, obvious solvers.
 
 #![allow(
     clippy::unwrap_used,
@@ -15,7 +15,7 @@ pub mod brute_force;
 pub mod hungarian;
 pub mod world;
 
-/// A generator of numbers for tests (Sebastiano Vigna's SplitMix64 constants).
+/// Random numbers for tests (SplitMix64 with Sebastiano Vigna's constants).
 #[derive(Clone, Debug)]
 pub struct Numbers(pub u64);
 
@@ -46,7 +46,7 @@ impl Numbers {
     }
 }
 
-/// A random tree in which each node hangs at a random earlier one, its numbers shuffled.
+/// A random tree in which each node is linked to a random earlier one, with shuffled numbers.
 pub fn random_tree(numbers: &mut Numbers, node_count: usize) -> Topology {
     let mut labels: Vec<usize> = (0..node_count).collect();
     for last in (1..node_count).rev() {
@@ -55,7 +55,7 @@ pub fn random_tree(numbers: &mut Numbers, node_count: usize) -> Topology {
     let edges: Vec<(usize, usize)> = (1..node_count)
         .map(|node| (labels[node], labels[numbers.below(node)]))
         .collect();
-    Topology::new(node_count, &edges).unwrap()
+    Topology::new(node_count, &edges)
 }
 
 /// A generated scenario with other planner parameters.

@@ -11,19 +11,19 @@ use proptest::prelude::*;
 
 use super::Numbers;
 
-/// What a random problem is made of. Every number counts up with the size of the problem, so that shrinking works.
+/// The parameters of a random problem. Each grows with the size of the problem, so that shrinking works.
 #[derive(Clone, Debug)]
 pub struct World {
     pub seed: u64,
     pub spots: usize,
-    /// How many edges the target has beyond a spanning tree.
+    /// The number of edges of the target beyond a spanning tree.
     pub target_extra: usize,
-    /// How many modules each configuration has, and how many links beyond a spanning tree.
+    /// For each configuration, the number of modules and of links beyond a spanning tree.
     pub configurations: Vec<(usize, usize)>,
     pub singletons: usize,
-    /// How many of the singletons have settled already.
+    /// The number of singletons that have settled already.
     pub pinned: usize,
-    /// Coordinates are whole multiples of this many micro-units: 1 for no ties, a unit for many.
+    /// Coordinates are multiples of this many micro-units: 1 gives no ties, a unit gives many.
     pub grid: i64,
     pub size_first: bool,
     pub d_max: Option<u32>,
@@ -33,7 +33,7 @@ pub struct World {
     pub keep_all_spots: bool,
 }
 
-/// Worlds whose graphs have at most that many edges beyond a spanning tree.
+/// Worlds whose graphs have at most `extra_max` edges beyond a spanning tree.
 pub fn worlds(extra_max: usize) -> impl Strategy<Value = World> {
     (
         (any::<u64>(), 1..14_usize, 0..=extra_max),

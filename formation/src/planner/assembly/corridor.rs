@@ -1,37 +1,38 @@
-//! Corridors on a unit lattice: who can get in from outside.
+//! Corridors on a unit lattice: the cells that a module can reach from outside.
 //!
-//! Modules are unit squares on the cells of a lattice. Between such squares every gap is a whole number of cells wide,
-//! so a unit square that does not turn can be brought from outside to a cell exactly if free cells lead there
-//! edge by edge.
+//! Modules are unit squares on the cells of a lattice. Between such squares every gap is a whole number of cells wide, so
+//! a unit square that does not turn can move from outside to a cell exactly if free cells lead there edge by edge.
 
-use super::Ground;
+use super::ground::Ground;
 use crate::model::{MICRO_PER_UNIT, Pose, Target};
 
-/// How far a coordinate may be off its cell's centre, for targets written down with three decimals.
+/// The greatest offset of a coordinate from its cell's centre, for targets with three decimals.
 const LATTICE_TOLERANCE_MICRO: i64 = 1_000;
 
-/// Which free cells are connected to the outside, kept up to date while spots are vacated.
+/// The free cells that are connected to the outside, updated while spots are vacated.
 ///
-/// Only cells within one step (diagonal ones included) of some spot of the target are held. That is enough: the
-/// target is connected, so the border of each region of its complement is one closed curve of such cells, and two
-/// of them in one region are connected along it. Cells beyond never join what the curve does not.
+/// Only cells within one step, also diagonally, of some spot of the target are held. They suffice: the target is connected,
+/// so the border of each region of its complement is one closed curve of such cells, and two of them in one region are
+/// connected along it. Cells beyond connect no others.
 #[derive(Clone)]
 pub(super) struct Corridors {
-    /// The four neighbours of each cell, as far as they are held.
+    /// The four neighbours of each cell; `None` for cells that are not held.
     neighbours: Vec<[Option<u32>; 4]>,
+    /// The cell of each spot.
     cell_of: Vec<u32>,
+    /// The spot on each cell.
     spot_at: Vec<Option<u32>>,
     /// Whether a module stands on the cell.
     occupied: Vec<bool>,
     /// Whether the cell is free and connected to the outside.
     open: Vec<bool>,
-    /// Every cell opened so far, in that order, so that it can be undone.
+    /// The cells opened so far, in this order, for undoing.
     opened: Vec<u32>,
 }
 
 impl Corridors {
-    /// The corridors with every filled spot occupied; none if the target is not on a unit lattice.
-    pub fn of(target: &Target, ground: &Ground) -> Option<Self> {
+    /// The corridors with every filled spot occupied; `None` if the target is not on a unit lattice.
+    pub(super) fn of(target: &Target, ground: &Ground) -> Option<Self> {
         let origin = target.spots().first()?.pose;
         let sites: Vec<(i64, i64)> = target
             .spots()
@@ -63,7 +64,7 @@ impl Corridors {
             .collect::<Option<_>>()?;
         let mut spot_at = vec![None; cells.len()];
         for (spot, &cell) in cell_of.iter().enumerate() {
-            // Two spots on one cell can never both be filled.
+            // Two spots share a cell.
             if spot_at[cell as usize]
                 .replace(u32::try_from(spot).ok()?)
                 .is_some()
@@ -87,13 +88,13 @@ impl Corridors {
             open: vec![false; cells.len()],
             opened: Vec::new(),
         };
-        // The first cell in order has no spot at its left or on it, so it is free and lies outside.
+        // The first cell in order has no spot on it or to its left, so it is free and outside.
         corridors.flood(0);
         Some(corridors)
     }
 
-    /// Whether a module on this occupied spot has a way out, or one from outside has a way in.
-    pub fn reaches(&self, spot: usize) -> bool {
+    /// Whether a corridor leads to this occupied spot.
+    pub(super) fn reaches(&self, spot: usize) -> bool {
         let cell = self.cell_of[spot] as usize;
         self.neighbours[cell]
             .iter()
@@ -101,8 +102,8 @@ impl Corridors {
             .any(|&neighbour| self.open[neighbour as usize])
     }
 
-    /// Takes the module off an occupied spot.
-    pub fn vacate(&mut self, spot: usize) {
+    /// Removes the module from an occupied spot.
+    pub(super) fn vacate(&mut self, spot: usize) {
         let cell = self.cell_of[spot];
         self.occupied[cell as usize] = false;
         if self.reaches(spot) {
@@ -110,13 +111,16 @@ impl Corridors {
         }
     }
 
-    /// How many cells have been opened so far: a point in time for [`Self::opened_since`] and [`Self::undo`].
-    pub fn mark(&self) -> usize {
+    /// The number of cells opened so far: a point in time for [`Self::spots_next_to_opened_since`] and [`Self::undo`].
+    pub(super) fn mark(&self) -> usize {
         self.opened.len()
     }
 
-    /// The occupied spots beside cells that were opened after `mark`, some perhaps repeatedly.
-    pub fn spots_beside_opened_since(&self, mark: usize) -> impl Iterator<Item = usize> + '_ {
+    /// The occupied spots adjacent to cells that were opened after `mark`, with repetitions.
+    pub(super) fn spots_next_to_opened_since(
+        &self,
+        mark: usize,
+    ) -> impl Iterator<Item = usize> + '_ {
         self.opened[mark..]
             .iter()
             .flat_map(|&cell| self.neighbours[cell as usize].iter().flatten())
@@ -125,9 +129,9 @@ impl Corridors {
             .map(|spot| spot as usize)
     }
 
-    /// Puts the module back on a vacated spot; `mark` is the time just before it was vacated, and everything vacated
-    /// later must have been undone.
-    pub fn undo(&mut self, spot: usize, mark: usize) {
+    /// Puts the module back on a vacated spot. `mark` is the time just before it was vacated; all spots vacated later must
+    /// have been undone.
+    pub(super) fn undo(&mut self, spot: usize, mark: usize) {
         for cell in self.opened.drain(mark..) {
             self.open[cell as usize] = false;
         }
@@ -150,7 +154,7 @@ impl Corridors {
     }
 }
 
-/// The lattice cell on whose centre a pose stands, counted from the origin's.
+/// The lattice cell of a pose, counted from the origin's; `None` if the pose is off the cell's centre.
 fn cell_under(pose: &Pose, origin: &Pose) -> Option<(i64, i64)> {
     let along = |offset: i64| {
         let cell = (offset + MICRO_PER_UNIT / 2).div_euclid(MICRO_PER_UNIT);

@@ -4,15 +4,15 @@ use std::collections::BinaryHeap;
 
 use super::breadth_first::BreadthFirst;
 use super::corridor::Corridors;
-use super::{Ground, Root};
+use super::ground::{Ground, Root};
 
-/// The order in which the spots that are not pinned can be vacated, each with a corridor and without parting what is
-/// left of the spanning forest; none if this ends with spots that cannot go.
+/// An order in which the spots that are not pinned can be vacated, each with a corridor and with the rest of the spanning
+/// forest connected; `None` if some spots remain that cannot be vacated.
 ///
-/// The unit latest in breadth-first order that can go goes first, and within a block the spot latest in that order.
-/// What can go now can still go after others went: a leaf stays a leaf and corridors only widen. So any maximal
-/// taking apart ends with the same spots, and where the forest holds every edge ([`BreadthFirst::spans_every_edge`])
-/// none means that there is no order with this kind of root.
+/// Of the units that can be vacated, the one latest in breadth-first order goes first, and within a block the spot latest in
+/// that order. A unit that can be vacated now can still be vacated after others: a leaf stays a leaf, and corridors only
+/// widen. So any maximal sequence ends with the same spots, and where the forest holds every edge
+/// ([`BreadthFirst::spans_every_edge`]), `None` means that there is no order with this kind of root.
 pub(super) fn peel(
     ground: &Ground,
     base: &BreadthFirst,
@@ -35,7 +35,7 @@ pub(super) fn peel(
         is_waiting[unit] = false;
         let (mark, vacated) = (peeling.corridors.mark(), peeling.removed.len());
         if !peeling.try_unit(unit) {
-            // It waits again as soon as something beside it changes.
+            // It is tried again when the state next to it changes.
             continue;
         }
         left -= ground.units[unit].len();
@@ -57,25 +57,25 @@ struct Peeling<'a> {
     base: &'a BreadthFirst,
     corridors: Corridors,
     /// The neighbours of each spot in the spanning forest.
-    beside: Vec<Vec<usize>>,
-    /// How many of them are left; a root that has to stay to the last counts one more.
+    adjacent: Vec<Vec<usize>>,
+    /// The number of them that are left; one more for a root that goes last.
     degree: Vec<usize>,
     is_left: Vec<bool>,
-    /// The spots that went, in that order.
+    /// The vacated spots, in this order.
     removed: Vec<usize>,
 }
 
 impl<'a> Peeling<'a> {
     fn new(ground: &'a Ground, base: &'a BreadthFirst, corridors: Corridors, root: Root) -> Self {
         let count = ground.unit_of.len();
-        let mut beside = vec![Vec::new(); count];
+        let mut adjacent = vec![Vec::new(); count];
         for (spot, parent) in base.parent_of.iter().enumerate() {
             if let Some(parent) = *parent {
-                beside[spot].push(parent);
-                beside[parent].push(spot);
+                adjacent[spot].push(parent);
+                adjacent[parent].push(spot);
             }
         }
-        let mut degree: Vec<usize> = beside.iter().map(Vec::len).collect();
+        let mut degree: Vec<usize> = adjacent.iter().map(Vec::len).collect();
         if root == Root::Centre {
             for &spot in &base.roots {
                 degree[spot] += 1;
@@ -85,7 +85,7 @@ impl<'a> Peeling<'a> {
             ground,
             base,
             corridors,
-            beside,
+            adjacent,
             degree,
             is_left: (0..count).map(|spot| ground.is_filled(spot)).collect(),
             removed: Vec::new(),
@@ -101,25 +101,25 @@ impl<'a> Peeling<'a> {
             .unwrap_or_default()
     }
 
-    fn can_go(&self, spot: usize) -> bool {
+    fn can_be_vacated(&self, spot: usize) -> bool {
         self.is_left[spot] && self.degree[spot] <= 1 && self.corridors.reaches(spot)
     }
 
     fn remove(&mut self, spot: usize) {
         self.is_left[spot] = false;
         self.corridors.vacate(spot);
-        for &neighbour in &self.beside[spot] {
+        for &neighbour in &self.adjacent[spot] {
             self.degree[neighbour] -= 1;
         }
         self.removed.push(spot);
     }
 
-    /// The spots for which something changed since a time given by the corridors' mark and the spots removed.
+    /// The spots whose degree or corridor changed since a time, given by the corridors' mark and the number of spots removed.
     fn changed_since(&self, mark: usize, removed: usize) -> Vec<usize> {
         let mut changed: Vec<usize> = self.removed[removed..]
             .iter()
-            .flat_map(|&spot| self.beside[spot].iter().copied())
-            .chain(self.corridors.spots_beside_opened_since(mark))
+            .flat_map(|&spot| self.adjacent[spot].iter().copied())
+            .chain(self.corridors.spots_next_to_opened_since(mark))
             .filter(|&spot| self.is_left[spot])
             .collect();
         changed.sort_unstable();
@@ -127,7 +127,7 @@ impl<'a> Peeling<'a> {
         changed
     }
 
-    /// Removes a unit as a whole, or leaves everything as it was.
+    /// Removes a whole unit, or nothing. Returns whether it was removed.
     fn try_unit(&mut self, unit: usize) -> bool {
         let ground = self.ground;
         let spots = &ground.units[unit];
@@ -135,11 +135,11 @@ impl<'a> Peeling<'a> {
         let mut marks = Vec::new();
         let mut waiting: BinaryHeap<(usize, usize)> = spots
             .iter()
-            .filter(|&&spot| self.can_go(spot))
+            .filter(|&&spot| self.can_be_vacated(spot))
             .map(|&spot| (self.base.rank_of[spot], spot))
             .collect();
         while let Some((_, spot)) = waiting.pop() {
-            if !self.can_go(spot) {
+            if !self.can_be_vacated(spot) {
                 continue;
             }
             let mark = self.corridors.mark();
@@ -147,7 +147,7 @@ impl<'a> Peeling<'a> {
             self.remove(spot);
             if spots.len() > 1 {
                 for other in self.changed_since(mark, self.removed.len() - 1) {
-                    if ground.unit_of[other] == Some(unit) && self.can_go(other) {
+                    if ground.unit_of[other] == Some(unit) && self.can_be_vacated(other) {
                         waiting.push((self.base.rank_of[other], other));
                     }
                 }
@@ -161,7 +161,7 @@ impl<'a> Peeling<'a> {
                 break;
             };
             self.is_left[spot] = true;
-            for &neighbour in &self.beside[spot] {
+            for &neighbour in &self.adjacent[spot] {
                 self.degree[neighbour] += 1;
             }
             self.corridors.undo(spot, mark);

@@ -1,46 +1,45 @@
-//! Taking a formation apart where it has cycles: which spots may go depends on which went before, so this searches.
+//! Taking a formation with cycles apart: the spots that can be vacated depend on those vacated before, so this searches.
 
 use std::collections::BTreeSet;
 
+use fixedbitset::FixedBitSet;
+
 use super::breadth_first::BreadthFirst;
 use super::corridor::Corridors;
-use super::{Ground, Root};
+use super::ground::{Ground, Root};
+use crate::planner::cut_nodes::cut_nodes;
 
-/// How many spots the search may look at in all. A time limit would let replicas differ.
+/// The greatest number of spots that a search looks at, repetitions counted. With a time limit, replicas could differ.
 pub(super) const SEARCH_STEPS_MAX: u64 = 20_000_000;
 
-pub(super) enum Outcome {
-    /// The spots that are not pinned, in the order in which they can be vacated.
-    Found(Vec<usize>),
-    /// There is no such order.
-    None,
-    /// The search was cut before it was sure.
-    BudgetSpent,
-}
+/// The search ended at its budget.
+pub(super) struct BudgetSpent;
 
-/// Looks for an order in which every spot that is not pinned can be vacated, each with a corridor, with the rest of
-/// its component connected (or each part of it to a pinned spot), and each unit's spots one after another.
+/// Looks for an order in which every spot that is not pinned can be vacated: each with a corridor, with the rest of its
+/// component connected (or each part of the rest to a pinned spot), and each unit's spots one after another.
 ///
-/// Depth first with backtracking; the spot latest in breadth-first order is tried first. Sets of spots that failed
-/// are not entered again. A spot with at most one neighbour left that can go without opening a block goes without
-/// an alternative: whatever order exists, it may as well begin with that spot.
+/// Depth first with backtracking; the spot latest in breadth-first order is tried first. A set of spots that failed is not
+/// entered again. A spot with at most one neighbour left that can be vacated without opening a block has no alternatives: if
+/// there is an order, there is one that starts with this spot.
+///
+/// Returns the spots that are not pinned, in the order in which they are vacated, or `None` if there is no such order.
 pub(super) fn search(
     ground: &Ground,
     base: &BreadthFirst,
     corridors: Corridors,
     root: Root,
     steps_max: u64,
-) -> Outcome {
+) -> Result<Option<Vec<usize>>, BudgetSpent> {
     let mut search = Search::new(ground, base, corridors, root);
     let mut frames: Vec<Frame> = Vec::new();
-    let mut seen: BTreeSet<Vec<u64>> = BTreeSet::new();
+    let mut seen: BTreeSet<FixedBitSet> = BTreeSet::new();
     let mut steps: u64 = 0;
-    // Only spots ranked below are tried at the top frame; the others have been.
+    // At the top frame, the spots of this rank and above have been tried.
     let mut below = usize::MAX;
     while search.count_left > 0 {
         steps += search.step_cost;
         if steps > steps_max {
-            return Outcome::BudgetSpent;
+            return Err(BudgetSpent);
         }
         let candidates = search.candidates();
         let is_new = |spot: &usize| !seen.contains(&search.left_without(*spot));
@@ -68,13 +67,13 @@ pub(super) fn search(
             search.restore(&frame);
             below = base.rank_of[frame.spot];
         } else {
-            return Outcome::None;
+            return Ok(None);
         }
     }
-    Outcome::Found(frames.into_iter().map(|frame| frame.spot).collect())
+    Ok(Some(frames.iter().map(|frame| frame.spot).collect()))
 }
 
-/// One spot that was vacated, and what is needed to undo it.
+/// One spot that was vacated, with the data to undo it.
 struct Frame {
     spot: usize,
     mark: usize,
@@ -85,33 +84,32 @@ struct Search<'a> {
     ground: &'a Ground<'a>,
     base: &'a BreadthFirst,
     corridors: Corridors,
-    /// Stands for all pinned spots and for the roots that stay to the last: it is joined to them and never goes.
+    /// The pinned spots and the roots that are vacated last. An extra node, the anchor, is joined to them and never removed.
     is_anchored: Vec<bool>,
     anchored: Vec<usize>,
-    /// A bit for each spot that is still filled.
-    left: Vec<u64>,
-    /// How many spots are left of each unit, and in all; pinned ones are not counted.
+    /// The spots that are still filled.
+    left: FixedBitSet,
+    /// The number of spots of each unit that are still filled.
     left_of_unit: Vec<usize>,
+    /// The number of spots that are still filled and not pinned.
     count_left: usize,
-    /// The block of which some spots, but not all, went: it has to go on.
+    /// The block of which some spots, but not all, are vacated: it has to be completed next.
     open_unit: Option<usize>,
-    /// What one look at all spots costs.
+    /// The number of spots that one step looks at.
     step_cost: u64,
 }
 
 impl<'a> Search<'a> {
     fn new(ground: &'a Ground, base: &'a BreadthFirst, corridors: Corridors, root: Root) -> Self {
         let count = ground.unit_of.len();
-        let mut left = vec![0; count.div_ceil(64)];
         let mut is_anchored = ground.pinned.clone();
         if root == Root::Centre {
             for &spot in &base.roots {
                 is_anchored[spot] = true;
             }
         }
-        for &spot in &base.sequence {
-            left[spot / 64] |= 1 << (spot % 64);
-        }
+        let mut left = FixedBitSet::with_capacity(count);
+        left.extend(base.sequence.iter().copied());
         let is_free = |spots: &&Vec<usize>| !ground.pinned[spots[0]];
         Self {
             ground,
@@ -127,18 +125,14 @@ impl<'a> Search<'a> {
         }
     }
 
-    fn is_left(&self, spot: usize) -> bool {
-        self.left[spot / 64] & (1 << (spot % 64)) != 0
-    }
-
-    fn left_without(&self, spot: usize) -> Vec<u64> {
+    fn left_without(&self, spot: usize) -> FixedBitSet {
         let mut left = self.left.clone();
-        left[spot / 64] &= !(1 << (spot % 64));
+        left.remove(spot);
         left
     }
 
     fn remove(&mut self, spot: usize) {
-        self.left[spot / 64] &= !(1 << (spot % 64));
+        self.left.remove(spot);
         self.count_left -= 1;
         self.corridors.vacate(spot);
         if let Some(unit) = self.ground.unit_of[spot] {
@@ -148,7 +142,7 @@ impl<'a> Search<'a> {
     }
 
     fn restore(&mut self, frame: &Frame) {
-        self.left[frame.spot / 64] |= 1 << (frame.spot % 64);
+        self.left.insert(frame.spot);
         self.count_left += 1;
         self.corridors.undo(frame.spot, frame.mark);
         if let Some(unit) = self.ground.unit_of[frame.spot] {
@@ -157,92 +151,48 @@ impl<'a> Search<'a> {
         self.open_unit = frame.unit_before;
     }
 
-    /// Whether a spot that can go has at most one neighbour left and is alone in its unit, or in the open one.
+    /// Whether a spot has at most one neighbour left and is alone in its unit, or in the open one.
     fn is_pendant(&self, spot: usize) -> bool {
         let unit = self.ground.unit_of[spot];
         let single = unit.is_some_and(|unit| self.ground.units[unit].len() == 1);
         let neighbours = self
             .ground
             .neighbours(spot)
-            .filter(|&other| self.is_left(other));
+            .filter(|&other| self.left.contains(other));
         (single || (unit.is_some() && unit == self.open_unit))
             && neighbours.count() + usize::from(self.is_anchored[spot]) <= 1
     }
 
-    /// The spots that can go now, latest in breadth-first order first.
+    /// The spots that can be vacated now, latest in breadth-first order first.
     fn candidates(&self) -> Vec<usize> {
-        let parting = self.cut_spots();
+        let is_cut = self.cut_spots();
         self.base
             .sequence
             .iter()
             .rev()
             .copied()
             .filter(|&spot| {
-                self.is_left(spot)
+                self.left.contains(spot)
                     && !self.ground.pinned[spot]
                     && (self.open_unit.is_none() || self.open_unit == self.ground.unit_of[spot])
-                    && !parting[spot]
+                    && !is_cut[spot]
                     && self.corridors.reaches(spot)
             })
             .collect()
     }
 
-    /// Which spots would part the rest if they went: the articulation points (Tarjan 1972) of what is left,
-    /// with the anchor as one more node. Without recursion, for the depth grows with the target.
+    /// For each spot, whether the rest would fall apart without it. The anchor is one more node.
     fn cut_spots(&self) -> Vec<bool> {
         let anchor = self.ground.unit_of.len();
-        let mut cut = vec![false; anchor + 1];
-        // 0 is "not seen"; numbers begin at 1.
-        let mut number = vec![0_usize; anchor + 1];
-        let mut lowest = vec![0_usize; anchor + 1];
-        let mut next_number = 1;
-        let starts = std::iter::once(anchor).chain(self.base.sequence.iter().copied());
-        for start in starts {
-            if number[start] != 0 || (start != anchor && !self.is_left(start)) {
-                continue;
-            }
-            number[start] = next_number;
-            lowest[start] = next_number;
-            next_number += 1;
-            let mut children_of_start = 0;
-            // Node, its parent, and how many of its neighbours have been looked at.
-            let mut stack = vec![(start, usize::MAX, 0_usize)];
-            while let Some(&mut (node, parent, ref mut looked_at)) = stack.last_mut() {
-                let neighbour = self.neighbour_at(node, *looked_at);
-                *looked_at += 1;
-                match neighbour {
-                    Some(other) if other == parent => {}
-                    Some(other) if other != anchor && !self.is_left(other) => {}
-                    Some(other) if number[other] != 0 => {
-                        lowest[node] = lowest[node].min(number[other]);
-                    }
-                    Some(other) => {
-                        number[other] = next_number;
-                        lowest[other] = next_number;
-                        next_number += 1;
-                        stack.push((other, node, 0));
-                    }
-                    None => {
-                        stack.pop();
-                        if parent == usize::MAX {
-                            continue;
-                        }
-                        lowest[parent] = lowest[parent].min(lowest[node]);
-                        if parent == start {
-                            children_of_start += 1;
-                        } else if lowest[node] >= number[parent] {
-                            cut[parent] = true;
-                        }
-                    }
-                }
-            }
-            cut[start] = children_of_start > 1;
-        }
-        cut
+        cut_nodes(
+            anchor + 1,
+            |node| node == anchor || self.left.contains(node),
+            |node, index| self.neighbour_at(node, index),
+        )
     }
 
-    /// The neighbours of a node one by one, left or not: the anchored spots of the anchor, else those in the target
-    /// and the anchor last.
+    /// The neighbours of a node by index, vacated or not: for the anchor the anchored spots, for a spot its neighbours in the
+    /// target and then, if it is anchored, the anchor.
     fn neighbour_at(&self, node: usize, index: usize) -> Option<usize> {
         let anchor = self.ground.unit_of.len();
         if node == anchor {

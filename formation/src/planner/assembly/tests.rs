@@ -7,7 +7,7 @@ use crate::generate::random::Random;
 use crate::model::SpotId;
 use case::{Case, Cell, coiled_tree, generated};
 
-/// Runs `make` over seeds and compares with every order; returns how many cases had which.
+/// Compares the cases that `make` draws with every order; returns the number of cases by kind.
 fn compare_with_every_order(seeds: u64, make: impl Fn(&mut Random) -> Case) -> [usize; 3] {
     let mut outcomes = [0; 3];
     for seed in 0..seeds {
@@ -84,7 +84,7 @@ fn a_large_formation_with_large_blocks_is_ordered() {
         let values = vec![MicroUnits::ZERO; 10_000];
         let assembly = order(&case.problem(), &case.plan(), &values);
         case.check(&assembly);
-        // At this size some end is walled in for certain.
+        // At this size some spot is always walled in.
         assert!(matches!(
             assembly.warnings[..],
             [AssemblyWarning::WalledIn(_)]
@@ -121,7 +121,7 @@ fn double_spiral() -> Case {
 }
 
 #[test]
-fn a_spiral_begins_inside_and_a_double_one_is_warned_of() {
+fn a_spiral_starts_inside_and_a_double_one_gets_a_warning() {
     let mut cells = SPIRAL.to_vec();
     cells.extend((3..12).map(|down| (0, -down)));
     let spiral = path(&cells);
@@ -143,9 +143,9 @@ fn a_spiral_begins_inside_and_a_double_one_is_warned_of() {
 }
 
 #[test]
-fn a_search_that_is_cut_says_so_and_goes_breadth_first() {
+fn a_search_that_ends_at_its_budget_is_reported() {
     let mut case = double_spiral();
-    // A ring beside the middle makes the target cyclic.
+    // A ring next to the middle makes the target cyclic.
     case.cells.extend([(1, -2), (2, -2), (2, -1), (1, -1)]);
     case.edges
         .extend([(8, 17), (17, 18), (18, 19), (19, 20), (17, 20)]);
@@ -177,7 +177,7 @@ fn off_the_lattice_corridors_are_not_checked() {
 }
 
 #[test]
-fn disconnected_parts_begin_anew_and_say_where() {
+fn disconnected_parts_are_named() {
     let mut case = path(&[(0, 0), (1, 0), (2, 0), (3, 0), (4, 0)]);
     case.open.insert(1);
     let assembly = case.order();

@@ -1,23 +1,23 @@
-//! Chain eviction with a bound on the number of evictions, for which potentials are of no use.
+//! Chain eviction with a bound on the number of evictions, where potentials do not help.
 
-use crate::planner::assignment::eviction::Step;
-use crate::planner::assignment::spot_tree::{BestOfSpots, Prospect};
-use crate::planner::assignment::{Holder, Instance, SpotTable};
+use crate::planner::assignment::allocation::{Holder, SpotTable, Step};
+use crate::planner::assignment::best_of_spots::{BestOfSpots, Prospect};
+use crate::planner::assignment::instance::Instance;
 
-/// Chains are searched for up to this many evictions; a larger `d_max` that is not large enough for the best
-/// unbounded chain counts as this.
+/// The greatest number of evictions that the search considers. A larger `d_max` that is still below what the best
+/// unbounded chain takes counts as this.
 const EVICTIONS_SEARCHED_MAX: u32 = 64;
 
-/// The search for a chain without repeated spots looks at no more partial chains than this, then takes the best so far.
+/// The greatest number of partial chains that one search visits; then it returns the best chain so far.
 const NODE_BUDGET: usize = 100_000;
 
-/// Finds the best chain for a module without a spot among those with at most `d_max` evictions; see
-/// [`crate::planner::assignment::eviction::ChainSearch::insert`].
+/// Finds the best chain for a module without a spot among those with at most `d_max` evictions; the order among chains is
+/// that of [`crate::planner::assignment::ChainSearch::allocate`].
 ///
-/// A table of prospects tells for each held spot and number of evictions left what its holder can gain by moving on,
-/// if spots could repeat. That bounds a depth-first search over the chains whose spots are distinct, so the search is
-/// exact unless it exceeds its budget.
-pub(crate) fn best_chain(
+/// For each held spot and number of evictions left, a table of prospects bounds the gain of its holder from moving on: the
+/// gain if a chain could visit a spot twice. A depth-first search over the chains whose spots are distinct prunes with
+/// these bounds. It is exact unless it exceeds [`NODE_BUDGET`].
+pub(super) fn best_chain(
     instance: &Instance,
     table: &SpotTable,
     module: usize,
@@ -77,17 +77,17 @@ pub(crate) fn best_chain(
     ground.chain(module, &best_spots, best_end)
 }
 
-/// A partial chain's last displaced module.
+/// The last displaced module of a partial chain.
 struct Frame {
     module: usize,
-    /// How many more evictions are allowed.
+    /// The number of evictions that may still follow.
     left: usize,
     so_far: Prospect,
-    /// The prospect and spot that were tried last.
+    /// The spot tried last, with its prospect.
     tried: Option<(Prospect, usize)>,
 }
 
-/// What a search has before it.
+/// The state of the table that the search reads.
 struct Ground<'a> {
     instance: &'a Instance,
     table: &'a SpotTable,
@@ -101,19 +101,8 @@ impl<'a> Ground<'a> {
         Self {
             instance,
             table,
-            free: BestOfSpots::new(
-                instance,
-                table.free_spots().map(|spot| (spot, Prospect::default())),
-            ),
-            held: table
-                .holders()
-                .iter()
-                .enumerate()
-                .filter_map(|(spot, holder)| match *holder {
-                    Holder::Singleton(module) => Some((spot, module)),
-                    _ => None,
-                })
-                .collect(),
+            free: BestOfSpots::free(instance, table),
+            held: table.singletons().collect(),
         }
     }
 
@@ -121,8 +110,8 @@ impl<'a> Ground<'a> {
         self.instance.utilities.of(module, spot).0
     }
 
-    /// What a displaced module earns without evicting anybody, and where: at its best free spot, the lowest among
-    /// equals, or nowhere when no spot is free.
+    /// The prospect of a displaced module without a further eviction, and its spot: the best free one, the lowest among
+    /// equals, or none if no spot is free.
     fn exit(&self, module: usize) -> (Prospect, Option<usize>) {
         self.free
             .best_for(module)
@@ -131,23 +120,18 @@ impl<'a> Ground<'a> {
             })
     }
 
-    /// Layer `k` holds, for each held spot, what its holder gains from its next spot on with `k` more evictions; layers
-    /// that would be equal to the last are left out.
+    /// Layer `k` has, for each held spot, the bound on its holder's prospect with at most `k` more evictions. Layers that
+    /// would equal the last are left out.
     fn layers(&self, evictions: usize) -> Vec<Vec<Prospect>> {
         if evictions == 0 {
             return Vec::new();
         }
-        let leaving: Vec<Prospect> = self
-            .held
-            .iter()
-            .map(|&(_, holder)| self.exit(holder).0)
-            .collect();
-        let mut layers = vec![leaving];
-        while layers.len() < evictions {
-            let Some(last) = layers.last() else {
-                break;
-            };
-            // To move on to one's own spot is never better than to move on from it at once, so it may stay among them.
+        let exits = self.held.iter().map(|&(_, holder)| self.exit(holder).0);
+        let mut layers = vec![exits.collect::<Vec<Prospect>>()];
+        while layers.len() < evictions
+            && let Some(last) = layers.last()
+        {
+            // A holder's own spot may stay among its choices: evicting itself is never better than moving on at once.
             let onward = self
                 .held
                 .iter()
@@ -173,7 +157,7 @@ impl<'a> Ground<'a> {
         layers
     }
 
-    /// The untried spot of greatest prospect that the frame's module could take by eviction, lower spots first.
+    /// The untried spot of greatest prospect that the frame's module can take by an eviction, the lowest among equals.
     fn next_spot(
         &self,
         layer: &[Prospect],

@@ -1,165 +1,90 @@
-//! Chain eviction: a module takes a spot, its holder moves on to another, and so on, until the last displaced one
+//! Chain eviction: a module takes a spot, its holder moves to another spot, and so on, until the last displaced module
 //! moves to a free spot.
 //!
-//! This replaces the paper's `evict` (Algorithm 1), which never commits the evicted module's move. A chain is an
-//! augmenting path in the assignment of singletons to spots; the module whose turn it is takes the path of greatest
-//! gain in total utility. Unbounded, that keeps the singletons' allocation utility-optimal after every turn, which
-//! makes the paper's Theorem 3 true (shortest augmenting paths with dual potentials; R. Jonker and A. Volgenant,
-//! "A shortest augmenting path algorithm for dense and sparse linear assignment problems", Computing 38, 1987).
+//! This replaces the paper's `evict` (Algorithm 1), which never commits the move of the evicted module. A chain is an
+//! augmenting path in the assignment of singletons to spots. The module whose turn it is takes the path of greatest
+//! gain in total utility. Without a bound on its length, this keeps the singletons' allocation utility-optimal after every
+//! turn, which makes the paper's Theorem 3 true (shortest augmenting paths with dual potentials: R. Jonker and
+//! A. Volgenant, "A shortest augmenting path algorithm for dense and sparse linear assignment problems", Computing 38,
+//! 1987).
 
+use crate::planner::assignment::allocation::{
+    Allocation, Displacement, Holder, Step, displacements_of,
+};
+use crate::planner::assignment::bounded_eviction;
 use crate::planner::assignment::frontier::{Frontier, Mover};
-use crate::planner::assignment::{Holder, Instance, SpotTable, bounded_eviction};
+use crate::planner::assignment::instance::Instance;
 
-/// One step of a chain: a module leaves a spot for another.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Step {
-    /// The module that moves.
-    pub(crate) module: usize,
-    /// The spot that it takes; `None` when it is dropped.
-    pub(crate) to: Option<usize>,
-}
-
-/// The spot table with the dual potentials that prove the singletons' allocation optimal.
-///
-/// With the cost of a pair being minus its utility, the reduced cost `cost - of_module - of_spot` is never negative,
-/// zero for a module and the spot that it holds, and `of_spot` is zero for free spots and never positive.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct Allocation {
-    /// Who holds which spot.
-    pub(crate) table: SpotTable,
-    of_module: Vec<i64>,
-    of_spot: Vec<i64>,
-    /// Once no spot is free: what a module's potential may reach before dropping it pays.
-    of_dropping: Option<i64>,
-    /// A chain was cut short by `d_max`, so that the allocation may not be optimal and the potentials mean nothing.
-    cut_short: bool,
-}
-
-impl Allocation {
-    pub(crate) fn new(module_count: usize, spot_count: usize) -> Self {
-        Self {
-            table: SpotTable::new(module_count, spot_count),
-            of_module: vec![0; module_count],
-            of_spot: vec![0; spot_count],
-            of_dropping: None,
-            cut_short: false,
-        }
-    }
-
-    /// Becomes a copy of another allocation, in the memory at hand.
-    pub(crate) fn copy_from(&mut self, other: &Self) {
-        self.table.copy_from(&other.table);
-        self.of_module.clone_from(&other.of_module);
-        self.of_spot.clone_from(&other.of_spot);
-        self.of_dropping = other.of_dropping;
-        self.cut_short = other.cut_short;
-    }
-
-    pub(crate) fn potential_of_module(&self, module: usize) -> i64 {
-        self.of_module[module]
-    }
-
-    pub(crate) fn potential_of_spot(&self, spot: usize) -> i64 {
-        self.of_spot[spot]
-    }
-
-    fn threshold_of_dropping(&mut self) -> i64 {
-        let table = &self.table;
-        let of_module = &self.of_module;
-        *self.of_dropping.get_or_insert_with(|| {
-            table
-                .holders()
-                .iter()
-                .filter_map(|holder| match holder {
-                    Holder::Singleton(module) => Some(of_module[*module]),
-                    _ => None,
-                })
-                .max()
-                .unwrap_or(0)
-        })
-    }
-}
-
-/// Inserts modules into an allocation; keeps its buffers between calls.
+/// Inserts modules into an allocation; reuses its buffers and its bounds between calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct ChainSearch {
     frontier: Frontier,
-    /// The spots whose holders were reached, in the order of their distance.
+    /// The spots whose holders the search has reached, in ascending order of path length.
     reached: Vec<usize>,
 }
 
-/// Where a shortest augmenting path ends.
+/// The end of an augmenting path.
 #[derive(Clone, Copy, Debug)]
 enum End {
     FreeSpot(usize),
+    /// This module loses its spot and gets no other.
     Dropped(usize),
 }
 
 #[derive(Clone, Copy, Debug)]
 struct ShortestPath {
     end: End,
+    /// The sum of the reduced costs along the path.
     length: i64,
     evictions: u32,
 }
 
 impl ChainSearch {
-    /// Lets the search take more memory for speed.
+    /// Allows the search to use more memory for speed; see [`Frontier::expect_to_be_alone`].
     pub(crate) fn expect_to_be_alone(&mut self) {
         self.frontier.expect_to_be_alone();
     }
 
-    /// Inserts a module that holds no spot by the chain of greatest gain with at most `d_max` evictions.
+    /// The turn of a single module, the paper's `spotAllocation` (Algorithm 1): inserts a module that holds no spot by the
+    /// chain of greatest gain with at most `d_max` evictions, and appends these evictions in the order of the chain.
     ///
-    /// The chain begins with the module itself. While a spot is free, it ends at a free spot. When none is, it ends
-    /// with the module that is dropped, and it is empty if dropping the inserted module itself is best.
-    /// Among chains of equal gain the one with the fewest evictions is taken, so that a module is evicted only if
-    /// that strictly raises the total utility; then the one whose last spot has the lowest identifier.
-    pub(crate) fn insert(
+    /// Returns the spot that the module takes; `None` means NO_SPOT_FOUND.
+    pub(crate) fn allocate(
         &mut self,
         instance: &Instance,
         allocation: &mut Allocation,
         module: usize,
-    ) -> Vec<Step> {
+        evictions: &mut Vec<Displacement>,
+    ) -> Option<usize> {
         let limit = instance.problem.parameters().d_max.unwrap_or(u32::MAX);
+        let chain = self.insert(instance, allocation, module, limit);
+        evictions.extend(displacements_of(&chain));
+        chain.first().and_then(|step| step.to)
+    }
+
+    /// Inserts a module by the best chain with at most `limit` evictions, and returns the chain.
+    ///
+    /// The chain begins with the module itself and ends at a free spot if there is one. If there is none, it ends with a
+    /// module that gets no spot; it is empty if that is the inserted module. Ties go to the chain with the fewest
+    /// evictions, so that an eviction always raises the total utility, then to the chain whose last spot is the lowest.
+    pub(super) fn insert(
+        &mut self,
+        instance: &Instance,
+        allocation: &mut Allocation,
+        module: usize,
+        limit: u32,
+    ) -> Vec<Step> {
         if !allocation.cut_short {
             let path = self.shortest_path(instance, allocation, module);
             if path.evictions <= limit {
-                return self.follow(instance, allocation, module, path);
+                self.raise_potentials(instance, allocation, module, path.length);
+                return self.augment(instance, allocation, module, path.end);
             }
             allocation.cut_short = true;
         }
         let chain = bounded_eviction::best_chain(instance, &allocation.table, module, limit);
-        for step in &chain {
-            allocation.table.release(step.module);
-        }
-        for step in &chain {
-            if let Some(spot) = step.to {
-                allocation.table.give(spot, Holder::Singleton(step.module));
-            }
-        }
+        allocation.table.carry_out(chain.iter());
         chain
-    }
-
-    /// The same without a bound, into an allocation in which no chain was cut short.
-    pub(crate) fn insert_unbounded(
-        &mut self,
-        instance: &Instance,
-        allocation: &mut Allocation,
-        module: usize,
-    ) -> Vec<Step> {
-        let path = self.shortest_path(instance, allocation, module);
-        self.follow(instance, allocation, module, path)
-    }
-
-    fn follow(
-        &mut self,
-        instance: &Instance,
-        allocation: &mut Allocation,
-        module: usize,
-        path: ShortestPath,
-    ) -> Vec<Step> {
-        self.raise_potentials(instance, allocation, module, path.length);
-        self.augment(instance, allocation, module, path.end)
     }
 
     /// Dijkstra's search from the inserted module over the spots, by (reduced cost, evictions, identifier).
@@ -170,12 +95,11 @@ impl ChainSearch {
         source: usize,
     ) -> ShortestPath {
         allocation.of_module[source] = 0;
-        // While spots are free, nobody is dropped.
-        let threshold =
-            (allocation.table.free_count() == 0).then(|| allocation.threshold_of_dropping());
+        // No module is dropped while a spot is free.
+        let dropping = (allocation.table.free_count() == 0).then(|| allocation.cost_of_dropping());
         let mut drop = ShortestPath {
             end: End::Dropped(source),
-            length: threshold.unwrap_or(i64::MAX),
+            length: dropping.unwrap_or(i64::MAX),
             evictions: 0,
         };
         self.reached.clear();
@@ -202,8 +126,8 @@ impl ChainSearch {
                 };
             };
             self.reached.push(spot);
-            if let Some(threshold) = threshold {
-                let dropped = length + threshold - allocation.of_module[holder];
+            if let Some(dropping) = dropping {
+                let dropped = length + dropping - allocation.of_module[holder];
                 if (dropped, hops) < (drop.length, drop.evictions) {
                     drop = ShortestPath {
                         end: End::Dropped(holder),
@@ -221,7 +145,7 @@ impl ChainSearch {
         }
     }
 
-    /// Restores the potentials' meaning for the allocation that the path of that length leads to.
+    /// Updates the potentials for the allocation to which a path of this length leads.
     fn raise_potentials(
         &mut self,
         instance: &Instance,
@@ -240,6 +164,7 @@ impl ChainSearch {
         allocation.of_module[source] += length;
     }
 
+    /// Moves the modules along the path that ends at `end`, and returns the steps from `source` on.
     fn augment(
         &self,
         instance: &Instance,

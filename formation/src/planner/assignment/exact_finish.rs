@@ -1,27 +1,22 @@
-//! The exact finish: the last turn makes up for what a bounded `d_max` left undone.
+//! The exact finish: the last turn restores the optimum that a bounded `d_max` has missed.
 //!
-//! Chains that are cut short leave the singletons below their optimum. What then separates the two assignments is a set
-//! of cycles and paths that share no module and no spot: modules that change places in a ring, or one after another up
-//! to a free spot, or up to one that is dropped for one that had no spot. Carrying out those that raise the total utility
-//! reaches the optimum (M. Klein, "A primal method for minimal cost flows", Management Science 14, 1967; a free spot and
-//! being without a spot are the extra nodes that close the paths). All of it belongs to the last unit's one decision, so
-//! it is claimed, checked and applied like any other turn.
+//! Chains that were cut short leave the singletons below their optimum. The difference to an optimal assignment is a set
+//! of rings and paths that share no module and no spot: modules that change places in a ring, or one after another up to
+//! a free spot, or up to a module that loses its spot to one that had none. Carrying out those that raise the total
+//! utility reaches the optimum (M. Klein, "A primal method for minimal cost flows", Management Science 14, 1967; a free
+//! spot and the lack of a spot are the extra nodes that close the paths). All of them belong to the last unit's one
+//! decision, which is claimed, checked and applied like any other.
 
-use crate::planner::assignment::eviction::{Allocation, ChainSearch, Step};
-use crate::planner::assignment::spot_allocation::{self, Displacement};
-use crate::planner::assignment::{Holder, Instance, SpotTable};
-use crate::planner::turns::turn_order::TurnQueue;
-
-/// Whether the unit whose turn it is, first in the queue, has to finish the allocation once it has its spots.
-pub(crate) fn is_due(instance: &Instance, queue: &TurnQueue) -> bool {
-    let parameters = instance.problem.parameters();
-    parameters.exact_finish && parameters.d_max.is_some() && queue.has_one_unit()
-}
+use crate::planner::assignment::allocation::{
+    Allocation, Displacement, Holder, SpotTable, Step, displacements_of,
+};
+use crate::planner::assignment::eviction::ChainSearch;
+use crate::planner::assignment::instance::Instance;
 
 /// Moves all modules that are not in blocks to an assignment of greatest utility, those without a spot included.
 ///
-/// `displaced` are the singletons from which a block has just taken their spots. Appends all evictions, and returns the
-/// modules that had no spot, were not displaced, and have one now; ascending.
+/// `displaced` are the singletons whose spots a block has just taken. Appends all evictions, and returns the modules that
+/// had no spot, were not displaced, and now have a spot; ascending.
 pub(crate) fn finish(
     instance: &Instance,
     allocation: &mut Allocation,
@@ -31,15 +26,7 @@ pub(crate) fn finish(
     let table = &mut allocation.table;
     let wanted = optimum(instance, table);
     let mut chains = improving_chains(instance, table, &wanted);
-    let moving = || chains.iter().flat_map(|chain| &chain.steps);
-    for step in moving() {
-        table.release(step.module);
-    }
-    for step in moving() {
-        if let Some(spot) = step.to {
-            table.give(spot, Holder::Singleton(step.module));
-        }
-    }
+    table.carry_out(chains.iter().flat_map(|chain| &chain.steps));
     for mut displacement in displaced {
         displacement.to = table.spot_of(displacement.evicted);
         evictions.push(displacement);
@@ -47,27 +34,26 @@ pub(crate) fn finish(
             .iter()
             .position(|chain| chain.entering == Some(displacement.evicted));
         if let Some(position) = onward {
-            let chain = chains.remove(position);
-            evictions.extend(spot_allocation::displacements_of(&chain.steps));
+            evictions.extend(displacements_of(&chains.remove(position).steps));
         }
     }
     for chain in &chains {
-        evictions.extend(spot_allocation::displacements_of(&chain.steps));
+        evictions.extend(displacements_of(&chain.steps));
     }
     chains.iter().filter_map(|chain| chain.entering).collect()
 }
 
-/// Moves that belong together.
+/// A path or ring of moves, one module to the spot of the next.
 struct Chain {
-    /// The module that it begins with, if that one had no spot.
+    /// The module that it begins with, if that module had no spot.
     entering: Option<usize>,
     steps: Vec<Step>,
 }
 
 /// An optimal assignment of the modules that are not in blocks to the spots that no block holds.
 fn optimum(instance: &Instance, table: &SpotTable) -> SpotTable {
-    let mut best = Allocation::new(instance.utilities.module_count(), table.holders().len());
-    let mut is_fixed = vec![false; instance.utilities.module_count()];
+    let mut best = Allocation::new(instance.module_count(), table.holders().len());
+    let mut is_fixed = vec![false; instance.module_count()];
     for (spot, &holder) in table.holders().iter().enumerate() {
         match holder {
             Holder::Fixed(module) => {
@@ -75,45 +61,47 @@ fn optimum(instance: &Instance, table: &SpotTable) -> SpotTable {
                 best.table.give(spot, holder);
             }
             Holder::Closed => best.table.close(spot),
-            Holder::Nobody | Holder::Singleton(_) => (),
+            Holder::Free | Holder::Singleton(_) => {}
         }
     }
-    // Its bounds belong to other potentials, so a search of its own is needed.
+    // The bounds of the turns' own search hold for other potentials.
     let mut search = ChainSearch::default();
     for module in (0..is_fixed.len()).filter(|&module| !is_fixed[module]) {
-        search.insert_unbounded(instance, &mut best, module);
+        search.insert(instance, &mut best, module, u32::MAX);
     }
     best.table
 }
 
-/// The chains that lead from one assignment towards another and raise the total utility or the number of spots filled,
-/// those of modules without a spot first.
+/// The chains that lead from one assignment towards another and raise the total utility or the number of filled spots;
+/// those of modules without a spot come first.
 fn improving_chains(instance: &Instance, now: &SpotTable, wanted: &SpotTable) -> Vec<Chain> {
-    let module_count = instance.utilities.module_count();
+    let modules = 0..instance.module_count();
     let moves = |module: usize| now.spot_of(module) != wanted.spot_of(module);
-    let holder_of = |table: &SpotTable, spot: usize| match table.holder(spot) {
+    let singleton_on = |table: &SpotTable, spot: usize| match table.holder(spot) {
         Holder::Singleton(module) => Some(module),
-        Holder::Nobody | Holder::Fixed(_) | Holder::Closed => None,
+        Holder::Free | Holder::Fixed(_) | Holder::Closed => None,
     };
     let worth = |module: usize, spot: Option<usize>| {
         spot.map_or(0, |spot| instance.utilities.of(module, spot).0)
     };
-    // A path begins with a module that nobody follows to its spot; what no path visits lies on a ring.
-    let enters = (0..module_count).filter(|&module| now.spot_of(module).is_none());
-    let leaves_a_hole = (0..module_count).filter(|&module| {
-        now.spot_of(module)
-            .is_some_and(|spot| holder_of(wanted, spot).is_none())
+    // A path begins with a module that has no spot, or whose spot no singleton takes. What no path visits lies on a ring.
+    let enters = modules
+        .clone()
+        .filter(|&module| now.spot_of(module).is_none());
+    let leaves_a_hole = modules.clone().filter(|&module| {
+        let spot = now.spot_of(module);
+        spot.is_some_and(|spot| singleton_on(wanted, spot).is_none())
     });
-    let mut visited = vec![false; module_count];
+    let mut visited = vec![false; instance.module_count()];
     let mut chains = Vec::new();
-    for start in enters.chain(leaves_a_hole).chain(0..module_count) {
+    for start in enters.chain(leaves_a_hole).chain(modules.clone()) {
         let mut steps: Vec<Step> = Vec::new();
         let mut next = Some(start).filter(|&module| moves(module));
         while let Some(module) = next.filter(|&module| !visited[module]) {
             visited[module] = true;
             let to = wanted.spot_of(module);
             steps.push(Step { module, to });
-            next = to.and_then(|spot| holder_of(now, spot));
+            next = to.and_then(|spot| singleton_on(now, spot));
         }
         let gain: i64 = steps
             .iter()

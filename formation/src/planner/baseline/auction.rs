@@ -1,61 +1,60 @@
 //! The auction algorithm with epsilon scaling, in fixed point.
 //!
 //! D. P. Bertsekas, "The auction algorithm for assignment and other network flow problems: a tutorial", Interfaces 20(4),
-//! 1990, the paper's comparison. Modules bid for spots; each bid raises the price of its spot by what the bidder gains
-//! there over its second choice, plus epsilon, and pushes the former holder out. One bids at a time (the Gauss-Seidel
-//! version).
+//! 1990, the paper's comparison. Modules bid for spots. Each bid raises the price of its spot by the bidder's advantage
+//! there over its second choice, plus epsilon, and takes the spot from its holder. One module bids at a time (the
+//! Gauss-Seidel version).
 //!
 //! Utilities are whole numbers, so an assignment within `n * epsilon < 1` of the optimum is optimal. To stay in whole
-//! numbers, utilities are multiplied by `n + 1` and epsilon ends at 1. Prices that remain from a coarser epsilon spoil
-//! the result if some spot stays without a bidder, so both sides are filled up to `n` with stand-ins that are worth
-//! nothing to anybody.
+//! numbers, utilities are multiplied by `n + 1` and epsilon ends at 1. A price that remains from a coarser epsilon spoils
+//! the result if its spot gets no bid, so both sides are filled up to `n` with stand-ins of utility zero.
 
-/// How often a module bids, and a spot tells its new price, until all agree.
+/// The number of messages of an auction.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct AuctionCounts {
-    /// Bids of modules; those of stand-ins do not count.
+    /// Bids of modules, without those of stand-ins.
     pub bids: usize,
-    /// New prices of spots; those of stand-ins do not count.
+    /// New prices of spots, without those of stand-ins.
     pub price_updates: usize,
-    /// How many rounds of bidding there were, each with a smaller epsilon.
+    /// Rounds of bidding, each with a smaller epsilon.
     pub rounds: usize,
 }
 
-/// The end of an auction.
+/// The result of an auction.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct AuctionOutcome {
     /// The column of each row.
     pub assignment: Vec<Option<usize>>,
-    /// How much was said.
+    /// The number of messages.
     pub counts: AuctionCounts,
 }
 
-/// One bid, as it was made. `None` stands for a stand-in.
+/// One bid; `None` is a stand-in.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Bid {
-    /// The round, from 1; with each, everybody lets go and bids anew.
+    /// The round, from 1. At the start of each, no row has a column.
     pub round: usize,
-    /// Who bids.
+    /// The bidder.
     pub row: Option<usize>,
-    /// What it gets.
+    /// The column that it gets.
     pub column: Option<usize>,
-    /// Who had it and is pushed out.
+    /// The row that loses the column.
     pub displaced: Option<usize>,
 }
 
-/// Epsilon begins at the greatest difference of utilities divided by this, and is divided by it after each round.
+/// Epsilon starts at the greatest difference of utilities divided by this number, and is divided by it after each round.
 const EPSILON_DIVISOR: i128 = 5;
 
-/// Assigns as many rows (modules) to distinct columns (spots) as can be, with the greatest total utility.
+/// Assigns as many rows (modules) as possible to distinct columns (spots), with the greatest total utility.
 ///
-/// `utilities` has a row for each module, all of one length. Ties among a row's best columns go to the lowest; a row
-/// that is pushed out bids next. The result is optimal, and the same on every machine.
+/// `utilities` has a row for each module, all of the same length. Ties among a row's best columns go to the lowest; a row
+/// that loses its column bids next. The result is optimal, and the same on every machine.
 #[must_use]
 pub fn assign(utilities: &[Vec<i64>]) -> AuctionOutcome {
     assign_observed(utilities, |_| {})
 }
 
-/// The same as [`assign`], and shows every bid to `observe` as it is made.
+/// [`assign`], with a call of `observe` for every bid.
 #[must_use]
 pub fn assign_observed(utilities: &[Vec<i64>], mut observe: impl FnMut(Bid)) -> AuctionOutcome {
     let row_count = utilities.len();
@@ -83,7 +82,7 @@ struct Auction<'a> {
     utilities: &'a [Vec<i64>],
     row_count: usize,
     column_count: usize,
-    /// How many rows and columns there are with the stand-ins.
+    /// The number of rows, and of columns, with the stand-ins.
     size: usize,
     scale: i128,
     prices: Vec<i128>,
@@ -118,14 +117,14 @@ impl<'a> Auction<'a> {
 
     /// The greatest difference between two values.
     fn spread(&self) -> i128 {
-        let all = || self.utilities.iter().flatten().copied();
         let has_stand_ins = self.row_count != self.column_count;
-        let least = all().chain(has_stand_ins.then_some(0)).min();
-        let most = all().chain(has_stand_ins.then_some(0)).max();
+        let utilities = self.utilities.iter().flatten().copied();
+        let all = utilities.chain(has_stand_ins.then_some(0));
+        let (least, most) = (all.clone().min(), all.max());
         (i128::from(most.unwrap_or(0)) - i128::from(least.unwrap_or(0))) * self.scale
     }
 
-    /// Everybody bids anew at the prices at hand, until each has a column.
+    /// All rows bid, at the prices so far, until each has a column.
     fn run_round(&mut self, epsilon: i128, observe: &mut impl FnMut(Bid)) {
         self.counts.rounds += 1;
         self.column_of.fill(None);
@@ -152,7 +151,7 @@ impl<'a> Auction<'a> {
         }
     }
 
-    /// The column that a row likes best at the prices at hand, and by how much it beats the second choice.
+    /// The column of greatest profit for a row at the current prices, and the difference to the second greatest profit.
     fn bid_of(&self, row: usize) -> (usize, i128) {
         let mut best = (0, i128::MIN);
         let mut second = i128::MIN;

@@ -3,18 +3,17 @@
 use pathfinding::matrix::Matrix;
 use pathfinding::prelude::kuhn_munkres;
 
-/// Assigns as many rows (modules) to distinct columns (spots) as can be, with the greatest total utility.
+/// Assigns as many rows (modules) as possible to distinct columns (spots), with the greatest total utility.
 ///
-/// `utilities` has a row for each module, all of one length; a total must fit into an `i64`, which utilities within
-/// [`crate::model::WEIGHT_LIMIT`] do. Returns the column of each row.
-#[must_use]
-pub fn assign(utilities: &[Vec<i64>]) -> Vec<Option<usize>> {
+/// `utilities` has a row for each module, all of the same length. A total must fit an `i64`, as is the case for weights
+/// within [`crate::model::WEIGHT_LIMIT`]. Returns the column of each row.
+pub(super) fn assign(utilities: &[Vec<i64>]) -> Vec<Option<usize>> {
     let row_count = utilities.len();
     let column_count = utilities.first().map_or(0, Vec::len);
     if row_count == 0 || column_count == 0 {
         return vec![None; row_count];
     }
-    // The solver wants no more rows than columns.
+    // The solver needs at least as many columns as rows.
     if row_count <= column_count {
         let matrix = Matrix::from_fn(row_count, column_count, |(row, column)| {
             utilities[row][column]

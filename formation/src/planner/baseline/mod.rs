@@ -1,31 +1,29 @@
-//! Other planners to compare with, each a policy of its own: the paper's algorithms to the letter, an auction and the
-//! Hungarian method.
+//! Planners to compare with, each a policy: the paper's algorithms to the letter, an auction and the Hungarian method.
 //!
-//! The auction and the Hungarian method know no configurations: to them every module is single, so that they break
-//! all links. Both settle the whole assignment at once; each module then claims its spot in its turn.
+//! The auction and the Hungarian method treat every module as single, so they break all links. Both compute the whole
+//! assignment before the first turn; each module then claims its spot in its turn.
 
 pub mod auction;
-pub mod hungarian;
-pub(crate) mod paper;
+mod hungarian;
+mod paper;
 mod rooted_subtree;
 
 use crate::model::Policy;
-use crate::planner::assignment::{Holder, Instance, SpotTable};
+use crate::planner::assignment::{Instance, SpotTable};
 pub use auction::AuctionCounts;
 pub use paper::candidates as paper_candidates;
+pub(crate) use paper::{Favourites, PaperTurn};
 
-/// A whole assignment that a central policy has made before the first turn.
+/// The assignment that a central policy computes before the first turn.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct CentralAssignment {
-    /// The spot of each module that was free to move.
+    /// The spot of each module; `None` for modules that held one before, and for those that get none.
     pub(crate) spot_of: Vec<Option<usize>>,
-    /// What the auction said; nothing for the Hungarian method.
+    /// The messages of the auction; `None` for the Hungarian method.
     pub(crate) auction: Option<AuctionCounts>,
 }
 
-/// Lets a central policy assign the modules that hold no spot to the spots that nobody holds.
-///
-/// Returns `None` for policies that decide turn by turn.
+/// Assigns the modules without a spot to the free spots by a central policy; `None` for policies that decide turn by turn.
 pub(crate) fn assign_centrally(
     instance: &Instance,
     table: &SpotTable,
@@ -38,13 +36,7 @@ pub(crate) fn assign_centrally(
     let modules: Vec<usize> = (0..module_count)
         .filter(|&module| table.spot_of(module).is_none())
         .collect();
-    let spots: Vec<usize> = table
-        .holders()
-        .iter()
-        .enumerate()
-        .filter(|&(_, &holder)| holder == Holder::Nobody)
-        .map(|(spot, _)| spot)
-        .collect();
+    let spots: Vec<usize> = table.free_spots().collect();
     let utilities: Vec<Vec<i64>> = modules
         .iter()
         .map(|&module| {

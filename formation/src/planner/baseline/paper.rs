@@ -1,33 +1,32 @@
 //! The paper's own planner, Algorithms 1 and 2, as literally as they can be run.
 //!
-//! Kept as a baseline; where it falls short of the paper's theorems, so does the paper. What had to be added:
+//! A baseline: it shares the paper's failures to keep its theorems. These points had to be added:
 //!
-//! - `evict` answers TRUE or FALSE but never says where the evicted module goes. The text and the proof of Theorem 2 send
-//!   it to the second-best spot that the test was made with, so it moves there. If that spot is no longer free when its
-//!   turn to move comes, which happens when a block evicts several modules, the module is left without a spot: nothing
-//!   in either algorithm gives it another turn.
+//! - `evict` answers TRUE or FALSE but never says which spot the evicted module takes. The text and the proof of Theorem 2
+//!   send it to the second-best spot of the test, so it moves there. If that spot is no longer free when the module moves,
+//!   which happens when a block evicts several modules, the module gets no spot: neither algorithm gives it another turn.
 //! - On graphs with cycles, which the paper leaves open, there is one candidate: the largest common subgraph on spots of
 //!   the greatest centrality.
-//! - Equal utilities go to the lower identifier, among candidates to the one found first.
+//! - Ties of utility go to the lower identifier, among candidates to the one found first.
 
+use std::cmp::Reverse;
 use std::collections::BTreeSet;
 
 use crate::model::{MicroUnits, Topology};
-use crate::planner::assignment::spot_allocation::Displacement;
-use crate::planner::assignment::{Holder, Instance, SpotTable};
-use crate::planner::baseline::rooted_subtree::{self, Embedding};
-use crate::planner::turns::block_allocation::{best_matching, topology_of};
+use crate::planner::assignment::{Displacement, Holder, Instance, SpotTable};
+use crate::planner::baseline::rooted_subtree;
+use crate::planner::placement::{Pairs, best_matching};
 
-/// The paper's `D_max`, where the user sets none.
+/// The paper's `D_max`, unless the user sets one.
 const D_MAX: u32 = 3;
 
-/// The paper's `MAX`: at most how many candidates a configuration considers.
+/// The paper's `MAX`: the greatest number of candidates of a configuration.
 const CANDIDATES_MAX: usize = 20;
 
-/// One module that is evicted and the spot that it is sent to.
+/// A module that is evicted, and the spot to which it moves.
 type Move = (usize, usize);
 
-/// The spots that each module likes best, whoever holds them; computed when first asked for.
+/// For each module, the spot of greatest utility and the second one, held or not; computed at first use.
 #[derive(Clone, Debug)]
 pub(crate) struct Favourites {
     of: Vec<Option<(usize, Option<usize>)>>,
@@ -54,30 +53,29 @@ impl Favourites {
 fn spots_by_utility(instance: &Instance, module: usize) -> Vec<usize> {
     let row = instance.utilities.row(module);
     let mut spots: Vec<usize> = (0..row.len()).collect();
-    spots.sort_by_key(|&spot| std::cmp::Reverse(row[spot]));
+    spots.sort_by_key(|&spot| Reverse(row[spot]));
     spots
 }
 
-/// The first MAX = 20 subgraphs of the target that equal a configuration, or else as much of it as can be, beginning at
-/// the spots of greatest value (Algorithm 2, lines 1 to 4, and section "Experimental Evaluation").
+/// The first MAX = 20 subgraphs of the target that equal a configuration, or its largest part that fits, from the spots of
+/// greatest value on (Algorithm 2, lines 1 to 4, and section "Experimental Evaluation").
 ///
 /// Each candidate pairs the configuration's nodes with target nodes, ascending by the former.
-#[must_use]
 pub fn candidates(
     configuration: &Topology,
     target: &Topology,
     value: impl Fn(usize) -> MicroUnits,
-) -> Vec<Vec<(usize, usize)>> {
+) -> Vec<Pairs> {
     if !configuration.is_tree() || !target.is_tree() {
         let matching = best_matching(target, configuration, |_, spot| Some(value(spot)));
         return vec![matching.pairs];
     }
     let mut spots: Vec<usize> = (0..target.node_count()).collect();
-    spots.sort_by_key(|&spot| std::cmp::Reverse(value(spot)));
+    spots.sort_by_key(|&spot| Reverse(value(spot)));
     rooted_subtree::largest_common(configuration, target, &spots, CANDIDATES_MAX)
 }
 
-/// One turn in the making.
+/// The state on which one turn works.
 pub(crate) struct PaperTurn<'a> {
     pub(crate) instance: &'a Instance,
     pub(crate) favourites: &'a mut Favourites,
@@ -85,21 +83,12 @@ pub(crate) struct PaperTurn<'a> {
     pub(crate) evictions: &'a mut Vec<Displacement>,
 }
 
-/// What came of a configuration's turn.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct PaperBlocks {
-    /// The groups of modules that keep together.
-    pub(crate) blocks: Vec<Vec<usize>>,
-    /// The modules that were disconnected, ascending; each has had its turn.
-    pub(crate) detached: Vec<usize>,
-}
-
 impl PaperTurn<'_> {
-    /// `spotAllocation` (Algorithm 1, lines 1 to 9). A module that finds nothing gets nothing: NO_SPOT_FOUND.
+    /// `spotAllocation` (Algorithm 1, lines 1 to 9). A module that finds no spot gets none: NO_SPOT_FOUND.
     pub(crate) fn allocate_spot(&mut self, module: usize) {
         for spot in spots_by_utility(self.instance, module) {
             match self.table.holder(spot) {
-                Holder::Nobody => {
+                Holder::Free => {
                     self.table.give(spot, Holder::Singleton(module));
                     return;
                 }
@@ -116,8 +105,8 @@ impl PaperTurn<'_> {
         }
     }
 
-    /// `evict` (Algorithm 1, lines 10 to 20), its recursion unrolled: whether `current` may take `contested` from
-    /// `blocking`, and if so, who moves where.
+    /// `evict` (Algorithm 1, lines 10 to 20), its recursion unrolled: the moves by which `current` takes `contested` from
+    /// `blocking`; `None` if it may not.
     fn evict(
         &mut self,
         mut current: usize,
@@ -138,7 +127,7 @@ impl PaperTurn<'_> {
             }
             moves.push((blocking, for_blocking));
             match self.table.holder(for_blocking) {
-                Holder::Nobody => return Some(moves),
+                Holder::Free => return Some(moves),
                 Holder::Singleton(next) => {
                     (current, blocking, contested) = (blocking, next, for_blocking);
                 }
@@ -159,11 +148,11 @@ impl PaperTurn<'_> {
         });
     }
 
-    /// Lets the module of eviction `position`, and all that it displaces in turn, move as `evict` had them move.
+    /// Carries out the moves of `evict` for the module of eviction `position` and the modules that it displaces in turn.
     fn follow(&mut self, mut position: usize, moves: &[Move]) {
         for (number, &(module, spot)) in moves.iter().enumerate() {
             match self.table.holder(spot) {
-                Holder::Nobody => {
+                Holder::Free => {
                     self.table.give(spot, Holder::Singleton(module));
                     self.evictions[position].to = Some(spot);
                     return;
@@ -175,17 +164,23 @@ impl PaperTurn<'_> {
                     self.take_from(module, holder, spot, Holder::Singleton(module));
                     position = self.evictions.len() - 1;
                 }
-                // What the test relied on has changed since.
+                // The table has changed since the test.
                 Holder::Singleton(_) | Holder::Fixed(_) | Holder::Closed => return,
             }
         }
     }
 
     /// `blockAllocation` (Algorithm 2). `members` are two or more modules, ascending and connected by links.
-    pub(crate) fn allocate_block(&mut self, members: &[usize]) -> PaperBlocks {
-        let links = topology_of(self.instance, members);
-        let mut candidates = self.candidates(&links);
-        candidates.sort_by_key(|candidate| std::cmp::Reverse(self.utility_of(members, candidate)));
+    ///
+    /// Returns the groups of modules that stay together, and the disconnected modules, ascending, which have had their turns.
+    pub(crate) fn allocate_block(&mut self, members: &[usize]) -> (Vec<Vec<usize>>, Vec<usize>) {
+        let links = self.instance.links.induced_by(members);
+        let utilities = &self.instance.utilities;
+        let target = self.instance.target.topology();
+        let mut candidates = candidates(&links, target, |spot| utilities.value(spot));
+        // `U_A(t)`, without the reward, which is equal for all candidates, since all have the same size.
+        let utility_of = |&(node, spot): &(usize, usize)| utilities.of(members[node], spot).0;
+        candidates.sort_by_key(|pairs| Reverse(pairs.iter().map(utility_of).sum::<i64>()));
         let mut kept = Vec::new();
         let mut yielding = BTreeSet::new();
         for (number, candidate) in candidates.iter().enumerate() {
@@ -193,64 +188,37 @@ impl PaperTurn<'_> {
                 .iter()
                 .map(|&(node, spot)| (node, spot, self.test(members[node], spot)))
                 .collect();
-            let is_refused = |test: &Test| matches!(test, Test::Refused);
             let is_last = number + 1 == candidates.len();
-            if tests.iter().any(|(_, _, test)| is_refused(test)) && !is_last {
-                continue;
-            }
             // Lines 6 to 15, and lines 16 to 21 for the modules that must yield.
-            let (refused, free): (Vec<_>, Vec<_>) =
-                tests.into_iter().partition(|(_, _, test)| is_refused(test));
-            yielding = refused
+            let (refused, free): (Vec<_>, Vec<_>) = tests
                 .into_iter()
-                .map(|(node, ..)| members[node])
-                .collect();
-            kept = self.select(members, &links, free);
-            break;
+                .partition(|(_, _, test)| matches!(test, Test::Refused));
+            if refused.is_empty() || is_last {
+                yielding = refused.iter().map(|&(node, ..)| members[node]).collect();
+                kept = self.select(members, &links, free);
+                break;
+            }
         }
         let placed: BTreeSet<usize> = kept.iter().map(|&(module, _)| module).collect();
-        let unmatched: BTreeSet<usize> = members
-            .iter()
-            .copied()
-            .filter(|member| !yielding.contains(member) && !placed.contains(member))
-            .collect();
         let blocks = self.pieces(&kept);
         let together: BTreeSet<usize> = blocks.iter().flatten().copied().collect();
-        let detached: Vec<usize> = members
-            .iter()
-            .copied()
-            .filter(|member| !together.contains(member))
-            .collect();
+        let detached = without(members, |member| together.contains(member));
         // Lines 17 to 21, then lines 22 to 24, each by distance from the centre.
-        for leaving in [yielding, unmatched] {
-            let mut leaving: Vec<usize> = leaving.into_iter().collect();
+        let unmatched = without(members, |member| {
+            yielding.contains(member) || placed.contains(member)
+        });
+        for mut leaving in [yielding.into_iter().collect(), unmatched] {
             leaving.sort_unstable_by_key(|&module| self.instance.ranks[module]);
             for module in leaving {
                 self.allocate_spot(module);
             }
         }
-        PaperBlocks { blocks, detached }
-    }
-
-    /// Lines 1 to 4: the subgraphs of the target that equal the configuration, or else as much of it as can be.
-    fn candidates(&self, links: &Topology) -> Vec<Embedding> {
-        let utilities = &self.instance.utilities;
-        candidates(links, self.instance.target.topology(), |spot| {
-            utilities.value(spot)
-        })
-    }
-
-    /// `U_A(t)`, without the reward, which is the same for all candidates as all have one size.
-    fn utility_of(&self, members: &[usize], candidate: &Embedding) -> i64 {
-        candidate
-            .iter()
-            .map(|&(node, spot)| self.instance.utilities.of(members[node], spot).0)
-            .sum()
+        (blocks, detached)
     }
 
     fn test(&mut self, module: usize, spot: usize) -> Test {
         match self.table.holder(spot) {
-            Holder::Nobody => Test::Free,
+            Holder::Free => Test::Free,
             Holder::Singleton(holder) => match self.evict(module, holder, spot) {
                 Some(moves) => Test::Evicts(moves),
                 None => Test::Refused,
@@ -259,7 +227,7 @@ impl PaperTurn<'_> {
         }
     }
 
-    /// Gives the modules of a candidate their spots, and lets those that they evict move as `evict` had them move.
+    /// Gives the modules of a candidate their spots, and carries out the moves of `evict` for those that they evict.
     ///
     /// Returns the modules with their spots.
     fn select(
@@ -267,11 +235,11 @@ impl PaperTurn<'_> {
         members: &[usize],
         links: &Topology,
         free: Vec<(usize, usize, Test)>,
-    ) -> Vec<(usize, usize)> {
+    ) -> Pairs {
         let nodes: Vec<usize> = free.iter().map(|&(node, ..)| node).collect();
         let spots: Vec<usize> = free.iter().map(|&(_, spot, _)| spot).collect();
         let target = self.instance.target.topology();
-        // A module that is left alone is part of a configuration no more and may be evicted.
+        // A module that keeps no link has left the configuration and can be evicted.
         let is_alone = |position: usize| {
             !links.neighbours(nodes[position]).iter().any(|other| {
                 nodes
@@ -317,34 +285,30 @@ impl PaperTurn<'_> {
     /// The groups of two or more placed modules that keep links to each other; `kept` ascends by module.
     fn pieces(&self, kept: &[(usize, usize)]) -> Vec<Vec<usize>> {
         let target = self.instance.target.topology();
-        let links = &self.instance.links;
-        let mut edges = Vec::new();
-        for (first, &(module, spot)) in kept.iter().enumerate() {
-            for &other in links.neighbours(module).iter().filter(|&&one| one > module) {
-                if let Ok(second) = kept.binary_search_by_key(&other, |pair| pair.0)
-                    && target.has_edge(spot, kept[second].1)
-                {
-                    edges.push((first, second));
-                }
-            }
-        }
-        let graph = Topology::new(kept.len(), &edges)
-            .unwrap_or_else(|_| Topology::without_edges(kept.len()));
-        graph
-            .components_within(|_| true)
+        let modules: Vec<usize> = kept.iter().map(|&(module, _)| module).collect();
+        let mut links = self.instance.links.induced_by(&modules).edges().to_vec();
+        links.retain(|&(first, second)| target.has_edge(kept[first].1, kept[second].1));
+        Topology::new(kept.len(), &links)
+            .components()
             .into_iter()
             .filter(|piece| piece.len() > 1)
-            .map(|piece| piece.into_iter().map(|position| kept[position].0).collect())
+            .map(|piece| piece.into_iter().map(|node| modules[node]).collect())
             .collect()
     }
 }
 
-/// Whether a module of a configuration can have the spot matched to it.
+/// Whether a module of a configuration can take the spot matched to it.
 enum Test {
-    /// Nobody has it.
+    /// The spot is free.
     Free,
     /// `evict` answers TRUE, and these modules move.
     Evicts(Vec<Move>),
     /// `evict` answers FALSE, or another configuration holds the spot.
     Refused,
+}
+
+/// The members that `leaves_out` rejects.
+fn without(members: &[usize], leaves_out: impl Fn(&usize) -> bool) -> Vec<usize> {
+    let members = members.iter().copied();
+    members.filter(|member| !leaves_out(member)).collect()
 }

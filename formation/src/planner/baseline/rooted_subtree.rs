@@ -1,31 +1,29 @@
-//! The paper's candidates: the first subtrees of the target that equal a configuration, or as much of it as can be.
+//! The paper's candidates: the first subtrees of the target that equal a configuration, or its largest part that fits.
 
 use std::collections::BTreeSet;
 
 use crate::model::Topology;
-use crate::planner::placement::small_assignment::{NO_COLUMN, Score, SmallAssignment};
+use crate::planner::placement::{DirectedEdges, NO_COLUMN, Pairs, Score, SmallAssignment};
+use crate::planner::rooted_tree::RootedTree;
 
-/// A configuration's node and the spot that it takes, ascending by node.
-pub(super) type Embedding = Vec<(usize, usize)>;
-
-/// Finds up to `limit` common subtrees of greatest size of two trees, each on spots of its own.
+/// Finds up to `limit` common subtrees of greatest size of two trees, no two on the same set of spots. Each pairs nodes of
+/// the configuration with spots, in ascending order of nodes.
 ///
-/// Every spot in the given order, with every node of the configuration laid on it as the root, is tried for one common
-/// subtree. The paper, section "Experimental Evaluation", stops in the same way at the first MAX = 20. Sizes come from
-/// the programme of Edmonds and Matula over pairs of directed edges, unweighted.
+/// For every spot in the given order, and every node of the configuration on it as the root, one common subtree is tried.
+/// The paper, section "Experimental Evaluation", stops in the same way at the first MAX = 20. The sizes come from the
+/// dynamic programme of Edmonds and Matula over pairs of directed edges, unweighted.
 pub(super) fn largest_common(
     configuration: &Topology,
     target: &Topology,
     spot_order: &[usize],
     limit: usize,
-) -> Vec<Embedding> {
+) -> Vec<Pairs> {
     let mut programme = Programme::new(configuration, target);
-    programme.fill();
     let node_count = configuration.node_count();
     let mut roots: Vec<(Score, usize, usize)> = Vec::with_capacity(node_count * spot_order.len());
     for &spot in spot_order {
         for node in 0..node_count {
-            let score = programme.rooted(Rooted::whole(node), Rooted::whole(spot));
+            let score = programme.score(Branch::whole(node), Branch::whole(spot));
             roots.push((score, node, spot));
         }
     }
@@ -39,183 +37,130 @@ pub(super) fn largest_common(
         if Some(score) != largest {
             continue;
         }
-        let embedding = programme.reconstruct(node, spot);
-        let mut spots: Vec<usize> = embedding.iter().map(|&(_, spot)| spot).collect();
-        spots.sort_unstable();
+        let pairs = programme.reconstruct(node, spot);
+        let spots: BTreeSet<usize> = pairs.iter().map(|&(_, spot)| spot).collect();
         if seen.insert(spots) {
-            found.push(embedding);
+            found.push(pairs);
         }
     }
     found
 }
 
-/// A tree hung up at a node, without the branch towards `parent`.
+/// A tree rooted at a node, without the branch beyond one of the node's edges.
 #[derive(Clone, Copy)]
-struct Rooted {
+struct Branch {
     node: usize,
-    parent: Option<usize>,
+    /// The directed edge from the node to its parent; `None` for the whole tree.
+    upward: Option<usize>,
 }
 
-impl Rooted {
+impl Branch {
     fn whole(node: usize) -> Self {
-        Self { node, parent: None }
+        Self { node, upward: None }
     }
 
-    fn children(self, topology: &Topology) -> impl Iterator<Item = Self> + Clone + '_ {
-        topology
-            .neighbours(self.node)
-            .iter()
-            .copied()
-            .filter(move |&child| Some(child) != self.parent)
-            .map(move |child| Self {
-                node: child,
-                parent: Some(self.node),
-            })
-    }
-}
-
-/// Numbers the directed edges of a tree, by the node at the lower end and the place of its parent in its list.
-struct DirectedEdges {
-    offsets: Vec<usize>,
-    count: usize,
-}
-
-impl DirectedEdges {
-    fn new(topology: &Topology) -> Self {
-        let mut count = 0;
-        let offsets = (0..topology.node_count())
-            .map(|node| {
-                let offset = count;
-                count += topology.degree(node);
-                offset
-            })
-            .collect();
-        Self { offsets, count }
+    /// The branch on the tail's side of a directed edge.
+    fn below(edges: &DirectedEdges, upward: usize) -> Self {
+        Self {
+            node: edges.tail(upward),
+            upward: Some(upward),
+        }
     }
 
-    fn number(&self, topology: &Topology, node: usize, parent: usize) -> usize {
-        let place = topology.neighbours(node).binary_search(&parent);
-        self.offsets[node] + place.unwrap_or_default()
+    /// The branches below the node, each as the directed edge from its root to the node.
+    fn children(self, edges: &DirectedEdges) -> impl Iterator<Item = usize> + Clone + '_ {
+        (edges.first[self.node]..edges.first[self.node + 1])
+            .filter(move |&edge| Some(edge) != self.upward)
+            .map(|edge| edges.reverse[edge])
     }
 }
 
-struct Programme<'a> {
-    configuration: &'a Topology,
-    target: &'a Topology,
-    configuration_edges: DirectedEdges,
-    target_edges: DirectedEdges,
-    /// The size of the largest common subtree for each pair of directed edges.
+struct Programme {
+    configuration: DirectedEdges,
+    target: DirectedEdges,
+    /// The score of the largest common subtree for each pair of directed edges, those of the configuration first.
     table: Vec<Score>,
     assignment: SmallAssignment,
 }
 
-impl<'a> Programme<'a> {
-    fn new(configuration: &'a Topology, target: &'a Topology) -> Self {
-        let configuration_edges = DirectedEdges::new(configuration);
-        let target_edges = DirectedEdges::new(target);
-        Self {
-            table: vec![Score::NOTHING; configuration_edges.count * target_edges.count],
-            configuration,
-            target,
-            configuration_edges,
-            target_edges,
-            assignment: SmallAssignment::default(),
-        }
-    }
-
-    fn entry(&self, branch: Rooted, place: Rooted) -> usize {
-        let number = |edges: &DirectedEdges, topology: &Topology, rooted: Rooted| {
-            let parent = rooted.parent.unwrap_or_default();
-            edges.number(topology, rooted.node, parent)
-        };
-        number(&self.configuration_edges, self.configuration, branch) * self.target_edges.count
-            + number(&self.target_edges, self.target, place)
-    }
-
+impl Programme {
     /// Fills the table, smaller branches first.
-    fn fill(&mut self) {
-        for branch in branches_by_size(self.configuration) {
-            for spot in 0..self.target.node_count() {
-                for &parent in self.target.neighbours(spot) {
-                    let place = Rooted {
-                        node: spot,
-                        parent: Some(parent),
-                    };
-                    let entry = self.entry(branch, place);
-                    self.table[entry] = self.rooted(branch, place);
-                }
+    fn new(configuration: &Topology, target: &Topology) -> Self {
+        let mut programme = Self {
+            configuration: DirectedEdges::of(configuration),
+            target: DirectedEdges::of(target),
+            table: Vec::new(),
+            assignment: SmallAssignment::default(),
+        };
+        let (branches, places) = (
+            programme.configuration.head.len(),
+            programme.target.head.len(),
+        );
+        programme.table = vec![Score::NOTHING; branches * places];
+        for branch in branches_by_size(configuration, &programme.configuration) {
+            for place in 0..places {
+                programme.table[branch * places + place] = programme.score(
+                    Branch::below(&programme.configuration, branch),
+                    Branch::below(&programme.target, place),
+                );
             }
         }
+        programme
     }
 
-    /// The size of the largest common subtree with one root on the other; the branches below must be in the table.
-    fn rooted(&mut self, branch: Rooted, place: Rooted) -> Score {
-        let row_count = branch.children(self.configuration).count();
-        let column_count = place.children(self.target).count();
+    /// The score of the largest common subtree with one root on the other, from the table's entries for smaller branches.
+    fn score(&mut self, branch: Branch, place: Branch) -> Score {
+        let row_count = branch.children(&self.configuration).count();
+        let column_count = place.children(&self.target).count();
         if row_count == 0 || column_count == 0 {
             return Score::of_one(0);
         }
-        let scores: Vec<Score> = branch
-            .children(self.configuration)
-            .flat_map(|child| place.children(self.target).map(move |spot| (child, spot)))
-            .map(|(child, spot)| self.table[self.entry(child, spot)])
-            .collect();
-        self.assignment
-            .solve(row_count, column_count, scores.into_iter());
+        let scores = branch.children(&self.configuration).flat_map(|child| {
+            let row = &self.table[child * self.target.head.len()..];
+            place.children(&self.target).map(move |spot| row[spot])
+        });
+        self.assignment.solve(row_count, column_count, scores);
         Score::of_one(0) + self.assignment.score()
     }
 
-    fn reconstruct(&mut self, node: usize, spot: usize) -> Embedding {
-        let mut embedding = Vec::new();
-        let mut open = vec![(Rooted::whole(node), Rooted::whole(spot))];
+    fn reconstruct(&mut self, node: usize, spot: usize) -> Pairs {
+        let mut pairs = Vec::new();
+        let mut open = vec![(Branch::whole(node), Branch::whole(spot))];
         while let Some((branch, place)) = open.pop() {
-            embedding.push((branch.node, place.node));
-            let spots: Vec<Rooted> = place.children(self.target).collect();
-            if spots.is_empty() || branch.children(self.configuration).next().is_none() {
+            pairs.push((branch.node, place.node));
+            let spots: Vec<usize> = place.children(&self.target).collect();
+            if spots.is_empty() || branch.children(&self.configuration).next().is_none() {
                 continue;
             }
-            self.rooted(branch, place);
-            let children = branch.children(self.configuration);
-            open.extend(
-                children
-                    .zip(self.assignment.columns())
-                    .filter(|&(_, &column)| column != NO_COLUMN)
-                    .map(|(child, &column)| (child, spots[usize::from(column)])),
-            );
+            self.score(branch, place);
+            let children = branch.children(&self.configuration);
+            for (child, &column) in children.zip(self.assignment.columns()) {
+                if column != NO_COLUMN {
+                    open.push((
+                        Branch::below(&self.configuration, child),
+                        Branch::below(&self.target, spots[usize::from(column)]),
+                    ));
+                }
+            }
         }
-        embedding.sort_unstable();
-        embedding
+        pairs.sort_unstable();
+        pairs
     }
 }
 
-/// All branches of a tree, smaller ones first, so that a branch comes after those below it.
-fn branches_by_size(tree: &Topology) -> Vec<Rooted> {
-    let mut order = vec![Rooted::whole(0)];
-    let mut next = 0;
-    while let Some(&rooted) = order.get(next) {
-        order.extend(rooted.children(tree));
-        next += 1;
-    }
-    let mut sizes = vec![1_usize; tree.node_count()];
-    for rooted in order.iter().rev() {
-        if let Some(parent) = rooted.parent {
-            sizes[parent] += sizes[rooted.node];
+/// All branches of a tree, each as the directed edge from its root upward, smaller branches first.
+fn branches_by_size(topology: &Topology, edges: &DirectedEdges) -> Vec<usize> {
+    let tree = RootedTree::new(topology, 0);
+    let mut branches: Vec<usize> = (0..edges.head.len()).collect();
+    branches.sort_by_key(|&edge| {
+        let (root, parent) = (edges.tail(edge), edges.head[edge]);
+        if tree.parents[root] == Some(parent) {
+            tree.sizes[root]
+        } else {
+            topology.node_count() - tree.sizes[parent]
         }
-    }
-    let mut branches: Vec<(usize, Rooted)> = order
-        .iter()
-        .filter_map(|&rooted| Some((rooted, rooted.parent?)))
-        .flat_map(|(downward, parent)| {
-            let size = sizes[downward.node];
-            let upward = Rooted {
-                node: parent,
-                parent: Some(downward.node),
-            };
-            [(size, downward), (tree.node_count() - size, upward)]
-        })
-        .collect();
-    branches.sort_by_key(|&(size, _)| size);
-    branches.into_iter().map(|(_, branch)| branch).collect()
+    });
+    branches
 }
 
 #[cfg(test)]
@@ -229,7 +174,7 @@ mod tests {
         let edges: Vec<(usize, usize)> = (1..node_count)
             .map(|node| (random.index(node), node))
             .collect();
-        Topology::new(node_count, &edges).unwrap()
+        Topology::new(node_count, &edges)
     }
 
     #[test]
@@ -265,7 +210,7 @@ mod tests {
     fn candidates_come_in_the_order_of_the_spots() {
         let path = |count: usize| {
             let edges: Vec<(usize, usize)> = (1..count).map(|node| (node - 1, node)).collect();
-            Topology::new(count, &edges).unwrap()
+            Topology::new(count, &edges)
         };
         let spots_of = |limit: usize| -> Vec<Vec<usize>> {
             largest_common(&path(2), &path(5), &[4, 0, 1, 2, 3], limit)

@@ -1,43 +1,44 @@
 //! The utility-optimal maximum common subtree of a configuration and a target, both trees.
 //!
 //! This replaces the enumeration of candidate subtrees in the paper's section "Block Allocation by Modules Connected
-//! in a Configuration": one dynamic programme over the directed edges of both trees finds the largest part of the
-//! configuration that fits, and among the largest the one of greatest utility, exactly. An isomorphic subgraph is
-//! the case in which everything fits.
+//! in a Configuration". One dynamic programme over the directed edges of both trees finds the largest part of the
+//! configuration that fits, and among the largest the one of greatest utility, exactly. If the whole configuration fits, the
+//! result is an isomorphic subgraph.
 //!
 //! The scheme is that of Edmonds and Matula for subtree isomorphism (D. W. Matula, "Subtree isomorphism in
 //! O(n^(5/2))", Annals of Discrete Mathematics 2, 1978), with weights. The configuration is rooted at a leaf.
-//! `F[a][s|q]` is the best that the subtree below module `a` can do when `a` takes spot `s` while the parent of `a`
-//! takes the neighbour `q` of `s`: the worth of the pair plus the best assignment of the children of `a` to the
-//! neighbours of `s` other than `q`. A common subtree has exactly one topmost module, so trying every pair as the top
-//! finds the optimum. With bounded degrees the time is proportional to the product of both sizes.
+//! `F[a][s|q]` is the best score of the subtree below module `a` if `a` takes spot `s` and the parent of `a` takes the
+//! neighbour `q` of `s`: the worth of the pair plus the best assignment of the children of `a` to the neighbours of `s` other
+//! than `q`. A common subtree has exactly one topmost module, so the maximum over all pairs as the top is the optimum. With
+//! bounded degrees the time is proportional to the product of both sizes.
 
-use crate::model::{MicroUnits, Topology};
+use crate::model::Topology;
+use crate::planner::placement::directed_edges::DirectedEdges;
+use crate::planner::placement::matching::{Matching, MatchingInput, Weight};
 use crate::planner::placement::small_assignment::{NO_COLUMN, Score, SmallAssignment};
-use crate::planner::placement::{Matching, MatchingInput};
+use crate::planner::rooted_tree::RootedTree;
 
-/// A weight row's entry for a forbidden pair.
+/// The entry of a weight row for a forbidden pair.
 const FORBIDDEN: i64 = i64::MIN;
 
 /// Finds the largest connected part of the configuration that fits into the target, and among the largest the one
 /// of greatest utility.
 ///
-/// Both graphs must be trees; of a graph with cycles only a breadth-first spanning tree would be seen, which the
-/// caller must not want. Ties go to the topmost pair met first in a fixed order of the nodes, then to the lower spot.
-/// The answer is always proven.
+/// Both graphs must be trees. Ties go to the first topmost pair in a fixed order of the nodes, then to the lower spot. The
+/// answer is always proven.
 #[must_use]
-pub fn solve<W: Fn(usize, usize) -> Option<MicroUnits>>(input: &MatchingInput<'_, W>) -> Matching {
-    let configuration = RootedTree::at_lowest_leaf(input.configuration);
+pub fn solve<W: Weight>(input: &MatchingInput<'_, W>) -> Matching {
+    let configuration = RootedConfiguration::at_lowest_leaf(input.configuration);
     let target = DirectedEdges::of(input.target);
     let mut programme = Programme {
         configuration: &configuration,
         target: &target,
         weight: &input.weight,
-        rows: vec![Row::Done; configuration.parents.len()],
+        rows: vec![Row::Done; configuration.children.len()],
         spare: Vec::new(),
-        choices: vec![Vec::new(); configuration.parents.len()],
+        choices: vec![Vec::new(); configuration.children.len()],
         top: Top::default(),
-        wide: SmallAssignment::default(),
+        assignment: SmallAssignment::default(),
     };
     for &node in &configuration.post_order {
         programme.visit(node);
@@ -45,118 +46,56 @@ pub fn solve<W: Fn(usize, usize) -> Option<MicroUnits>>(input: &MatchingInput<'_
     programme.trace_back()
 }
 
-/// A tree hung up at one of its nodes.
-struct RootedTree {
-    parents: Vec<Option<usize>>,
+/// The configuration, rooted at a leaf.
+struct RootedConfiguration {
+    /// The children of each node, ascending.
     children: Vec<Vec<usize>>,
-    /// Children before parents, larger subtrees first, so that few rows are alive at once.
+    /// Children before parents, larger subtrees first, so that few rows exist at a time.
     post_order: Vec<usize>,
 }
 
-impl RootedTree {
-    /// Hangs the tree up at its lowest leaf, which leaves every other node one child fewer than it has neighbours.
+impl RootedConfiguration {
+    /// Roots the tree at its lowest leaf, so that every other node has one child fewer than neighbours.
     fn at_lowest_leaf(topology: &Topology) -> Self {
         let node_count = topology.node_count();
-        let root = (0..node_count)
-            .find(|&node| topology.degree(node) <= 1)
-            .unwrap_or(0);
-        let mut parents = vec![None; node_count];
+        let leaf = (0..node_count).find(|&node| topology.degree(node) <= 1);
+        let tree = RootedTree::new(topology, leaf.unwrap_or(0));
         let mut children = vec![Vec::new(); node_count];
-        let mut seen = vec![false; node_count];
-        let mut order = Vec::with_capacity(node_count);
-        if root < node_count {
-            seen[root] = true;
-            order.push(root);
-        }
-        let mut next = 0;
-        while let Some(&node) = order.get(next) {
-            for &neighbour in topology.neighbours(node) {
-                if !seen[neighbour] {
-                    seen[neighbour] = true;
-                    parents[neighbour] = Some(node);
-                    children[node].push(neighbour);
-                    order.push(neighbour);
-                }
-            }
-            next += 1;
-        }
-        let mut sizes = vec![1_usize; node_count];
-        for &node in order.iter().rev() {
-            if let Some(parent) = parents[node] {
-                sizes[parent] += sizes[node];
+        for &node in &tree.order {
+            if let Some(parent) = tree.parents[node] {
+                children[parent].push(node);
             }
         }
-        // Walking from the root and taking the smallest child first yields, reversed, an order in which every
-        // subtree is finished before its parent and the largest subtree of a node is finished first.
-        let mut post_order = Vec::with_capacity(order.len());
-        let mut stack: Vec<usize> = order.first().copied().into_iter().collect();
+        // A walk from the root that takes the smallest child first yields, reversed, an order in which every subtree is
+        // finished before its parent, and the largest subtree of a node first.
+        let mut post_order = Vec::with_capacity(node_count);
+        let mut stack: Vec<usize> = tree.order.first().copied().into_iter().collect();
         while let Some(node) = stack.pop() {
             post_order.push(node);
             let first = stack.len();
             stack.extend_from_slice(&children[node]);
-            stack[first..].sort_by_key(|&child| (std::cmp::Reverse(sizes[child]), child));
+            stack[first..].sort_by_key(|&child| (std::cmp::Reverse(tree.sizes[child]), child));
         }
         post_order.reverse();
         Self {
-            parents,
             children,
             post_order,
         }
     }
 }
 
-/// The edges of the target in both directions: those that leave spot `s` are `first[s]..first[s + 1]`.
-struct DirectedEdges {
-    first: Vec<usize>,
-    /// The spot to which each directed edge leads.
-    head: Vec<usize>,
-    /// The position of the same edge in the other direction.
-    reverse: Vec<usize>,
-}
-
-impl DirectedEdges {
-    fn of(topology: &Topology) -> Self {
-        let mut first = Vec::with_capacity(topology.node_count() + 1);
-        let mut head = Vec::with_capacity(2 * topology.edges().len());
-        for node in 0..topology.node_count() {
-            first.push(head.len());
-            head.extend_from_slice(topology.neighbours(node));
-        }
-        first.push(head.len());
-        // Neighbours ascend, so the edges into any one node are met in the order of that node's own list.
-        let mut met = first.clone();
-        let reverse = head
-            .iter()
-            .map(|&node| {
-                let position = met[node];
-                met[node] += 1;
-                position
-            })
-            .collect();
-        Self {
-            first,
-            head,
-            reverse,
-        }
-    }
-
-    fn spot_count(&self) -> usize {
-        self.first.len() - 1
-    }
-}
-
-/// What is known of one module's subtree.
+/// The scores of one module's subtree.
 #[derive(Clone)]
 enum Row {
     /// Not computed yet, or no longer needed.
     Done,
-    /// A leaf is worth the same whatever its parent takes: one weight per spot.
+    /// A leaf's score does not depend on its parent: one weight per spot.
     Leaf(Vec<i64>),
     /// `F[a][s|q]` for every directed edge from `s` to `q`.
     Inner(Vec<Score>),
 }
 
-/// The best topmost pair so far, and which neighbour of its spot each of its children takes.
+/// The best topmost pair so far, and the neighbour of its spot that each of its children takes.
 #[derive(Default)]
 struct Top {
     score: Score,
@@ -165,37 +104,38 @@ struct Top {
 }
 
 struct Programme<'a, W> {
-    configuration: &'a RootedTree,
+    configuration: &'a RootedConfiguration,
     target: &'a DirectedEdges,
     weight: &'a W,
     rows: Vec<Row>,
+    /// Buffers of rows that are no longer needed.
     spare: Vec<Vec<Score>>,
-    /// For every node but the root, and every directed edge from `s` to `q`: which neighbour of `s` the node takes
-    /// when its parent takes `s` and its grandparent `q`.
+    /// For every node but the root, and every directed edge from `s` to `q`: the neighbour of `s`, as a position in its
+    /// list, that the node takes if its parent takes `s` and its grandparent takes `q`.
     choices: Vec<Vec<u16>>,
     top: Top,
-    wide: SmallAssignment,
+    assignment: SmallAssignment,
 }
 
-/// A neighbour of a spot and what a child earns below it.
+/// A neighbour of a spot, as a position in its list, and the score of a child's subtree there.
 #[derive(Clone, Copy)]
 struct Candidate {
     score: Score,
     slot: u16,
 }
 
-const NOBODY: Candidate = Candidate {
+const NO_CANDIDATE: Candidate = Candidate {
     score: Score::NOTHING,
     slot: NO_COLUMN,
 };
 
-/// The best few neighbours of a spot for one child, best first, lower ones first among equals.
+/// The best neighbours of a spot for one child, best first, lower ones first among equals.
 #[derive(Clone, Copy)]
 struct Best<const COUNT: usize>([Candidate; COUNT]);
 
 impl<const COUNT: usize> Best<COUNT> {
     fn of(candidates: impl Iterator<Item = Candidate>) -> Self {
-        let mut best = [NOBODY; COUNT];
+        let mut best = [NO_CANDIDATE; COUNT];
         for mut candidate in candidates {
             if candidate.score == Score::NOTHING {
                 continue;
@@ -209,17 +149,17 @@ impl<const COUNT: usize> Best<COUNT> {
         Self(best)
     }
 
-    /// The best two that are not `excluded`.
+    /// The best two other than `excluded`.
     fn two_without(&self, excluded: u16) -> [Candidate; 2] {
         let mut kept = self.0.iter().filter(|place| place.slot != excluded);
         [
-            kept.next().copied().unwrap_or(NOBODY),
-            kept.next().copied().unwrap_or(NOBODY),
+            kept.next().copied().unwrap_or(NO_CANDIDATE),
+            kept.next().copied().unwrap_or(NO_CANDIDATE),
         ]
     }
 }
 
-/// The best way for two children to take different neighbours.
+/// The best choice of different neighbours for two children, given the best two neighbours for each.
 fn best_of_two(
     [first, first_else]: [Candidate; 2],
     [second, second_else]: [Candidate; 2],
@@ -233,7 +173,7 @@ fn best_of_two(
     }
 }
 
-impl<W: Fn(usize, usize) -> Option<MicroUnits>> Programme<'_, W> {
+impl<W: Weight> Programme<'_, W> {
     fn weight_of(&self, node: usize, spot: usize) -> i64 {
         (self.weight)(node, spot).map_or(FORBIDDEN, |weight| weight.0)
     }
@@ -255,7 +195,7 @@ impl<W: Fn(usize, usize) -> Option<MicroUnits>> Programme<'_, W> {
     }
 
     fn visit_leaf(&mut self, node: usize) {
-        let weights: Vec<i64> = (0..self.target.spot_count())
+        let weights: Vec<i64> = (0..self.target.node_count())
             .map(|spot| self.weight_of(node, spot))
             .collect();
         for (spot, &weight) in weights.iter().enumerate() {
@@ -275,7 +215,7 @@ impl<W: Fn(usize, usize) -> Option<MicroUnits>> Programme<'_, W> {
         }
     }
 
-    /// What `child` earns below each neighbour of `spot` when its parent takes `spot`.
+    /// The neighbours of `spot` with the scores of the subtree with this `row` if its parent takes `spot`.
     fn candidates<'b>(
         target: &'b DirectedEdges,
         row: &'b Row,
@@ -312,7 +252,7 @@ impl<W: Fn(usize, usize) -> Option<MicroUnits>> Programme<'_, W> {
         let child_row = std::mem::replace(&mut self.rows[child], Row::Done);
         let mut row = self.blank_row();
         let mut choices = self.blank_choices();
-        for spot in 0..target.spot_count() {
+        for spot in 0..target.node_count() {
             let weight = self.weight_of(node, spot);
             if weight == FORBIDDEN {
                 continue;
@@ -337,7 +277,7 @@ impl<W: Fn(usize, usize) -> Option<MicroUnits>> Programme<'_, W> {
         let second_row = std::mem::replace(&mut self.rows[second], Row::Done);
         let mut row = self.blank_row();
         let mut choices = (self.blank_choices(), self.blank_choices());
-        for spot in 0..target.spot_count() {
+        for spot in 0..target.node_count() {
             let weight = self.weight_of(node, spot);
             if weight == FORBIDDEN {
                 continue;
@@ -373,31 +313,31 @@ impl<W: Fn(usize, usize) -> Option<MicroUnits>> Programme<'_, W> {
             .collect();
         let mut row = self.blank_row();
         let mut choices: Vec<Vec<u16>> = children.iter().map(|_| self.blank_choices()).collect();
-        let mut wide = std::mem::take(&mut self.wide);
-        for spot in 0..target.spot_count() {
+        let mut assignment = std::mem::take(&mut self.assignment);
+        for spot in 0..target.node_count() {
             let weight = self.weight_of(node, spot);
             if weight == FORBIDDEN {
                 continue;
             }
             let own = Score::of_one(weight);
             let edges = target.first[spot]..target.first[spot + 1];
-            wide.solve(
+            assignment.solve(
                 children.len(),
                 edges.len(),
                 child_rows.iter().flat_map(|child_row| {
                     Self::candidates(target, child_row, spot).map(|candidate| candidate.score)
                 }),
             );
-            self.consider_top(node, spot, own + wide.score(), wide.columns());
+            self.consider_top(node, spot, own + assignment.score(), assignment.columns());
             for (edge, slot) in edges.zip(0_u16..) {
-                let (score, columns) = wide.without(slot);
+                let (score, columns) = assignment.without(slot);
                 row[edge] = own + score;
                 for (choice, &column) in choices.iter_mut().zip(columns) {
                     choice[edge] = column;
                 }
             }
         }
-        self.wide = wide;
+        self.assignment = assignment;
         for (&child, child_row) in children.iter().zip(child_rows) {
             self.rows[child] = child_row;
         }

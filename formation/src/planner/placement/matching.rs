@@ -1,49 +1,73 @@
-//! The common question of the two common-subgraph solvers, and their common answer.
+//! The input and the output of the two common-subgraph solvers, one for trees and one for graphs with cycles.
 //!
-//! Which modules of a configuration can keep their links to each other if they take which spots of the target?
-//! One solver answers for trees, the other for graphs with cycles; both take and give what stands here.
+//! The question is which modules of a configuration can keep their links to each other if they take which spots of the
+//! target.
 
 use crate::model::{MicroUnits, Topology};
 
-/// One configuration to be laid into one target.
+/// The worth of a pair of a configuration's node (first) and a target's node (second); `None` forbids the pair. Solvers
+/// can ask for any pair repeatedly and in any order.
+pub trait Weight: Fn(usize, usize) -> Option<MicroUnits> {}
+
+impl<W: Fn(usize, usize) -> Option<MicroUnits>> Weight for W {}
+
+/// A list of pairs: of a configuration's node and the target's node that it takes, or of the ends of edges.
+pub type Pairs = Vec<(usize, usize)>;
+
+/// One configuration to place in one target.
 #[derive(Clone, Copy, Debug)]
 pub struct MatchingInput<'a, W> {
-    /// The modules' links; connected.
+    /// The links of the modules; connected.
     pub configuration: &'a Topology,
-    /// The spots' edges; connected.
+    /// The edges of the spots; connected.
     pub target: &'a Topology,
-    /// What it is worth, in micro-units, that a node of the configuration (first) takes a node of the target
-    /// (second); `None` forbids it. Solvers may ask for any pair several times and in any order.
+    /// The worth of each pair.
     pub weight: W,
 }
 
-/// The best way found to lay a configuration, or a part of it, into a target.
+/// A placement of a configuration, or of a part of it, in a target.
 ///
 /// The matched nodes are connected in the configuration by links whose images are edges of the target.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Matching {
-    /// Pairs of a configuration's node and the target's node that it takes, ascending.
-    pub pairs: Vec<(usize, usize)>,
+    /// The matched nodes with their target nodes, ascending.
+    pub pairs: Pairs,
     /// The sum of the pairs' weights.
     pub utility: MicroUnits,
-    /// Whether no better matching exists; `false` when a search was cut at its budget.
+    /// Whether no better matching exists; `false` when a search ended at its budget.
     pub proven: bool,
 }
 
-impl<W: Fn(usize, usize) -> Option<MicroUnits>> MatchingInput<'_, W> {
-    /// How many links a matching keeps: pairs of linked nodes whose images are adjacent.
-    #[must_use]
-    pub fn kept_links(&self, pairs: &[(usize, usize)]) -> usize {
+impl<W> MatchingInput<'_, W> {
+    /// The links that a matching keeps, which are those whose ends take adjacent nodes, and the edges that these links
+    /// take.
+    pub(crate) fn kept(&self, pairs: &[(usize, usize)]) -> (Pairs, Pairs) {
         let mut image = vec![None; self.configuration.node_count()];
         for &(node, spot) in pairs {
             image[node] = Some(spot);
         }
-        self.configuration
-            .edges()
-            .iter()
-            .filter(|&&(first, second)| {
-                matches!((image[first], image[second]), (Some(one), Some(other)) if self.target.has_edge(one, other))
+        let links = self.configuration.edges().iter();
+        links
+            .filter_map(|&(first, second)| {
+                let (one, other) = (image[first]?, image[second]?);
+                let is_kept = self.target.has_edge(one, other);
+                is_kept.then_some(((first, second), (one, other)))
             })
-            .count()
+            .unzip()
+    }
+
+    /// The number of links that a matching keeps.
+    pub(crate) fn kept_links(&self, pairs: &[(usize, usize)]) -> usize {
+        self.kept(pairs).0.len()
+    }
+}
+
+impl<W: Weight> MatchingInput<'_, W> {
+    /// The sum of the weights of some pairs.
+    pub(crate) fn utility(&self, pairs: &[(usize, usize)]) -> MicroUnits {
+        let weights = pairs.iter();
+        weights
+            .filter_map(|&(node, spot)| (self.weight)(node, spot))
+            .sum()
     }
 }

@@ -1,9 +1,34 @@
-//! Where a configuration fits into the target: a utility-optimal maximum common subgraph, exact on trees and by branch
-//! and bound elsewhere (paper, Algorithm 2).
+//! The place of a configuration in the target: a utility-optimal maximum common subgraph, exact on trees and by branch and
+//! bound on other graphs (paper, Algorithm 2).
 
-pub mod common_subgraph;
+pub(crate) mod common_subgraph;
 pub mod common_subtree;
+mod directed_edges;
 mod matching;
-pub(crate) mod small_assignment;
+mod small_assignment;
 
-pub use matching::{Matching, MatchingInput};
+pub(crate) use directed_edges::DirectedEdges;
+pub use matching::{Matching, MatchingInput, Pairs, Weight};
+pub(crate) use small_assignment::{NO_COLUMN, Score, SmallAssignment};
+
+use crate::model::{MicroUnits, Topology};
+
+/// Finds the best place of a connected configuration in a connected target: with the exact programme if both are trees,
+/// otherwise with the search for graphs with cycles.
+pub(crate) fn best_matching(
+    target: &Topology,
+    configuration: &Topology,
+    weight: impl Fn(usize, usize) -> Option<MicroUnits>,
+) -> Matching {
+    let input = MatchingInput {
+        configuration,
+        target,
+        weight,
+    };
+    let is_tree = |graph: &Topology| graph.edges().len() + 1 == graph.node_count();
+    if is_tree(configuration) && is_tree(target) {
+        common_subtree::solve(&input)
+    } else {
+        common_subgraph::solve(&input)
+    }
+}

@@ -1,21 +1,21 @@
-//! Exact assignment of a node's children to a spot's neighbours, inside the common-subtree programme.
+//! Exact assignment of a node's children to a spot's neighbours, for the common-subtree programmes.
 
 use std::ops::Add;
 
 use crate::model::MicroUnits;
 
-/// Stands for "no column" in a row's choice; no spot has that many neighbours.
+/// Marks a row without a column; no spot has that many neighbours.
 pub(crate) const NO_COLUMN: u16 = u16::MAX;
 
-/// How many modules are matched and what they earn, ordered by size first, then by utility.
+/// A number of matched modules and their utility, ordered by number, then by utility.
 ///
-/// Size and utility stand side by side in 128 bits: a sum of utilities stays within 64 bits (see
-/// [`crate::model::WEIGHT_LIMIT`]), so one addition adds both and one comparison compares the pair.
+/// Both share 128 bits: a sum of utilities stays within 64 bits (see [`crate::model::WEIGHT_LIMIT`]), so one addition adds
+/// both and one comparison compares both.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Score(i128);
 
 impl Score {
-    /// Nobody matched. Every match is worth more, whatever its utility.
+    /// No matched module. Every match scores higher, whatever its utility.
     pub(crate) const NOTHING: Self = Self(0);
 
     /// One matched module.
@@ -23,7 +23,7 @@ impl Score {
         Self((1 << 64) + i128::from(utility))
     }
 
-    /// The utility part.
+    /// The utility.
     #[expect(
         clippy::cast_possible_truncation,
         reason = "the low 64 bits are the utility in two's complement"
@@ -40,14 +40,14 @@ impl Add for Score {
     }
 }
 
-/// Assigns rows to distinct columns so that the total score is greatest; a row may stay without a column.
+/// Assigns rows to distinct columns with the greatest total score; a row can stay without a column.
 ///
 /// Successive shortest augmenting paths with dual potentials (R. Jonker and A. Volgenant, "A shortest augmenting path
 /// algorithm for dense and sparse linear assignment problems", Computing 38, 1987). Buffers are kept between calls.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct SmallAssignment {
     column_count: usize,
-    /// Row after row; the cost of a pair is minus its score.
+    /// The costs of pairs, row after row: minus their scores.
     costs: Vec<i128>,
     solution: Solution,
     /// The solution of the last call of [`Self::without`].
@@ -71,7 +71,7 @@ struct Search {
 }
 
 impl SmallAssignment {
-    /// Solves for `row_count` rows; `scores` come row after row and are at least [`Score::NOTHING`].
+    /// Solves for `row_count` rows. `scores` lists the pairs row after row; each is at least [`Score::NOTHING`].
     pub(crate) fn solve(
         &mut self,
         row_count: usize,
@@ -106,12 +106,12 @@ impl SmallAssignment {
         &self.solution.column_of
     }
 
-    /// The total score and the column of each row when `column` may not be used.
+    /// The total score and the column of each row if no row may use `column`.
     pub(crate) fn without(&mut self, column: u16) -> (Score, &[u16]) {
         let Some(row) = self.solution.row_of[usize::from(column)] else {
             return (self.score(), &self.solution.column_of);
         };
-        // The rest stays optimal for the remaining columns, so one more augmenting path restores optimality.
+        // The other rows are optimal for the remaining columns, so one more augmenting path restores optimality.
         self.reduced.clone_from(&self.solution);
         self.reduced.row_of[usize::from(column)] = None;
         self.reduced.column_of[row] = NO_COLUMN;
@@ -133,8 +133,8 @@ impl SmallAssignment {
 }
 
 impl Search {
-    /// Inserts an unmatched row along the cheapest augmenting path. The path ends at a free column, or by leaving the
-    /// last displaced row without one at cost zero. `forbidden` is a column that may not be used.
+    /// Inserts an unmatched row along the cheapest augmenting path. The path ends at a free column, or at cost zero with a
+    /// row that stays without one. No row may use the column `forbidden`.
     fn insert(&mut self, costs: &[i128], solution: &mut Solution, source: usize, forbidden: u16) {
         let column_count = solution.row_of.len();
         self.distance.clear();
@@ -148,7 +148,7 @@ impl Search {
         }
         let mut row = source;
         let mut base = 0;
-        // The cheapest way so far to leave some row without a column: its cost and the row.
+        // The row that is cheapest to leave without a column, and the cost.
         let mut drop = (-solution.row_potential[source], source);
         let end_column = loop {
             let mut nearest: Option<(i128, usize)> = None;
@@ -193,7 +193,7 @@ impl Search {
             }
         }
         solution.row_potential[source] += total;
-        let mut column = match end_column {
+        let column = match end_column {
             Some((_, column)) => column,
             None if drop.1 == source => return,
             None => {
@@ -202,11 +202,18 @@ impl Search {
                 freed
             }
         };
+        solution.augment(&self.previous_row, source, column);
+    }
+}
+
+impl Solution {
+    /// Moves rows along the path that begins at the row `source` and ends at `column`.
+    fn augment(&mut self, previous_row: &[usize], source: usize, mut column: usize) {
         loop {
-            let taker = self.previous_row[column];
-            let left = solution.column_of[taker];
-            solution.row_of[column] = Some(taker);
-            solution.column_of[taker] = u16::try_from(column).unwrap_or(NO_COLUMN);
+            let taker = previous_row[column];
+            let left = self.column_of[taker];
+            self.row_of[column] = Some(taker);
+            self.column_of[taker] = u16::try_from(column).unwrap_or(NO_COLUMN);
             if taker == source {
                 break;
             }
@@ -219,7 +226,7 @@ impl Search {
 mod tests {
     use super::*;
 
-    /// Tries every way to give the rows from `row` on distinct columns, or none.
+    /// The best score of all assignments of the rows from `row` on to distinct columns, or to none.
     fn brute_force(scores: &[Vec<Score>], row: usize, used: &mut Vec<bool>) -> Score {
         if row == scores.len() {
             return Score::NOTHING;

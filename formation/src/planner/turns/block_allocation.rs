@@ -1,153 +1,91 @@
 //! The turn of a configuration: the paper's `blockAllocation` (Algorithm 2) with the optimal common subgraph.
 
-use crate::model::{MicroUnits, Topology};
-use crate::planner::assignment::eviction::{Allocation, ChainSearch};
-use crate::planner::assignment::spot_allocation::{self, Displacement};
-use crate::planner::assignment::spot_tree::{BestOfSpots, Prospect};
-use crate::planner::assignment::{Holder, Instance, exact_finish};
-use crate::planner::placement::{Matching, MatchingInput, common_subgraph, common_subtree};
-use crate::planner::turns::turn_order::TurnQueue;
+use super::turn_order::TurnQueue;
+use super::turn_result::TurnResult;
+use crate::model::MicroUnits;
+use crate::planner::assignment::{
+    self, Allocation, BestOfSpots, ChainSearch, Displacement, Holder, Instance,
+};
+use crate::planner::placement::best_matching;
 
-/// What came of a configuration's turn.
-#[derive(Clone, Debug, Default)]
-pub(crate) struct BlockOutcome {
-    /// The modules that keep together and their spots; empty when the configuration dissolves.
-    pub(crate) placed: Vec<(usize, usize)>,
-    /// The connected components of the modules that leave; each ascending, in ascending order.
-    pub(crate) remainder: Vec<Vec<usize>>,
-    /// The singletons without a spot that the exact finish gave one; ascending.
-    pub(crate) readmitted: Vec<usize>,
-    /// Whether no larger or better match exists.
-    pub(crate) proven: bool,
-}
-
-/// Finds the best place for the largest part of a configuration, commits it, and lets the singletons that it
-/// displaces re-enter by chain eviction; appends all evictions in the order in which they happen.
+/// Finds the best place for the largest part of a configuration, takes the spots, and inserts the displaced singletons by
+/// chain eviction.
 ///
 /// `members` are two or more modules, ascending and connected by links, first in the queue. A configuration of which no
 /// two linked modules can stay together dissolves: all its modules leave as singletons.
-pub(crate) fn allocate(
+pub(super) fn allocate(
     instance: &Instance,
     search: &mut ChainSearch,
-    allocation: &mut Allocation,
     members: &[usize],
-    evictions: &mut Vec<Displacement>,
     queue: &TurnQueue,
-) -> BlockOutcome {
-    let topology = topology_of(instance, members);
+    result: &mut TurnResult,
+) {
+    let (allocation, evictions) = (&mut result.allocation, &mut result.evictions);
+    let links = instance.links.induced_by(members);
     let cut_price = instance.problem.parameters().cut_price.per_cut();
-    let breaking: Vec<MicroUnits> = (0..members.len())
-        .map(|node| cut_price.times(topology.degree(node)))
-        .collect();
-    // Who cuts off free spots harms only the configurations to come.
-    let cutting = if queue.has_other_blocks() {
+    // A cut of the free target harms only later configurations.
+    let edge_price = if queue.has_other_blocks() {
         cut_price
     } else {
         MicroUnits::ZERO
     };
-    let prices = prices(instance, allocation, cutting);
-    let matching = best_matching(instance.target.topology(), &topology, |node, spot| {
-        let price = prices[spot]? + breaking[node];
+    let prices = prices(instance, allocation, edge_price);
+    let broken_links: Vec<MicroUnits> = (0..members.len())
+        .map(|node| cut_price.times(links.degree(node)))
+        .collect();
+    let matching = best_matching(instance.target.topology(), &links, |node, spot| {
+        let price = prices[spot]? + broken_links[node];
         Some(instance.utilities.of(members[node], spot) - price)
     });
+    result.proven = matching.proven;
     if matching.pairs.len() < 2 {
-        return BlockOutcome {
-            placed: Vec::new(),
-            remainder: members.iter().map(|&member| vec![member]).collect(),
-            proven: matching.proven,
-            ..BlockOutcome::default()
-        };
+        result.remainder = members.iter().map(|&member| vec![member]).collect();
+        result.detached = members.to_vec();
+        return;
     }
     let mut stays = vec![false; members.len()];
-    let placed: Vec<(usize, usize)> = matching
-        .pairs
-        .iter()
-        .map(|&(node, spot)| {
-            stays[node] = true;
-            (members[node], spot)
-        })
-        .collect();
+    let mut placed = matching.pairs;
+    for (module, _) in &mut placed {
+        stays[*module] = true;
+        *module = members[*module];
+    }
     let displaced = take_spots(instance, allocation, &placed);
-    let finishes = placed.len() == members.len() && exact_finish::is_due(instance, queue);
-    let readmitted = if finishes {
-        exact_finish::finish(instance, allocation, displaced, evictions)
-    } else {
-        reinsert(instance, search, allocation, displaced, evictions);
-        Vec::new()
-    };
-    let remainder = topology
-        .components_within(|node| !stays[node])
-        .into_iter()
+    let components = links.components_within(|node| !stays[node]).into_iter();
+    result.remainder = components
         .map(|component| component.into_iter().map(|node| members[node]).collect())
         .collect();
-    BlockOutcome {
-        placed,
-        remainder,
-        readmitted,
-        proven: matching.proven,
-    }
-}
-
-/// The links among `members`, which are ascending positions of modules.
-pub(crate) fn topology_of(instance: &Instance, members: &[usize]) -> Topology {
-    let edges: Vec<(usize, usize)> = members
-        .iter()
-        .enumerate()
-        .flat_map(|(node, &member)| {
-            instance
-                .links
-                .neighbours(member)
-                .iter()
-                .filter(move |&&other| other > member)
-                .filter_map(move |other| Some((node, members.binary_search(other).ok()?)))
-        })
-        .collect();
-    Topology::new(members.len(), &edges).unwrap_or_else(|_| Topology::without_edges(members.len()))
-}
-
-/// Chooses the solver: the exact programme for two trees, the search for graphs with cycles. Both graphs are connected.
-pub(crate) fn best_matching(
-    target: &Topology,
-    configuration: &Topology,
-    weight: impl Fn(usize, usize) -> Option<MicroUnits>,
-) -> Matching {
-    let input = MatchingInput {
-        configuration,
-        target,
-        weight,
-    };
-    let is_tree = |graph: &Topology| graph.edges().len() + 1 == graph.node_count();
-    if is_tree(configuration) && is_tree(target) {
-        common_subtree::solve(&input)
+    result.detached = result.remainder.concat();
+    if placed.len() == members.len() && queue.exact_finish_is_due(instance) {
+        let entered = assignment::finish(instance, allocation, displaced, evictions);
+        result.detached.extend(instance.linked(entered));
     } else {
-        common_subgraph::solve(&input)
+        reinsert(instance, search, allocation, displaced, evictions);
     }
+    let block = placed.into_iter().map(|(member, _)| member);
+    result.blocks.push(block.collect());
 }
 
-/// What taking each spot costs a configuration on top of its own utility; `None` where it may not.
+/// The cost of each spot for a configuration on top of its own utility; `None` where the spot is fixed or closed.
 ///
-/// Taking a spot from a singleton costs what the singleton loses by moving to its best free spot, or all that it
-/// earns if no spot is free. Each edge to a spot that no block holds costs `cutting`: an edge within the block is charged
-/// at both ends as well, but in trees equally many modules have equally many of these, so it decides nothing.
+/// Taking a spot from a singleton costs the singleton's loss from moving to its best free spot, or its whole utility if no
+/// spot is free. Each edge to a spot that no block holds costs `edge_price`. An edge within the block is charged at both
+/// ends as well, but in trees equally many modules have equally many of these, so it decides nothing.
 fn prices(
     instance: &Instance,
     allocation: &Allocation,
-    cutting: MicroUnits,
+    edge_price: MicroUnits,
 ) -> Vec<Option<MicroUnits>> {
     let table = &allocation.table;
-    let is_open = |spot: usize| matches!(table.holder(spot), Holder::Nobody | Holder::Singleton(_));
+    let is_open = |spot: usize| matches!(table.holder(spot), Holder::Free | Holder::Singleton(_));
     let cuts = |spot: usize| {
         let neighbours = instance.target.topology().neighbours(spot).iter();
-        cutting.times(neighbours.filter(|&&neighbour| is_open(neighbour)).count())
+        edge_price.times(neighbours.filter(|&&neighbour| is_open(neighbour)).count())
     };
-    let free = table.free_spots().map(|spot| (spot, Prospect::default()));
-    let free = BestOfSpots::new(instance, free);
-    table
-        .holders()
-        .iter()
-        .enumerate()
+    let free = BestOfSpots::free(instance, table);
+    let holders = table.holders().iter().enumerate();
+    holders
         .map(|(spot, holder)| match *holder {
-            Holder::Nobody => Some(cuts(spot)),
+            Holder::Free => Some(cuts(spot)),
             Holder::Fixed(_) | Holder::Closed => None,
             Holder::Singleton(module) => {
                 let elsewhere = free.best_for(module).map_or(0, |(best, _)| best.gain());
@@ -180,7 +118,7 @@ fn take_spots(
     displaced
 }
 
-/// Lets displaced singletons re-enter by chain eviction, one after another.
+/// Inserts displaced singletons by chain eviction, one after another.
 fn reinsert(
     instance: &Instance,
     search: &mut ChainSearch,
@@ -190,13 +128,7 @@ fn reinsert(
 ) {
     for mut displacement in displaced {
         let position = evictions.len();
-        displacement.to = spot_allocation::allocate(
-            instance,
-            search,
-            allocation,
-            displacement.evicted,
-            evictions,
-        );
+        displacement.to = search.allocate(instance, allocation, displacement.evicted, evictions);
         evictions.insert(position, displacement);
     }
 }
@@ -205,44 +137,11 @@ fn reinsert(
 mod tests {
     use std::sync::Arc;
 
-    use super::*;
     use crate::model::{
         ModuleId, PlannerParameters, PlanningModule, PlanningProblem, Pose, RawSpot, RawTarget,
         Target,
     };
     use crate::planner;
-
-    fn path(count: usize) -> Topology {
-        let edges: Vec<(usize, usize)> = (1..count).map(|node| (node - 1, node)).collect();
-        Topology::new(count, &edges).unwrap()
-    }
-
-    /// Two combs of different teeth, on which the general search cannot finish.
-    fn comb(count: usize, every: usize) -> Topology {
-        let mut edges = path(count).edges().to_vec();
-        for (tooth, node) in (0..count).step_by(every).enumerate() {
-            edges.push((node, count + tooth));
-        }
-        Topology::new(edges.len() + 1, &edges).unwrap()
-    }
-
-    #[test]
-    fn trees_are_matched_exactly_however_large() {
-        let (target, configuration) = (comb(120, 3), comb(60, 2));
-        let weight = |node: usize, spot: usize| {
-            (!(node + spot).is_multiple_of(7))
-                .then(|| MicroUnits(i64::try_from(node * spot % 101).unwrap()))
-        };
-        let matching = best_matching(&target, &configuration, weight);
-        let input = MatchingInput {
-            configuration: &configuration,
-            target: &target,
-            weight,
-        };
-        assert_eq!(matching, common_subtree::solve(&input));
-        assert!(matching.proven);
-        assert!(!common_subgraph::solve(&input).proven);
-    }
 
     #[test]
     fn a_ring_with_a_tail_keeps_all_links_on_a_grid() {

@@ -1,13 +1,14 @@
-//! What comes of all turns.
+//! The result of all turns.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::{Planning, Turn};
+use super::planning::{Planning, Turn};
 use crate::model::{Decision, MicroUnits, ModuleId, Plan, PlanningProblem, SpotId, Target};
+use crate::planner::assembly;
 use crate::planner::baseline::AuctionCounts;
 
-/// What planning a problem to the end gives.
+/// The result of planning a problem to the end.
 #[derive(Clone, Debug)]
 pub struct PlanOutcome {
     /// The target that is formed: the problem's own without the spots that were trimmed.
@@ -16,19 +17,19 @@ pub struct PlanOutcome {
     pub plan: Plan,
     /// Every turn with its decision.
     pub decisions: Vec<(Turn, Decision)>,
-    /// All spots of the problem's target that nobody takes, those trimmed included; ascending.
+    /// All spots of the problem's target that no module takes, with those trimmed; ascending.
     pub open_spots: Vec<SpotId>,
     /// The spots that were left out because there are too few modules; ascending.
     pub trimmed_spots: Vec<SpotId>,
     /// The modules without a spot, ascending.
     pub unassigned: Vec<ModuleId>,
-    /// The sum of all utilities: each placed module's own, what kept links save, and each block's reward.
+    /// The sum of the placed modules' utilities, the savings of kept links and the rewards of blocks.
     pub total_utility: MicroUnits,
-    /// The sum of the straight ways of all placed modules.
+    /// The sum of the distances of all placed modules to their spots.
     pub total_distance: MicroUnits,
-    /// Whether every block took the best place there is; `false` when a search was cut at its budget.
+    /// Whether every block took the best place that exists; `false` when a search ended at its budget.
     pub proven: bool,
-    /// What the auction said before the first turn; `None` under every other policy.
+    /// The messages of the auction before the first turn; `None` under every other policy.
     pub auction: Option<AuctionCounts>,
 }
 
@@ -41,88 +42,95 @@ pub fn plan(problem: Arc<PlanningProblem>) -> PlanOutcome {
 }
 
 impl Planning {
-    /// Sums up a plan after [`Self::take_all_turns`]; without its acting order if turns are left.
+    /// The plan once no turn is left; `None` before. Each call computes the acting order.
+    #[must_use]
+    pub fn finish(&self) -> Option<Plan> {
+        if self.queue.next().is_some() {
+            return None;
+        }
+        let mut plan = self.allocated();
+        let (target, utilities) = (&self.instance.target, &self.instance.utilities);
+        let spots = self.problem().target().spots().iter();
+        let values: Vec<MicroUnits> = spots
+            .map(|spot| {
+                let position = target.position_of(spot.id);
+                position.map_or(MicroUnits::ZERO, |position| utilities.value(position))
+            })
+            .collect();
+        plan.assembly = assembly::order(self.problem(), &plan, &values);
+        Some(plan)
+    }
+
+    /// Sums up a plan after [`Self::take_all_turns`]; without an acting order if turns are left.
     #[must_use]
     pub fn outcome(&self, decisions: Vec<(Turn, Decision)>) -> PlanOutcome {
         let plan = self.finish().unwrap_or_else(|| self.allocated());
-        let utilities = &self.instance.utilities;
+        let (target, utilities) = (&self.instance.target, &self.instance.utilities);
         let mut total_utility = utilities.kept_link().times(plan.kept_links.len());
         let mut total_distance = MicroUnits::ZERO;
         let mut unassigned = Vec::new();
         for (module, member) in self.problem().modules().iter().enumerate() {
             if let Some(spot) = self.allocation.table.spot_of(module) {
                 total_utility += utilities.of(module, spot);
-                total_distance += member
-                    .pose
-                    .distance_to(&self.instance.target.spots()[spot].pose);
+                total_distance += member.pose.distance_to(&target.spots()[spot].pose);
             } else {
                 unassigned.push(member.id);
             }
         }
-        total_utility += plan
-            .blocks
-            .iter()
+        let blocks = plan.blocks.iter();
+        total_utility += blocks
             .map(|block| utilities.retention_reward(block.len()))
             .sum();
         let taken: BTreeSet<SpotId> = plan.assignments.values().copied().collect();
+        let spots = self.problem().target().spots().iter().map(|spot| spot.id);
         PlanOutcome {
-            target: Arc::clone(&self.instance.target),
-            open_spots: self
-                .problem()
-                .target()
-                .spots()
-                .iter()
-                .map(|spot| spot.id)
-                .filter(|spot| !taken.contains(spot))
+            target: Arc::clone(target),
+            trimmed_spots: spots
+                .clone()
+                .filter(|&spot| target.position_of(spot).is_none())
                 .collect(),
-            trimmed_spots: self.trimmed_spots.clone(),
+            open_spots: spots.filter(|spot| !taken.contains(spot)).collect(),
             plan,
             decisions,
             unassigned,
             total_utility,
             total_distance,
             proven: self.proven,
-            auction: self.auction_counts(),
+            auction: self.central.as_ref().and_then(|central| central.auction),
         }
     }
 
     /// The plan as far as it is decided, without an acting order.
-    pub(super) fn allocated(&self) -> Plan {
-        let mut plan = Plan::default();
+    fn allocated(&self) -> Plan {
+        let (modules, table) = (self.problem().modules(), &self.allocation.table);
         let mut block_of: BTreeMap<usize, usize> = BTreeMap::new();
         for (number, block) in self.blocks.iter().enumerate() {
             block_of.extend(block.iter().map(|&member| (member, number)));
-            plan.blocks
-                .push(block.iter().map(|&member| self.module_id(member)).collect());
         }
-        plan.blocks.sort_unstable();
-        for (module, member) in self.problem().modules().iter().enumerate() {
-            if let Some(spot) = self.allocation.table.spot_of(module) {
-                plan.assignments.insert(member.id, self.spot_id(spot));
-            }
+        let ids_of = |block: &Vec<usize>| block.iter().map(|&member| modules[member].id).collect();
+        let mut blocks: Vec<Vec<ModuleId>> = self.blocks.iter().map(ids_of).collect();
+        blocks.sort_unstable();
+        let placed = modules.iter().enumerate().filter_map(|(module, member)| {
+            let spot = table.spot_of(module)?;
+            Some((member.id, self.spot_id(spot)))
+        });
+        let kept_link = |first: usize, second: usize| {
+            let pinned = modules[first].pin.is_some() && modules[second].pin.is_some();
+            let block = block_of.get(&first);
+            let together = pinned || (block.is_some() && block == block_of.get(&second));
+            let (one, other) = (table.spot_of(first)?, table.spot_of(second)?);
+            let topology = self.instance.target.topology();
+            (together && topology.has_edge(one, other))
+                .then(|| (modules[first].id, modules[second].id))
+        };
+        let links = self.instance.links.edges().iter();
+        Plan {
+            assignments: placed.collect(),
+            blocks,
+            kept_links: links
+                .filter_map(|&(first, second)| kept_link(first, second))
+                .collect(),
+            ..Plan::default()
         }
-        let pinned = |module: usize| self.problem().modules()[module].pin.is_some();
-        plan.kept_links = self
-            .instance
-            .links
-            .edges()
-            .iter()
-            .filter(|&&(first, second)| {
-                let together = (pinned(first) && pinned(second))
-                    || matches!(
-                        (block_of.get(&first), block_of.get(&second)),
-                        (Some(one), Some(other)) if one == other
-                    );
-                let spots = (
-                    self.allocation.table.spot_of(first),
-                    self.allocation.table.spot_of(second),
-                );
-                together
-                    && matches!(spots, (Some(one), Some(other))
-                        if self.instance.target.topology().has_edge(one, other))
-            })
-            .map(|&(first, second)| (self.module_id(first), self.module_id(second)))
-            .collect::<BTreeSet<_>>();
-        plan
     }
 }

@@ -1,7 +1,7 @@
-//! In which order units take their turns.
+//! The order in which units take their turns.
 //!
 //! The paper, section "Planning Phase": units take turns by the distance of their leader from the target's centre.
-//! The option `size_first` lets larger configurations go first, which breaks fewer links.
+//! With the option `size_first`, larger configurations come first, which breaks fewer links.
 
 use std::cmp::Reverse;
 use std::collections::BTreeMap;
@@ -11,40 +11,40 @@ use crate::planner::assignment::Instance;
 
 /// Modules that take one turn together: a single one, or a configuration.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Unit {
+pub(super) struct Unit {
     /// The module that decides.
-    pub(crate) leader: usize,
+    pub(super) leader: usize,
     /// All modules, ascending.
-    pub(crate) members: Vec<usize>,
+    pub(super) members: Vec<usize>,
 }
 
 impl Unit {
-    pub(crate) fn single(module: usize) -> Self {
+    pub(super) fn single(module: usize) -> Self {
         Self {
             leader: module,
             members: vec![module],
         }
     }
 
-    pub(crate) fn is_block(&self) -> bool {
+    pub(super) fn is_block(&self) -> bool {
         self.members.len() > 1
     }
 }
 
 type Key = (Reverse<usize>, MicroUnits, ModuleId);
 
-/// The units that have not taken their turn.
+/// The units that have not taken their turn, in the order of their turns.
 #[derive(Clone, Debug)]
-pub(crate) struct TurnQueue {
+pub(super) struct TurnQueue {
     order: TurnOrder,
     waiting: BTreeMap<Key, Unit>,
     block_count: usize,
-    /// Modules that left a configuration singly; they wait until no configuration is left.
+    /// Modules that left a configuration as single ones; they take their turns after the last configuration.
     deferred: Vec<usize>,
 }
 
 impl TurnQueue {
-    pub(crate) fn new(order: TurnOrder) -> Self {
+    pub(super) fn new(order: TurnOrder) -> Self {
         Self {
             order,
             waiting: BTreeMap::new(),
@@ -62,24 +62,22 @@ impl TurnQueue {
         (Reverse(size), distance, id)
     }
 
-    /// Adds a unit at its place among those that wait.
-    pub(crate) fn insert(&mut self, instance: &Instance, unit: Unit) {
+    /// Adds a unit at its place in the order.
+    pub(super) fn insert(&mut self, instance: &Instance, unit: Unit) {
         self.block_count += usize::from(unit.is_block());
         self.waiting.insert(self.key(instance, &unit), unit);
     }
 
-    /// Adds what is left of a configuration: a component of several modules waits like any configuration, led by its
-    /// member of best rank; a single module waits until no configuration is left.
-    pub(crate) fn insert_remainder(&mut self, instance: &Instance, components: &[Vec<usize>]) {
+    /// Adds the remainder of a configuration. A component of several modules takes a turn like any configuration, led by its
+    /// lowest-ranked member; a single module takes its turn after the last configuration.
+    pub(super) fn insert_remainder(&mut self, instance: &Instance, components: &[Vec<usize>]) {
         for component in components {
-            if component.len() > 1 {
-                let unit = Unit {
-                    leader: instance.leader_among(component),
-                    members: component.clone(),
-                };
-                self.insert(instance, unit);
-            } else {
-                self.deferred.extend_from_slice(component);
+            match instance.leader_among(component) {
+                Some(leader) if component.len() > 1 => {
+                    let members = component.clone();
+                    self.insert(instance, Unit { leader, members });
+                }
+                _ => self.deferred.extend_from_slice(component),
             }
         }
         if self.block_count == 0 {
@@ -90,22 +88,25 @@ impl TurnQueue {
     }
 
     /// The unit whose turn it is.
-    pub(crate) fn next(&self) -> Option<&Unit> {
+    pub(super) fn next(&self) -> Option<&Unit> {
         self.waiting.first_key_value().map(|(_, unit)| unit)
     }
 
-    /// Whether a configuration waits beside the unit whose turn it is.
-    pub(crate) fn has_other_blocks(&self) -> bool {
+    /// Whether another configuration follows the unit whose turn it is.
+    pub(super) fn has_other_blocks(&self) -> bool {
         self.block_count > usize::from(self.next().is_some_and(Unit::is_block))
     }
 
-    /// Whether the unit whose turn it is comes last, unless it leaves a remainder.
-    pub(crate) fn has_one_unit(&self) -> bool {
-        self.waiting.len() == 1 && self.deferred.is_empty()
+    /// Whether the unit whose turn it is has to finish the allocation once it has its spots: with `exact_finish` and a bounded
+    /// `d_max`, the last unit, unless it leaves a remainder.
+    pub(super) fn exact_finish_is_due(&self, instance: &Instance) -> bool {
+        let parameters = instance.problem.parameters();
+        let is_last = self.waiting.len() == 1 && self.deferred.is_empty();
+        parameters.exact_finish && parameters.d_max.is_some() && is_last
     }
 
-    /// Takes the unit whose turn it is off the queue; to be followed by [`Self::insert_remainder`].
-    pub(crate) fn pop(&mut self) -> Option<Unit> {
+    /// Removes the unit whose turn it is; the caller then calls [`Self::insert_remainder`].
+    pub(super) fn pop(&mut self) -> Option<Unit> {
         let (_, unit) = self.waiting.pop_first()?;
         self.block_count -= usize::from(unit.is_block());
         Some(unit)

@@ -1,15 +1,17 @@
 //! The value of a spot: its normalised betweenness centrality in the target.
 //!
-//! The paper, section "Configuration Formation as Utility Maximization Problem": a spot through which many shortest
-//! paths run is worth more. Undirected, divided by the number of pairs of other spots, so between 0 and 1.
+//! The paper, section "Configuration Formation as Utility Maximization Problem": a spot on many shortest paths is worth
+//! more. For undirected graphs, divided by the number of pairs of other spots, so between 0 and 1.
 
 use crate::model::{MICRO_PER_UNIT, MicroUnits, Topology};
+use crate::planner::rooted_tree::RootedTree;
 
 /// The betweenness centrality of every node of a connected graph, in ascending order of nodes.
 ///
-/// All zero for fewer than three nodes. Trees are counted in whole numbers. Other graphs follow U. Brandes, "A faster
-/// algorithm for betweenness centrality" (Journal of Mathematical Sociology 25, 2001), in floats with only the four
-/// basic operations, always in the same order, rounded once at the end, so that every replica gets the same bits.
+/// All zero for fewer than three nodes. On trees the paths are counted in whole numbers. On other graphs the algorithm is
+/// that of U. Brandes, "A faster algorithm for betweenness centrality" (Journal of Mathematical Sociology 25, 2001). It
+/// uses floats, but only the four basic operations in a fixed order, and rounds once at the end, so every replica gets the
+/// same bits.
 #[must_use]
 pub fn betweenness(topology: &Topology) -> Vec<MicroUnits> {
     let node_count = topology.node_count();
@@ -23,36 +25,17 @@ pub fn betweenness(topology: &Topology) -> Vec<MicroUnits> {
     }
 }
 
-/// The nodes in breadth-first order from node 0, each with the node that it was reached from.
-fn breadth_first(topology: &Topology) -> Vec<(usize, usize)> {
-    let mut seen = vec![false; topology.node_count()];
-    seen[0] = true;
-    let mut order = vec![(0, 0)];
-    let mut next = 0;
-    while let Some(&(node, _)) = order.get(next) {
-        for &neighbour in topology.neighbours(node) {
-            if !seen[neighbour] {
-                seen[neighbour] = true;
-                order.push((neighbour, node));
-            }
-        }
-        next += 1;
-    }
-    order
-}
-
-/// On a tree, the paths through a node join the parts into which the tree falls without it.
+/// On a tree, the paths through a node join different parts of the tree without that node.
 fn tree_betweenness(topology: &Topology) -> Vec<MicroUnits> {
     let node_count = topology.node_count();
     let pairs = |count: usize| count * count.saturating_sub(1) / 2;
     let all_pairs = pairs(node_count - 1);
-    let mut sizes = vec![1_usize; node_count];
+    let tree = RootedTree::new(topology, 0);
     let mut within_parts = vec![0_usize; node_count];
-    for &(node, parent) in breadth_first(topology).iter().rev() {
-        within_parts[node] += pairs(node_count - sizes[node]);
-        if node != parent {
-            sizes[parent] += sizes[node];
-            within_parts[parent] += pairs(sizes[node]);
+    for &node in &tree.order {
+        within_parts[node] += pairs(node_count - tree.sizes[node]);
+        if let Some(parent) = tree.parents[node] {
+            within_parts[parent] += pairs(tree.sizes[node]);
         }
     }
     within_parts
@@ -69,7 +52,7 @@ fn ratio(part: usize, whole: usize) -> MicroUnits {
     MicroUnits(i64::try_from(rounded).unwrap_or(MICRO_PER_UNIT))
 }
 
-/// A number of paths, `mantissa * RADIX^exponent`; it can grow beyond what a float holds.
+/// A number of paths, `mantissa * RADIX^exponent`; it can exceed the range of a float.
 #[derive(Clone, Copy, Debug, Default)]
 struct PathCount {
     mantissa: f64,
@@ -85,7 +68,7 @@ impl PathCount {
         exponent: 0,
     };
 
-    /// The mantissa that this number has under a larger or equal exponent.
+    /// The mantissa of this number for a larger or equal exponent.
     fn mantissa_under(self, exponent: u32) -> f64 {
         match exponent - self.exponent {
             0 => self.mantissa,
@@ -107,7 +90,7 @@ impl PathCount {
         }
     }
 
-    /// This number's part of a larger or equal one.
+    /// The ratio of this number to a larger or equal one.
     fn share_of(self, whole: Self) -> f64 {
         self.mantissa_under(whole.exponent) / whole.mantissa
     }
@@ -123,7 +106,7 @@ fn general_betweenness(topology: &Topology) -> Vec<MicroUnits> {
         search.accumulate(topology, source, &mut total);
     }
     let other_nodes = (node_count - 1) as f64;
-    // Every pair of ends was counted from both of its ends.
+    // Every pair of ends has been counted from both ends.
     let ordered_pairs = other_nodes * (other_nodes - 1.0);
     total
         .into_iter()
@@ -136,7 +119,7 @@ struct ShortestPaths {
     /// The nodes by distance from the source.
     order: Vec<usize>,
     distance: Vec<usize>,
-    /// How many shortest paths lead to each node.
+    /// The number of shortest paths to each node.
     path_count: Vec<PathCount>,
     dependency: Vec<f64>,
 }
@@ -174,7 +157,7 @@ impl ShortestPaths {
         }
     }
 
-    /// Adds up, from the far end, which share of the paths to all others runs through each node.
+    /// Adds, for each node, the share of the shortest paths to all others that run through it, from the farthest node on.
     fn accumulate(&mut self, topology: &Topology, source: usize, total: &mut [f64]) {
         self.dependency.fill(0.0);
         for &node in self.order.iter().rev() {
@@ -205,27 +188,27 @@ mod tests {
 
     #[test]
     fn small_graphs_have_no_centre() {
-        assert_eq!(betweenness(&Topology::new(0, &[]).unwrap()), []);
-        let pair = Topology::new(2, &[(0, 1)]).unwrap();
+        assert_eq!(betweenness(&Topology::new(0, &[])), []);
+        let pair = Topology::new(2, &[(0, 1)]);
         assert_eq!(betweenness(&pair), micro(&[0, 0]));
     }
 
     #[test]
     fn a_path_and_a_star() {
-        let path = Topology::new(5, &[(0, 1), (1, 2), (2, 3), (3, 4)]).unwrap();
+        let path = Topology::new(5, &[(0, 1), (1, 2), (2, 3), (3, 4)]);
         assert_eq!(
             betweenness(&path),
             micro(&[0, 500_000, 666_667, 500_000, 0])
         );
-        let star = Topology::new(4, &[(0, 3), (1, 3), (2, 3)]).unwrap();
+        let star = Topology::new(4, &[(0, 3), (1, 3), (2, 3)]);
         assert_eq!(betweenness(&star), micro(&[0, 0, 0, 1_000_000]));
     }
 
     #[test]
-    fn both_ways_of_counting_agree_on_trees() {
+    fn both_algorithms_agree_on_trees() {
         let edges: Vec<(usize, usize)> =
             (1..200).map(|node| (node, (node * 7 + 3) % node)).collect();
-        let tree = Topology::new(200, &edges).unwrap();
+        let tree = Topology::new(200, &edges);
         for (exact, float) in tree_betweenness(&tree)
             .into_iter()
             .zip(general_betweenness(&tree))
@@ -248,7 +231,7 @@ mod tests {
                 (first + 2, first + 3),
             ]);
         }
-        let chain = Topology::new(3 * rings + 1, &edges).unwrap();
+        let chain = Topology::new(3 * rings + 1, &edges);
         let mut search = ShortestPaths::new(chain.node_count());
         let mut total = vec![0.0; chain.node_count()];
         search.run(&chain, 0);

@@ -1,4 +1,4 @@
-//! What a spot is worth and what it costs (paper, "Configuration Formation as Utility Maximization").
+//! The value of a spot and the cost of taking it (paper, "Configuration Formation as Utility Maximization Problem").
 
 mod centrality;
 mod utility;

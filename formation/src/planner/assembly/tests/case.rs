@@ -20,7 +20,7 @@ pub(super) struct Case {
     pub(super) edges: Vec<(usize, usize)>,
     pub(super) blocks: Vec<Vec<usize>>,
     pub(super) pins: BTreeSet<usize>,
-    /// Spots that nobody fills.
+    /// Spots that stay empty.
     pub(super) open: BTreeSet<usize>,
     /// A spot whose value is raised above all others.
     pub(super) favoured: Option<usize>,
@@ -134,7 +134,7 @@ impl Case {
     /// How many pairs of other spots each spot parts: on a tree its betweenness, before it is normalised.
     pub(super) fn values(&self) -> Vec<MicroUnits> {
         let count = self.cells.len();
-        let topology = Topology::new(count, &self.edges).unwrap();
+        let topology = Topology::new(count, &self.edges);
         (0..count)
             .map(|spot| {
                 let branches = topology.components_within(|other| other != spot);
@@ -203,7 +203,7 @@ impl Case {
                 inside > 0 && inside < block.len()
             });
             for spot in 0..count {
-                let beside = match (placed.is_empty(), root) {
+                let has_neighbour = match (placed.is_empty(), root) {
                     (true, Some(root)) => spot == root,
                     (true, None) => true,
                     _ => self
@@ -212,7 +212,7 @@ impl Case {
                         .any(|other| placed.contains(other)),
                 };
                 let in_turn = begun.is_none_or(|block| block_of(spot) == Some(block));
-                if placed.contains(&spot) || !beside || !in_turn {
+                if placed.contains(&spot) || !has_neighbour || !in_turn {
                     continue;
                 }
                 let mut next = placed.clone();
@@ -245,13 +245,16 @@ impl Case {
             .collect();
         let mut placed = BTreeSet::new();
         for (index, &spot) in spots.iter().enumerate() {
-            let beside = self
+            let has_neighbour = self
                 .neighbours(spot)
                 .iter()
                 .any(|other| placed.contains(other));
             if index > 0 && !self.pins.contains(&spot) {
                 let named = restarts.contains(&spot);
-                assert_ne!(beside, named, "spot {spot} in {assembly:?} of {self:?}");
+                assert_ne!(
+                    has_neighbour, named,
+                    "spot {spot} in {assembly:?} of {self:?}"
+                );
             }
             placed.insert(spot);
         }

@@ -1,25 +1,24 @@
-//! The maximum common connected subgraph, edge-preserving: most modules, then most kept links, then utility.
+//! The maximum common connected subgraph, edge-preserving: the most modules, then the most kept links, then utility.
 
 use std::cmp::Reverse;
 
 use super::Budget;
-use crate::model::MicroUnits;
-use crate::planner::placement::MatchingInput;
+use crate::planner::placement::matching::{MatchingInput, Pairs, Weight};
 
-/// Finds the best matching whose kept links connect it, as pairs in the order of the search.
+/// Finds the best matching that its kept links connect, in the order of the search. `incumbent` is a matching to improve
+/// on.
 ///
 /// Branch and bound with connected branching, after McSplit (C. McCreesh, P. Prosser, J. Trimble, "A partitioning
-/// algorithm for maximum common subgraph problems", IJCAI 2017): the matching grows by a module beside a matched one onto
-/// a spot beside that one's. Each branch is one such spot for one module; the last is none of them, which forbids
-/// these pairs from there on, though the module may still be reached by another neighbour. The bound counts the modules and
-/// the spots that growth can still reach, and the links and edges among them; the lesser ones count. McSplit's label
-/// classes are of no use, as modules that are not linked may stand on adjacent spots. `incumbent` is a matching to be
-/// beaten.
-pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
+/// algorithm for maximum common subgraph problems", IJCAI 2017). The matching grows by a module linked to a matched one, on
+/// a spot adjacent to that one's spot. There is a branch for each such spot of one module, and a last branch that forbids
+/// all these pairs; another neighbour can still reach the module there. The bound is the lesser of the modules and the spots
+/// that growth can still reach, and of the links and the edges among them. McSplit's label classes do not help, because
+/// modules without a link can take adjacent spots.
+pub(super) fn search<W: Weight>(
     input: &MatchingInput<'_, W>,
-    incumbent: Vec<(usize, usize)>,
+    incumbent: Pairs,
     budget: &mut Budget,
-) -> Vec<(usize, usize)> {
+) -> Pairs {
     let mut search = Search::new(input);
     search.start_from(incumbent);
     let mut stack: Vec<Frame> = Vec::new();
@@ -49,14 +48,14 @@ pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
     search.best
 }
 
-/// One module to be matched, or not.
+/// One module on which the search branches.
 struct Frame {
     module: usize,
-    /// All spots that it could take here.
+    /// All spots that it can take here.
     spots: Vec<usize>,
-    /// Those that have not been tried, the most promising last.
+    /// The spots that have not been tried, the most promising last.
     untried: Vec<usize>,
-    /// Whether the branch without any of them was entered.
+    /// Whether the branch that forbids all of them was entered.
     is_forbidden: bool,
 }
 
@@ -64,11 +63,11 @@ struct Frame {
 struct Opening {
     module: usize,
     matched_neighbours: usize,
-    /// The free spots beside its matched neighbours' that it may take.
+    /// The free spots that it can take, each adjacent to the spot of a matched neighbour.
     spots: Vec<usize>,
 }
 
-/// What a matching is judged by, in this order.
+/// The quality of a matching, compared in the order of the fields.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 struct Score {
     modules: usize,
@@ -78,20 +77,20 @@ struct Score {
 
 struct Search<'a, W> {
     input: &'a MatchingInput<'a, W>,
-    /// The most that each module can be worth on any spot; none if it may take none.
+    /// The greatest weight of each module on any spot; `None` if all are forbidden.
     best_weight: Vec<Option<i64>>,
     image: Vec<Option<usize>>,
     is_taken: Vec<bool>,
-    /// How often each pair was forbidden, by module; pairs that were not are left out.
+    /// For each module, the spots that branches above this node forbid; a spot is listed once for each such branch.
     forbidden: Vec<Vec<usize>>,
-    /// The matched modules in the order of their matching.
+    /// The matched modules in the order in which they were matched.
     matched: Vec<usize>,
     score: Score,
     best_score: Score,
-    best: Vec<(usize, usize)>,
+    best: Pairs,
 }
 
-impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
+impl<'a, W: Weight> Search<'a, W> {
     fn new(input: &'a MatchingInput<'a, W>) -> Self {
         let (module_count, spot_count) =
             (input.configuration.node_count(), input.target.node_count());
@@ -115,14 +114,11 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         }
     }
 
-    fn start_from(&mut self, incumbent: Vec<(usize, usize)>) {
+    fn start_from(&mut self, incumbent: Pairs) {
         self.best_score = Score {
             modules: incumbent.len(),
             links: self.input.kept_links(&incumbent),
-            utility: incumbent
-                .iter()
-                .map(|&(module, spot)| self.weight(module, spot))
-                .sum(),
+            utility: self.input.utility(&incumbent).0,
         };
         self.best = incumbent;
     }
@@ -158,7 +154,7 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         }
     }
 
-    /// Takes a module off its spot, if it has one; it must be the last matched.
+    /// Removes a module from its spot, if it has one; it must be the last matched.
     fn release(&mut self, module: usize) {
         if let Some(spot) = self.image[module].take() {
             self.matched.pop();
@@ -178,7 +174,7 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         self.forbidden[module].truncate(kept);
     }
 
-    /// The next module to branch on; none if nothing better can come of this node.
+    /// The next module to branch on; `None` if no matching below this node is better.
     fn branch(&self) -> Option<Frame> {
         if self.matched.is_empty() {
             let (module, spots) = self.first_module()?;
@@ -188,8 +184,7 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         if !self.may_improve(&openings) {
             return None;
         }
-        // The one with the fewest spots; of equals the one with the most matched neighbours, then with the most
-        // neighbours, then the lowest.
+        // The module with the fewest spots, then the most matched neighbours, then the most neighbours, then the lowest.
         let opening = openings.into_iter().min_by_key(|opening| {
             (
                 opening.spots.len(),
@@ -218,8 +213,8 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         }
     }
 
-    /// The module of greatest degree (the lowest of equals) that has not been given up, and every spot that it may take;
-    /// none if those not given up are too few or too poor.
+    /// The module of greatest degree (the lowest of equals) that is not given up, and every spot that it can take; `None` if
+    /// no matching of the modules that are not given up is better.
     fn first_module(&self) -> Option<(usize, Vec<usize>)> {
         let configuration = self.input.configuration;
         let (module_count, spot_count) =
@@ -246,34 +241,34 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         Some((module, spots))
     }
 
-    /// Before the first module is matched, forbidding means that a module is given up altogether.
+    /// Whether a module can be the first of a matching: forbidding it as the first gives it up altogether.
     fn may_begin(&self, module: usize) -> bool {
         self.best_weight[module].is_some() && self.forbidden[module].is_empty()
     }
 
-    /// The unmatched modules that have a spot to take beside a matched neighbour's.
+    /// The unmatched modules that can take a spot adjacent to that of a matched neighbour.
     fn openings(&self) -> Vec<Opening> {
-        let mut beside: Vec<usize> = self
+        let mut adjacent: Vec<usize> = self
             .matched
             .iter()
             .flat_map(|&module| self.input.configuration.neighbours(module))
             .copied()
             .filter(|&module| self.image[module].is_none() && self.best_weight[module].is_some())
             .collect();
-        beside.sort_unstable();
-        beside
+        adjacent.sort_unstable();
+        adjacent
             .chunk_by(|one, other| one == other)
             .map(|same| Opening {
                 module: same[0],
                 matched_neighbours: same.len(),
-                spots: self.spots_beside(same[0]),
+                spots: self.spots_next_to(same[0]),
             })
             .filter(|opening| !opening.spots.is_empty())
             .collect()
     }
 
-    /// The free spots beside the images of a module's neighbours that it may take, ascending.
-    fn spots_beside(&self, module: usize) -> Vec<usize> {
+    /// The free spots that a module can take adjacent to the images of its neighbours, ascending.
+    fn spots_next_to(&self, module: usize) -> Vec<usize> {
         let mut spots: Vec<usize> = self
             .input
             .configuration
@@ -293,7 +288,7 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         spots
     }
 
-    /// Whether some growth from here may give a better matching.
+    /// Whether the bound admits a better matching below this node.
     fn may_improve(&self, openings: &[Opening]) -> bool {
         let reached = self.modules_within_reach(openings);
         let module_count = reached.iter().filter(|&&is_reached| is_reached).count();
@@ -301,8 +296,8 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         self.may_improve_by(&reached, module_count.min(spot_count), edge_count)
     }
 
-    /// Whether matching at most `count` of the modules within reach, with at most `edge_count` edges for
-    /// their links, may give a better score. Looks at each part of the score only if the parts before it tie.
+    /// Whether matching `count` of the modules within reach, with `edge_count` edges for their links, can give a better
+    /// score. Computes each part of the score only if the parts before it tie.
     fn may_improve_by(&self, reached: &[bool], count: usize, edge_count: usize) -> bool {
         let best = &self.best_score;
         let modules = self.score.modules + count;
@@ -329,7 +324,7 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         utility > best.utility
     }
 
-    /// Which unmatched modules growth can still reach, through any of their links.
+    /// For each unmatched module, whether growth can still reach it.
     fn modules_within_reach(&self, openings: &[Opening]) -> Vec<bool> {
         let mut reached = vec![false; self.image.len()];
         let mut modules: Vec<usize> = openings.iter().map(|opening| opening.module).collect();
@@ -350,8 +345,8 @@ impl<'a, W: Fn(usize, usize) -> Option<MicroUnits>> Search<'a, W> {
         reached
     }
 
-    /// How many free spots growth can still reach, and at most how many edges of the target end there; without bound
-    /// once there are at least `enough` spots.
+    /// The number of free spots that growth can still reach, and a bound on the number of target edges that end there; both
+    /// `usize::MAX` once there are `enough` spots.
     fn spots_within_reach(&self, enough: usize) -> (usize, usize) {
         let target = self.input.target;
         let mut seen = self.is_taken.clone();

@@ -1,17 +1,16 @@
-//! The best common subgraph of a configuration and a target where one of them has a cycle.
+//! The best common subgraph of a configuration and a target of which at least one has a cycle.
 //!
 //! The paper (section "Block Allocation by Modules Connected in a Configuration") looks for an isomorphic subgraph
 //! first and for a maximum common subgraph otherwise, and takes all graphs for trees. This does the same for any graphs:
 //!
-//! 1. `monomorphism`: the whole configuration with all its links, non-induced (spots may be adjacent though their modules
+//! 1. `monomorphism`: the whole configuration with all its links, non-induced (spots can be adjacent though their modules
 //!    are not linked), of greatest utility.
 //! 2. If there is none, `branch_and_bound`: the most modules, then the most kept links, then the greatest utility,
-//!    where the kept links (those whose ends stand on adjacent spots) connect the matched modules.
-//!    It begins with what `spanning_trees` find.
+//!    where the kept links connect the matched modules. It starts from the matching that `spanning_trees` finds.
 //!
-//! Both problems are NP-hard, so both searches are cut at a number of search nodes (a limit in time would let replicas
-//! differ). What is found by then is bettered along spanning trees once more, and said to be unproven. Trees have
-//! a polynomial algorithm of their own ([`crate::planner::placement::common_subtree`]).
+//! Both problems are NP-hard, so both searches end at a number of search nodes; with a time limit, replicas could differ.
+//! The best matching by then is improved along spanning trees once more and reported as unproven. Trees have a polynomial
+//! algorithm of their own ([`crate::planner::placement::common_subtree`]).
 
 mod branch_and_bound;
 mod domains;
@@ -20,37 +19,31 @@ mod spanning_trees;
 #[cfg(test)]
 mod tests;
 
-use crate::model::MicroUnits;
-use crate::planner::placement::{Matching, MatchingInput};
+use crate::planner::placement::matching::{Matching, MatchingInput, Pairs, Weight};
 
-/// How many search nodes [`solve`] may enter.
-pub const SEARCH_NODES_MAX: u64 = 100_000;
+/// The greatest number of search nodes that [`solve`] enters.
+pub(crate) const SEARCH_NODES_MAX: u64 = 100_000;
 
-/// A node of the branch and bound costs about as much as this many of the search for the whole.
+/// The cost of a node of the branch and bound, in nodes of the search for the whole configuration.
 const BRANCH_NODE_COST: u64 = 5;
-/// The branch and bound's work at a node grows with the configuration; this many modules are looked at in all.
+/// The greatest number of modules that the branch and bound looks at; each of its nodes looks at the whole configuration.
 const BRANCH_MODULES_MAX: u64 = 5_000_000;
-/// How long climbing goes on without success before the branch and bound, and at most in all.
+/// Before the branch and bound: the rounds of climbing without success after which it ends, and the rounds in all.
 const FIRST_ROUNDS: (usize, usize) = (16, 100);
-/// How long it goes on after a search that was cut.
+/// The rounds of climbing after a search that ended at its budget.
 const LAST_ROUNDS: usize = 100;
 
-/// Finds the largest connected part of the configuration that fits into the target, among the largest one that keeps
-/// the most links, and among those one of the greatest utility.
+/// Finds the largest connected part of the configuration that fits into the target; among the largest one that keeps the
+/// most links, and among those one of the greatest utility.
 ///
-/// The answer is proven unless a search ran into [`SEARCH_NODES_MAX`]. It is the same for the same input; ties fall as the searches' orders have it, which depend on the graphs, the
-/// weights and the nodes' numbers alone.
-#[must_use]
-pub fn solve<W: Fn(usize, usize) -> Option<MicroUnits>>(input: &MatchingInput<'_, W>) -> Matching {
+/// The answer is proven unless a search reaches [`SEARCH_NODES_MAX`]. It is the same for the same input; ties go by the
+/// order of the search, which depends on the graphs, the weights and the numbers of the nodes alone.
+pub(crate) fn solve<W: Weight>(input: &MatchingInput<'_, W>) -> Matching {
     solve_within(input, SEARCH_NODES_MAX)
 }
 
-/// [`solve`] with a budget of one's own: search nodes for the whole configuration, and a fifth of that for a part.
-#[must_use]
-pub fn solve_within<W: Fn(usize, usize) -> Option<MicroUnits>>(
-    input: &MatchingInput<'_, W>,
-    nodes_max: u64,
-) -> Matching {
+/// [`solve`] with a budget of `nodes_max` search nodes for the whole configuration, and a fifth of that for a part.
+fn solve_within<W: Weight>(input: &MatchingInput<'_, W>, nodes_max: u64) -> Matching {
     let module_count = input.configuration.node_count();
     let mut budget = Budget::of(nodes_max);
     if let Some(pairs) = monomorphism::search(input, &mut budget) {
@@ -64,29 +57,22 @@ pub fn solve_within<W: Fn(usize, usize) -> Option<MicroUnits>>(
     finish(input, pairs, &budget)
 }
 
-fn finish<W: Fn(usize, usize) -> Option<MicroUnits>>(
-    input: &MatchingInput<'_, W>,
-    mut pairs: Vec<(usize, usize)>,
-    budget: &Budget,
-) -> Matching {
+fn finish<W: Weight>(input: &MatchingInput<'_, W>, mut pairs: Pairs, budget: &Budget) -> Matching {
     if budget.is_spent {
         pairs = spanning_trees::climb(input, pairs, LAST_ROUNDS, LAST_ROUNDS);
     }
     pairs.sort_unstable();
     Matching {
-        utility: pairs
-            .iter()
-            .filter_map(|&(module, spot)| (input.weight)(module, spot))
-            .sum(),
+        utility: input.utility(&pairs),
         pairs,
         proven: !budget.is_spent,
     }
 }
 
-/// How many search nodes may still be entered.
+/// The search nodes that may still be entered.
 struct Budget {
     left: u64,
-    /// Whether a node was refused, so that something may have been missed.
+    /// Whether a node was refused, so that the search may have missed the best matching.
     is_spent: bool,
 }
 
@@ -98,7 +84,7 @@ impl Budget {
         }
     }
 
-    /// Pays for one more node; false if there is nothing left, from which moment on the budget counts as spent.
+    /// Pays for one more node. Returns false from the first node on that the budget does not cover.
     fn take(&mut self) -> bool {
         self.is_spent |= self.left == 0;
         self.left = self.left.saturating_sub(1);

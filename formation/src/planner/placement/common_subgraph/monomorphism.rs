@@ -1,22 +1,21 @@
-//! The whole configuration laid into the target with all its links.
+//! The whole configuration in the target, with all its links.
 
 use std::cmp::Reverse;
 
 use super::Budget;
 use super::domains::Domains;
-use crate::model::MicroUnits;
-use crate::planner::placement::MatchingInput;
+use crate::planner::placement::matching::{MatchingInput, Pairs, Weight};
 
-/// The non-induced monomorphism of greatest utility, as pairs in the order of the search; none if there is none, or none
-/// was found within the budget.
+/// The non-induced monomorphism of greatest utility, in ascending order of modules; `None` if there is none, or none was
+/// found within the budget.
 ///
-/// Backtracking over the modules in a fixed connected order, each on a spot beside that of a module before it. Before,
-/// the domains are filtered ([`Domains`]). A branch ends when even the best spot for each module to come cannot
-/// beat the best found.
-pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
+/// Backtracking over the modules in a fixed connected order, each on a spot adjacent to that of an earlier module, after
+/// the domains are filtered ([`Domains`]). A branch ends when even the best spots for all later modules would not exceed
+/// the best utility found.
+pub(super) fn search<W: Weight>(
     input: &MatchingInput<'_, W>,
     budget: &mut Budget,
-) -> Option<Vec<(usize, usize)>> {
+) -> Option<Pairs> {
     let (configuration, target) = (input.configuration, input.target);
     if configuration.node_count() > target.node_count()
         || configuration.edges().len() > target.edges().len()
@@ -37,8 +36,8 @@ pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
         is_taken: vec![false; target.node_count()],
         utility: 0,
     };
-    let mut best: Option<(i64, Vec<(usize, usize)>)> = None;
-    // For each module of the order: the spots still to be tried, the best last.
+    let mut best: Option<(i64, Pairs)> = None;
+    // For each module of the order, the untried spots, the best last.
     let mut stack: Vec<Vec<(i64, Reverse<usize>)>> = Vec::new();
     if budget.take() {
         stack.push(search.candidates(0));
@@ -53,7 +52,7 @@ pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
         };
         let hope = search.utility + weight + search.best_to_come[depth + 1];
         if best.as_ref().is_some_and(|(utility, _)| hope <= *utility) {
-            // The others at this depth are worth no more.
+            // The other spots at this depth have no greater weight.
             stack.pop();
             continue;
         }
@@ -71,8 +70,8 @@ pub(super) fn search<W: Fn(usize, usize) -> Option<MicroUnits>>(
     best.map(|(_, pairs)| pairs)
 }
 
-/// All modules, each but the first beside one before it: the one with the most neighbours among those before, then the
-/// one of greatest degree, then the lowest.
+/// All modules, each but the first linked to an earlier one. The next module is the one with the most earlier neighbours,
+/// then of greatest degree, then the lowest.
 fn connected_order<W>(input: &MatchingInput<'_, W>) -> Vec<usize> {
     let configuration = input.configuration;
     let count = configuration.node_count();
@@ -101,8 +100,8 @@ fn connected_order<W>(input: &MatchingInput<'_, W>) -> Vec<usize> {
     order
 }
 
-/// At each place of the order, the most that the modules from there on can be worth.
-fn best_to_come<W: Fn(usize, usize) -> Option<MicroUnits>>(
+/// For each place of the order, a bound on the utility of the modules from there on.
+fn best_to_come<W: Weight>(
     input: &MatchingInput<'_, W>,
     domains: &Domains,
     order: &[usize],
@@ -128,8 +127,9 @@ struct Search<'a, W> {
     utility: i64,
 }
 
-impl<W: Fn(usize, usize) -> Option<MicroUnits>> Search<'_, W> {
-    /// The spots that the module at a place of the order can take now, the best last, the lower of equals later.
+impl<W: Weight> Search<'_, W> {
+    /// The spots that the module at a place of the order can take now with their weights, the best last, the lower of equals
+    /// later.
     fn candidates(&self, place: usize) -> Vec<(i64, Reverse<usize>)> {
         let node = self.order[place];
         let around: Vec<usize> = self
@@ -169,7 +169,7 @@ impl<W: Fn(usize, usize) -> Option<MicroUnits>> Search<'_, W> {
         self.utility += weight;
     }
 
-    /// Takes the module at a place of the order off its spot, if it has one.
+    /// Removes the module at a place of the order from its spot, if it has one.
     fn release(&mut self, place: usize) {
         let node = self.order[place];
         if let Some(spot) = self.image[node].take() {
@@ -178,7 +178,7 @@ impl<W: Fn(usize, usize) -> Option<MicroUnits>> Search<'_, W> {
         }
     }
 
-    fn pairs(&self) -> Vec<(usize, usize)> {
+    fn pairs(&self) -> Pairs {
         let image = self.image.iter().enumerate();
         image
             .filter_map(|(node, spot)| Some((node, (*spot)?)))

@@ -1,39 +1,36 @@
-//! Good matchings in polynomial time: climbing along spanning trees of both graphs.
+//! Good matchings in polynomial time, by climbing along spanning trees of both graphs.
 
-use crate::model::{MicroUnits, Topology};
-use crate::planner::placement::{MatchingInput, common_subtree};
+use petgraph::unionfind::UnionFind;
 
-/// How many pairs of a module and an edge of the target may be looked at in all. At least one pair of trees is tried.
+use crate::model::Topology;
+use crate::planner::placement::common_subtree;
+use crate::planner::placement::matching::{MatchingInput, Pairs, Weight};
+
+/// The greatest number of pairs of a module and a target edge that all rounds look at; the first round always runs.
 const PAIRS_MAX: usize = 4_000_000;
 
-/// How many of 100 kept links are let go before the next pair of trees is drawn, by turns.
-const LET_GO_PERCENT: [u64; 4] = [5, 10, 20, 30];
+/// The percentage of the kept links that a round may drop, in turn.
+const DROPPED_PERCENT: [u64; 4] = [5, 10, 20, 30];
 
-/// Betters a matching until `fruitless_max` rounds in a row have not, or `rounds_max` are over.
+/// Improves a matching until `fruitless_max` rounds in a row fail, or for `rounds_max` rounds.
 ///
-/// What spanning trees of two graphs have in common, the graphs have too, and the best of that is found exactly
-/// ([`common_subtree`]). So each round draws a spanning tree of each graph and takes what is best along them, if that has
-/// more modules, or as many and keeps more links, or as many of both and more utility. The trees hold most of
-/// the links that the best matching keeps, and their images, so that most of it stays within reach.
-pub(super) fn climb<W: Fn(usize, usize) -> Option<MicroUnits>>(
+/// A common subgraph of spanning trees of two graphs is a common subgraph of the graphs, and the best one of two trees is
+/// found exactly ([`common_subtree`]). Each round draws a spanning tree of each graph and takes the best matching along
+/// them if it has more modules, then more kept links, then more utility. The trees contain most of the links that the best
+/// matching keeps, and their images, so that most of that matching stays possible.
+pub(super) fn climb<W: Weight>(
     input: &MatchingInput<'_, W>,
-    mut best: Vec<(usize, usize)>,
+    mut best: Pairs,
     fruitless_max: usize,
     rounds_max: usize,
-) -> Vec<(usize, usize)> {
+) -> Pairs {
     let (configuration, target) = (input.configuration, input.target);
     let round_size = configuration.node_count() * target.edges().len();
     let rounds = rounds_max.min((PAIRS_MAX / round_size.max(1)).max(1));
-    let utility = |pairs: &[(usize, usize)]| -> MicroUnits {
-        pairs
-            .iter()
-            .filter_map(|&(module, spot)| (input.weight)(module, spot))
-            .sum()
-    };
-    let mut best_score = (best.len(), input.kept_links(&best), utility(&best));
+    let mut best_score = (best.len(), input.kept_links(&best), input.utility(&best));
     let mut fruitless = 0;
-    for (round, percent) in (0..rounds).zip(LET_GO_PERCENT.into_iter().cycle()) {
-        let (mut links, mut edges) = kept(input, &best);
+    for (round, percent) in (0..rounds).zip(DROPPED_PERCENT.into_iter().cycle()) {
+        let (mut links, mut edges) = input.kept(&best);
         links.retain(|&link| scatter(round, link, 0) % 100 >= percent);
         edges.retain(|&edge| scatter(round, edge, 1) % 100 >= percent);
         let matching = common_subtree::solve(&MatchingInput {
@@ -57,54 +54,20 @@ pub(super) fn climb<W: Fn(usize, usize) -> Option<MicroUnits>>(
     best
 }
 
-/// The links that a matching keeps, and their images.
-fn kept<W>(input: &MatchingInput<'_, W>, pairs: &[(usize, usize)]) -> (Edges, Edges) {
-    let mut image = vec![None; input.configuration.node_count()];
-    for &(module, spot) in pairs {
-        image[module] = Some(spot);
-    }
-    let links = input.configuration.edges().iter();
-    links
-        .filter_map(|&(first, second)| {
-            let (one, other) = (image[first]?, image[second]?);
-            let is_kept = input.target.has_edge(one, other);
-            is_kept.then_some(((first, second), (one, other)))
-        })
-        .unzip()
-}
-
-type Edges = Vec<(usize, usize)>;
-
-/// A spanning tree of a connected graph that holds the edges of `first`, but for those that close a cycle of them; the others are
-/// taken in an order that depends on the round (Kruskal).
+/// A spanning tree of a connected graph by Kruskal's algorithm: the edges of `first` that close no cycle, then the others in
+/// an order that depends on the round.
 fn spanning_tree(graph: &Topology, first: &[(usize, usize)], round: usize) -> Topology {
     let mut others = graph.edges().to_vec();
     others.sort_by_cached_key(|&edge| (scatter(round, edge, 2), edge));
-    let mut groups: Vec<usize> = (0..graph.node_count()).collect();
-    let mut edges = Vec::with_capacity(graph.node_count());
-    for &(one, other) in first.iter().chain(&others) {
-        let (one_group, other_group) = (group_of(&mut groups, one), group_of(&mut groups, other));
-        if one_group != other_group {
-            groups[one_group] = other_group;
-            edges.push((one, other));
-        }
-    }
-    // The edges are distinct edges of a graph, so this cannot fail.
+    let mut sets = UnionFind::new(graph.node_count());
+    let mut edges = first.to_vec();
+    edges.extend(others);
+    edges.retain(|&(one, other)| sets.union(one, other));
     Topology::new(graph.node_count(), &edges)
-        .unwrap_or_else(|_| Topology::without_edges(graph.node_count()))
 }
 
-/// The representative of a node's group, with the way there halved.
-fn group_of(groups: &mut [usize], mut node: usize) -> usize {
-    while groups[node] != node {
-        groups[node] = groups[groups[node]];
-        node = groups[node];
-    }
-    node
-}
-
-/// A number that looks random but is the same for the same edge, round and purpose everywhere: the finaliser of
-/// Steele, Lea and Flood's SplitMix64.
+/// A pseudo-random number for an edge, a round and a purpose, the same on every machine: the finaliser of SplitMix64
+/// (G. Steele, D. Lea, C. Flood, "Fast splittable pseudorandom number generators", OOPSLA 2014).
 fn scatter(round: usize, (first, second): (usize, usize), purpose: u64) -> u64 {
     let mut bits = purpose << 56 ^ (round as u64) << 40 ^ (first as u64) << 20 ^ second as u64;
     bits = bits.wrapping_add(0x9e37_79b9_7f4a_7c15);

@@ -1,4 +1,4 @@
-//! Two runs of one module's process, as the later one sees it.
+//! Two runs of one module's process, from the view of the later run.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
@@ -20,7 +20,7 @@ fn at(seconds: u64) -> Duration {
     Duration::from_secs(seconds)
 }
 
-/// The later run of module 4, alone with a target, after so long.
+/// The later run of module 4 at time `now`, alone with a target.
 fn successor(now: Duration) -> Agent {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     let problem = scenario.problem();
@@ -41,7 +41,7 @@ fn successor(now: Duration) -> Agent {
         parameters: *problem.parameters(),
         expected_modules: Some(1),
     }));
-    tell(&mut agent, Duration::ZERO, target);
+    handle(&mut agent, Duration::ZERO, target);
     let mut time = Duration::ZERO;
     while time < now {
         time = agent.poll_timeout().max(time + Duration::from_millis(1));
@@ -51,16 +51,16 @@ fn successor(now: Duration) -> Agent {
     agent
 }
 
-fn tell(agent: &mut Agent, now: Duration, message: Message) -> Vec<String> {
+fn handle(agent: &mut Agent, now: Duration, message: Message) -> Vec<String> {
     let source = Some(SourceId(7));
     agent.handle(now, Input::Message { source, message });
-    let mut told = Vec::new();
+    let mut events = Vec::new();
     while let Some(output) = agent.poll_output() {
         if let Output::Event(event) = output {
-            told.push(event.to_string());
+            events.push(event.to_string());
         }
     }
-    told
+    events
 }
 
 fn heartbeat_of_the_earlier_run() -> Message {
@@ -78,25 +78,27 @@ fn heartbeat_of_the_earlier_run() -> Message {
 }
 
 #[test]
-fn a_later_run_stands_back_while_the_earlier_one_is_heard() {
+fn a_later_run_yields_to_an_earlier_one_that_still_sends_heartbeats() {
     let mut agent = successor(at(1));
-    assert!(agent.epoch().is_some(), "alone it has begun");
-    let told = tell(&mut agent, at(1), heartbeat_of_the_earlier_run());
+    assert!(agent.epoch().is_some(), "alone it has opened an epoch");
+    let events = handle(&mut agent, at(1), heartbeat_of_the_earlier_run());
     assert!(
-        told.iter()
+        events
+            .iter()
             .any(|line| line.contains("a second process runs as module 4"))
     );
     assert_eq!(agent.phase(), ModulePhase::Listening);
 }
 
 #[test]
-fn an_earlier_run_that_wakes_does_not_push_its_successor_out() {
+fn an_earlier_run_that_resumes_does_not_replace_its_successor() {
     let mut agent = successor(at(6));
     let phase = agent.phase();
     assert_ne!(phase, ModulePhase::Listening);
-    let told = tell(&mut agent, at(6), heartbeat_of_the_earlier_run());
+    let events = handle(&mut agent, at(6), heartbeat_of_the_earlier_run());
     assert!(
-        told.iter()
+        events
+            .iter()
             .any(|line| line.contains("a second process runs as module 4"))
     );
     assert_eq!(agent.phase(), phase);
