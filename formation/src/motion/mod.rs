@@ -1,26 +1,27 @@
-//! Motion, simulated or left to a driver outside. Simulated, a module travels straight to its goal at a set speed.
+//! Motion of a module: simulated in a straight line at a set speed, or by a driver outside the process.
 
 mod docking;
+mod docking_queue;
 mod external;
+mod fault;
 
 pub use docking::{DockingAction, DockingRequest, DockingResult};
-pub use external::{DriveCommand, DriveFault, ExternalDrive, ExternalParameters};
+pub use external::{DriveCommand, ExternalDrive, ExternalParameters};
+pub use fault::DriveFault;
 
 use std::time::Duration;
 
-use nalgebra::{Point2, UnitComplex};
-
-use crate::model::{MicroUnits, Pose};
+use crate::model::Pose;
 use crate::protocol::{MotionGoal, MotionReport};
 
-/// A drive without a robot. It obeys the rule that a goal must repeat: without a new one for `patience` it halts.
+/// A simulated drive. Like a real one it needs its goal repeated: after `patience` without a repetition it halts.
 #[derive(Clone, Debug)]
 pub struct SimulatedDrive {
     pose: Pose,
     speed_units_per_s: f64,
     patience: Duration,
     journey: Option<Journey>,
-    /// The goal of a journey that was halted, and how long it would still have taken.
+    /// The goal of a journey that was halted, and the time that it would still have taken.
     unfinished: Option<(MotionGoal, Duration)>,
 }
 
@@ -30,60 +31,57 @@ struct Journey {
     goal: MotionGoal,
     began: Duration,
     duration: Duration,
-    last_told: Duration,
+    /// The time of the last command to go.
+    repeated: Duration,
 }
 
 impl SimulatedDrive {
-    /// A drive that stands at `pose`; `speed_units_per_s` is at least a millimetre a second, and `patience` is how long
-    /// it keeps going without being told again.
-    #[must_use]
+    /// A drive that stands at `pose`. The speed is in units per second, at least 0.001. `patience` is the longest time
+    /// between two commands to go.
     pub fn new(pose: Pose, speed_units_per_s: f64, patience: Duration) -> Self {
         Self {
             pose,
-            speed_units_per_s: possible(speed_units_per_s),
+            speed_units_per_s: valid_speed(speed_units_per_s),
             patience,
             journey: None,
             unfinished: None,
         }
     }
 
-    /// Goes at another speed from the next goal on.
+    /// Changes the speed from the next goal on.
     pub fn set_speed(&mut self, speed_units_per_s: f64) {
-        self.speed_units_per_s = possible(speed_units_per_s);
+        self.speed_units_per_s = valid_speed(speed_units_per_s);
     }
 
-    /// Where it stands.
-    #[must_use]
+    /// The current pose.
     pub fn pose(&self) -> Pose {
         self.pose
     }
 
-    /// Whether it is on its way.
-    #[must_use]
+    /// Whether the module is moving.
     pub fn is_moving(&self) -> bool {
         self.journey.is_some()
     }
 
-    /// How long it will still be on its way if it keeps being told; `None` while it stands still.
-    #[must_use]
+    /// The time until arrival, if the goal is repeated until then; `None` while the module stands still.
     pub fn time_left(&self, now: Duration) -> Option<Duration> {
         let journey = self.journey.as_ref()?;
         let elapsed = now.saturating_sub(journey.began);
         Some(journey.duration.saturating_sub(elapsed))
     }
 
-    /// Takes a goal, or takes note that the present one still holds.
+    /// Starts towards a goal, or repeats the present one.
     pub fn go(&mut self, now: Duration, goal: MotionGoal) {
         if let Some(journey) = &mut self.journey
             && journey.goal.pose == goal.pose
         {
-            journey.last_told = now;
+            journey.repeated = now;
             return;
         }
         let left = self.unfinished.take().filter(|(halted, _)| *halted == goal);
         let duration = left.map_or_else(
             || {
-                // A goal may come after the roster's poses have gone stale, so the own way counts as well.
+                // The roster's poses can be outdated when the goal arrives, so the drive's own distance counts as well.
                 let own = self.pose.distance_to(&goal.pose);
                 let seconds = own.max(goal.unit_distance).to_units() / self.speed_units_per_s;
                 Duration::try_from_secs_f64(seconds).unwrap_or(Duration::MAX)
@@ -95,11 +93,11 @@ impl SimulatedDrive {
             goal,
             began: now,
             duration,
-            last_told: now,
+            repeated: now,
         });
     }
 
-    /// Stands still at once.
+    /// Stops at once.
     pub fn halt(&mut self, now: Duration) -> MotionReport {
         self.advance(now);
         self.break_off(now);
@@ -107,16 +105,15 @@ impl SimulatedDrive {
     }
 
     fn break_off(&mut self, now: Duration) {
-        if let Some(journey) = self.journey.take() {
-            let elapsed = now.saturating_sub(journey.began);
-            self.unfinished = Some((journey.goal, journey.duration.saturating_sub(elapsed)));
+        if let Some(left) = self.time_left(now) {
+            self.unfinished = self.journey.take().map(|journey| (journey.goal, left));
         }
     }
 
-    /// Lets time pass; `None` while it stands still.
+    /// Moves up to the current time; `None` while the module stands still.
     pub fn advance(&mut self, now: Duration) -> Option<MotionReport> {
         let journey = self.journey.as_ref()?;
-        let last = journey.last_told + self.patience;
+        let last = journey.repeated + self.patience;
         let elapsed = now.min(last).saturating_sub(journey.began);
         if elapsed >= journey.duration {
             self.pose = journey.goal.pose;
@@ -134,8 +131,8 @@ impl SimulatedDrive {
     }
 }
 
-/// A speed at which something moves at all.
-fn possible(speed_units_per_s: f64) -> f64 {
+/// The speed, raised to the least one at which the module moves; 1 if it is not finite.
+fn valid_speed(speed_units_per_s: f64) -> f64 {
     if speed_units_per_s.is_finite() {
         speed_units_per_s.max(0.001)
     } else {
@@ -143,22 +140,21 @@ fn possible(speed_units_per_s: f64) -> f64 {
     }
 }
 
-/// The pose at `share` (0 to 1) of the straight way, turning by the shorter angle.
+/// The pose at `share` (0 to 1) of the straight path; the heading turns by the smaller angle.
 fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
-    let position = |pose: &Pose| Point2::new(pose.x.to_units(), pose.y.to_units());
-    let heading = |pose: &Pose| UnitComplex::new(pose.theta.to_units());
-    let point = position(from) + (position(to) - position(from)) * share;
-    let angle = heading(from).slerp(&heading(to), share).angle();
-    Pose {
-        x: MicroUnits::from_units(point.x).unwrap_or(from.x),
-        y: MicroUnits::from_units(point.y).unwrap_or(from.y),
-        theta: MicroUnits::from_units(angle).unwrap_or(from.theta),
-    }
+    let (start, end) = (from.to_isometry(), to.to_isometry());
+    let path = end.translation.vector - start.translation.vector;
+    let point = start.translation.vector + path * share;
+    let heading = start.rotation.slerp(&end.rotation, share).angle();
+    let pose = Pose::from_units(point.x, point.y, heading);
+    debug_assert!(pose.is_ok(), "the pose lies between two valid ones");
+    pose.unwrap_or(*from)
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::MicroUnits;
 
     fn at(seconds: u64) -> Duration {
         Duration::from_secs(seconds)
@@ -176,7 +172,7 @@ mod tests {
         let mut drive = SimulatedDrive::new(Pose::default(), 2.0, Duration::from_secs(60));
         drive.go(Duration::ZERO, goal(10.0));
         let Some(MotionReport::Pose(pose)) = drive.advance(Duration::from_secs(1)) else {
-            panic!("it is on its way");
+            panic!("it is moving");
         };
         assert_eq!(pose.x, MicroUnits(2_000_000));
         assert_eq!(drive.time_left(at(1)), Some(at(4)));
