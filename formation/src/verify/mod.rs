@@ -1,7 +1,7 @@
-//! Independent checks: of a plan, and of a formation as seen on the topics.
+//! Independent checks of a plan, and of a formation by the messages on its topics.
 //!
-//! Nothing here is shared with the planner: what it decides is recomputed or replayed from its decisions, never asked
-//! of it. So a fault in the planner cannot hide itself.
+//! This shares no code with the planner: plans are recomputed or replayed from their decisions. So a fault in the planner
+//! cannot hide itself.
 
 mod observer;
 mod plan;

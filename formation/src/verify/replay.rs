@@ -1,35 +1,37 @@
-//! Replays decisions turn by turn and watches what each does to the spots held before it.
+//! Replays decisions turn by turn and checks each against the spots held before it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::Violation;
+use petgraph::algo::kosaraju_scc;
+use petgraph::graphmap::{NodeTrait, UnGraphMap};
+
+use super::violation::Violation;
 use crate::model::{Decision, ModuleId, PlanningProblem, Policy, SpotId, SpotSelection};
 
-/// Who holds which spot after the turns replayed so far, and every guarantee that they violated.
+/// The state after the turns replayed so far, and the violations of these turns.
 #[derive(Clone, Debug)]
 pub(super) struct Replay {
     /// The spot of each placed module.
     pub(super) spots: BTreeMap<ModuleId, SpotId>,
     /// The holder of each filled spot.
     pub(super) holders: BTreeMap<SpotId, ModuleId>,
-    /// The groups of two or more modules that one turn placed together so that they keep links to each other.
+    /// The groups of two or more modules that one turn placed with links between them.
     pub(super) blocks: Vec<Vec<ModuleId>>,
     /// The modules that left their configuration.
     pub(super) detached: BTreeSet<ModuleId>,
-    /// How many evictions the turns made.
+    /// The number of evictions.
     pub(super) evictions: usize,
-    /// How many (spot, selector) pairs the turns announced.
+    /// The number of (spot, selector) pairs.
     pub(super) pairs: usize,
-    /// What the turns did wrong.
     pub(super) violations: Vec<Violation>,
-    /// What the latest turn did that only the last one may do, where the last one restores an optimum.
+    /// The violations of the latest turn unless it is the last one and restores the optimum.
     unless_last: Vec<Violation>,
-    /// Pinned modules and members of blocks: no turn may evict them.
+    /// Pinned modules and members of blocks, which must not be evicted.
     protected: BTreeSet<ModuleId>,
 }
 
 impl Replay {
-    /// Begins before the first turn: only pinned modules hold spots.
+    /// The state before the first turn, in which only pinned modules hold spots.
     pub(super) fn new(problem: &PlanningProblem) -> Self {
         let spots: BTreeMap<ModuleId, SpotId> = problem
             .modules()
@@ -52,7 +54,7 @@ impl Replay {
         }
     }
 
-    /// Replays one turn. A turn that violates a guarantee is applied as far as possible.
+    /// Replays one turn. A turn with violations is applied as far as possible.
     pub(super) fn apply(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
         self.violations.append(&mut self.unless_last);
         self.pairs += decision.selections.len();
@@ -67,7 +69,7 @@ impl Replay {
             }
         }
         let walked = self.walk_evictions(turn, decision);
-        // Only the modules that this turn names can change, so only theirs are kept: turns stay linear in their size.
+        // Only the spots of modules that this turn names can change; to copy only these keeps a turn linear in its size.
         let before: BTreeMap<ModuleId, SpotId> = decision
             .selections
             .iter()
@@ -88,39 +90,33 @@ impl Replay {
         self.detached.extend(&decision.detached);
     }
 
+    /// Whether all modules and spots of a decision exist.
     fn names_exist(&mut self, problem: &PlanningProblem, decision: &Decision) -> bool {
-        let modules = decision
-            .selections
-            .iter()
-            .map(|selection| selection.module)
-            .chain(
-                decision
-                    .evictions
-                    .iter()
-                    .flat_map(|one| [one.evicted, one.by]),
-            )
-            .chain(decision.detached.iter().copied());
-        let spots = decision
-            .selections
-            .iter()
-            .map(|selection| selection.spot)
-            .chain(decision.evictions.iter().map(|one| one.from))
-            .chain(decision.evictions.iter().filter_map(|one| one.to));
-        let mut wrong: Vec<Violation> = modules
-            .filter(|&module| problem.position_of(module).is_none())
-            .map(|module| Violation::UnknownModule { module })
-            .collect();
-        wrong.extend(
-            spots
-                .filter(|&spot| problem.target().position_of(spot).is_none())
-                .map(|spot| Violation::UnknownSpot { spot }),
-        );
-        let all_known = wrong.is_empty();
-        self.violations.append(&mut wrong);
-        all_known
+        let mut modules: Vec<ModuleId> = decision.detached.clone();
+        let mut spots: Vec<SpotId> = Vec::new();
+        for selection in &decision.selections {
+            modules.push(selection.module);
+            spots.push(selection.spot);
+        }
+        for eviction in &decision.evictions {
+            modules.extend([eviction.evicted, eviction.by]);
+            spots.push(eviction.from);
+            spots.extend(eviction.to);
+        }
+        modules.retain(|&module| problem.position_of(module).is_none());
+        spots.retain(|&spot| problem.target().position_of(spot).is_none());
+        let all_exist = modules.is_empty() && spots.is_empty();
+        let modules = modules.into_iter();
+        let unknown = modules.map(|module| Violation::UnknownModule { module });
+        self.violations.extend(unknown);
+        let unknown = spots
+            .into_iter()
+            .map(|spot| Violation::UnknownSpot { spot });
+        self.violations.extend(unknown);
+        all_exist
     }
 
-    /// Follows the evictions one after another; returns where they leave the modules that they move.
+    /// Follows the evictions one after another; returns the spots to which they move modules.
     fn walk_evictions(
         &mut self,
         turn: u32,
@@ -144,7 +140,7 @@ impl Replay {
                     .unwrap_or_else(|| self.holders.get(&spot).copied())
             };
             let holder = held(&changed, from);
-            // A module that leaves its configuration in this turn may take a spot and lose it again within the turn.
+            // A module that leaves its configuration in this turn can take a spot and lose it again within the turn.
             let came_and_went = holder.is_none()
                 && decision.detached.contains(&evicted)
                 && !self.spots.contains_key(&evicted);
@@ -182,7 +178,7 @@ impl Replay {
         walked: &BTreeMap<ModuleId, Option<SpotId>>,
     ) {
         let mut chosen = BTreeSet::new();
-        // The pairs say what changes, so a module that several chains send away and back is in none.
+        // The pairs list changes, so a module that several chains move away and back is in none.
         let returns = |module: ModuleId| {
             before.contains_key(&module)
                 && walked.get(&module).copied().flatten() == before.get(&module).copied()
@@ -223,7 +219,7 @@ impl Replay {
         }
     }
 
-    /// Compares where the evictions lead with where the pairs lead.
+    /// Compares the spots to which the evictions lead with those of the pairs.
     fn compare(
         &mut self,
         turn: u32,
@@ -240,38 +236,35 @@ impl Replay {
         }
     }
 
-    /// The modules that a turn places for the first time and that keep links to each other are a block, and protected from
-    /// now on.
+    /// The modules that get their first spot in a turn and keep links to each other form a block, which is protected from
+    /// then on.
     fn note_blocks(
         &mut self,
         problem: &PlanningProblem,
         decision: &Decision,
         before: &BTreeMap<ModuleId, SpotId>,
     ) {
-        let placed: BTreeSet<ModuleId> = decision
-            .selections
-            .iter()
-            .map(|selection| selection.module)
+        let selected = decision.selections.iter().map(|selection| selection.module);
+        let placed: BTreeSet<ModuleId> = selected
             .filter(|module| !before.contains_key(module) && !decision.detached.contains(module))
             .collect();
-        let adjacent_links = |module: ModuleId| -> Vec<ModuleId> {
-            let (Some(found), Some(&spot)) = (problem.module(module), self.spots.get(&module))
-            else {
-                return Vec::new();
-            };
-            let adjacent: BTreeSet<SpotId> = problem.target().neighbours_of(spot).collect();
-            found
-                .links
-                .iter()
-                .copied()
-                .filter(|other| {
-                    self.spots
-                        .get(other)
-                        .is_some_and(|spot| adjacent.contains(spot))
-                })
-                .collect()
-        };
-        for block in groups(&placed, adjacent_links) {
+        if placed.len() < 2 {
+            return;
+        }
+        let mut kept = Vec::new();
+        for (module, spot) in placed
+            .iter()
+            .filter_map(|one| self.spots.get_key_value(one))
+        {
+            let adjacent: BTreeSet<SpotId> = problem.target().neighbours_of(*spot).collect();
+            let links = problem.module(*module).map(|module| &module.links);
+            let others = links.into_iter().flatten().filter(|&other| {
+                let spot = self.spots.get(other);
+                spot.is_some_and(|spot| adjacent.contains(spot))
+            });
+            kept.extend(others.map(|&other| (*module, other)));
+        }
+        for block in groups(&placed, kept.into_iter()) {
             if block.len() >= 2 {
                 self.protected.extend(&block);
                 self.blocks.push(block);
@@ -286,8 +279,8 @@ impl Replay {
         decision: &Decision,
     ) -> Option<Violation> {
         let evictions = decision.evictions.len();
-        // A block's turn re-inserts each singleton that it displaces with a chain of its own; so does the policy `paper`
-        // with the modules that leave the block.
+        // A block's turn re-inserts each displaced singleton with a chain of its own; the policy `paper` also inserts the
+        // modules that leave the block.
         let displaced = decision
             .evictions
             .iter()
@@ -304,13 +297,13 @@ impl Replay {
     }
 }
 
-/// Whether the last turn may move singletons as far as it takes to restore their optimum.
+/// Whether the last turn can restore the optimum of the singletons by chains of any length.
 fn may_finish(problem: &PlanningProblem) -> bool {
     let parameters = problem.parameters();
     parameters.exact_finish && parameters.d_max.is_some() && parameters.policy == Policy::Exact
 }
 
-/// The modules that leave a spot for another although no eviction takes it from them.
+/// The modules that change their spot without being evicted.
 fn moves_without_eviction(
     turn: u32,
     decision: &Decision,
@@ -325,26 +318,20 @@ fn moves_without_eviction(
     decision.selections.iter().filter_map(moves).collect()
 }
 
-/// Splits things into the groups that `neighbours` joins; groups and members ascend.
-pub(super) fn groups<T: Copy + Ord>(
+/// Splits things into the groups that the edges join; groups and members ascend. Edges to other things do not count.
+pub(super) fn groups<T: NodeTrait>(
     things: &BTreeSet<T>,
-    neighbours: impl Fn(T) -> Vec<T>,
+    edges: impl Iterator<Item = (T, T)>,
 ) -> Vec<Vec<T>> {
-    let mut left = things.clone();
-    let mut found = Vec::new();
-    while let Some(start) = left.pop_first() {
-        let mut group = vec![start];
-        let mut next = 0;
-        while let Some(&thing) = group.get(next) {
-            group.extend(
-                neighbours(thing)
-                    .into_iter()
-                    .filter(|other| left.remove(other)),
-            );
-            next += 1;
-        }
-        group.sort_unstable();
-        found.push(group);
+    let within = |edge: &(T, T)| things.contains(&edge.0) && things.contains(&edge.1);
+    let mut graph: UnGraphMap<T, ()> = edges.filter(within).collect();
+    for &thing in things {
+        graph.add_node(thing);
     }
-    found
+    let mut groups = kosaraju_scc(&graph);
+    for group in &mut groups {
+        group.sort_unstable();
+    }
+    groups.sort_unstable();
+    groups
 }

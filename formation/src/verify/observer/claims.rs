@@ -6,20 +6,20 @@ use super::record::{PlannedEpoch, ReceivedClaim};
 use crate::verify::Violation;
 use crate::verify::replay::Replay;
 
-/// The claims of one epoch, replayed as far as they are known without a gap.
+/// The claims of one epoch, replayed up to the first gap.
 pub(super) struct Claimed {
     pub(super) replay: Replay,
-    /// How many turns were replayed; the next one's claim is missing or there is none.
+    /// The number of turns replayed.
     pub(super) turns: u32,
-    /// When the last of them arrived.
+    /// When the last of their claims was received.
     pub(super) last_received: Option<Duration>,
 }
 
 /// Replays the claims of one epoch.
 ///
-/// A claim counts only if it comes from the run of a member that the roster names. Where several different claims for
-/// one turn are left, those that the spots held then contradict are put aside; if that leaves more than one, an observer
-/// cannot know which the modules applied, and that is a violation.
+/// A claim counts only if it comes from a member in the run that the roster names. Of several different claims for one turn,
+/// those that contradict the spots held then are ignored. If more than one remains, the messages do not show which one the
+/// modules applied, and that is a violation.
 pub(super) fn replay_claims(planned: PlannedEpoch<'_>) -> Claimed {
     let mut claimed = Claimed {
         replay: Replay::new(planned.problem),
@@ -27,18 +27,22 @@ pub(super) fn replay_claims(planned: PlannedEpoch<'_>) -> Claimed {
         last_received: None,
     };
     while let Some(rivals) = planned.record.claims.get(&claimed.turns) {
-        let turn = claimed.turns;
-        let is_eligible = |rival: &&ReceivedClaim| is_from_member(planned, rival);
-        let eligible: Vec<&ReceivedClaim> = rivals.iter().filter(is_eligible).collect();
+        let eligible: Vec<&ReceivedClaim> = rivals
+            .iter()
+            .filter(|rival| is_from_member(planned, rival))
+            .collect();
         let received = match eligible.as_slice() {
             [] => break,
             [only] => {
-                let replay = &mut claimed.replay;
-                replay.apply(planned.problem, turn, &only.claim.decision);
+                let decision = &only.claim.decision;
+                claimed
+                    .replay
+                    .apply(planned.problem, claimed.turns, decision);
                 only.received
             }
             rivals => {
-                let (next, received) = choose(planned, turn, &claimed.replay, rivals);
+                let (next, received) =
+                    choose_rival(planned, claimed.turns, &claimed.replay, rivals);
                 claimed.replay = next;
                 received
             }
@@ -49,8 +53,7 @@ pub(super) fn replay_claims(planned: PlannedEpoch<'_>) -> Claimed {
     claimed
 }
 
-/// Applies the one of several claims for a turn that fits what was claimed before.
-fn choose(
+fn choose_rival(
     planned: PlannedEpoch<'_>,
     turn: u32,
     before: &Replay,
@@ -82,7 +85,9 @@ fn choose(
 }
 
 fn is_from_member(planned: PlannedEpoch<'_>, rival: &ReceivedClaim) -> bool {
-    planned.members().iter().any(|member| {
-        member.module.id == rival.claim.claimant && member.incarnation == rival.claim.incarnation
-    })
+    let claim = &rival.claim;
+    planned
+        .members()
+        .iter()
+        .any(|member| member.module.id == claim.claimant && member.incarnation == claim.incarnation)
 }

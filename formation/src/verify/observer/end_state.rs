@@ -1,47 +1,46 @@
-//! Judges the end state: which module stands where, docked to which others.
+//! Judges the end state: where the modules stand and to which others they are docked.
 
 use std::collections::{BTreeMap, BTreeSet};
 
 use super::claims::{Claimed, replay_claims};
+use super::parameters::ObserverParameters;
 use super::record::{ModuleRecord, PlannedEpoch};
-use super::{Observer, ObserverParameters};
-use crate::model::{Digest, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, SpotId};
+use crate::model::{Digest, ModuleId, ModulePhase, ModuleState, SpotId};
 use crate::verify::plan::check_filled;
 use crate::verify::{Missing, Violation};
 
-/// A full turn in micro-radians.
-const FULL_TURN: i64 = 6_283_185;
-
-/// The newest epoch's members as they are now.
+/// The current states of an epoch's members.
 pub(super) struct EndState<'a> {
     planned: PlannedEpoch<'a>,
     pub(super) claimed: Claimed,
     /// The latest state of each member's run.
     states: BTreeMap<ModuleId, &'a ModuleState>,
-    /// The members that have settled in this epoch.
+    /// The states of the members that have settled in this epoch.
     settled: BTreeMap<ModuleId, &'a ModuleState>,
-    /// The members that have not shown the plan that most have shown.
+    /// The members that have not shown the plan that most members have shown.
     disagreeing: BTreeSet<ModuleId>,
-    /// How many turns led to the plan that most have shown.
+    /// The number of turns of the plan that most members have shown.
     turns: Option<u32>,
 }
 
 impl<'a> EndState<'a> {
-    pub(super) fn new(observer: &'a Observer, planned: PlannedEpoch<'a>) -> Self {
-        let members = planned.members().iter();
-        let states: BTreeMap<ModuleId, &ModuleState> = members
+    pub(super) fn new(
+        modules: &'a BTreeMap<ModuleId, ModuleRecord>,
+        planned: PlannedEpoch<'a>,
+    ) -> Self {
+        let states: BTreeMap<ModuleId, &ModuleState> = planned
+            .members()
+            .iter()
             .filter_map(|member| {
-                let module: &ModuleRecord = observer.modules.get(&member.module.id)?;
-                let state = module.state_of(member.incarnation)?;
-                Some((member.module.id, &**state))
+                let module = member.module.id;
+                let state = modules.get(&module)?.state_of(member.incarnation)?;
+                Some((module, &**state))
             })
             .collect();
-        let epoch = Some(planned.epoch);
-        let settled = states
-            .iter()
-            .filter(|(_, state)| state.epoch == epoch && state.phase == ModulePhase::Settled)
-            .map(|(&module, &state)| (module, state))
-            .collect();
+        let mut settled = states.clone();
+        settled.retain(|_, state| {
+            state.epoch == Some(planned.epoch) && state.phase == ModulePhase::Settled
+        });
         let (disagreeing, turns) = disagreement(planned);
         Self {
             planned,
@@ -53,7 +52,7 @@ impl<'a> EndState<'a> {
         }
     }
 
-    /// Which members have settled on which spot, by their own report.
+    /// The spots of the settled members, by their own states.
     pub(super) fn assignments(&self) -> BTreeMap<ModuleId, SpotId> {
         self.settled
             .iter()
@@ -61,21 +60,22 @@ impl<'a> EndState<'a> {
             .collect()
     }
 
-    /// How many members have shown the plan.
+    /// The number of members that have shown the plan.
     pub(super) fn agreed(&self) -> usize {
         self.planned.members().len() - self.disagreeing.len()
     }
 
-    /// Whether every turn's claim arrived.
+    /// Whether the claims of all turns were received.
     pub(super) fn claims_are_whole(&self) -> bool {
         self.turns.is_some_and(|turns| turns <= self.claimed.turns)
     }
 
+    /// Whether all members have shown the plan.
     pub(super) fn is_agreed(&self) -> bool {
         self.disagreeing.is_empty()
     }
 
-    /// What is still to come; nothing when the end state is reached.
+    /// What the end state still lacks; nothing once it is reached.
     pub(super) fn missing(&self) -> Vec<Missing> {
         let mut missing = Vec::new();
         if !self.claims_are_whole() {
@@ -115,7 +115,7 @@ impl<'a> EndState<'a> {
         missing
     }
 
-    /// What is wrong with the end state, once it is reached.
+    /// The violations of the end state, once it is reached.
     pub(super) fn violations(&self, parameters: &ObserverParameters) -> Vec<Violation> {
         let mut violations = Vec::new();
         let mut holders: BTreeMap<SpotId, ModuleId> = BTreeMap::new();
@@ -141,7 +141,7 @@ impl<'a> EndState<'a> {
                 });
             }
             let distance = state.pose.distance_to(&place.pose);
-            let turn = turn_between(&state.pose, &place.pose);
+            let turn = state.pose.heading_difference(&place.pose);
             if distance > parameters.position_tolerance || turn > parameters.heading_tolerance {
                 violations.push(Violation::PoseOff {
                     module,
@@ -151,16 +151,13 @@ impl<'a> EndState<'a> {
                 });
             }
         }
-        check_filled(
-            self.planned.problem,
-            &holders.keys().copied().collect(),
-            &mut violations,
-        );
+        let filled = holders.keys().copied().collect();
+        check_filled(self.planned.problem, &filled, &mut violations);
         self.check_links(&holders, &mut violations);
         violations
     }
 
-    /// The links of settled modules must be the target's edges among filled spots, named by both ends, and no others.
+    /// The links of settled modules must be exactly the target's edges between filled spots, named by both ends.
     fn check_links(&self, holders: &BTreeMap<SpotId, ModuleId>, violations: &mut Vec<Violation>) {
         for (&spot, &module) in holders {
             let Some(state) = self.settled.get(&module) else {
@@ -173,58 +170,35 @@ impl<'a> EndState<'a> {
                 .neighbours_of(spot)
                 .filter_map(|spot| holders.get(&spot).copied())
                 .collect();
-            violations.extend(
-                wanted
-                    .difference(&state.links)
-                    .map(|&other| Violation::LinkMissing { module, other }),
-            );
-            violations.extend(
-                state
-                    .links
-                    .difference(&wanted)
-                    .map(|&other| Violation::LinkTooMany { module, other }),
-            );
+            let lacking = wanted.difference(&state.links);
+            violations.extend(lacking.map(|&other| Violation::LinkMissing { module, other }));
+            let excess = state.links.difference(&wanted);
+            violations.extend(excess.map(|&other| Violation::LinkTooMany { module, other }));
         }
-        // A module without a spot may stay docked to others without one, never to the formation.
+        // A module without a spot can stay docked to others without one, but not to the formation.
         for (&module, state) in &self.states {
             if !self.settled.contains_key(&module) {
-                violations.extend(
-                    state
-                        .links
-                        .iter()
-                        .filter(|other| self.settled.contains_key(other))
-                        .map(|&other| Violation::LinkTooMany { module, other }),
-                );
+                let links = state.links.iter();
+                let excess = links.filter(|&other| self.settled.contains_key(other));
+                violations.extend(excess.map(|&other| Violation::LinkTooMany { module, other }));
             }
         }
     }
 }
 
-/// The members that have not shown the plan that most members have shown, and the number of its turns.
+/// The members that have not shown the plan that most members have shown, and the number of that plan's turns.
 fn disagreement(planned: PlannedEpoch<'_>) -> (BTreeSet<ModuleId>, Option<u32>) {
     let mut shown: BTreeMap<Digest, BTreeMap<ModuleId, u32>> = BTreeMap::new();
-    let members = planned.members();
-    for member in members {
-        let run = (member.module.id, member.incarnation);
-        for (&digest, plan) in planned.record.shown.get(&run).into_iter().flatten() {
-            shown
-                .entry(digest)
-                .or_default()
-                .insert(member.module.id, plan.turns);
+    for member in planned.members() {
+        for (&digest, plan) in planned.shown_by(member).into_iter().flatten() {
+            let agreeing = shown.entry(digest).or_default();
+            agreeing.insert(member.module.id, plan.turns);
         }
     }
     let common = shown.into_values().max_by_key(BTreeMap::len);
     let agreeing = common.unwrap_or_default();
-    let disagreeing = members
-        .iter()
-        .map(|member| member.module.id)
-        .filter(|module| !agreeing.contains_key(module))
-        .collect();
+    let members = planned.members().iter().map(|member| member.module.id);
+    let disagreeing = members.filter(|module| !agreeing.contains_key(module));
+    let disagreeing = disagreeing.collect();
     (disagreeing, agreeing.into_values().max())
-}
-
-/// The angle between two headings, at most half a turn.
-fn turn_between(one: &Pose, other: &Pose) -> MicroUnits {
-    let turn = (one.theta.0 - other.theta.0).rem_euclid(FULL_TURN);
-    MicroUnits(turn.min(FULL_TURN - turn))
 }

@@ -1,32 +1,37 @@
-//! Judges by causal marks, never by arrival, that all had agreed before anything moved, and that spots filled in an order
-//! with a placed neighbour.
+//! Judges by causal marks, not by arrival, that all members had agreed before a module moved, and that spots were filled in
+//! an order with a placed neighbour.
 
 use std::collections::{BTreeMap, BTreeSet};
+
+use petgraph::algo::kosaraju_scc;
+use petgraph::graphmap::DiGraphMap;
+use petgraph::visit::{Dfs, Reversed};
 
 use super::record::{Act, PlannedEpoch};
 use crate::model::{Digest, MicroUnits, ModuleId, RosterMember, SpotId};
 use crate::verify::Violation;
 use crate::verify::plan::filled_parts;
 
-/// What the members of one epoch did, by their own reports.
+/// The acts of the members of one epoch.
 pub(super) struct Acts<'a> {
     planned: PlannedEpoch<'a>,
-    /// The acts of the members that moved or settled, in the runs that the roster names.
+    members: BTreeMap<ModuleId, &'a RosterMember>,
+    /// The acts of the members that have moved or settled, in the runs that the roster names.
     moved: BTreeMap<ModuleId, &'a Act>,
-    /// The acting units that moved; pinned modules do not.
+    /// The acting units that have moved; pinned modules do not move.
     units: BTreeMap<ModuleId, Unit>,
+    /// An edge leads from each unit to every unit that waited for one of its modules.
+    order: DiGraphMap<ModuleId, ()>,
 }
 
-/// What is known of one acting unit.
+/// One acting unit, as far as it is known.
 #[derive(Default)]
 pub(super) struct Unit {
-    /// Those of its modules that moved, ascending.
+    /// Those of its modules that have moved, ascending.
     pub(super) modules: Vec<ModuleId>,
-    /// The modules that they waited for, their own unit's apart.
+    /// The modules of other units for which they waited.
     waited_for: BTreeSet<ModuleId>,
-    /// The units of those modules.
-    after: BTreeSet<ModuleId>,
-    /// Whether a message that did not arrive could name more modules that it waited for.
+    /// Whether messages that were not received could add modules for which it waited.
     is_open: bool,
 }
 
@@ -35,18 +40,23 @@ impl<'a> Acts<'a> {
         let members = planned.members().iter();
         let mut acts = Self {
             planned,
-            moved: members
-                .filter_map(|member| Some((member.module.id, planned.act_of(member)?)))
-                .filter(|(_, act)| act.moved)
-                .collect(),
+            members: members.map(|member| (member.module.id, member)).collect(),
+            moved: BTreeMap::new(),
             units: BTreeMap::new(),
+            order: DiGraphMap::new(),
         };
-        acts.units = acts.contract();
+        for (&module, member) in &acts.members {
+            let act = planned.act_of(member);
+            if let Some(act) = act.filter(|act| act.moved_received.is_some()) {
+                acts.moved.insert(module, act);
+            }
+        }
+        acts.contract();
         acts
     }
 
     /// Joins the modules of each acting unit to one node of the order.
-    fn contract(&self) -> BTreeMap<ModuleId, Unit> {
+    fn contract(&mut self) {
         let mut units: BTreeMap<ModuleId, Unit> = BTreeMap::new();
         for &module in self.moved.keys() {
             if let Some(unit) = self.unit_of(module) {
@@ -54,12 +64,11 @@ impl<'a> Acts<'a> {
             }
         }
         for (&lead, unit) in &mut units {
-            // The lead lists all that its unit waited for; the others need not.
+            self.order.add_node(lead);
+            // The lead lists all modules for which its unit waited; the others need not.
             unit.is_open = !self.moved.contains_key(&lead);
-            let marks: BTreeSet<ModuleId> = unit
-                .modules
-                .iter()
-                .filter_map(|module| self.moved.get(module))
+            let acts = unit.modules.iter().filter_map(|one| self.moved.get(one));
+            let marks: BTreeSet<ModuleId> = acts
                 .flat_map(|act| act.waited_for.keys().copied())
                 .filter(|&module| self.planned.problem.position_of(module).is_some())
                 .collect();
@@ -68,48 +77,50 @@ impl<'a> Acts<'a> {
                 if earlier == Some(lead) {
                     continue;
                 }
-                unit.is_open |= earlier.is_none() && !self.is_pinned(module);
                 unit.waited_for.insert(module);
-                unit.after.extend(earlier);
+                match earlier {
+                    Some(earlier) => {
+                        self.order.add_edge(earlier, lead, ());
+                    }
+                    None => unit.is_open |= !self.is_pinned(module),
+                }
             }
         }
-        units
+        self.units = units;
     }
 
     fn is_pinned(&self, module: ModuleId) -> bool {
-        let problem = self.planned.problem;
-        problem
-            .module(module)
-            .is_some_and(|module| module.pin.is_some())
+        let module = self.planned.problem.module(module);
+        module.is_some_and(|module| module.pin.is_some())
     }
 
-    /// The unit of a module that moved, unless it is pinned.
+    /// The unit of a module that has moved, unless it is pinned.
     fn unit_of(&self, module: ModuleId) -> Option<ModuleId> {
         let act = self.moved.get(&module)?;
         let named = act.named.and_then(|(_, unit, _)| unit).unwrap_or(module);
         (!self.is_pinned(module)).then_some(named)
     }
 
-    /// The acting units that moved.
+    /// The acting units that have moved.
     pub(super) fn units(&self) -> &BTreeMap<ModuleId, Unit> {
         &self.units
     }
 
-    /// Everything that was done too early or out of order, as far as the received messages show it.
+    /// All acts that were too early or out of order, as far as the messages show them.
     pub(super) fn violations(&self, position_tolerance: MicroUnits) -> Vec<Violation> {
         let mut violations = Vec::new();
         self.check_digests(&mut violations);
         self.check_frozen(position_tolerance, &mut violations);
         self.check_marks(&mut violations);
         self.check_circles(&mut violations);
-        // What a unit lacks may merely have been missed if messages are missing from its past.
+        // If messages are missing from a unit's causal past, they can contain what it lacks.
         let open = self.after_any(|unit| unit.is_open);
         self.check_agreement(&open, &mut violations);
         self.check_neighbours(&open, &mut violations);
         violations
     }
 
-    /// Every module must act on a plan, and all on the same.
+    /// Every module must act on a plan, and all on the same one.
     fn check_digests(&self, violations: &mut Vec<Violation>) {
         let mut first: Option<(ModuleId, Digest)> = None;
         for (&module, act) in &self.moved {
@@ -132,37 +143,34 @@ impl<'a> Acts<'a> {
         }
     }
 
-    /// Until a module says that it moves, it must stand where the roster froze it.
+    /// A module must stand where the roster says until it publishes that it moves.
     fn check_frozen(&self, position_tolerance: MicroUnits, violations: &mut Vec<Violation>) {
-        for member in self.planned.members() {
-            let Some(act) = self.planned.act_of(member) else {
-                continue;
-            };
-            let distance = act.farthest_from(&member.module.pose);
-            if distance > position_tolerance {
+        for (&module, &member) in &self.members {
+            let act = self.planned.act_of(member);
+            let distance = act.map(|act| act.farthest_from(&member.module.pose));
+            if let Some(distance) = distance.filter(|&distance| distance > position_tolerance) {
+                let epoch = self.planned.epoch;
                 violations.push(Violation::MovedEarly {
-                    epoch: self.planned.epoch,
-                    module: member.module.id,
+                    epoch,
+                    module,
                     distance,
                 });
             }
         }
     }
 
-    /// What a module counted as settled must have been, and what it counted as agreed as well.
+    /// The states for which a module waited must be settled, and the heartbeats on which it moved must show agreement.
     fn check_marks(&self, violations: &mut Vec<Violation>) {
-        let members = self.planned.members().iter();
-        let runs: BTreeMap<ModuleId, &RosterMember> =
-            members.map(|member| (member.module.id, member)).collect();
+        let epoch = self.planned.epoch;
         for (&module, act) in &self.moved {
             for (&other, &sequence) in &act.waited_for {
-                let unsettled = runs
-                    .get(&other)
+                let member = self.members.get(&other);
+                let unsettled = member
                     .and_then(|member| self.planned.act_of(member))
                     .and_then(|act| act.unsettled_until);
                 if unsettled.is_some_and(|until| sequence <= until) {
                     violations.push(Violation::WaitedForUnsettled {
-                        epoch: self.planned.epoch,
+                        epoch,
                         module,
                         other,
                         sequence,
@@ -173,88 +181,42 @@ impl<'a> Acts<'a> {
                 continue;
             };
             for (&member, &sequence) in &act.agreed_on {
-                let since = runs
+                let shown = self
+                    .members
                     .get(&member)
-                    .and_then(|one| self.planned.record.shown.get(&(member, one.incarnation)))
-                    .and_then(|shown| shown.get(&digest))
-                    .map(|plan| plan.since);
-                if let Some(agreed_since) = since.filter(|&since| since > sequence) {
+                    .and_then(|member| self.planned.shown_by(member)?.get(&digest));
+                if let Some(plan) = shown.filter(|plan| plan.since > sequence) {
                     violations.push(Violation::MovedBeforeAgreement {
-                        epoch: self.planned.epoch,
+                        epoch,
                         module,
                         member,
                         sequence,
-                        agreed_since,
+                        agreed_since: plan.since,
                     });
                 }
             }
         }
     }
 
-    /// The units that waited for each unit.
-    fn followers(&self) -> BTreeMap<ModuleId, Vec<ModuleId>> {
-        let mut followers: BTreeMap<ModuleId, Vec<ModuleId>> = BTreeMap::new();
-        for (&lead, unit) in &self.units {
-            for &earlier in &unit.after {
-                followers.entry(earlier).or_default().push(lead);
-            }
-        }
-        followers
-    }
-
-    /// The units that `holds` accepts, and all that have one of them in their causal past.
+    /// The units that `holds` accepts, and all units with one of these in their causal past.
     fn after_any(&self, holds: impl Fn(&Unit) -> bool) -> BTreeSet<ModuleId> {
-        let followers = self.followers();
-        let mut reached: BTreeSet<ModuleId> = self
-            .units
-            .iter()
-            .filter(|(_, unit)| holds(unit))
-            .map(|(&lead, _)| lead)
-            .collect();
-        let mut open: Vec<ModuleId> = reached.iter().copied().collect();
-        while let Some(unit) = open.pop() {
-            for &follower in followers.get(&unit).into_iter().flatten() {
-                if reached.insert(follower) {
-                    open.push(follower);
-                }
-            }
-        }
-        reached
+        let accepted = self.units.iter().filter(|(_, unit)| holds(unit));
+        let mut walk = Dfs::empty(&self.order);
+        walk.stack = accepted.map(|(&lead, _)| lead).collect();
+        std::iter::from_fn(|| walk.next(&self.order)).collect()
     }
 
-    /// No unit can have waited for one that waited for it.
+    /// No two units can have waited for each other.
     fn check_circles(&self, violations: &mut Vec<Violation>) {
-        let mut waits: BTreeMap<ModuleId, usize> = self
-            .units
-            .iter()
-            .map(|(&lead, unit)| (lead, unit.after.len()))
-            .collect();
-        let followers = self.followers();
-        let mut free: Vec<ModuleId> = waits
-            .iter()
-            .filter(|&(_, &count)| count == 0)
-            .map(|(&lead, _)| lead)
-            .collect();
-        while let Some(unit) = free.pop() {
-            waits.remove(&unit);
-            for follower in followers.get(&unit).into_iter().flatten() {
-                if let Some(count) = waits.get_mut(follower) {
-                    *count -= 1;
-                    if *count == 0 {
-                        free.push(*follower);
-                    }
-                }
-            }
-        }
-        if let Some((&module, _)) = waits.first_key_value() {
-            violations.push(Violation::CircularWait {
-                epoch: self.planned.epoch,
-                module,
-            });
+        let components = kosaraju_scc(&self.order).into_iter();
+        let circles = components.filter(|component| component.len() > 1);
+        if let Some(module) = circles.flatten().min() {
+            let epoch = self.planned.epoch;
+            violations.push(Violation::CircularWait { epoch, module });
         }
     }
 
-    /// Each unit, or one in its causal past, must have seen all members agree.
+    /// Each unit, or one in its causal past, must prove that all members had agreed.
     fn check_agreement(&self, open: &BTreeSet<ModuleId>, violations: &mut Vec<Violation>) {
         let proven = self.after_any(|unit| self.lacking_agreement(unit).is_none());
         for (&module, unit) in &self.units {
@@ -271,26 +233,27 @@ impl<'a> Acts<'a> {
         }
     }
 
-    /// The lowest member on whose agreement the unit does not rest by its own marks. A module need not prove its own.
+    /// The lowest member whose agreement the unit's own marks do not prove. A module need not prove its own.
     fn lacking_agreement(&self, unit: &Unit) -> Option<ModuleId> {
         let marks: BTreeSet<ModuleId> = unit
             .modules
             .iter()
             .filter_map(|&module| Some((module, self.moved.get(&module)?)))
-            .filter(|(_, act)| !act.agreed_on.is_empty() || self.planned.members().len() == 1)
+            .filter(|(_, act)| !act.agreed_on.is_empty() || self.members.len() == 1)
             .flat_map(|(module, act)| act.agreed_on.keys().copied().chain([module]))
             .collect();
-        let members = self.planned.members().iter();
-        members
-            .map(|member| member.module.id)
-            .find(|member| !marks.contains(member))
+        let mut members = self.members.keys().copied();
+        members.find(|member| !marks.contains(member))
     }
 
-    /// Each unit must have a placed module next to one of its spots in its causal past, except the first of each connected
-    /// part of the filled spots.
+    /// Each unit must have a placed module adjacent to one of its spots in its causal past, except the first unit of each
+    /// connected part of the filled spots.
     fn check_neighbours(&self, open: &BTreeSet<ModuleId>, violations: &mut Vec<Violation>) {
-        let modules = self.planned.problem.modules().iter();
-        let mut holders: BTreeMap<SpotId, ModuleId> = modules
+        let mut holders: BTreeMap<SpotId, ModuleId> = self
+            .planned
+            .problem
+            .modules()
+            .iter()
             .filter_map(|module| Some((module.pin?, module.id)))
             .collect();
         let pins: BTreeSet<SpotId> = holders.keys().copied().collect();
@@ -321,8 +284,8 @@ impl<'a> Acts<'a> {
         }
         for (part, mut units) in without {
             units.sort_unstable();
-            // A part with a pinned module was begun before anything moved; otherwise the unit that waited for the
-            // fewest began it.
+            // A part with a pinned module exists before any module moves; otherwise the unit that waited for the fewest
+            // modules was the first.
             let begun = parts[part].iter().any(|spot| pins.contains(spot));
             violations.extend(
                 units
@@ -333,44 +296,33 @@ impl<'a> Acts<'a> {
         }
     }
 
-    fn spots_of(&self, unit: &Unit) -> impl Iterator<Item = SpotId> + '_ {
-        let modules = unit.modules.clone();
-        modules
-            .into_iter()
-            .filter_map(|module| self.moved.get(&module)?.named?.2)
+    fn spots_of(&self, unit: &Unit) -> impl Iterator<Item = SpotId> {
+        let modules = unit.modules.iter();
+        modules.filter_map(|module| self.moved.get(module)?.named?.2)
     }
 
+    /// Whether a module adjacent to one of the unit's spots is in its causal past.
     fn has_placed_neighbour(&self, unit: &Unit, holders: &BTreeMap<SpotId, ModuleId>) -> bool {
+        let target = self.planned.problem.target();
         let adjacent: BTreeSet<ModuleId> = self
             .spots_of(unit)
-            .flat_map(|spot| self.planned.problem.target().neighbours_of(spot))
+            .flat_map(|spot| target.neighbours_of(spot))
             .filter_map(|spot| holders.get(&spot).copied())
             .collect();
-        if adjacent
-            .iter()
-            .any(|&module| self.is_pinned(module) || unit.waited_for.contains(&module))
-        {
+        let is_first_hand =
+            |module: &ModuleId| self.is_pinned(*module) || unit.waited_for.contains(module);
+        if adjacent.iter().any(is_first_hand) {
             return true;
         }
-        let wanted: BTreeSet<ModuleId> = adjacent
+        let units = adjacent
             .into_iter()
-            .filter_map(|module| self.unit_of(module))
-            .filter(|lead| !unit.modules.contains(lead))
-            .collect();
-        let mut past = unit.after.clone();
-        let mut open: Vec<ModuleId> = past.iter().copied().collect();
-        while let Some(earlier) = open.pop() {
-            if wanted.contains(&earlier) {
-                return true;
-            }
-            let further = self.units.get(&earlier).map(|unit| &unit.after);
-            open.extend(
-                further
-                    .into_iter()
-                    .flatten()
-                    .filter(|&&one| past.insert(one)),
-            );
-        }
-        false
+            .filter_map(|module| self.unit_of(module));
+        let wanted: BTreeSet<ModuleId> =
+            units.filter(|lead| !unit.modules.contains(lead)).collect();
+        let earlier = unit.waited_for.iter();
+        let past = Reversed(&self.order);
+        let mut walk = Dfs::empty(past);
+        walk.stack = earlier.filter_map(|&module| self.unit_of(module)).collect();
+        std::iter::from_fn(|| walk.next(past)).any(|lead| wanted.contains(&lead))
     }
 }

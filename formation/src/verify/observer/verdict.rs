@@ -1,4 +1,4 @@
-//! What an observer reports.
+//! The reports of an observer.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -7,17 +7,18 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::model::{Epoch, FormationStage, ModuleId, SpotId};
-use crate::verify::{Missing, Violation};
+use crate::verify::violation::{Missing, Violation};
 
-/// How a formation ended.
+/// The outcome of a formation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "UPPERCASE")]
 pub enum Outcome {
-    /// Every spot of the target has exactly one module, where and docked as the target says.
+    /// Every spot of the target has exactly one module, at its pose and docked as in the target.
     Complete,
-    /// There are fewer modules than spots: as many spots as modules are filled, connected, and otherwise as they must be.
+    /// There are fewer modules than spots. As many spots as modules are filled and connected, with the poses and links of
+    /// the target.
     Partial,
-    /// Something is wrong, or was not done in time.
+    /// There are violations, or the formation was not done in time.
     Failed,
 }
 
@@ -31,104 +32,103 @@ impl fmt::Display for Outcome {
     }
 }
 
-/// When the parts of an epoch were reached, since the observer's start.
+/// The times of milestones, as received, since the observer's start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
-    /// The judged epoch's roster arrived.
+    /// The judged epoch's roster was received.
     pub roster_known: Option<Duration>,
-    /// The last of its claims arrived.
+    /// The last of its claims was received.
     pub last_claim: Option<Duration>,
-    /// Its first unit reported that it moves.
+    /// The first state MOVING or SETTLED of a module that was not pinned was received.
     pub first_moving: Option<Duration>,
     /// The end state was reached.
     pub completed: Option<Duration>,
 }
 
-/// How many messages of each kind arrived.
+/// The numbers of messages and their contents.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Counts {
-    /// Claims of the judged epoch, one a turn.
+    /// Claims of the judged epoch, one for each turn.
     pub claims: usize,
     /// (spot, selector) pairs in them.
     pub pairs: usize,
     /// Evictions in them.
     pub evictions: usize,
-    /// Modules that they detached from their configurations.
+    /// Modules in them that leave their configurations.
     pub detached: usize,
     /// Rosters of all epochs, each counted once.
     pub epochs: usize,
     /// Messages of any kind, repetitions included.
     pub messages: u64,
-    /// Messages that were dropped because a bound was reached or their sender takes no part.
+    /// Messages that were dropped because a limit was reached.
     pub dropped: u64,
 }
 
-/// The judgement of a formation.
+/// The verdict on a formation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Verdict {
-    /// How it ended.
+    /// The outcome.
     pub outcome: Outcome,
-    /// The epoch whose end state was judged; `None` when no roster arrived.
+    /// The epoch whose end state was judged; `None` without a roster for the target in force.
     pub epoch: Option<Epoch>,
-    /// How many spots are filled by a settled module.
+    /// The number of spots with a settled module.
     pub filled_spots: usize,
-    /// The spots that are not, ascending.
+    /// The spots without a settled module, ascending.
     pub open_spots: Vec<SpotId>,
-    /// Which module settled on which spot.
+    /// The spots of the settled modules.
     pub assignments: BTreeMap<ModuleId, SpotId>,
-    /// The modules that are on no spot, ascending.
+    /// The modules that have not settled on a spot, ascending.
     pub unassigned: Vec<ModuleId>,
-    /// The guarantees that were violated, in any epoch.
+    /// The violations of all epochs.
     pub violations: Vec<Violation>,
-    /// What was not done in time.
+    /// What the formation lacks.
     pub missing: Vec<Missing>,
-    /// When the parts of the epoch were reached.
+    /// The times of milestones.
     pub timings: Timings,
-    /// How many messages of each kind arrived.
+    /// The numbers of messages and their contents.
     pub counts: Counts,
 }
 
-/// A plan that every member of its epoch has shown to hold, whether or not any module has moved.
+/// A plan whose digest every member of its epoch has shown.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Agreement {
     /// The epoch.
     pub epoch: Epoch,
-    /// Which module is to take which spot, by the claims.
+    /// The spots that the claims give to modules.
     pub assignments: BTreeMap<ModuleId, SpotId>,
-    /// From the arrival of the roster to that of the last claim.
+    /// The time from the roster to the last claim, as received.
     pub planning: Duration,
-    /// The guarantees that the epoch's messages show to be violated.
+    /// The violations that the epoch's messages show.
     pub violations: Vec<Violation>,
 }
 
-/// How far a formation has come, in numbers.
+/// The progress of a formation in numbers.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Progress {
-    /// Which part of the work is being done.
+    /// The stage.
     #[serde(rename = "phase")]
     pub stage: FormationStage,
     /// The epoch of the newest roster.
     pub epoch: Option<Epoch>,
-    /// How many modules sent a message.
+    /// The number of modules of which messages were received.
     pub joined: usize,
-    /// How many are expected, where that is known.
+    /// The number of modules expected, if known.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub expected: Option<usize>,
-    /// How many modules hold a spot by the claims so far.
+    /// The number of modules with a spot by the claims so far.
     pub planned: usize,
-    /// How many members have shown the plan's digest.
+    /// The number of members that have shown the plan's digest.
     pub agreed: usize,
-    /// How many modules have settled on their spots.
+    /// The number of modules that have settled.
     pub settled: usize,
-    /// How many spots the plan is to fill: the lower of the numbers of members and spots.
+    /// The number of spots that the plan fills: the lesser of the numbers of members and spots.
     pub to_fill: usize,
-    /// The modules for which the present stage waits, ascending.
+    /// The modules for which the stage waits, ascending.
     pub waiting_for: Vec<ModuleId>,
 }
 
 impl Progress {
     /// Whether a target was announced and not withdrawn.
-    #[must_use]
     pub fn knows_target(&self) -> bool {
         self.stage > FormationStage::WaitingForTarget
     }

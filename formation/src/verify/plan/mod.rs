@@ -1,26 +1,28 @@
-//! Checks a plan against the guarantees of the planning rules, from its input and its turns alone.
+//! Checks a plan against the guarantees of the planning rules, from its input and its decisions alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::Violation;
+use petgraph::visit::Bfs;
+
 use super::replay::{Replay, groups};
+use super::violation::Violation;
 use crate::model::{Decision, ModuleId, Plan, PlanningProblem, SpotId};
 
 /// Checks that a plan keeps every guarantee that does not depend on the policy:
 ///
-/// 1. the turns end: there are at most two for each module;
-/// 2. exactly `min(|A|, |S|)` spots are filled, each by one module, and with too few modules they hang together unless
-///    `keep_all_spots` is set or pinned modules are too far apart for that;
-/// 3. no member of a configuration is evicted, and no pinned module leaves its spot;
-/// 4. the turns, replayed, lead to the plan's assignment, and no chain is longer than `d_max`, save in the last
-///    turn if that restores the optimum (`exact_finish`), when modules may also move to a spot that is free;
-/// 5. the blocks are the ones that the turns placed, each connected by links that it keeps, and the kept links are
-///    exactly those of a block's modules, or of pinned modules, on adjacent spots;
-/// 6. the acting order lists each placed module once, each block as one unit, pinned ones first, and every spot has an
-///    adjacent one filled before it, but for the first of each connected part of the filled spots.
+/// 1. There are at most two turns for each module.
+/// 2. Exactly `min(|A|, |S|)` spots are filled, each by one module. With too few modules they are connected, unless
+///    `keep_all_spots` is set or pinned modules are too far apart.
+/// 3. No member of a configuration is evicted, and no pinned module leaves its spot.
+/// 4. The turns, replayed, lead to the plan's assignment. No chain is longer than `d_max`, except in the last turn with
+///    `exact_finish`, when modules can also move to a free spot.
+/// 5. The blocks are those that the turns placed, each connected by links that it keeps. The kept links are exactly those of
+///    a block's modules, or of pinned modules, on adjacent spots.
+/// 6. The acting order lists each placed module once, each block as one unit, pinned modules first. Every spot has an
+///    adjacent one that is filled before it, except the first of each connected part of the filled spots.
 ///
 /// # Errors
-/// Lists every violation that was found, in no order of weight.
+/// Lists all violations found, in no particular order.
 pub fn check_plan(
     problem: &PlanningProblem,
     decisions: &[Decision],
@@ -92,7 +94,7 @@ fn check_assignment(
     check_filled(problem, &filled, violations);
 }
 
-/// Checks how many spots are filled and whether they hang together.
+/// Checks the number of filled spots and that they are connected.
 pub(super) fn check_filled(
     problem: &PlanningProblem,
     filled: &BTreeSet<SpotId>,
@@ -113,7 +115,7 @@ pub(super) fn check_filled(
     let (Some(first), Some(other)) = (parts.first(), parts.get(1)) else {
         return;
     };
-    // Modules that stay where they settled may be too far apart to be joined by the modules that are left.
+    // The other modules can be too few to join the pinned ones.
     let anchored = parts
         .iter()
         .all(|part| part.iter().any(|spot| pins.contains(spot)));
@@ -125,48 +127,47 @@ pub(super) fn check_filled(
     }
 }
 
-/// The connected parts of the filled spots.
+/// The connected parts of the filled spots; parts and spots ascend.
 pub(super) fn filled_parts(
     problem: &PlanningProblem,
     filled: &BTreeSet<SpotId>,
 ) -> Vec<Vec<SpotId>> {
-    groups(filled, |spot| {
-        problem.target().neighbours_of(spot).collect()
-    })
+    let spots = problem.target().spots();
+    let edges = problem.target().topology().edges().iter();
+    groups(
+        filled,
+        edges.map(|&(first, second)| (spots[first].id, spots[second].id)),
+    )
 }
 
-/// How many spots the smallest connected part of a tree has that holds all of `pins`; `None` where the target is no
-/// tree, as the question is hard there.
+/// The number of spots of the smallest connected part of a tree that contains all of `pins`; `None` if the target is no
+/// tree, where the problem is NP-hard.
 fn spots_joining(problem: &PlanningProblem, pins: &BTreeSet<SpotId>) -> Option<usize> {
-    let target = problem.target();
-    if !target.topology().is_tree() {
-        return None;
+    let topology = problem.target().topology();
+    let positions = pins.iter().map(|&pin| problem.target().position_of(pin));
+    let positions: Vec<usize> = positions.collect::<Option<_>>()?;
+    let &root = positions.first().filter(|_| topology.is_tree())?;
+    let mut is_needed = vec![false; topology.node_count()];
+    for position in positions {
+        is_needed[position] = true;
     }
-    let mut left: BTreeSet<SpotId> = target.spots().iter().map(|spot| spot.id).collect();
-    let mut degrees: BTreeMap<SpotId, usize> = left
-        .iter()
-        .map(|&spot| (spot, target.neighbours_of(spot).count()))
-        .collect();
-    let is_idle_leaf = |spot: &SpotId, degrees: &BTreeMap<SpotId, usize>| {
-        !pins.contains(spot) && degrees.get(spot).is_some_and(|&degree| degree <= 1)
-    };
-    let mut leaves: Vec<SpotId> = left
-        .iter()
-        .copied()
-        .filter(|spot| is_idle_leaf(spot, &degrees))
-        .collect();
-    while let Some(leaf) = leaves.pop() {
-        left.remove(&leaf);
-        for neighbour in target.neighbours_of(leaf).filter(|one| left.contains(one)) {
-            if let Some(degree) = degrees.get_mut(&neighbour) {
-                *degree -= 1;
-            }
-            if degrees.get(&neighbour) == Some(&1) && !pins.contains(&neighbour) {
-                leaves.push(neighbour);
+    let mut order = Vec::new();
+    let mut rank = vec![0; topology.node_count()];
+    let mut walk = Bfs::new(topology.as_petgraph(), root);
+    while let Some(spot) = walk.next(topology.as_petgraph()) {
+        rank[spot] = order.len();
+        order.push(spot);
+    }
+    // A spot is needed if it leads from the root to a pin.
+    for &spot in order.iter().rev().filter(|&&spot| spot != root) {
+        if is_needed[spot] {
+            let mut neighbours = topology.neighbours(spot).iter();
+            if let Some(&parent) = neighbours.find(|&&other| rank[other] < rank[spot]) {
+                is_needed[parent] = true;
             }
         }
     }
-    Some(left.len())
+    Some(is_needed.iter().filter(|&&is_needed| is_needed).count())
 }
 
 fn check_blocks(
@@ -187,10 +188,9 @@ fn check_blocks(
         let module = plan.blocks[0].first().copied();
         violations.extend(module.map(|module| Violation::WrongBlock { module }));
     }
-    // Modules that stay where they settled keep the links that they have there.
-    let pinned = problem
-        .modules()
-        .iter()
+    // Pinned modules keep their links.
+    let modules = problem.modules().iter();
+    let pinned = modules
         .filter(|module| module.pin.is_some())
         .map(|module| module.id)
         .collect();
@@ -198,14 +198,7 @@ fn check_blocks(
     for block in &plan.blocks {
         let members: BTreeSet<ModuleId> = block.iter().copied().collect();
         let links = kept_links_of(problem, plan, &members);
-        let mut docked: BTreeMap<ModuleId, Vec<ModuleId>> = BTreeMap::new();
-        for &(first, second) in &links {
-            docked.entry(first).or_default().push(second);
-            docked.entry(second).or_default().push(first);
-        }
-        let parts = groups(&members, |module| {
-            docked.get(&module).cloned().unwrap_or_default()
-        });
+        let parts = groups(&members, links.iter().copied());
         if let (Some(first), Some(other)) = (parts.first(), parts.get(1)) {
             violations.push(Violation::BlockApart {
                 first: first[0],
@@ -223,7 +216,7 @@ fn check_blocks(
     }
 }
 
-/// The links among some modules whose ends have adjacent spots.
+/// The links between some modules whose ends take adjacent spots.
 fn kept_links_of(
     problem: &PlanningProblem,
     plan: &Plan,
@@ -272,7 +265,7 @@ fn check_units(problem: &PlanningProblem, plan: &Plan, violations: &mut Vec<Viol
         let mut modules: Vec<ModuleId> =
             unit.placements.iter().map(|&(module, _)| module).collect();
         modules.sort_unstable();
-        // Modules that stay where they settled do not move, so how they are grouped means nothing.
+        // Pinned modules do not move, so their grouping does not matter.
         let is_whole = unit.pinned
             || modules.len() == 1 && !in_blocks.contains(&modules[0])
             || blocks.contains(&modules);

@@ -1,6 +1,6 @@
 //! Hand-made message sequences: the good case in any order, what is missing at the time limit, and each violation.
 
-mod good_runs;
+mod good_sequences;
 mod review;
 mod time_limit;
 mod violations;
@@ -12,23 +12,25 @@ use std::time::Duration;
 use super::*;
 use crate::generate::random::Random;
 use crate::model::{
-    CausalMark, Decision, Digest, EvictionRecord, Heartbeat, Incarnation, ModuleState,
-    PlannerParameters, PlanningModule, Pose, RawSpot, RawTarget, Roster, RosterMember, Service,
-    SpotClaim, SpotSelection, Target,
+    CausalMark, Decision, Digest, Epoch, EvictionRecord, FormationStage, Heartbeat, Incarnation,
+    Message, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters, PlanningModule,
+    Pose, RawSpot, RawTarget, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId,
+    SpotSelection, Target, TargetAnnouncement,
 };
+use crate::verify::{Missing, Violation};
 
 const EPOCH: Epoch = Epoch {
     number: 1,
     convener: ModuleId(1),
 };
-const RUN: Incarnation = Incarnation(77);
+const INCARNATION: Incarnation = Incarnation(77);
 const PLAN: Digest = Digest(0xfeed);
 
 /// A formation of four modules on a star: spot 2 in the middle, 1, 3 and 4 around it.
 ///
 /// Module 3 takes spot 4 first; module 4 evicts it to spot 1; the block of modules 1 and 2 takes spots 2 and 3 and moves
 /// first, on the agreement of all; then modules 3 and 4 move, one after the other. Module 5 is left over.
-struct Run {
+struct Sequence {
     target: TargetAnnouncement,
     members: Vec<RosterMember>,
     claims: Vec<SpotClaim>,
@@ -72,7 +74,7 @@ fn select(pairs: &[(u32, u32)]) -> Vec<SpotSelection> {
 fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
     ModuleState {
         module: ModuleId(module),
-        incarnation: RUN,
+        incarnation: INCARNATION,
         sequence,
         epoch: Some(EPOCH),
         digest: Some(PLAN),
@@ -109,7 +111,7 @@ fn star() -> Arc<Target> {
     Arc::new(Target::try_from(raw).unwrap())
 }
 
-fn good_run() -> Run {
+fn good_sequence() -> Sequence {
     let target = TargetAnnouncement {
         revision: 1,
         name: "star".to_owned(),
@@ -124,7 +126,7 @@ fn good_run() -> Run {
     };
     let members = (1..=5)
         .map(|id| RosterMember {
-            incarnation: RUN,
+            incarnation: INCARNATION,
             service: Service::Active,
             module: PlanningModule {
                 id: ModuleId(id),
@@ -136,14 +138,25 @@ fn good_run() -> Run {
             },
         })
         .collect();
+    Sequence {
+        target,
+        members,
+        claims: good_claims(),
+        states: good_states(),
+        heartbeats: (1..=5).map(|id| heartbeat(id, 12, 10)).collect(),
+        further: Vec::new(),
+    }
+}
+
+fn good_claims() -> Vec<SpotClaim> {
     let claim = |turn, claimant, decision| SpotClaim {
         epoch: EPOCH,
         turn,
         claimant: ModuleId(claimant),
-        incarnation: RUN,
+        incarnation: INCARNATION,
         decision,
     };
-    let claims = vec![
+    vec![
         claim(
             0,
             3,
@@ -175,21 +188,13 @@ fn good_run() -> Run {
             },
         ),
         claim(3, 5, Decision::default()),
-    ];
-    Run {
-        target,
-        members,
-        claims,
-        states: good_states(),
-        heartbeats: (1..=5).map(|id| heartbeat(id, 12, 10)).collect(),
-        further: Vec::new(),
-    }
+    ]
 }
 
 fn heartbeat(module: u32, sequence: u64, digest_since: u64) -> Heartbeat {
     Heartbeat {
         module: ModuleId(module),
-        incarnation: RUN,
+        incarnation: INCARNATION,
         sequence,
         uptime: Duration::from_secs(1),
         epoch: Some(EPOCH),
@@ -233,7 +238,7 @@ fn good_states() -> Vec<ModuleState> {
     states
 }
 
-impl Run {
+impl Sequence {
     fn state(&mut self, module: u32, sequence: u64) -> &mut ModuleState {
         self.states
             .iter_mut()
@@ -316,7 +321,7 @@ impl Run {
     }
 }
 
-/// The hand-made messages all come in the first instant, and nothing that follows means that a module fell silent.
+/// Does not count members as silent: the hand-made messages all come in the first instant.
 fn patient() -> ObserverParameters {
     ObserverParameters {
         silence: Duration::MAX,

@@ -8,7 +8,7 @@ fn at(seconds: u64) -> Duration {
     Duration::from_secs(seconds)
 }
 
-/// The heartbeats that follow those of the good run, one of each of these modules.
+/// The heartbeats that follow those of the good sequence, one of each of these modules.
 fn beat(observer: &mut Observer, now: Duration, modules: impl IntoIterator<Item = u32>) {
     for module in modules {
         let sequence = 100 + now.as_secs();
@@ -23,7 +23,7 @@ fn outcome(verdict: Option<&Verdict>) -> Option<Outcome> {
 
 #[test]
 fn a_formation_is_not_done_while_a_member_is_silent() {
-    let mut observer = observe(&good_run().messages(), ObserverParameters::default());
+    let mut observer = observe(&good_sequence().messages(), ObserverParameters::default());
     beat(&mut observer, at(20), [1, 2, 4, 5]);
     assert_eq!(observer.verdict(at(20)), None);
     beat(&mut observer, at(21), [3]);
@@ -40,7 +40,7 @@ fn the_end_of_the_time_names_who_is_silent() {
         time_limit: at(30),
         ..ObserverParameters::default()
     };
-    let mut observer = observe(&good_run().messages(), parameters);
+    let mut observer = observe(&good_sequence().messages(), parameters);
     beat(&mut observer, at(30), [1, 2, 4, 5]);
     let verdict = observer.verdict(at(31)).unwrap();
     assert_eq!(verdict.outcome, Outcome::Failed);
@@ -59,7 +59,7 @@ fn the_end_of_the_time_names_who_is_silent() {
 
 #[test]
 fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
-    let mut observer = observe(&good_run().messages(), ObserverParameters::default());
+    let mut observer = observe(&good_sequence().messages(), ObserverParameters::default());
     assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
     assert_eq!(outcome(observer.review(at(2))), None, "nothing changed");
     // The spare falls silent: who stands where is as it was, but the plan counted on it.
@@ -81,12 +81,12 @@ fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
         number: 2,
         convener: ModuleId(1),
     };
-    let mut run = good_run();
+    let mut sequence = good_sequence();
     let pins = [(1, 2), (2, 3), (3, 1), (4, 4)];
-    run.members.truncate(4);
-    for (member, (_, spot)) in run.members.iter_mut().zip(pins) {
+    sequence.members.truncate(4);
+    for (member, (_, spot)) in sequence.members.iter_mut().zip(pins) {
         member.module.pin = Some(SpotId(spot));
-        let settled = run.states.iter().rev();
+        let settled = sequence.states.iter().rev();
         let settled = settled
             .clone()
             .find(|state| state.module == member.module.id)
@@ -94,7 +94,7 @@ fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
         member.module.pose = settled.pose;
         member.module.links = settled.links.clone();
     }
-    let mut roster = run.roster();
+    let mut roster = sequence.roster();
     roster.epoch = epoch;
     observer.handle(
         at(10),
@@ -107,7 +107,7 @@ fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
         beat.digest = Some(Digest(2));
         beat.applied_turns = 0;
         observer.handle(at(11), &Message::Heartbeat(beat));
-        let mut stays = run.state(module, 3).clone();
+        let mut stays = sequence.state(module, 3).clone();
         stays.sequence = 9;
         stays.epoch = Some(epoch);
         stays.digest = Some(Digest(2));
@@ -125,9 +125,9 @@ fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
     assert_eq!(restored.unassigned, [], "it counts the living only");
 }
 
-/// The good run's target under another revision, and what it asks for instead, if anything.
+/// The good sequence's target under another revision, and what it asks for instead, if anything.
 fn announced(revision: u64, change: impl FnOnce(&mut TargetAnnouncement)) -> Message {
-    let mut target = good_run().target;
+    let mut target = good_sequence().target;
     target.revision = revision;
     change(&mut target);
     Message::Target(Arc::new(target))
@@ -135,7 +135,7 @@ fn announced(revision: u64, change: impl FnOnce(&mut TargetAnnouncement)) -> Mes
 
 #[test]
 fn a_target_that_is_announced_again_changes_nothing_unless_it_was_withdrawn() {
-    let mut observer = observe(&good_run().messages(), patient());
+    let mut observer = observe(&good_sequence().messages(), patient());
     assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
     assert_eq!(observer.current_epoch(), Some(EPOCH));
     observer.handle(at(2), &announced(2, |_| ()));
@@ -160,7 +160,7 @@ fn a_new_target_takes_the_verdict_away_and_has_the_whole_time_limit() {
         time_limit: at(60),
         ..patient()
     };
-    let mut observer = observe(&good_run().messages(), parameters);
+    let mut observer = observe(&good_sequence().messages(), parameters);
     assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
     let other = announced(2, |target| target.parameters.keep_all_spots = true);
     observer.handle(at(100), &other);

@@ -30,24 +30,24 @@ fn silence_is_named() {
 
 #[test]
 fn a_missing_roster_is_named() {
-    let mut run = good_run();
-    let mut other = run.target.clone();
+    let mut sequence = good_sequence();
+    let mut other = sequence.target.clone();
     other.revision = 2;
     other.parameters.keep_all_spots = true;
-    run.further = vec![Message::Target(Arc::new(other))];
-    run.assert_missing(&[Missing::Roster { revision: 2 }]);
-    let mut withdrawn = run.target.clone();
+    sequence.further = vec![Message::Target(Arc::new(other))];
+    sequence.assert_missing(&[Missing::Roster { revision: 2 }]);
+    let mut withdrawn = sequence.target.clone();
     withdrawn.revision = 3;
     withdrawn.target = None;
-    run.further.push(Message::Target(Arc::new(withdrawn)));
-    run.assert_missing(&[Missing::WithdrawnTarget]);
+    sequence.further.push(Message::Target(Arc::new(withdrawn)));
+    sequence.assert_missing(&[Missing::WithdrawnTarget]);
 }
 
 #[test]
 fn a_missing_claim_is_named() {
-    let mut run = good_run();
-    run.claims.remove(3);
-    run.assert_missing(&[Missing::Claim {
+    let mut sequence = good_sequence();
+    sequence.claims.remove(3);
+    sequence.assert_missing(&[Missing::Claim {
         epoch: EPOCH,
         turn: 3,
     }]);
@@ -55,15 +55,16 @@ fn a_missing_claim_is_named() {
 
 #[test]
 fn a_module_that_is_still_on_its_way_is_named() {
-    let mut run = good_run();
-    run.states
+    let mut sequence = good_sequence();
+    sequence
+        .states
         .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
-    run.assert_missing(&[Missing::Settled {
+    sequence.assert_missing(&[Missing::Settled {
         module: ModuleId(4),
         spot: SpotId(4),
         phase: Some(ModulePhase::Moving),
     }]);
-    let verdict = run.verdict();
+    let verdict = sequence.verdict();
     assert_eq!(verdict.open_spots, [SpotId(4)]);
     assert_eq!(
         verdict.missing[0].to_string(),
@@ -73,9 +74,9 @@ fn a_module_that_is_still_on_its_way_is_named() {
 
 #[test]
 fn a_module_that_never_agreed_is_named() {
-    let mut run = good_run();
-    run.heartbeats.retain(|one| one.module != ModuleId(3));
-    run.assert_missing(&[Missing::Agreement {
+    let mut sequence = good_sequence();
+    sequence.heartbeats.retain(|one| one.module != ModuleId(3));
+    sequence.assert_missing(&[Missing::Agreement {
         epoch: EPOCH,
         module: ModuleId(3),
         phase: Some(ModulePhase::Settled),
@@ -84,9 +85,11 @@ fn a_module_that_never_agreed_is_named() {
 
 #[test]
 fn a_spare_that_says_nothing_is_named() {
-    let mut run = good_run();
-    run.states.retain(|state| state.phase != ModulePhase::Spare);
-    run.assert_missing(&[Missing::Spare {
+    let mut sequence = good_sequence();
+    sequence
+        .states
+        .retain(|state| state.phase != ModulePhase::Spare);
+    sequence.assert_missing(&[Missing::Spare {
         module: ModuleId(5),
         phase: Some(ModulePhase::Planning),
     }]);

@@ -4,34 +4,34 @@ use super::*;
 
 #[test]
 fn of_claims() {
-    let mut run = good_run();
-    run.claims[1].decision.selections = select(&[(2, 3), (4, 4)]);
-    run.assert_violates(&Violation::WrongEviction {
+    let mut sequence = good_sequence();
+    sequence.claims[1].decision.selections = select(&[(2, 3), (4, 4)]);
+    sequence.assert_violates(&Violation::WrongEviction {
         turn: 1,
         module: ModuleId(3),
         spot: SpotId(1),
     });
 
-    let mut run = good_run();
-    run.claims[1].decision.evictions.clear();
-    run.claims[1].decision.selections = select(&[(4, 4)]);
-    run.assert_violates(&Violation::SpotTaken {
+    let mut sequence = good_sequence();
+    sequence.claims[1].decision.evictions.clear();
+    sequence.claims[1].decision.selections = select(&[(4, 4)]);
+    sequence.assert_violates(&Violation::SpotTaken {
         turn: 1,
         spot: SpotId(4),
         module: ModuleId(4),
         holder: ModuleId(3),
     });
 
-    let mut run = good_run();
-    run.claims[1].decision.evictions.clear();
-    run.assert_violates(&Violation::MovedWithoutEviction {
+    let mut sequence = good_sequence();
+    sequence.claims[1].decision.evictions.clear();
+    sequence.assert_violates(&Violation::MovedWithoutEviction {
         turn: 1,
         module: ModuleId(3),
         spot: SpotId(4),
     });
 
-    let mut run = good_run();
-    run.claims[3].decision = Decision {
+    let mut sequence = good_sequence();
+    sequence.claims[3].decision = Decision {
         selections: select(&[(3, 5)]),
         evictions: vec![EvictionRecord {
             evicted: ModuleId(2),
@@ -41,38 +41,38 @@ fn of_claims() {
         }],
         detached: Vec::new(),
     };
-    run.assert_violates(&Violation::MemberEvicted {
+    sequence.assert_violates(&Violation::MemberEvicted {
         turn: 3,
         module: ModuleId(2),
         spot: SpotId(3),
     });
 
-    let mut run = good_run();
-    run.claims[3].decision.selections = select(&[(9, 5)]);
-    run.assert_violates(&Violation::UnknownSpot { spot: SpotId(9) });
-    run.claims[3].decision.selections = select(&[(1, 9)]);
-    run.assert_violates(&Violation::UnknownModule {
+    let mut sequence = good_sequence();
+    sequence.claims[3].decision.selections = select(&[(9, 5)]);
+    sequence.assert_violates(&Violation::UnknownSpot { spot: SpotId(9) });
+    sequence.claims[3].decision.selections = select(&[(1, 9)]);
+    sequence.assert_violates(&Violation::UnknownModule {
         module: ModuleId(9),
     });
 
-    let mut run = good_run();
-    run.claims[2].decision.selections = select(&[(1, 1), (2, 1), (3, 2)]);
-    run.assert_violates(&Violation::TwoSpots {
+    let mut sequence = good_sequence();
+    sequence.claims[2].decision.selections = select(&[(1, 1), (2, 1), (3, 2)]);
+    sequence.assert_violates(&Violation::TwoSpots {
         turn: 2,
         module: ModuleId(1),
     });
 
-    let mut run = good_run();
-    run.claims[3].decision.detached = vec![ModuleId(2)];
-    run.assert_violates(&Violation::DetachedTooLate {
+    let mut sequence = good_sequence();
+    sequence.claims[3].decision.detached = vec![ModuleId(2)];
+    sequence.assert_violates(&Violation::DetachedTooLate {
         turn: 3,
         module: ModuleId(2),
         spot: SpotId(3),
     });
 
-    let mut run = good_run();
-    run.target.parameters.d_max = Some(0);
-    run.assert_violates(&Violation::ChainTooLong {
+    let mut sequence = good_sequence();
+    sequence.target.parameters.d_max = Some(0);
+    sequence.assert_violates(&Violation::ChainTooLong {
         turn: 1,
         evictions: 1,
         limit: 0,
@@ -81,55 +81,55 @@ fn of_claims() {
 
 #[test]
 fn of_rival_claims() {
-    let mut run = good_run();
-    let mut rival = run.claims[0].clone();
+    let mut sequence = good_sequence();
+    let mut rival = sequence.claims[0].clone();
     rival.decision.selections = select(&[(1, 3)]);
     // The eviction of turn 1 contradicts it, but that comes later: an observer cannot know which one was applied.
-    run.claims.push(rival.clone());
-    run.assert_violates(&Violation::ClaimsDiffer {
+    sequence.claims.push(rival.clone());
+    sequence.assert_violates(&Violation::ClaimsDiffer {
         epoch: EPOCH,
         turn: 0,
     });
     // A stranger's claim counts for nothing.
-    run.claims[4].claimant = ModuleId(40);
-    assert_eq!(run.verdict().outcome, Outcome::Complete);
-    run.claims[4] = rival;
-    run.claims[4].incarnation = Incarnation(1);
-    assert_eq!(run.verdict().outcome, Outcome::Complete);
+    sequence.claims[4].claimant = ModuleId(40);
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
+    sequence.claims[4] = rival;
+    sequence.claims[4].incarnation = Incarnation(1);
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
     // Nor does one that contradicts the spots held.
-    run.claims[4] = run.claims[3].clone();
-    run.claims[4].decision.selections = select(&[(2, 5)]);
-    assert_eq!(run.verdict().outcome, Outcome::Complete);
+    sequence.claims[4] = sequence.claims[3].clone();
+    sequence.claims[4].decision.selections = select(&[(2, 5)]);
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
 }
 
 #[test]
 fn of_rosters() {
-    let mut run = good_run();
-    let mut other = run.roster();
+    let mut sequence = good_sequence();
+    let mut other = sequence.roster();
     other.members.pop();
-    run.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(other)))];
-    let verdict = run.verdict();
+    sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(other)))];
+    let verdict = sequence.verdict();
     assert_eq!(
         verdict.violations,
         [Violation::RostersDiffer { epoch: EPOCH }]
     );
 
-    let mut run = good_run();
-    run.members[0].module.pin = Some(SpotId(99));
-    let verdict = run.verdict();
+    let mut sequence = good_sequence();
+    sequence.members[0].module.pin = Some(SpotId(99));
+    let verdict = sequence.verdict();
     assert!(matches!(
         verdict.violations[..],
         [Violation::RosterInvalid { .. }]
     ));
 
-    let run = good_run();
-    let mut announced = run.target.clone();
+    let sequence = good_sequence();
+    let mut announced = sequence.target.clone();
     let mut raw = star().to_raw();
     raw.spots[0].x = 3.0;
     announced.target = Some(Arc::new(Target::try_from(raw).unwrap()));
     // The announcement of the same revision that comes first stands.
     let mut messages = vec![Message::Target(Arc::new(announced))];
-    messages.extend(run.messages());
+    messages.extend(sequence.messages());
     let mut observer = observe(&messages, patient());
     observer.verdict(Duration::from_secs(1));
     let verdict = observer.verdict(Duration::from_secs(9)).unwrap();
@@ -141,19 +141,19 @@ fn of_rosters() {
 
 #[test]
 fn of_moving_without_a_plan() {
-    let mut run = good_run();
-    run.state(3, 2).digest = None;
-    run.assert_violates(&Violation::MovedWithoutPlan {
+    let mut sequence = good_sequence();
+    sequence.state(3, 2).digest = None;
+    sequence.assert_violates(&Violation::MovedWithoutPlan {
         module: ModuleId(3),
     });
-    let mut run = good_run();
-    run.state(3, 2).epoch = None;
-    run.assert_violates(&Violation::MovedWithoutPlan {
+    let mut sequence = good_sequence();
+    sequence.state(3, 2).epoch = None;
+    sequence.assert_violates(&Violation::MovedWithoutPlan {
         module: ModuleId(3),
     });
-    let mut run = good_run();
-    run.state(3, 2).digest = Some(Digest(4));
-    run.assert_violates(&Violation::PlansDiffer {
+    let mut sequence = good_sequence();
+    sequence.state(3, 2).digest = Some(Digest(4));
+    sequence.assert_violates(&Violation::PlansDiffer {
         epoch: EPOCH,
         first: ModuleId(1),
         first_digest: PLAN,
@@ -164,17 +164,17 @@ fn of_moving_without_a_plan() {
 
 #[test]
 fn of_moving_before_agreement() {
-    let mut run = good_run();
-    run.state(5, 1).pose = pose(1, 5);
-    run.assert_violates(&Violation::MovedEarly {
+    let mut sequence = good_sequence();
+    sequence.state(5, 1).pose = pose(1, 5);
+    sequence.assert_violates(&Violation::MovedEarly {
         epoch: EPOCH,
         module: ModuleId(5),
         distance: MicroUnits::ONE,
     });
 
-    let mut run = good_run();
-    run.heartbeats[3] = heartbeat(4, 14, 13);
-    run.assert_violates(&Violation::MovedBeforeAgreement {
+    let mut sequence = good_sequence();
+    sequence.heartbeats[3] = heartbeat(4, 14, 13);
+    sequence.assert_violates(&Violation::MovedBeforeAgreement {
         epoch: EPOCH,
         module: ModuleId(1),
         member: ModuleId(4),
@@ -182,12 +182,12 @@ fn of_moving_before_agreement() {
         agreed_since: 13,
     });
 
-    let mut run = good_run();
-    for state in run.acts_of(1) {
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(1) {
         state.agreed_on.retain(|mark| mark.module != ModuleId(3));
     }
     for module in [1, 3, 4] {
-        run.assert_violates(&Violation::AgreementNotShown {
+        sequence.assert_violates(&Violation::AgreementNotShown {
             epoch: EPOCH,
             module: ModuleId(module),
             member: ModuleId(if module == 1 { 3 } else { 1 }),
@@ -195,11 +195,11 @@ fn of_moving_before_agreement() {
     }
 
     // Module 4 moves for itself, without waiting for any agreement.
-    let mut run = good_run();
-    for state in run.acts_of(4) {
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(4) {
         state.waited_for.clear();
     }
-    run.assert_violates(&Violation::AgreementNotShown {
+    sequence.assert_violates(&Violation::AgreementNotShown {
         epoch: EPOCH,
         module: ModuleId(4),
         member: ModuleId(1),
@@ -209,11 +209,11 @@ fn of_moving_before_agreement() {
 #[test]
 fn of_the_order() {
     // Module 3 had not settled at its state 2.
-    let mut run = good_run();
-    for state in run.acts_of(4) {
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(4) {
         state.waited_for = marks(&[(1, 4), (2, 3), (3, 2)]);
     }
-    run.assert_violates(&Violation::WaitedForUnsettled {
+    sequence.assert_violates(&Violation::WaitedForUnsettled {
         epoch: EPOCH,
         module: ModuleId(4),
         other: ModuleId(3),
@@ -221,30 +221,30 @@ fn of_the_order() {
     });
 
     // Spot 4 is filled after spot 1 alone, which is not adjacent: module 3 moves first, on the agreement of all.
-    let mut run = good_run();
-    let agreement = run.state(1, 2).agreed_on.clone();
-    for state in run.acts_of(3) {
+    let mut sequence = good_sequence();
+    let agreement = sequence.state(1, 2).agreed_on.clone();
+    for state in sequence.acts_of(3) {
         state.waited_for.clear();
         state.agreed_on.clone_from(&agreement);
         state.agreed_on.extend(marks(&[(1, 10)]));
     }
-    for state in run.acts_of(4) {
+    for state in sequence.acts_of(4) {
         state.waited_for = marks(&[(3, 3)]);
     }
-    for state in run.acts_of(1) {
+    for state in sequence.acts_of(1) {
         state.waited_for = marks(&[(3, 3), (4, 3)]);
     }
-    run.assert_violates(&Violation::NoPlacedNeighbour {
+    sequence.assert_violates(&Violation::NoPlacedNeighbour {
         module: ModuleId(4),
         spot: SpotId(4),
     });
-    assert_eq!(run.verdict().violations.len(), 1);
+    assert_eq!(sequence.verdict().violations.len(), 1);
 
-    let mut run = good_run();
-    for state in run.acts_of(3) {
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(3) {
         state.waited_for = marks(&[(1, 3), (4, 3)]);
     }
-    run.assert_violates(&Violation::CircularWait {
+    sequence.assert_violates(&Violation::CircularWait {
         epoch: EPOCH,
         module: ModuleId(3),
     });
@@ -252,83 +252,83 @@ fn of_the_order() {
 
 #[test]
 fn a_neighbour_that_others_waited_for_counts() {
-    let mut run = good_run();
-    for state in run.acts_of(4) {
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(4) {
         state.waited_for = marks(&[(3, 3)]);
     }
-    assert_eq!(run.verdict().outcome, Outcome::Complete);
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
 }
 
 #[test]
 fn of_units() {
-    let mut run = good_run();
-    for state in run.acts_of(2) {
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(2) {
         state.unit = None;
         state.waited_for = marks(&[(1, 3)]);
     }
-    run.assert_violates(&Violation::WrongUnit { lead: ModuleId(1) });
-    run.assert_violates(&Violation::WrongUnit { lead: ModuleId(2) });
-    let mut run = good_run();
-    for state in run.acts_of(4) {
+    sequence.assert_violates(&Violation::WrongUnit { lead: ModuleId(1) });
+    sequence.assert_violates(&Violation::WrongUnit { lead: ModuleId(2) });
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(4) {
         state.unit = Some(ModuleId(3));
     }
-    run.assert_violates(&Violation::WrongUnit { lead: ModuleId(3) });
+    sequence.assert_violates(&Violation::WrongUnit { lead: ModuleId(3) });
 }
 
 #[test]
 fn of_the_end_state() {
-    let mut run = good_run();
-    run.state(3, 3).spot = Some(SpotId(4));
-    run.assert_violates(&Violation::WrongSpot {
+    let mut sequence = good_sequence();
+    sequence.state(3, 3).spot = Some(SpotId(4));
+    sequence.assert_violates(&Violation::WrongSpot {
         module: ModuleId(3),
         held: Some(SpotId(4)),
         claimed: Some(SpotId(1)),
     });
-    run.assert_violates(&Violation::TwoHolders {
+    sequence.assert_violates(&Violation::TwoHolders {
         spot: SpotId(4),
         first: ModuleId(3),
         second: ModuleId(4),
     });
-    run.assert_violates(&Violation::WrongCount {
+    sequence.assert_violates(&Violation::WrongCount {
         filled: 3,
         expected: 4,
     });
 
-    let mut run = good_run();
-    run.state(3, 3).pose.x = MicroUnits(10_040_000);
-    run.state(3, 3).pose.theta = MicroUnits(6_283_185 - 40_000);
-    assert_eq!(run.verdict().outcome, Outcome::Complete);
-    run.state(3, 3).pose.x = MicroUnits(10_060_000);
-    run.assert_violates(&Violation::PoseOff {
+    let mut sequence = good_sequence();
+    sequence.state(3, 3).pose.x = MicroUnits(10_040_000);
+    sequence.state(3, 3).pose.theta = MicroUnits(6_283_185 - 40_000);
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
+    sequence.state(3, 3).pose.x = MicroUnits(10_060_000);
+    sequence.assert_violates(&Violation::PoseOff {
         module: ModuleId(3),
         spot: SpotId(1),
         distance: MicroUnits(60_000),
         turn: MicroUnits(40_000),
     });
-    run.state(3, 3).pose.x = MicroUnits(10_000_000);
-    run.state(3, 3).pose.theta = MicroUnits(-3_141_592);
-    run.assert_violates(&Violation::PoseOff {
+    sequence.state(3, 3).pose.x = MicroUnits(10_000_000);
+    sequence.state(3, 3).pose.theta = MicroUnits(-3_141_592);
+    sequence.assert_violates(&Violation::PoseOff {
         module: ModuleId(3),
         spot: SpotId(1),
         distance: MicroUnits::ZERO,
         turn: MicroUnits(3_141_592),
     });
 
-    let mut run = good_run();
-    run.state(4, 3).links.clear();
-    run.assert_violates(&Violation::LinkMissing {
+    let mut sequence = good_sequence();
+    sequence.state(4, 3).links.clear();
+    sequence.assert_violates(&Violation::LinkMissing {
         module: ModuleId(4),
         other: ModuleId(1),
     });
-    let mut run = good_run();
-    run.state(4, 3).links.insert(ModuleId(3));
-    run.assert_violates(&Violation::LinkTooMany {
+    let mut sequence = good_sequence();
+    sequence.state(4, 3).links.insert(ModuleId(3));
+    sequence.assert_violates(&Violation::LinkTooMany {
         module: ModuleId(4),
         other: ModuleId(3),
     });
-    let mut run = good_run();
-    run.state(5, 2).links.insert(ModuleId(3));
-    run.assert_violates(&Violation::LinkTooMany {
+    let mut sequence = good_sequence();
+    sequence.state(5, 2).links.insert(ModuleId(3));
+    sequence.assert_violates(&Violation::LinkTooMany {
         module: ModuleId(5),
         other: ModuleId(3),
     });
@@ -336,10 +336,10 @@ fn of_the_end_state() {
 
 #[test]
 fn of_an_end_state_that_heals_in_time_are_forgotten() {
-    let mut run = good_run();
-    let healed = run.state(4, 3).clone();
-    run.state(4, 3).links.clear();
-    let mut observer = run.observe();
+    let mut sequence = good_sequence();
+    let healed = sequence.state(4, 3).clone();
+    sequence.state(4, 3).links.clear();
+    let mut observer = sequence.observe();
     assert_eq!(observer.verdict(Duration::from_secs(1)), None);
     assert_eq!(observer.poll_timeout(), Some(Duration::from_secs(4)));
     let healed = ModuleState {

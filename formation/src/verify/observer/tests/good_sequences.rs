@@ -4,7 +4,7 @@ use super::*;
 
 #[test]
 fn a_good_run_is_complete() {
-    let verdict = good_run().verdict();
+    let verdict = good_sequence().verdict();
     assert_eq!(verdict.violations, []);
     assert_eq!(verdict.missing, []);
     assert_eq!(verdict.outcome, Outcome::Complete);
@@ -27,11 +27,11 @@ fn a_good_run_is_complete() {
 
 #[test]
 fn neither_the_order_of_arrival_nor_repetition_matters() {
-    let run = good_run();
+    let sequence = good_sequence();
     for seed in 0..200 {
         let mut random = Random::from_seed(seed);
-        let mut messages = run.messages();
-        messages.extend(run.messages());
+        let mut messages = sequence.messages();
+        messages.extend(sequence.messages());
         random.shuffle(&mut messages);
         let mut observer = observe(&messages, patient());
         let verdict = observer.verdict(Duration::from_secs(1)).unwrap();
@@ -42,7 +42,7 @@ fn neither_the_order_of_arrival_nor_repetition_matters() {
 
 #[test]
 fn no_verdict_comes_before_the_last_message() {
-    let mut messages = good_run().messages();
+    let mut messages = good_sequence().messages();
     for seed in 0..50 {
         Random::from_seed(seed).shuffle(&mut messages);
         let mut observer = Observer::new(patient());
@@ -59,19 +59,20 @@ fn no_verdict_comes_before_the_last_message() {
 
 #[test]
 fn states_that_were_missed_are_not_held_against_the_modules() {
-    let mut run = good_run();
-    run.states
+    let mut sequence = good_sequence();
+    sequence
+        .states
         .retain(|state| matches!(state.phase, ModulePhase::Settled | ModulePhase::Spare));
-    assert_eq!(run.verdict().outcome, Outcome::Complete);
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
 }
 
 #[test]
-fn progress_follows_the_run() {
-    let run = good_run();
+fn progress_follows_the_sequence() {
+    let sequence = good_sequence();
     let mut observer = Observer::new(patient());
     assert_eq!(observer.progress().stage, FormationStage::WaitingForTarget);
     let mut stages = Vec::new();
-    for message in run.messages() {
+    for message in sequence.messages() {
         observer.handle(Duration::ZERO, &message);
         let progress = observer.progress();
         if stages.last() != Some(&progress.stage) {
@@ -88,7 +89,7 @@ fn progress_follows_the_run() {
             FormationStage::Done
         ]
     );
-    let mut partly = good_run();
+    let mut partly = good_sequence();
     partly
         .states
         .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
@@ -103,10 +104,10 @@ fn progress_follows_the_run() {
 
 #[test]
 fn an_agreement_needs_every_claim_and_every_member() {
-    let run = good_run();
+    let sequence = good_sequence();
     let mut observer = Observer::new(patient());
     let mut agreed_since = None;
-    for message in run.messages() {
+    for message in sequence.messages() {
         observer.handle(Duration::ZERO, &message);
         let is_agreed = observer.agreement().is_some();
         let acts = observer.progress().stage >= FormationStage::Acting;
@@ -117,56 +118,57 @@ fn an_agreement_needs_every_claim_and_every_member() {
     }
     assert_eq!(agreed_since.unwrap().settled, 0, "no module has moved yet");
     let agreement = observer.agreement().unwrap();
-    assert_eq!(agreement.assignments, run.verdict().assignments);
+    assert_eq!(agreement.assignments, sequence.verdict().assignments);
     assert_eq!(agreement.violations, []);
-    let mut silent = good_run();
+    let mut silent = good_sequence();
     silent.heartbeats.retain(|one| one.module != ModuleId(2));
     assert_eq!(silent.observe().agreement(), None);
 }
 
 #[test]
 fn fewer_modules_than_spots_are_partial() {
-    let mut run = good_run();
-    run.members
+    let mut sequence = good_sequence();
+    sequence
+        .members
         .retain(|member| member.module.id != ModuleId(4) && member.module.id != ModuleId(5));
-    run.states.retain(|state| state.module < ModuleId(4));
-    run.heartbeats.retain(|one| one.module < ModuleId(4));
-    run.target.expected_modules = Some(3);
-    run.claims.remove(1);
-    run.claims[0].decision.selections = select(&[(1, 3)]);
-    run.claims[1].turn = 1;
-    run.claims.truncate(2);
-    for heartbeat in &mut run.heartbeats {
+    sequence.states.retain(|state| state.module < ModuleId(4));
+    sequence.heartbeats.retain(|one| one.module < ModuleId(4));
+    sequence.target.expected_modules = Some(3);
+    sequence.claims.remove(1);
+    sequence.claims[0].decision.selections = select(&[(1, 3)]);
+    sequence.claims[1].turn = 1;
+    sequence.claims.truncate(2);
+    for heartbeat in &mut sequence.heartbeats {
         heartbeat.applied_turns = 2;
     }
-    for state in run.acts_of(1) {
+    for state in sequence.acts_of(1) {
         state.agreed_on = marks(&[(2, 11), (3, 10)]);
         state.links.remove(&ModuleId(4));
     }
-    let verdict = run.verdict();
+    let verdict = sequence.verdict();
     assert_eq!(verdict.violations, []);
     assert_eq!(verdict.outcome, Outcome::Partial);
     assert_eq!(verdict.open_spots, [SpotId(4)]);
-    assert!(run.observe().verdict(Duration::from_secs(1)).is_some());
+    assert!(sequence.observe().verdict(Duration::from_secs(1)).is_some());
     // More are expected, so it waits for them a little.
-    run.target.expected_modules = Some(4);
-    assert!(run.observe().verdict(Duration::from_secs(1)).is_none());
-    assert_eq!(run.verdict().outcome, Outcome::Partial);
+    sequence.target.expected_modules = Some(4);
+    assert!(sequence.observe().verdict(Duration::from_secs(1)).is_none());
+    assert_eq!(sequence.verdict().outcome, Outcome::Partial);
 }
 
 #[test]
 fn a_later_epoch_supersedes_an_earlier_one() {
-    let mut run = good_run();
+    let mut sequence = good_sequence();
     let later = Epoch {
         number: 2,
         convener: ModuleId(1),
     };
-    let mut roster = run.roster();
+    let mut roster = sequence.roster();
     roster.epoch = later;
-    run.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(
+    sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(
         roster.clone(),
     )))];
-    let verdict = run.verdict();
+    let verdict = sequence.verdict();
     assert_eq!(verdict.outcome, Outcome::Failed);
     assert_eq!(verdict.epoch, Some(later));
 
@@ -175,41 +177,43 @@ fn a_later_epoch_supersedes_an_earlier_one() {
     for (member, spot) in roster.members.iter_mut().zip(spots) {
         member.module.pin = Some(SpotId(spot));
     }
-    run.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(roster)))];
-    run.further.push(Message::Claim(Arc::new(SpotClaim {
+    sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(roster)))];
+    sequence.further.push(Message::Claim(Arc::new(SpotClaim {
         epoch: later,
         turn: 0,
-        ..run.claims[3].clone()
+        ..sequence.claims[3].clone()
     })));
     for id in 1..=5 {
-        run.further.push(Message::Heartbeat(Heartbeat {
+        sequence.further.push(Message::Heartbeat(Heartbeat {
             epoch: Some(later),
             digest: Some(Digest(3)),
             applied_turns: 1,
             ..heartbeat(id, 40, 30)
         }));
-        let last = run
+        let last = sequence
             .states
             .iter()
             .rfind(|state| state.module == ModuleId(id));
-        run.further.push(Message::ModuleState(Arc::new(ModuleState {
-            sequence: 9,
-            epoch: Some(later),
-            digest: Some(Digest(3)),
-            waited_for: Vec::new(),
-            agreed_on: Vec::new(),
-            ..last.unwrap().clone()
-        })));
+        sequence
+            .further
+            .push(Message::ModuleState(Arc::new(ModuleState {
+                sequence: 9,
+                epoch: Some(later),
+                digest: Some(Digest(3)),
+                waited_for: Vec::new(),
+                agreed_on: Vec::new(),
+                ..last.unwrap().clone()
+            })));
     }
-    let verdict = run.verdict();
+    let verdict = sequence.verdict();
     assert_eq!(verdict.violations, []);
     assert_eq!(
         (verdict.outcome, verdict.epoch),
         (Outcome::Complete, Some(later))
     );
     // What was wrong in the earlier epoch stays wrong.
-    run.state(3, 2).digest = Some(Digest(4));
-    let verdict = run.verdict();
+    sequence.state(3, 2).digest = Some(Digest(4));
+    let verdict = sequence.verdict();
     assert!(matches!(
         verdict.violations[..],
         [Violation::PlansDiffer { epoch: EPOCH, .. }]
@@ -219,43 +223,45 @@ fn a_later_epoch_supersedes_an_earlier_one() {
 
 #[test]
 fn a_restarted_module_no_longer_counts_as_settled() {
-    let mut run = good_run();
+    let mut sequence = good_sequence();
     let mut restarted = state(2, 1, ModulePhase::Listening);
     restarted.incarnation = Incarnation(90);
-    run.further = vec![Message::ModuleState(Arc::new(restarted))];
-    run.assert_missing(&[Missing::Settled {
+    sequence.further = vec![Message::ModuleState(Arc::new(restarted))];
+    sequence.assert_missing(&[Missing::Settled {
         module: ModuleId(2),
         spot: SpotId(3),
         phase: None,
     }]);
     // A second process with a living module's identifier changes nothing.
-    run.further.push(Message::Heartbeat(heartbeat(2, 13, 10)));
-    assert_eq!(run.verdict().outcome, Outcome::Complete);
+    sequence
+        .further
+        .push(Message::Heartbeat(heartbeat(2, 13, 10)));
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
 }
 
 /// The first unit's own agreement needs no proof, and a formation of one needs no other's.
 #[test]
 fn a_lone_module_may_form_a_lone_spot() {
-    let mut run = good_run();
+    let mut sequence = good_sequence();
     let raw = RawTarget {
         spots: vec![star().to_raw().spots[1]],
         edges: Vec::new(),
         frame_id: "map".to_owned(),
     };
-    run.target.target = Some(Arc::new(Target::try_from(raw).unwrap()));
-    run.target.expected_modules = Some(1);
-    run.members.truncate(1);
-    run.claims.truncate(1);
-    run.claims[0].claimant = ModuleId(1);
-    run.claims[0].decision.selections = select(&[(2, 1)]);
-    run.heartbeats.truncate(1);
-    run.heartbeats[0].applied_turns = 1;
-    run.states.retain(|state| state.module == ModuleId(1));
-    for state in run.acts_of(1) {
+    sequence.target.target = Some(Arc::new(Target::try_from(raw).unwrap()));
+    sequence.target.expected_modules = Some(1);
+    sequence.members.truncate(1);
+    sequence.claims.truncate(1);
+    sequence.claims[0].claimant = ModuleId(1);
+    sequence.claims[0].decision.selections = select(&[(2, 1)]);
+    sequence.heartbeats.truncate(1);
+    sequence.heartbeats[0].applied_turns = 1;
+    sequence.states.retain(|state| state.module == ModuleId(1));
+    for state in sequence.acts_of(1) {
         state.agreed_on.clear();
         state.links.clear();
     }
-    let verdict = run.verdict();
+    let verdict = sequence.verdict();
     assert_eq!(verdict.violations, []);
     assert_eq!(verdict.outcome, Outcome::Complete);
 }

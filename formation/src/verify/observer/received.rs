@@ -1,0 +1,175 @@
+//! All messages received, in a form that does not depend on their order.
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+use std::time::Duration;
+
+use super::claims::replay_claims;
+use super::order::Acts;
+use super::record::{EpochRecord, ModuleRecord, PlannedEpoch, ReceivedRoster, entry_within};
+use crate::model::{
+    Epoch, MODULES_MAX, Message, MicroUnits, ModuleId, ModulePhase, ModuleState, RosterMessage,
+    TargetAnnouncement,
+};
+use crate::verify::Violation;
+
+/// The greatest number of violations that are listed.
+pub(super) const VIOLATIONS_MAX: usize = 256;
+/// The greatest number of epochs that are kept.
+const EPOCHS_MAX: usize = 64;
+
+/// All messages received.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Received {
+    position_tolerance: MicroUnits,
+    /// The announcement with the highest revision.
+    pub(super) target: Option<Arc<TargetAnnouncement>>,
+    /// The highest revision that withdrew a target.
+    withdrawn: Option<u64>,
+    pub(super) modules: BTreeMap<ModuleId, ModuleRecord>,
+    epochs: BTreeMap<Epoch, EpochRecord>,
+    /// Violations outside any epoch, and of epochs that were dropped for newer ones.
+    pub(super) retired: Vec<Violation>,
+    /// The number of messages, repetitions included.
+    pub(super) messages: u64,
+    /// The number of messages that were dropped because a limit was reached.
+    pub(super) dropped: u64,
+}
+
+impl Received {
+    pub(super) fn new(position_tolerance: MicroUnits) -> Self {
+        Self {
+            position_tolerance,
+            ..Self::default()
+        }
+    }
+
+    /// Handles a message. Returns whether it announces a target with other content than the one in force before.
+    pub(super) fn handle(&mut self, now: Duration, message: &Message) -> bool {
+        self.messages += 1;
+        let fits = match message {
+            Message::Target(announcement) => return self.handle_target(announcement),
+            Message::ModuleState(state) => self.handle_state(now, state),
+            Message::Roster(RosterMessage::Plan(roster)) => {
+                self.epoch(roster.epoch).handle_roster(now, roster);
+                true
+            }
+            Message::Claim(claim) => self.epoch(claim.epoch).handle_claim(now, claim),
+            Message::Heartbeat(heartbeat) => {
+                match entry_within(&mut self.modules, heartbeat.module, MODULES_MAX) {
+                    Some(module) => {
+                        module.handle_heartbeat(now, heartbeat);
+                        heartbeat
+                            .epoch
+                            .is_none_or(|epoch| self.epoch(epoch).handle_heartbeat(heartbeat))
+                    }
+                    None => false,
+                }
+            }
+            // A gathering decides nothing, and eviction notices repeat the claims.
+            Message::Roster(RosterMessage::Gather { .. }) | Message::Eviction(_) => true,
+        };
+        self.dropped += u64::from(!fits);
+        false
+    }
+
+    fn handle_target(&mut self, announcement: &Arc<TargetAnnouncement>) -> bool {
+        if announcement.target.is_none() {
+            self.withdrawn = self.withdrawn.max(Some(announcement.revision));
+        }
+        let known = self.target.as_ref();
+        if known.is_some_and(|known| known.revision >= announcement.revision) {
+            return false;
+        }
+        let has_new_content = known.is_none_or(|known| !have_same_content(known, announcement));
+        self.target = Some(Arc::clone(announcement));
+        has_new_content
+    }
+
+    fn handle_state(&mut self, now: Duration, state: &Arc<ModuleState>) -> bool {
+        let Some(module) = entry_within(&mut self.modules, state.module, MODULES_MAX) else {
+            return false;
+        };
+        module.handle_state(now, state);
+        if let Some(epoch) = state.epoch {
+            return self.epoch(epoch).handle_state(now, state);
+        }
+        if matches!(state.phase, ModulePhase::Moving | ModulePhase::Settled) {
+            self.retire([Violation::MovedWithoutPlan {
+                module: state.module,
+            }]);
+        }
+        true
+    }
+
+    /// The record of an epoch. If there are too many to add it, the lowest without a roster is dropped, or else the lowest.
+    fn epoch(&mut self, epoch: Epoch) -> &mut EpochRecord {
+        if self.epochs.len() >= EPOCHS_MAX && !self.epochs.contains_key(&epoch) {
+            let mut all = self.epochs.iter();
+            let idle = all.find(|(_, record)| record.roster.is_none());
+            let lowest = self.epochs.keys().next();
+            let dropped = idle.map(|(epoch, _)| epoch).or(lowest).copied();
+            if let Some(dropped) = dropped
+                && let Some(record) = self.epochs.remove(&dropped)
+            {
+                self.retire(self.violations_in(dropped, &record));
+            }
+        }
+        self.epochs.entry(epoch).or_default()
+    }
+
+    /// Keeps violations that no epoch's record shows.
+    fn retire(&mut self, violations: impl IntoIterator<Item = Violation>) {
+        for violation in violations {
+            if self.retired.len() < VIOLATIONS_MAX && !self.retired.contains(&violation) {
+                self.retired.push(violation);
+            }
+        }
+    }
+
+    /// The epochs whose rosters were received, ascending.
+    pub(super) fn with_roster(
+        &self,
+    ) -> impl DoubleEndedIterator<Item = (Epoch, &EpochRecord)> + Clone {
+        let epochs = self.epochs.iter().map(|(&epoch, record)| (epoch, record));
+        epochs.filter(|(_, record)| record.roster.is_some())
+    }
+
+    /// The newest epoch that can be planned for.
+    pub(super) fn newest(&self) -> Option<PlannedEpoch<'_>> {
+        let mut epochs = self.epochs.iter().rev();
+        epochs.find_map(|(&epoch, record)| record.planned(epoch))
+    }
+
+    /// The newest epoch that can be planned for, if it plans for the target in force.
+    pub(super) fn current(&self) -> Option<PlannedEpoch<'_>> {
+        self.newest()
+            .filter(|planned| !self.is_outdated(planned.roster))
+    }
+
+    /// Whether a newer target is in force than the roster's: one with other content, or the same after a withdrawal. Agents
+    /// compare targets by content, too.
+    pub(super) fn is_outdated(&self, received: &ReceivedRoster) -> bool {
+        let planned = &received.roster.target;
+        let is_withdrawn = self.withdrawn > Some(planned.revision);
+        is_withdrawn
+            || self.target.as_ref().is_some_and(|target| {
+                target.revision > planned.revision && !have_same_content(target, planned)
+            })
+    }
+
+    /// The violations that the messages of one epoch show, whether or not its end state is reached.
+    pub(super) fn violations_in(&self, epoch: Epoch, record: &EpochRecord) -> Vec<Violation> {
+        let mut violations = record.violations.clone();
+        if let Some(planned) = record.planned(epoch) {
+            violations.extend(replay_claims(planned).replay.violations);
+            violations.extend(Acts::new(planned).violations(self.position_tolerance));
+        }
+        violations
+    }
+}
+
+/// Whether two announcements lead to the same plans, whatever their revisions and names.
+fn have_same_content(one: &TargetAnnouncement, other: &TargetAnnouncement) -> bool {
+    one.target == other.target && one.parameters == other.parameters
+}
