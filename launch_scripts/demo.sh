@@ -54,7 +54,7 @@ if [ ! -x "$target/release/formation" ]; then
     echo "Building in $target; the first time, this takes about four minutes on two cores." >&2
 fi
 cargo build --release --locked --manifest-path "$repository/Cargo.toml" --target-dir "$target" \
-    -p launch_scripts -p module_agent -p leader_agent -p target_publisher -p verifier
+    --no-default-features -p launch_scripts -p module_agent -p leader_agent -p target_publisher -p verifier
 
 # Replaced rather than started, so that signals and the exit status are the launcher's own.
 exec "$target/release/formation" run "$repository/launch_scripts/scenarios/figure1_ladder17.yaml" "$@"

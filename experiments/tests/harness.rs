@@ -12,7 +12,7 @@ use std::fs;
 use std::path::Path;
 
 use formation_experiments::{ExperimentError, Settings, names, run};
-use support::{REPORT, Stopwatch, finish, launcher};
+use support::{Stopwatch, finish, launcher};
 
 /// The fields of a line of CSV; commas within quotation marks separate nothing.
 fn fields(line: &str) -> Vec<String> {

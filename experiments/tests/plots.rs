@@ -6,12 +6,11 @@ mod support;
 
 use std::collections::BTreeSet;
 use std::fs;
-use std::io::Write;
 use std::path::Path;
 use std::process::Stdio;
 
 use formation_experiments::{Settings, names};
-use formation_tests::{Python, root};
+use formation_tests::{Python, Tool, root, tool_or_skip};
 use support::finish;
 
 /// Runs `plot.py`; returns false, with a line that says so, where matplotlib is missing.
@@ -24,9 +23,8 @@ fn draw(from: &Path, to: &Path) -> bool {
     let output = child.wait_with_output().unwrap();
     let errors = String::from_utf8_lossy(&output.stderr);
     if errors.contains("matplotlib is missing") {
-        let mut stderr = std::io::stderr();
-        writeln!(stderr, "SKIPPED: no plot was drawn; {}", python.advice()).unwrap();
-        return false;
+        let missing = format!("matplotlib is missing ({})", python.advice());
+        return tool_or_skip::<()>(Tool::Python, Err(missing)).is_some();
     }
     assert!(output.status.success(), "{errors}");
     true

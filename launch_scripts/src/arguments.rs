@@ -59,8 +59,8 @@ pub enum Command {
     Simulate(SimulateArguments),
     /// Repeat the paper's evaluation, and compare its numbers, its algorithms and ours.
     ///
-    /// Writes one CSV file and one SVG plot for each figure, and `summary.md`. Measurements are kept: after an
-    /// interruption the same command continues where it stopped.
+    /// Writes a CSV file for each figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. Measurements are
+    /// kept: after an interruption the same command continues where it stopped.
     Experiments(ExperimentsArguments),
 }
 
@@ -237,6 +237,13 @@ fn module_range(text: &str) -> Result<ModuleRange, String> {
 
 /// Which experiments to run, and how.
 #[derive(Debug, Args)]
+#[cfg_attr(
+    not(feature = "experiments"),
+    expect(
+        dead_code,
+        reason = "without the experiments, the arguments are only checked"
+    )
+)]
 pub struct ExperimentsArguments {
     /// The directory for the results; created if it does not exist.
     #[arg(value_name = "OUT")]

@@ -16,16 +16,17 @@ use crate::arguments::ExperimentsArguments;
 use crate::console;
 use crate::failure::Failure;
 
-/// As in the paper.
+/// The default of `--runs`, as in the paper.
 const RUNS: u64 = 50;
+/// The default of `--runs` with `--quick`.
 const QUICK_RUNS: u64 = 5;
-/// Without a terminal, a line is written this often.
+/// The interval of progress lines if the standard error output is not a terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(10);
 
-/// Runs the experiments that are not finished yet, and writes all results.
+/// Runs the experiments that are not finished, and writes all results.
 ///
 /// # Errors
-/// Names what is wrong with the choice or the directory, or what could not be measured.
+/// Fails if the choice or the directory is not valid, or if a cell cannot be measured.
 pub fn run(arguments: &ExperimentsArguments) -> Result<(), Failure> {
     let settings = if arguments.quick {
         Settings::quick(arguments.runs.unwrap_or(QUICK_RUNS), arguments.seed)
@@ -48,14 +49,18 @@ pub fn run(arguments: &ExperimentsArguments) -> Result<(), Failure> {
         ExperimentError::BadInput(_) => Failure::BadInput(anyhow!(error)),
         _ => Failure::Failed(anyhow!(error)),
     })?;
+    let directory = arguments.directory.display();
+    console::note(&format!(
+        "`python3 experiments/plot.py {directory}` draws the plots"
+    ));
     let summary = arguments.directory.join("summary.md");
     console::result_line(&summary.display().to_string())
 }
 
-/// A bar with the time left on a terminal, a line now and then elsewhere.
+/// The progress: a bar with the remaining time on a terminal, else a line at intervals.
 struct Display {
     bar: ProgressBar,
-    /// Set by the signals that ask to stop; between two cells, everything is on disk.
+    /// Set by signals that ask to stop. Between two cells, all results are on disk.
     interrupted: Arc<AtomicBool>,
     cells: usize,
     finished_cells: usize,
@@ -66,7 +71,7 @@ impl Display {
     fn start() -> anyhow::Result<Self> {
         let interrupted = Arc::new(AtomicBool::new(false));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
-            // A second one ends the program at once.
+            // A second signal ends the program at once.
             flag::register_conditional_shutdown(signal, 1, Arc::clone(&interrupted))
                 .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
                 .context("cannot handle signals")?;
@@ -97,7 +102,7 @@ impl Progress for Display {
         self.cells = work.cells;
         self.finished_cells = work.finished_cells;
         self.bar.set_length(work.cost);
-        // What an earlier run has finished says nothing about how fast this one is.
+        // The remaining time follows from this run's speed, not from the cells of an earlier run.
         self.bar.set_position(work.finished_cost);
         self.bar.reset_eta();
         if work.finished_cells > 0 {

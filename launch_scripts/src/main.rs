@@ -4,6 +4,7 @@ mod arguments;
 mod check;
 mod checked_plan;
 mod console;
+#[cfg(feature = "experiments")]
 mod experiments;
 mod failure;
 mod generate;
@@ -33,7 +34,12 @@ fn main() -> ExitCode {
         } => plan::run(&scenario, report.as_deref(), json),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
+        #[cfg(feature = "experiments")]
         Command::Experiments(arguments) => experiments::run(&arguments),
+        #[cfg(not(feature = "experiments"))]
+        Command::Experiments(_) => Err(Failure::BadInput(anyhow::anyhow!(
+            "this program was built without the experiments; `cargo build --release -p launch_scripts` includes them"
+        ))),
     };
     match outcome {
         Ok(()) => ExitCode::SUCCESS,

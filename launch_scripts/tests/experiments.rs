@@ -1,7 +1,8 @@
-//! `formation experiments` as a user meets it, and the scenarios of its case studies.
+//! The command `formation experiments`, and the scenarios of its case studies.
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
+#[cfg(feature = "experiments")]
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
@@ -17,7 +18,7 @@ fn formation(arguments: &[&str]) -> Output {
 
 fn case_studies() -> Vec<PathBuf> {
     let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/case_studies");
-    let mut paths: Vec<PathBuf> = fs::read_dir(directory)
+    let mut paths: Vec<PathBuf> = std::fs::read_dir(directory)
         .unwrap()
         .map(|entry| entry.unwrap().path())
         .collect();
@@ -34,7 +35,7 @@ fn each_case_study_is_planned_without_a_hole() {
         assert!(formation(&["check", path]).status.success(), "{path}");
         let output = formation(&["plan", path, "--json"]);
         assert!(output.status.success(), "{path}");
-        // Nothing to warn of: the plan has an acting order with a corridor for every spot.
+        // No warning: the plan has an acting order with a corridor for every spot.
         assert_eq!(String::from_utf8_lossy(&output.stderr), "", "{path}");
         let plan: Value = serde_json::from_slice(&output.stdout).unwrap();
         assert_eq!(plan["open_spots"], Value::Array(Vec::new()), "{path}");
@@ -45,6 +46,7 @@ fn each_case_study_is_planned_without_a_hole() {
     }
 }
 
+#[cfg(feature = "experiments")]
 #[test]
 fn one_experiment_is_run_and_its_summary_named() {
     let directory = tempfile::tempdir().unwrap();
@@ -66,6 +68,7 @@ fn one_experiment_is_run_and_its_summary_named() {
     assert!(errors.contains("runs was 5, now 7"), "{errors}");
 }
 
+#[cfg(feature = "experiments")]
 #[test]
 fn an_unknown_name_is_a_usage_error_that_lists_the_names() {
     let directory = tempfile::tempdir().unwrap();
@@ -76,4 +79,18 @@ fn an_unknown_name_is_a_usage_error_that_lists_the_names() {
     assert!(errors.contains("nonsense"), "{errors}");
     assert!(errors.contains("matching_time, planning_time"), "{errors}");
     assert_eq!(errors.trim_end().lines().count(), 1, "{errors}");
+}
+
+#[cfg(not(feature = "experiments"))]
+#[test]
+fn a_program_without_experiments_names_the_build_command() {
+    let output = formation(&["experiments", "out", "--quick"]);
+    assert_eq!(output.status.code(), Some(2));
+    let errors = String::from_utf8_lossy(&output.stderr);
+    assert!(
+        errors.contains("cargo build --release -p launch_scripts"),
+        "{errors}"
+    );
+    assert_eq!(errors.trim_end().lines().count(), 1, "{errors}");
+    assert!(!Path::new("out").exists());
 }

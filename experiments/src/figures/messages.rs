@@ -114,8 +114,8 @@ fn counts(data: &Data<'_>, family: Family, modules: usize, spots: usize) -> Vec<
     } else {
         MESSAGES.name
     };
-    let stated = paper::stated(figure, "pairs_delivered").into_iter();
-    let stated = stated.filter(|stated| stated.at == modules).last();
+    let mut stated = paper::stated(figure, "pairs_delivered").into_iter();
+    let stated = stated.find(|stated| stated.at == modules);
     let stated = stated.map_or(FIGURE_ONLY.to_owned(), |stated| {
         format!("{} x 10^5", stated.value / 1e5)
     });
