@@ -93,7 +93,7 @@ impl Instance {
                 serde_yaml::from_str(text).map_err(ScenarioError::from)?
             }
         };
-        scenario.planner = contender.parameters().into();
+        scenario.planner = contender.parameters();
         Ok(scenario)
     }
 

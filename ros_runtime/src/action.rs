@@ -231,11 +231,13 @@ impl<A: ActionType> ActionOutlets<A> {
         self.status.publish(statuses, traffic);
     }
 
+    /// Publishes the samples that wait for room.
     pub fn flush(&mut self, traffic: &mut Traffic) {
         self.feedback.flush(traffic);
         self.status.flush(traffic);
     }
 
+    /// Whether samples wait for room.
     pub fn is_waiting(&self) -> bool {
         self.feedback.is_waiting() || self.status.is_waiting()
     }

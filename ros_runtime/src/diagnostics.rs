@@ -66,6 +66,7 @@ pub struct Report {
 }
 
 impl Report {
+    /// The report as a status of `node`.
     pub fn into_status(self, node: &str) -> DiagnosticStatus {
         DiagnosticStatus {
             level: self.level as u8,

@@ -50,6 +50,11 @@ pub enum Asked<R> {
 }
 
 impl<R: Clone + Default, Q> Goals<R, Q> {
+    /// No goals.
+    #[expect(
+        clippy::new_without_default,
+        reason = "a derived default would ask for defaults of its parts"
+    )]
     pub fn new() -> Self {
         Self {
             goals: VecDeque::new(),

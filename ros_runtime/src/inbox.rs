@@ -28,6 +28,7 @@ pub struct Inbox<'a, T> {
 }
 
 impl<'a, T> Inbox<'a, T> {
+    /// An inbox of all these streams, which ends when `stop` yields.
     pub fn new(
         arrivals: impl IntoIterator<Item = LocalBoxStream<'a, T>>,
         stop: Receiver<()>,

@@ -51,12 +51,17 @@ pub struct Outlet<M, S> {
 }
 
 impl<M: Serialize> Outlet<M, Publisher<M>> {
+    /// Opens a publisher of a topic.
+    ///
+    /// # Errors
+    /// Passes on what the DDS library refuses.
     pub fn open(session: &mut Session, topic: &Topic<M>) -> Result<Self, SessionError> {
         Ok(Self::new(topic, session.publisher(topic)?))
     }
 }
 
 impl<M, S: Sink<M>> Outlet<M, S> {
+    /// A queue in front of a sink.
     pub fn new(topic: &Topic<M>, sink: S) -> Self {
         let (capacity, replaces) = match topic.quality() {
             Quality::TransientLocal { depth } | Quality::ReliableVolatile { depth } => {

@@ -26,6 +26,7 @@ pub struct LogLines {
 }
 
 impl LogLines {
+    /// The log lines, as they come.
     pub fn lines(&self) -> Receiver<Log> {
         self.lines.clone()
     }

@@ -50,12 +50,18 @@ macro_rules! services {
 
         $(#[$about_ends])*
         pub struct $ends {
-            $(pub $field: $crate::service::ServiceServer<$service>,)+
+            $(
+                /// The server of this service.
+                pub $field: $crate::service::ServiceServer<$service>,
+            )+
         }
 
         $(#[$about_asked])*
         pub enum $asked {
-            $($service($crate::service::RequestId, $request),)+
+            $(
+                /// A request to this service.
+                $service($crate::service::RequestId, $request),
+            )+
         }
 
         impl $ends {

@@ -35,6 +35,7 @@ impl ServiceMapping {
         }
     }
 
+    /// The mapping in the library's terms.
     pub fn library(self) -> ros2_client::ServiceMapping {
         match self {
             Self::Cyclone => ros2_client::ServiceMapping::Cyclone,

@@ -214,6 +214,10 @@ impl Session {
         source_of_prefix(self.participant.guid().prefix.as_ref())
     }
 
+    /// A publisher of a topic.
+    ///
+    /// # Errors
+    /// Refuses a name that ROS 2 does not take; passes on what the DDS library refuses.
     pub fn publisher<M: Serialize>(
         &mut self,
         topic: &Topic<M>,
@@ -225,6 +229,10 @@ impl Session {
             .map_err(|error| self.library(format!("publish `{}`", topic.path()), &error))
     }
 
+    /// A subscription of a topic.
+    ///
+    /// # Errors
+    /// Refuses a name that ROS 2 does not take; passes on what the DDS library refuses.
     pub fn subscription<M: 'static>(
         &mut self,
         topic: &Topic<M>,

@@ -54,6 +54,7 @@ impl Traffic {
         &self.topics
     }
 
+    /// The counts of a topic.
     pub fn on(&mut self, topic: &'static str) -> &mut TopicTraffic {
         self.topics.entry(topic).or_default()
     }

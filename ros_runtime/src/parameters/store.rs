@@ -26,6 +26,7 @@ pub struct ParameterError {
 }
 
 impl ParameterError {
+    /// An error about the parameter `name`.
     pub fn new(name: &str, reason: impl Into<String>) -> Self {
         Self {
             name: name.to_owned(),
