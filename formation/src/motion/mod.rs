@@ -4,6 +4,7 @@ mod docking;
 mod docking_queue;
 mod external;
 mod fault;
+pub mod paths;
 
 pub use docking::{DockingAction, DockingRequest, DockingResult};
 pub use external::{DriveCommand, ExternalDrive, ExternalParameters};

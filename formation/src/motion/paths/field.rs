@@ -1,0 +1,269 @@
+//! The plan so far: where all units are, the table of their holds, and one unit's move through it.
+
+use super::lattice::{Arena, FOREVER, Time};
+use super::route::{Errand, Routes, STEP};
+use super::sipp::{Entry, Query, Sipp};
+use super::table::{Table, Visit};
+use super::units::{Node, Unit};
+
+/// No unit.
+pub(super) const NOBODY: usize = usize::MAX;
+
+/// Why planning stops.
+#[derive(Clone, Debug)]
+pub(super) enum Stop {
+    /// The budget is spent.
+    Budget,
+    /// A unit cannot get to its spots.
+    Failure(Failure),
+}
+
+/// Which unit cannot get to its spots, and why.
+#[derive(Clone, Debug)]
+pub(super) struct Failure {
+    pub unit: usize,
+    /// The unit that cannot make way; none if there is no route at all.
+    pub in_the_way: Option<usize>,
+}
+
+/// How the times of a move are found.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Timing {
+    /// Between the holds of other units.
+    SafeIntervals,
+    /// After all holds of other units.
+    Serial,
+}
+
+pub(super) struct Field<'a> {
+    pub arena: &'a Arena,
+    pub units: &'a [Unit],
+    pub table: Table,
+    /// The steps of each unit.
+    pub paths: Vec<Vec<Entry>>,
+    /// Which unit's last place each cell belongs to.
+    pub standing: Vec<usize>,
+    /// Cells of docked units, and closed ones.
+    pub solid: Vec<bool>,
+    /// When each unit docks; none before it does.
+    pub docked: Vec<Option<Time>>,
+    pub sipp: Sipp,
+    pub routes: Routes,
+    timing: Timing,
+    expansions_max: u64,
+}
+
+impl<'a> Field<'a> {
+    /// All units on their starts, the pinned ones docked. `ready` gives for each cell when a step into it may begin.
+    pub fn new(
+        arena: &'a Arena,
+        units: &'a [Unit],
+        ready: &[Time],
+        timing: Timing,
+        expansions_max: u64,
+    ) -> Self {
+        let layouts = units
+            .iter()
+            .map(|unit| unit.layouts.len())
+            .max()
+            .unwrap_or(1);
+        let mut field = Self {
+            arena,
+            units,
+            table: Table::new(ready.to_vec()),
+            paths: vec![Vec::new(); units.len()],
+            standing: vec![NOBODY; arena.area()],
+            solid: arena.closed.clone(),
+            docked: vec![None; units.len()],
+            sipp: Sipp::new(layouts * arena.area()),
+            routes: Routes::new(layouts * arena.area()),
+            timing,
+            expansions_max,
+        };
+        for (index, unit) in units.iter().enumerate() {
+            for cell in unit.cells(arena, unit.start) {
+                field.standing[cell] = index;
+                let visit = Visit {
+                    from: 0,
+                    until: FOREVER,
+                    unit: index,
+                };
+                field.table.hold(cell, visit);
+            }
+            if unit.pinned {
+                field.settle(index, 0);
+            }
+        }
+        field
+    }
+
+    /// How many search nodes were expanded.
+    pub fn expansions(&self) -> u64 {
+        self.sipp.expansions + self.routes.expansions
+    }
+
+    pub fn check_budget(&self) -> Result<(), Stop> {
+        // The serial variant is the last resort and cheap; it has no budget of its own.
+        if self.timing == Timing::SafeIntervals && self.expansions() > self.expansions_max {
+            return Err(Stop::Budget);
+        }
+        Ok(())
+    }
+
+    /// Where a unit is at the end of the plan so far.
+    pub fn place(&self, unit: usize) -> Node {
+        self.paths[unit]
+            .last()
+            .map_or(self.units[unit].start, |entry| entry.node)
+    }
+
+    /// Since when it is there.
+    pub fn since(&self, unit: usize) -> Time {
+        self.paths[unit]
+            .last()
+            .map_or(self.units[unit].ready, |entry| entry.begin + 1)
+    }
+
+    /// The cells of a unit at the end of the plan so far.
+    pub fn cells(&self, unit: usize) -> Vec<usize> {
+        self.units[unit]
+            .cells(self.arena, self.place(unit))
+            .collect()
+    }
+
+    /// Docks a unit where it stands.
+    pub fn settle(&mut self, unit: usize, time: Time) {
+        self.docked[unit] = Some(time);
+        for cell in self.cells(unit) {
+            self.solid[cell] = true;
+        }
+    }
+
+    /// Moves a unit to a node where it can stay, the last step not before a time; `false` if it cannot get there.
+    pub fn move_to(&mut self, unit: usize, goal: Node, dock_after: Time) -> Result<bool, Stop> {
+        let path = match self.timing {
+            Timing::SafeIntervals => {
+                let query = Query {
+                    unit,
+                    from: self.place(unit),
+                    since: self.since(unit),
+                    goal,
+                    dock_after,
+                    latest: FOREVER - 1,
+                };
+                self.sipp.path(self.arena, self.units, &self.table, &query)
+            }
+            Timing::Serial => self.serial_path(unit, goal, dock_after),
+        };
+        self.check_budget()?;
+        let Some(path) = path else { return Ok(false) };
+        self.append(unit, &path);
+        Ok(true)
+    }
+
+    /// The shortest route past all last places, each step after all holds of its cells by others.
+    fn serial_path(&mut self, unit: usize, goal: Node, dock_after: Time) -> Option<Vec<Entry>> {
+        let (arena, body) = (self.arena, &self.units[unit]);
+        let errand = Errand {
+            arena,
+            unit: body,
+            from: self.place(unit),
+            folds: true,
+        };
+        let mut time = self.since(unit);
+        let (standing, solid) = (&self.standing, &self.solid);
+        let is_free = |cell: usize| {
+            let other = standing[cell];
+            (!solid[cell] && (other == NOBODY || other == unit)).then_some(0)
+        };
+        let rest = |node: Node| body.distance(arena, node, goal) * STEP;
+        let route = self
+            .routes
+            .find(&errand, is_free, rest, |node| node == goal)?;
+        let mut path = Vec::with_capacity(route.len());
+        for &node in &route[1..] {
+            let free = body
+                .cells(arena, node)
+                .map(|cell| self.table.free_from(cell, unit));
+            let mut begin = free.max().unwrap_or_default().max(time);
+            if node == goal {
+                begin = begin.max(dock_after);
+            }
+            path.push(Entry { node, begin });
+            time = begin + 1;
+        }
+        Some(path)
+    }
+
+    fn append(&mut self, unit: usize, path: &[Entry]) {
+        if path.is_empty() {
+            return;
+        }
+        for cell in self.cells(unit) {
+            self.standing[cell] = NOBODY;
+        }
+        for entry in path {
+            for cell in self.cells(unit) {
+                self.table.leave(cell, entry.begin + 1);
+            }
+            self.paths[unit].push(*entry);
+            for cell in self.cells(unit) {
+                let visit = Visit {
+                    from: entry.begin,
+                    until: FOREVER,
+                    unit,
+                };
+                self.table.hold(cell, visit);
+            }
+        }
+        for cell in self.cells(unit) {
+            self.standing[cell] = unit;
+        }
+    }
+
+    /// Takes all holds of a unit out of the table; returns its path.
+    pub fn take_out(&mut self, unit: usize) -> Vec<Entry> {
+        let path = std::mem::take(&mut self.paths[unit]);
+        let body = &self.units[unit];
+        let nodes = std::iter::once(body.start).chain(path.iter().map(|entry| entry.node));
+        for node in nodes {
+            for cell in body.cells(self.arena, node) {
+                self.table.clear(cell, unit);
+            }
+        }
+        path
+    }
+
+    /// Puts a unit with a path from its start into the table.
+    pub fn put_in(&mut self, unit: usize, path: Vec<Entry>) {
+        let body = &self.units[unit];
+        let start = Entry {
+            node: body.start,
+            begin: 0,
+        };
+        let entries: Vec<Entry> = std::iter::once(start).chain(path.iter().copied()).collect();
+        for (index, entry) in entries.iter().enumerate() {
+            let until = entries
+                .get(index + 1)
+                .map_or(FOREVER, |next| next.begin + 1);
+            for cell in body.cells(self.arena, entry.node) {
+                let visit = Visit {
+                    from: entry.begin,
+                    until,
+                    unit,
+                };
+                self.table.hold(cell, visit);
+            }
+        }
+        self.paths[unit] = path;
+    }
+
+    /// The end of the last step, and the steps of all units.
+    pub fn cost(&self) -> (Time, usize) {
+        let ends = (0..self.units.len()).map(|unit| self.since(unit));
+        (
+            ends.max().unwrap_or_default(),
+            self.paths.iter().map(Vec::len).sum(),
+        )
+    }
+}

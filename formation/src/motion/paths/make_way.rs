@@ -1,0 +1,131 @@
+//! Making way: a unit that stands where another has to pass is shifted or moved off.
+
+use super::field::{Field, NOBODY, Stop};
+use super::route::Errand;
+use super::units::Node;
+
+/// What standing singles add to the cost of a chain through their cells.
+const SHIFTED: u32 = 6;
+/// What each cell that another unit holds adds to the cost of a move.
+const IN_THE_WAY: u32 = 60;
+/// How deep moves that make way for moves may nest.
+const DEPTH_MAX: usize = 4;
+/// How many units may make way for one move.
+const ROUNDS_MAX: usize = 40;
+
+/// What must not be done to make way.
+#[derive(Clone, Debug)]
+pub(super) struct Bans {
+    /// Cells on which no unit may come to rest.
+    pub cells: Vec<bool>,
+    /// Units that must not move.
+    pub units: Vec<usize>,
+}
+
+impl Field<'_> {
+    /// Gets a unit off the banned cells, or nearer to it; `false` if it cannot.
+    ///
+    /// `pushed` is the banned unit that may be shifted too if there is no other way.
+    pub fn make_way(
+        &mut self,
+        unit: usize,
+        bans: &Bans,
+        pushed: Option<usize>,
+    ) -> Result<bool, Stop> {
+        let is_single = !self.units[unit].is_block();
+        if is_single && self.shift_chain(unit, bans)? {
+            return Ok(true);
+        }
+        if self.relocate(unit, bans, 0)? {
+            return Ok(true);
+        }
+        let Some(pushed) = pushed.filter(|_| is_single) else {
+            return Ok(false);
+        };
+        let mut bans = bans.clone();
+        bans.units.retain(|&other| other != pushed);
+        self.shift_chain(unit, &bans)
+    }
+
+    /// Moves a hole to a single: from it to the nearest free cell, each single moves to where the next one stood.
+    fn shift_chain(&mut self, unit: usize, bans: &Bans) -> Result<bool, Stop> {
+        let errand = Errand {
+            arena: self.arena,
+            unit: &self.units[unit],
+            from: self.place(unit),
+            folds: false,
+        };
+        let (standing, solid, units) = (&self.standing, &self.solid, self.units);
+        let cost = |cell: usize| match standing[cell] {
+            _ if solid[cell] => None,
+            NOBODY => Some(0),
+            other if units[other].is_block() || bans.units.contains(&other) => None,
+            _ => Some(SHIFTED),
+        };
+        let is_goal = |node: Node| standing[node] == NOBODY && !bans.cells[node];
+        let route = self.routes.find(&errand, cost, |_| 0, is_goal);
+        self.check_budget()?;
+        let Some(route) = route else { return Ok(false) };
+        let mut hole = route[route.len() - 1];
+        for &cell in route.iter().rev() {
+            let single = self.standing[cell];
+            if single != NOBODY && cell != hole {
+                if !self.move_to(single, hole, 0)? {
+                    return Ok(false);
+                }
+                hole = cell;
+            }
+        }
+        Ok(true)
+    }
+
+    /// Moves a unit in its present layout to free cells that are not banned, after those in its way made way.
+    fn relocate(&mut self, unit: usize, bans: &Bans, depth: usize) -> Result<bool, Stop> {
+        let (arena, body, from) = (self.arena, &self.units[unit], self.place(unit));
+        let errand = Errand {
+            arena,
+            unit: body,
+            from,
+            folds: false,
+        };
+        let (standing, solid) = (&self.standing, &self.solid);
+        let cost = |cell: usize| match standing[cell] {
+            _ if solid[cell] => None,
+            other if other == NOBODY || other == unit => Some(0),
+            other if bans.units.contains(&other) => None,
+            _ => Some(IN_THE_WAY),
+        };
+        let is_free =
+            |cell: usize| (standing[cell] == NOBODY || standing[cell] == unit) && !bans.cells[cell];
+        let is_goal = |node: Node| node != from && body.cells(arena, node).all(is_free);
+        let route = self.routes.find(&errand, cost, |_| 0, is_goal);
+        self.check_budget()?;
+        let Some(route) = route else { return Ok(false) };
+        let goal = route[route.len() - 1];
+        let way: Vec<usize> = route
+            .iter()
+            .flat_map(|&node| body.cells(arena, node))
+            .collect();
+        let mut bans = bans.clone();
+        bans.units.push(unit);
+        for &cell in &way {
+            bans.cells[cell] = true;
+        }
+        for _ in 0..ROUNDS_MAX {
+            let met = way.iter().map(|&cell| self.standing[cell]);
+            let Some(other) = met
+                .into_iter()
+                .find(|&other| other != NOBODY && other != unit)
+            else {
+                return self.move_to(unit, goal, 0);
+            };
+            let is_single = !self.units[other].is_block();
+            let makes_way = (is_single && self.shift_chain(other, &bans)?)
+                || (depth + 1 < DEPTH_MAX && self.relocate(other, &bans, depth + 1)?);
+            if !makes_way {
+                return Ok(false);
+            }
+        }
+        Ok(false)
+    }
+}

@@ -1,0 +1,56 @@
+//! Paths: how all units move to their spots at the same time without contact.
+//!
+//! Modules are unit squares on the cells of the lattice that the target spans. A unit, a single module or a block of
+//! docked ones, moves by steps of one cell; it holds the cells of a place from the begin of the step into it to the
+//! end of the step out of it. A block that changes its layout folds within a disc that no other unit enters.
+//!
+//! [`plan_motion`] brings all modules from their real poses onto the lattice (`start`), orders the units by taking the
+//! finished formation apart (`order`), and plans them one after another in that order (`docking`): units in the way
+//! make way (`make_way`), and each move is timed between the reservations of the others (`sipp`, `table`). Then each
+//! path is improved with all others fixed (`improve`). What is executed is not the times but the waits (`waits`):
+//! a step begins when the units that hold its cells before have left them, so that no delay leads to contact.
+//!
+//! All decisions are made on whole numbers and the budget counts search nodes, so all replicas find the same plan.
+
+mod diagnose;
+mod docking;
+mod field;
+mod improve;
+mod lattice;
+mod make_way;
+mod order;
+mod output;
+mod result;
+mod route;
+mod sipp;
+mod start;
+mod table;
+mod turning;
+mod units;
+mod variants;
+mod waits;
+mod workshop;
+
+pub use result::{
+    Area, FIELD_CELLS_MAX, ModuleMotion, MotionError, MotionParameters, MotionPlan, MotionRequest,
+    Obstruction, OrderKind, Step, StepKind, UnitMotion, Variant, Wait, Waypoint,
+};
+pub use start::StartFault;
+
+use workshop::Workshop;
+
+/// Paths and waits for all units of a plan.
+///
+/// # Errors
+/// Names what is wrong with the target or the starts, or the unit that cannot get to its spots and why.
+pub fn plan_motion(request: &MotionRequest) -> Result<MotionPlan, MotionError> {
+    Workshop::new(request)?.plan()
+}
+
+/// Checks target and starts without planning.
+///
+/// # Errors
+/// The same as of [`plan_motion`], but for units that cannot get to their spots.
+pub fn check_motion(request: &MotionRequest) -> Result<(), MotionError> {
+    Workshop::new(request).map(|_| ())
+}

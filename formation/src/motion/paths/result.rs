@@ -1,0 +1,270 @@
+//! What the path planner takes and returns.
+
+use thiserror::Error;
+
+use super::start::StartFault;
+use crate::model::{MicroUnits, ModuleId, Plan, PlanningProblem, Pose, SpotId};
+
+/// A rectangle with sides along the axes of the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Area {
+    /// The corner with the smaller coordinates.
+    pub low: (MicroUnits, MicroUnits),
+    /// The corner with the larger coordinates.
+    pub high: (MicroUnits, MicroUnits),
+}
+
+/// How much work the planner may do, and how exact the poses must be.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct MotionParameters {
+    /// The number of search nodes after which the planner falls back to the serial variant.
+    pub expansions_max: u64,
+    /// How often each path is planned again with all others fixed.
+    pub improvement_passes: u32,
+    /// The largest number of units for which the eager variant is planned as well.
+    pub eager_units_max: usize,
+    /// How far a module or a spot may be off its place on a lattice, in units or radians.
+    pub tolerance: MicroUnits,
+}
+
+impl Default for MotionParameters {
+    fn default() -> Self {
+        Self {
+            expansions_max: 20_000_000,
+            improvement_passes: 3,
+            eager_units_max: 400,
+            tolerance: MicroUnits(2_000),
+        }
+    }
+}
+
+/// The input of the path planner.
+#[derive(Clone, Copy, Debug)]
+pub struct MotionRequest<'a> {
+    /// The target, and where the modules stand. A pinned module stands on its spot and never moves.
+    pub problem: &'a PlanningProblem,
+    /// Which module takes which spot, the blocks, and the acting order.
+    pub plan: &'a Plan,
+    /// Areas that no module may enter.
+    pub obstacles: &'a [Area],
+    /// The walls around the field, if it has any.
+    pub walls: Option<Area>,
+    /// Limits.
+    pub parameters: MotionParameters,
+}
+
+/// By which neighbourhood each unit docks to a placed one.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum OrderKind {
+    /// Each unit docks along an edge of the target.
+    Edges,
+    /// Each unit docks to a unit on an adjacent cell; no order by edges leaves every unit a corridor.
+    Adjacency,
+}
+
+/// Which variant of the planner found the paths.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Variant {
+    /// Units make way when a path needs their cells.
+    Lazy,
+    /// All units leave the target's box first.
+    Eager,
+    /// The budget was spent: each step begins after all earlier users of its cells.
+    Serial,
+}
+
+/// What a unit does in one step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepKind {
+    /// The modules that stand docked at the start turn about a point in place, as one body.
+    Turn {
+        /// The point.
+        centre: Pose,
+        /// How far the modules' corners reach from it.
+        radius: MicroUnits,
+    },
+    /// They shift along one axis onto the lattice, as one body.
+    Shift,
+    /// The unit moves by one cell.
+    Move,
+    /// Half of a block's fold from its start layout to its target layout, within a disc that no other body enters.
+    Fold {
+        /// The middle of the disc.
+        centre: Pose,
+        /// The radius of the disc.
+        radius: MicroUnits,
+    },
+}
+
+/// One step of a unit. It takes one unit of plan time.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Step {
+    /// What the unit does.
+    pub kind: StepKind,
+    /// When it begins in plan time.
+    pub begin: u32,
+}
+
+/// A condition on the begin of a step.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub struct Wait {
+    /// The step that waits; a unit's steps count from 1.
+    pub step: u32,
+    /// The lead of the unit that is waited for.
+    pub unit: ModuleId,
+    /// How many steps that unit must have done.
+    pub steps_done: u32,
+}
+
+/// Where a module is at a time of the plan.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Waypoint {
+    /// The pose.
+    pub pose: Pose,
+    /// When the module reaches it in plan time.
+    pub time: u32,
+}
+
+/// The path of one module.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct ModuleMotion {
+    /// The module.
+    pub module: ModuleId,
+    /// The spot that it takes, if it takes one.
+    pub spot: Option<SpotId>,
+    /// The start, then the pose after each step of the unit.
+    pub waypoints: Vec<Waypoint>,
+}
+
+/// The motion of one unit: a block that stays docked, or a single module.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct UnitMotion {
+    /// The lowest of its modules.
+    pub lead: ModuleId,
+    /// Its modules, ascending.
+    pub modules: Vec<ModuleMotion>,
+    /// Its steps in order.
+    pub steps: Vec<Step>,
+    /// What its steps wait for, ascending.
+    pub waits: Vec<Wait>,
+    /// How many of its first steps it does together with the units of `joint_with`.
+    pub joint_steps: u32,
+    /// The leads of the units that are docked to it at the start.
+    pub joint_with: Vec<ModuleId>,
+    /// The lead of the unit that it docks to.
+    pub parent: Option<ModuleId>,
+    /// When it docks in plan time; none without a spot.
+    pub docked_at: Option<u32>,
+    /// The fewest steps that could bring it to its spots.
+    pub shortest: u32,
+}
+
+/// Paths for all units that no two bodies contest, whatever delays the units have.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct MotionPlan {
+    /// The pinned units, the others in the order in which they dock, then those without a spot.
+    pub units: Vec<UnitMotion>,
+    /// Which neighbourhood the order of docking follows.
+    pub order: OrderKind,
+    /// Blocks of the plan that move as single modules, because they do not get in as one body.
+    pub taken_apart: Vec<Vec<ModuleId>>,
+    /// Which variant found the paths.
+    pub variant: Variant,
+    /// When the last step ends in plan time.
+    pub makespan: u32,
+    /// No plan with this order ends earlier: the greatest of the longest shortest path and the chain of dockings.
+    pub bound: u32,
+    /// The most steps that any unit needs.
+    pub longest_path: u32,
+    /// The number of search nodes.
+    pub expansions: u64,
+}
+
+impl MotionPlan {
+    /// The steps of all units.
+    #[must_use]
+    pub fn step_count(&self) -> usize {
+        self.units.iter().map(|unit| unit.steps.len()).sum()
+    }
+
+    /// The fewest steps that could bring all units to their spots.
+    #[must_use]
+    pub fn shortest_step_count(&self) -> u64 {
+        self.units.iter().map(|unit| u64::from(unit.shortest)).sum()
+    }
+}
+
+/// Why there is no motion plan.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum MotionError {
+    /// The target is not on a unit lattice.
+    #[error(
+        "target: {} not on the unit lattice of {origin} with a heading in quarter turns",
+        listed(spots)
+    )]
+    OffLattice {
+        /// The spot whose pose spans the lattice.
+        origin: SpotId,
+        /// The spots that are off it, ascending.
+        spots: Vec<SpotId>,
+    },
+    /// Two spots of the target share a cell.
+    #[error("target: {0} and {1} share a cell")]
+    SharedCell(SpotId, SpotId),
+    /// An edge of the target joins spots that are not side by side.
+    #[error("target: {0} and {1} are joined but not on adjacent cells")]
+    LongEdge(SpotId, SpotId),
+    /// Some modules do not start in a way that lets them move without contact.
+    #[error("starts: {}", listed(.0))]
+    Starts(Vec<StartFault>),
+    /// An obstacle or a wall covers a spot.
+    #[error("{0} lies on an obstacle or beyond the walls")]
+    CoveredSpot(SpotId),
+    /// The modules and spots are too far apart to search the cells between them.
+    #[error("the field of {0} cells is larger than {FIELD_CELLS_MAX}")]
+    FieldTooLarge(u64),
+    /// A unit cannot get to its spots.
+    #[error("{} cannot reach {}: {reason}", listed(modules), listed(spots))]
+    Unreachable {
+        /// The modules of the unit.
+        modules: Vec<ModuleId>,
+        /// Its spots.
+        spots: Vec<SpotId>,
+        /// Why.
+        reason: Obstruction,
+    },
+}
+
+/// The largest number of cells that the planner searches.
+pub const FIELD_CELLS_MAX: u64 = 4_000_000;
+
+/// Why a unit cannot get to its spots.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum Obstruction {
+    /// Units on these spots surround it or its spots.
+    #[error("walled in by {}", listed(.0))]
+    WalledIn(Vec<SpotId>),
+    /// Obstacles or walls close the way.
+    #[error("obstacles close the path")]
+    Obstacles,
+    /// Units on the path have no free cell to move to.
+    #[error(
+        "no room: {missing} free cells are missing for {} to make way",
+        listed(modules)
+    )]
+    NoRoom {
+        /// The modules that would have to make way.
+        modules: Vec<ModuleId>,
+        /// How many free cells are missing.
+        missing: usize,
+    },
+}
+
+fn listed<T: std::fmt::Display>(entries: &[T]) -> String {
+    let entries: Vec<String> = entries.iter().map(ToString::to_string).collect();
+    match entries.split_last() {
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
+        Some((last, _)) => last.clone(),
+        None => "nothing".to_owned(),
+    }
+}

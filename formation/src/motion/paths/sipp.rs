@@ -1,0 +1,322 @@
+//! Safe-interval path planning (Phillips and Likhachev, ICRA 2011) for units of several cells.
+//!
+//! A state is a node and an interval in which no other unit holds a cell of it. Of two states of one interval only the
+//! earlier one counts, unless the later one took fewer steps.
+
+use std::cmp::Reverse;
+use std::collections::BinaryHeap;
+
+use super::lattice::{Arena, FOREVER, Time};
+use super::table::Table;
+use super::units::{Node, Unit, split};
+
+/// A step into a node.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Entry {
+    pub node: Node,
+    /// When the step begins; it ends one unit of time later.
+    pub begin: Time,
+}
+
+/// What is searched for.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Query {
+    pub unit: usize,
+    /// Where the unit is, and since when.
+    pub from: Node,
+    pub since: Time,
+    pub goal: Node,
+    /// The last step begins no earlier than this.
+    pub dock_after: Time,
+    /// The last step ends no later than this.
+    pub latest: Time,
+}
+
+struct Interval {
+    from: Time,
+    until: Time,
+    /// The earliest time at which a state of this interval was expanded.
+    expanded: Time,
+    best: (Time, u32),
+}
+
+struct Record {
+    entry: Entry,
+    parent: usize,
+}
+
+/// Ordered by: the end, the steps in all, more steps done, the node, the interval.
+type Open = (Time, u32, Reverse<u32>, Node, usize, usize);
+
+const NONE: usize = usize::MAX;
+
+/// The memory of the search, used again by each query.
+pub(super) struct Sipp {
+    stamp: u32,
+    stamps: Vec<u32>,
+    /// The first interval of each node and the first beyond its last.
+    ranges: Vec<(u32, u32)>,
+    intervals: Vec<Interval>,
+    records: Vec<Record>,
+    open: BinaryHeap<Reverse<Open>>,
+    busy: Vec<(Time, Time)>,
+    /// The states expanded so far.
+    pub expansions: u64,
+}
+
+impl Sipp {
+    /// Memory for nodes below a number.
+    pub fn new(nodes: usize) -> Self {
+        Self {
+            stamp: 0,
+            stamps: vec![0; nodes],
+            ranges: vec![(0, 0); nodes],
+            intervals: Vec::new(),
+            records: Vec::new(),
+            open: BinaryHeap::new(),
+            busy: Vec::new(),
+            expansions: 0,
+        }
+    }
+
+    /// The path that ends earliest, then the one of fewest steps; none if there is none within the latest end.
+    ///
+    /// Where the unit is at its goal already and may stay, the path is empty, whenever its parent docks.
+    pub fn path(
+        &mut self,
+        arena: &Arena,
+        units: &[Unit],
+        table: &Table,
+        query: &Query,
+    ) -> Option<Vec<Entry>> {
+        let unit = &units[query.unit];
+        let stay = unit
+            .cells(arena, query.from)
+            .map(|cell| table.next_after(cell, query.unit, query.since))
+            .min()
+            .unwrap_or(FOREVER);
+        if query.from == query.goal && stay == FOREVER {
+            return Some(Vec::new());
+        }
+        self.stamp += 1;
+        self.intervals.clear();
+        self.records.clear();
+        self.open.clear();
+        self.intervals.push(Interval {
+            from: query.since,
+            until: stay,
+            expanded: FOREVER,
+            best: (query.since, 0),
+        });
+        let first = Entry {
+            node: query.from,
+            begin: query.since,
+        };
+        self.push(arena, unit, query, first, NONE, 0, (query.since, 0));
+        while let Some(Reverse((_, _, Reverse(steps), node, interval, record))) = self.open.pop() {
+            if interval == NONE {
+                return Some(self.traced(record));
+            }
+            let time = if self.records[record].parent == NONE {
+                query.since
+            } else {
+                self.records[record].entry.begin + 1
+            };
+            if self.intervals[interval].expanded <= time {
+                continue;
+            }
+            self.intervals[interval].expanded = time;
+            self.expansions += 1;
+            let until = self.intervals[interval].until;
+            let (layout, cell) = split(arena, node);
+            if !unit.is_disc(arena, node) {
+                let base = node - cell;
+                for next in arena.neighbours(cell) {
+                    self.extend(
+                        arena,
+                        unit,
+                        table,
+                        query,
+                        record,
+                        (time, until, steps),
+                        base + next,
+                    );
+                }
+            }
+            if layout + 1 < unit.layouts.len()
+                && let Some(next) = unit.fold(arena, node)
+            {
+                self.extend(
+                    arena,
+                    unit,
+                    table,
+                    query,
+                    record,
+                    (time, until, steps),
+                    next,
+                );
+            }
+        }
+        None
+    }
+
+    /// Adds the states in which a step from a state can end.
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the innermost step of the search"
+    )]
+    fn extend(
+        &mut self,
+        arena: &Arena,
+        unit: &Unit,
+        table: &Table,
+        query: &Query,
+        parent: usize,
+        (time, until, steps): (Time, Time, u32),
+        node: Node,
+    ) {
+        let (first, end) = self.intervals_of(arena, unit, table, query, node);
+        for index in first as usize..end as usize {
+            let interval = &mut self.intervals[index];
+            if until != FOREVER && interval.from >= until {
+                break;
+            }
+            let begin = time.max(interval.from);
+            if interval.until <= begin + 1 {
+                continue;
+            }
+            if until <= begin {
+                break;
+            }
+            let is_new = interval.expanded > begin + 1
+                && !(interval.best.0 <= begin + 1 && interval.best.1 <= steps + 1);
+            if node == query.goal && interval.until == FOREVER {
+                let last = begin.max(query.dock_after);
+                if last < until && last < query.latest {
+                    let record = self.records.len();
+                    self.records.push(Record {
+                        entry: Entry { node, begin: last },
+                        parent,
+                    });
+                    let key = (last + 1, steps + 1, Reverse(steps + 1), node, NONE, record);
+                    self.open.push(Reverse(key));
+                }
+                // Before its parent docks, a unit may pass its goal but not stay there.
+                if last == begin {
+                    continue;
+                }
+            }
+            if is_new {
+                self.intervals[index].best = (begin + 1, steps + 1);
+                let entry = Entry { node, begin };
+                self.push(
+                    arena,
+                    unit,
+                    query,
+                    entry,
+                    parent,
+                    index,
+                    (begin + 1, steps + 1),
+                );
+            }
+        }
+    }
+
+    #[expect(
+        clippy::too_many_arguments,
+        reason = "the innermost step of the search"
+    )]
+    fn push(
+        &mut self,
+        arena: &Arena,
+        unit: &Unit,
+        query: &Query,
+        entry: Entry,
+        parent: usize,
+        interval: usize,
+        (time, steps): (Time, u32),
+    ) {
+        let rest = unit.distance(arena, entry.node, query.goal);
+        let end = (time + rest).max(query.dock_after.saturating_add(1));
+        if end > query.latest {
+            return;
+        }
+        let record = self.records.len();
+        self.records.push(Record { entry, parent });
+        let key = (
+            end,
+            steps + rest,
+            Reverse(steps),
+            entry.node,
+            interval,
+            record,
+        );
+        self.open.push(Reverse(key));
+    }
+
+    /// The range of a node's safe intervals; empty if a cell of it is closed.
+    fn intervals_of(
+        &mut self,
+        arena: &Arena,
+        unit: &Unit,
+        table: &Table,
+        query: &Query,
+        node: Node,
+    ) -> (u32, u32) {
+        if self.stamps[node] == self.stamp {
+            return self.ranges[node];
+        }
+        self.stamps[node] = self.stamp;
+        let first = u32::try_from(self.intervals.len()).unwrap_or(u32::MAX);
+        if unit.cells(arena, node).all(|cell| !arena.closed[cell]) {
+            self.busy.clear();
+            let mut from = query.since;
+            for cell in unit.cells(arena, node) {
+                from = from.max(table.ready(cell));
+                let visits = table.visits(cell);
+                let begin = visits.partition_point(|visit| visit.until <= query.since);
+                let others = visits[begin..]
+                    .iter()
+                    .filter(|visit| visit.unit != query.unit);
+                self.busy
+                    .extend(others.map(|visit| (visit.from, visit.until)));
+            }
+            if unit.layouts.len() > 1 || unit.is_block() {
+                self.busy.sort_unstable();
+            }
+            for &(begin, until) in &self.busy {
+                if begin > from {
+                    self.intervals.push(Interval::free(from, begin));
+                }
+                from = from.max(until);
+            }
+            if from < FOREVER {
+                self.intervals.push(Interval::free(from, FOREVER));
+            }
+        }
+        let end = u32::try_from(self.intervals.len()).unwrap_or(u32::MAX);
+        self.ranges[node] = (first, end);
+        (first, end)
+    }
+
+    fn traced(&self, mut record: usize) -> Vec<Entry> {
+        let mut path = Vec::new();
+        while self.records[record].parent != NONE {
+            path.push(self.records[record].entry);
+            record = self.records[record].parent;
+        }
+        path.reverse();
+        path
+    }
+}
+
+impl Interval {
+    fn free(from: Time, until: Time) -> Self {
+        Self {
+            from,
+            until,
+            expanded: FOREVER,
+            best: (FOREVER, u32::MAX),
+        }
+    }
+}

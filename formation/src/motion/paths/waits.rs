@@ -1,0 +1,163 @@
+//! The dependency graph: which step of a unit waits for how many steps of another.
+
+use std::collections::BTreeMap;
+
+use super::field::Field;
+use super::lattice::{Lattice, Time};
+use super::order::Order;
+use super::start::{Group, Phase};
+use super::units::Unit;
+
+/// A wait between units by position: the step that waits, the other unit, and how many steps it must have done.
+pub(super) type UnitWait = (u32, usize, u32);
+
+/// The groups that sweep each cell on their way onto the lattice.
+pub(super) fn aligners(
+    groups: &[Group],
+    lattice: &Lattice,
+    arena: &super::lattice::Arena,
+) -> Vec<Vec<usize>> {
+    let mut sweeping = vec![Vec::new(); arena.area()];
+    for (index, group) in groups.iter().enumerate() {
+        for phase in [Phase::Turn, Phase::Column, Phase::Row] {
+            for (low, high) in group.swept(phase) {
+                for cell in arena.cells_between(lattice.covered(low, high)) {
+                    if sweeping[cell].last() != Some(&index) {
+                        sweeping[cell].push(index);
+                    }
+                }
+            }
+        }
+    }
+    sweeping
+}
+
+/// What the waits are drawn from.
+pub(super) struct Graph<'a> {
+    pub field: &'a Field<'a>,
+    pub order: &'a Order,
+    pub groups: &'a [Group],
+    /// The group of each unit.
+    pub group_of: &'a [usize],
+    pub aligners: &'a [Vec<usize>],
+}
+
+impl Graph<'_> {
+    /// The waits of each unit, ascending by step, without those that earlier ones imply.
+    pub fn waits(&self) -> Vec<Vec<UnitWait>> {
+        let count = self.field.units.len();
+        let mut waits: Vec<Vec<UnitWait>> = vec![Vec::new(); count];
+        let mut speaker = vec![None; self.groups.len()];
+        for unit in (0..count).rev() {
+            speaker[self.group_of[unit]] = Some(unit);
+        }
+        for (unit, waits) in waits.iter_mut().enumerate() {
+            for (step, alignment) in (1..).zip(&self.groups[self.group_of[unit]].steps) {
+                let awaited = alignment.waits.iter();
+                waits.extend(
+                    awaited.filter_map(|&(group, done)| Some((step, speaker[group]?, done))),
+                );
+            }
+        }
+        for cell in 0..self.field.arena.area() {
+            self.cell_waits(cell, &speaker, &mut waits);
+        }
+        for unit in 0..count {
+            self.docking_waits(unit, &mut waits[unit]);
+        }
+        waits.into_iter().map(without_implied).collect()
+    }
+
+    fn joint(&self, unit: usize) -> u32 {
+        let steps = self.groups[self.group_of[unit]].steps.len();
+        u32::try_from(steps).unwrap_or(u32::MAX)
+    }
+
+    /// The number of the step that begins at a time.
+    fn step_at(&self, unit: usize, begin: Time) -> Option<u32> {
+        let path = &self.field.paths[unit];
+        let index = path
+            .binary_search_by_key(&begin, |entry| entry.begin)
+            .ok()?;
+        Some(self.joint(unit) + u32::try_from(index + 1).unwrap_or(u32::MAX))
+    }
+
+    fn cell_waits(&self, cell: usize, speaker: &[Option<usize>], waits: &mut [Vec<UnitWait>]) {
+        let visits = self.field.table.visits(cell);
+        for pair in visits.windows(2) {
+            let (before, after) = (&pair[0], &pair[1]);
+            if before.unit == after.unit {
+                continue;
+            }
+            let out = before
+                .until
+                .checked_sub(1)
+                .and_then(|begin| self.step_at(before.unit, begin));
+            if let (Some(out), Some(step)) = (out, self.step_at(after.unit, after.from)) {
+                waits[after.unit].push((step, before.unit, out));
+            }
+        }
+        let starts_here = |unit: &Unit| {
+            unit.cells(self.field.arena, unit.start)
+                .any(|at| at == cell)
+        };
+        let entering = visits
+            .iter()
+            .enumerate()
+            .find(|(index, visit)| *index > 0 || !starts_here(&self.field.units[visit.unit]));
+        let Some((_, visit)) = entering else { return };
+        let Some(step) = self.step_at(visit.unit, visit.from) else {
+            return;
+        };
+        for &group in &self.aligners[cell] {
+            if let Some(unit) = speaker[group]
+                && group != self.group_of[visit.unit]
+            {
+                waits[visit.unit].push((step, unit, self.joint(unit)));
+            }
+        }
+    }
+
+    /// The last step waits until the parent has docked.
+    fn docking_waits(&self, unit: usize, waits: &mut Vec<UnitWait>) {
+        let field = self.field;
+        let steps = |unit: usize| {
+            self.joint(unit) + u32::try_from(field.paths[unit].len()).unwrap_or(u32::MAX)
+        };
+        let Some(last) = field.paths[unit].last() else {
+            return;
+        };
+        let docked = |unit: Option<usize>| unit.and_then(|unit| field.docked[unit]);
+        let mut above = self.order.parents[unit];
+        // A unit that stood on its spots before its parent docked does not wait.
+        if last.begin < docked(above).unwrap_or_default() {
+            return;
+        }
+        while let Some(parent) = above {
+            if steps(parent) > 0 {
+                waits.push((steps(unit), parent, steps(parent)));
+            }
+            above = self.order.parents[parent];
+            // The last step of a unit that waited for its own parent implies all that is above.
+            let waited = field.paths[parent]
+                .last()
+                .is_some_and(|last| last.begin >= docked(above).unwrap_or_default());
+            if waited {
+                break;
+            }
+        }
+    }
+}
+
+/// Sorts waits and drops those for a unit that was waited for at an equal or later step before.
+fn without_implied(mut waits: Vec<UnitWait>) -> Vec<UnitWait> {
+    waits.sort_unstable_by_key(|&(step, unit, done)| (step, unit, std::cmp::Reverse(done)));
+    let mut known: BTreeMap<usize, u32> = BTreeMap::new();
+    waits.retain(|&(_, unit, done)| {
+        let latest = known.entry(unit).or_default();
+        let is_new = *latest < done;
+        *latest = (*latest).max(done);
+        is_new
+    });
+    waits
+}
