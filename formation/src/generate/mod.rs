@@ -7,6 +7,7 @@
 //!
 //! A scenario is plain data: planning draws no random numbers.
 
+mod apart;
 pub(crate) mod random;
 mod tree;
 
@@ -18,6 +19,7 @@ use crate::model::{
     MICRO_PER_UNIT, MODULES_MAX, MicroUnits, PlannerParameters, Pose, RawConfiguration, RawModule,
     RawScenario, RawSpot, RawTarget, SPOTS_MAX,
 };
+pub use apart::{Apart, set_apart};
 pub use random::Random;
 use tree::{Cell, DrawnTree};
 

@@ -11,6 +11,7 @@ use std::sync::Arc;
 use formation::generate::{GeneratorParameters, Grouping, generate};
 use formation::model::{PlannerParameters, PlanningProblem, Scenario, Topology, TurnOrder};
 
+pub mod bodies;
 pub mod brute_force;
 pub mod hungarian;
 pub mod world;

@@ -56,7 +56,7 @@ pub(super) fn obstruction(field: &Field, failure: &Failure, names: &Names) -> Ob
 }
 
 /// The cells that are connected to some cells past solid ones, those cells included.
-fn region(arena: &Arena, solid: &[bool], cells: &[usize]) -> Vec<usize> {
+pub(super) fn region(arena: &Arena, solid: &[bool], cells: &[usize]) -> Vec<usize> {
     let mut seen = vec![false; arena.area()];
     let mut found = cells.to_vec();
     for &cell in cells {

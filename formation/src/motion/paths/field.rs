@@ -202,20 +202,11 @@ impl<'a> Field<'a> {
         for cell in self.cells(unit) {
             self.standing[cell] = NOBODY;
         }
-        for entry in path {
-            for cell in self.cells(unit) {
-                self.table.leave(cell, entry.begin + 1);
-            }
-            self.paths[unit].push(*entry);
-            for cell in self.cells(unit) {
-                let visit = Visit {
-                    from: entry.begin,
-                    until: FOREVER,
-                    unit,
-                };
-                self.table.hold(cell, visit);
-            }
+        for cell in self.cells(unit) {
+            self.table.leave(cell, path[0].begin + 1);
         }
+        self.hold_along(unit, path);
+        self.paths[unit].extend(path);
         for cell in self.cells(unit) {
             self.standing[cell] = unit;
         }
@@ -242,11 +233,17 @@ impl<'a> Field<'a> {
             begin: 0,
         };
         let entries: Vec<Entry> = std::iter::once(start).chain(path.iter().copied()).collect();
+        self.hold_along(unit, &entries);
+        self.paths[unit] = path;
+    }
+
+    /// Enters the holds of a unit along its steps, the last without an end.
+    fn hold_along(&mut self, unit: usize, entries: &[Entry]) {
         for (index, entry) in entries.iter().enumerate() {
             let until = entries
                 .get(index + 1)
                 .map_or(FOREVER, |next| next.begin + 1);
-            for cell in body.cells(self.arena, entry.node) {
+            for cell in self.units[unit].cells(self.arena, entry.node) {
                 let visit = Visit {
                     from: entry.begin,
                     until,
@@ -255,7 +252,6 @@ impl<'a> Field<'a> {
                 self.table.hold(cell, visit);
             }
         }
-        self.paths[unit] = path;
     }
 
     /// The end of the last step, and the steps of all units.

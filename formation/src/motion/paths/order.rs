@@ -103,6 +103,21 @@ impl Formation<'_> {
             .collect()
     }
 
+    /// The neighbours of each unit with all pinned ones taken together as the first of them.
+    fn with_one_anchor(&self, beside: &[Vec<usize>]) -> Vec<Vec<usize>> {
+        let anchor = (0..self.units.len()).find(|&unit| self.units[unit].pinned);
+        let node = |unit: usize| match anchor {
+            Some(anchor) if self.units[unit].pinned => anchor,
+            _ => unit,
+        };
+        let mut joined = vec![Vec::new(); beside.len()];
+        for (unit, others) in beside.iter().enumerate() {
+            let others = others.iter().map(|&other| node(other));
+            joined[node(unit)].extend(others.filter(|&other| other != node(unit)));
+        }
+        joined
+    }
+
     fn parents(&self, sequence: &[usize], beside: &[Vec<usize>]) -> Vec<Option<usize>> {
         let mut rank = vec![usize::MAX; self.units.len()];
         for (index, &unit) in sequence.iter().enumerate() {
@@ -131,10 +146,11 @@ impl Formation<'_> {
             .last()
             .copied()
             .filter(|_| first_stays && !has_pinned);
+        let beside = self.with_one_anchor(beside);
         let mut rest = Rest::new(self);
         let mut removed = Vec::with_capacity(waiting.len());
         while !waiting.is_empty() {
-            let cut = rest.cut_units(beside);
+            let cut = rest.cut_units(&beside);
             let free = waiting.iter().position(|&unit| {
                 !cut[unit] && (waiting.len() == 1 || root != Some(unit)) && rest.gets_out(unit)
             });

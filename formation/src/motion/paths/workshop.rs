@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use super::diagnose::{Names, obstruction};
+use super::diagnose::{Names, obstruction, region};
 use super::field::{Failure, NOBODY};
 use super::lattice::{Arena, Lattice, Site, Time, bounds};
 use super::order::Formation;
@@ -167,7 +167,8 @@ impl<'a> Workshop<'a> {
         };
         let ready = self.ready();
         let mut spent = 0;
-        for attempt in 0.. {
+        let mut attempt = 0;
+        loop {
             let crew = self.crew(&apart);
             let formation = Formation {
                 arena: &self.arena,
@@ -221,10 +222,10 @@ impl<'a> Workshop<'a> {
                     }
                 }
             };
+            // Each round takes a block apart, and without blocks this returns.
             self.take_apart(&crew, &blamed, attempt, &mut apart);
+            attempt += 1;
         }
-        // The loop above ends by returning: each round takes a block apart, and without blocks it returns.
-        Err(MotionError::FieldTooLarge(0))
     }
 
     fn take_apart(&self, crew: &Crew, blamed: &[usize], attempt: usize, apart: &mut [bool]) {
@@ -395,6 +396,11 @@ impl<'a> Workshop<'a> {
         let own: Vec<usize> = unit
             .goal
             .map_or_else(Vec::new, |goal| unit.cells(&self.arena, goal).collect());
+        let reachable = region(&self.arena, &self.arena.closed, &own);
+        let mut starts = unit.cells(&self.arena, unit.start);
+        if !starts.all(|cell| reachable.contains(&cell)) {
+            return self.unreachable_unit(unit, Obstruction::Obstacles);
+        }
         let around = own.iter().flat_map(|&cell| self.arena.neighbours(cell));
         let mut walls: Vec<SpotId> = around
             .filter(|cell| !own.contains(cell))

@@ -1,0 +1,423 @@
+//! Motion plans are executed by their waits, with and without delays, and checked for contact by an independent model.
+
+#![allow(clippy::cast_precision_loss, reason = "tests draw small numbers")]
+
+mod support;
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use formation::generate::{Apart, GeneratorParameters, Grouping, generate, set_apart};
+use formation::model::{MicroUnits, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation::motion::paths::{
+    Area, MotionError, MotionParameters, MotionPlan, MotionRequest, Obstruction, OrderKind,
+    StartFault, StepKind, UnitMotion, Variant, Wait, plan_motion,
+};
+use formation::planner::{PlanOutcome, plan};
+
+use support::Numbers;
+use support::bodies::{Contact, Delays, contacts, execute};
+
+struct Case {
+    modules: usize,
+    spots: usize,
+    percent: u32,
+    grouping: Grouping,
+    apart: Apart,
+    seed: u64,
+}
+
+impl Case {
+    fn problem(&self) -> Arc<PlanningProblem> {
+        let parameters = GeneratorParameters::new(self.modules, self.spots, self.seed);
+        let mut raw = generate(&parameters.grouped(self.grouping)).unwrap();
+        set_apart(&mut raw, self.apart, self.percent, self.seed);
+        Arc::new(Scenario::try_from(raw).unwrap().problem().clone())
+    }
+}
+
+fn motion(
+    problem: &PlanningProblem,
+    outcome: &PlanOutcome,
+    obstacles: &[Area],
+    parameters: MotionParameters,
+) -> Result<MotionPlan, MotionError> {
+    plan_motion(&MotionRequest {
+        problem,
+        plan: &outcome.plan,
+        obstacles,
+        walls: None,
+        parameters,
+    })
+}
+
+fn waits_of(plan: &MotionPlan) -> Vec<Vec<Wait>> {
+    plan.units.iter().map(|unit| unit.waits.clone()).collect()
+}
+
+/// Executes a plan once without and some times with delays; the number of contacts.
+fn run(
+    plan: &MotionPlan,
+    waits: &[Vec<Wait>],
+    repeats: usize,
+    numbers: &mut Numbers,
+) -> Vec<Contact> {
+    let mut found = Vec::new();
+    for round in 0..=repeats {
+        let delays = if round == 0 {
+            Delays::None
+        } else {
+            Delays::Random
+        };
+        match execute(plan, waits, delays, numbers) {
+            Ok(execution) => {
+                if round == 0 {
+                    let ends = execution.times.iter().flatten().map(|&(_, end)| end);
+                    let makespan = ends.fold(0.0, f64::max);
+                    assert!(
+                        makespan <= f64::from(plan.makespan) + 1.0e-9,
+                        "{makespan} {}",
+                        plan.makespan
+                    );
+                }
+                assert_docking(plan, &execution.times);
+                found.extend(contacts(plan, &execution));
+            }
+            Err(stuck) => panic!("deadlock of {stuck:?}"),
+        }
+    }
+    found
+}
+
+/// The last step of a unit begins after its parent has docked, unless it stood on its spots before in the plan too.
+fn assert_docking(plan: &MotionPlan, times: &[Vec<(f64, f64)>]) {
+    let mut docked: BTreeMap<ModuleId, (f64, u32)> = BTreeMap::new();
+    for (unit, times) in plan.units.iter().zip(times) {
+        let Some(planned) = unit.docked_at else {
+            continue;
+        };
+        let (parent, parent_planned) = unit.parent.map_or((0.0, 0), |parent| docked[&parent]);
+        let moves = unit
+            .steps
+            .last()
+            .filter(|step| matches!(step.kind, StepKind::Move | StepKind::Fold { .. }));
+        if let (Some(step), Some(&(begin, _))) = (moves, times.last())
+            && step.begin >= parent_planned
+        {
+            assert!(
+                begin >= parent - 1.0e-9,
+                "{} docks before {:?}",
+                unit.lead,
+                unit.parent
+            );
+        }
+        let arrived = times.last().map_or(0.0, |&(_, end)| end);
+        docked.insert(unit.lead, (arrived.max(parent), planned));
+    }
+}
+
+/// All modules end on their spots, next to their parents, and blocks that do not fold stay rigid.
+fn assert_sound(problem: &PlanningProblem, outcome: &PlanOutcome, plan: &MotionPlan) {
+    let mut ends = BTreeMap::new();
+    for unit in &plan.units {
+        for module in &unit.modules {
+            assert_eq!(module.waypoints.len(), unit.steps.len() + 1);
+            let expected = outcome.plan.assignments.get(&module.module).copied();
+            assert_eq!(module.spot, expected);
+            let last = module.waypoints.last().unwrap().pose;
+            if let Some(spot) = expected {
+                let spot = problem.target().spot(spot).unwrap().pose;
+                assert!(
+                    last.distance_to(&spot) <= MicroUnits(5_000),
+                    "{} is off",
+                    module.module
+                );
+            }
+            ends.insert(module.module, last);
+        }
+        for (index, step) in unit.steps.iter().enumerate() {
+            if !matches!(step.kind, StepKind::Move | StepKind::Shift) {
+                continue;
+            }
+            let shift = |module: usize| {
+                let points = &unit.modules[module].waypoints;
+                let (from, to) = (points[index].pose, points[index + 1].pose);
+                (
+                    to.x.to_units() - from.x.to_units(),
+                    to.y.to_units() - from.y.to_units(),
+                )
+            };
+            let first = shift(0);
+            assert!(first.0.hypot(first.1) <= 1.01, "{:?}", unit.lead);
+            for module in 1..unit.modules.len() {
+                let (x, y) = shift(module);
+                assert!(
+                    (x - first.0).hypot(y - first.1) < 0.01,
+                    "{:?} is not rigid",
+                    unit.lead
+                );
+            }
+        }
+        for step in unit.steps.windows(2) {
+            assert!(step[0].begin < step[1].begin);
+        }
+    }
+    let modules = |lead: ModuleId| -> &UnitMotion {
+        plan.units.iter().find(|unit| unit.lead == lead).unwrap()
+    };
+    for unit in &plan.units {
+        let Some(parent) = unit.parent else { continue };
+        let beside = unit.modules.iter().flat_map(|one| {
+            modules(parent)
+                .modules
+                .iter()
+                .map(move |other| (one, other))
+        });
+        let docks = beside.into_iter().any(|(one, other)| match plan.order {
+            OrderKind::Adjacency => {
+                let distance = ends[&one.module]
+                    .distance_to(&ends[&other.module])
+                    .to_units();
+                (distance - 1.0).abs() < 0.01
+            }
+            OrderKind::Edges => {
+                let position =
+                    |spot: Option<SpotId>| problem.target().position_of(spot.unwrap()).unwrap();
+                problem
+                    .target()
+                    .topology()
+                    .has_edge(position(one.spot), position(other.spot))
+            }
+        });
+        assert!(docks, "{} is not next to {parent}", unit.lead);
+    }
+}
+
+#[derive(Debug, Default)]
+struct Counts {
+    plans: usize,
+    contacts: usize,
+    mutants: usize,
+    mutants_found: usize,
+    taken_apart: usize,
+}
+
+fn check(case: &Case, counts: &mut Counts, parameters: MotionParameters, repeats: usize) {
+    let problem = case.problem();
+    let outcome = plan(Arc::clone(&problem));
+    let found = motion(&problem, &outcome, &[], parameters);
+    let planned = found.unwrap_or_else(|error| panic!("seed {}: {error}", case.seed));
+    assert_sound(&problem, &outcome, &planned);
+    let mut numbers = Numbers(case.seed);
+    let waits = waits_of(&planned);
+    let found = run(&planned, &waits, repeats, &mut numbers);
+    assert!(
+        found.is_empty(),
+        "{} modules, seed {}: {:?}",
+        case.modules,
+        case.seed,
+        &found[..1]
+    );
+    counts.plans += 1;
+    counts.contacts += found.len();
+    counts.taken_apart += planned.taken_apart.len();
+}
+
+fn cases(seeds: std::ops::Range<u64>) -> impl Iterator<Item = Case> {
+    seeds.map(|seed| {
+        let mut numbers = Numbers(seed);
+        let modules = 5 + numbers.below(56);
+        let groupings = [
+            Grouping::Singletons,
+            Grouping::Mixed,
+            Grouping::Configurations(1 + modules / 7),
+        ];
+        Case {
+            modules,
+            spots: modules - numbers.below(modules.min(4)) + numbers.below(3),
+            percent: 200 + 25 * u32::try_from(numbers.below(5)).unwrap(),
+            grouping: groupings[numbers.below(3)],
+            apart: [Apart::Circles, Apart::Cells][numbers.below(2)],
+            seed,
+        }
+    })
+}
+
+#[test]
+fn no_execution_has_contact_or_deadlock() {
+    let mut counts = Counts::default();
+    for case in cases(0..60) {
+        check(&case, &mut counts, MotionParameters::default(), 3);
+    }
+    assert_eq!((counts.plans, counts.contacts), (60, 0));
+}
+
+#[test]
+#[ignore = "takes minutes; for changes to the planner"]
+fn no_execution_of_many_has_contact_or_deadlock() {
+    let mut counts = Counts::default();
+    for case in cases(1_000..2_000) {
+        check(&case, &mut counts, MotionParameters::default(), 3);
+    }
+    assert_eq!((counts.plans, counts.contacts), (1_000, 0));
+}
+
+#[test]
+fn the_serial_variant_has_no_contact_either() {
+    let mut counts = Counts::default();
+    let parameters = MotionParameters {
+        expansions_max: 0,
+        ..MotionParameters::default()
+    };
+    for case in cases(100..120) {
+        check(&case, &mut counts, parameters, 2);
+    }
+    let problem = cases(7..8).next().unwrap().problem();
+    let outcome = plan(Arc::clone(&problem));
+    let planned = motion(&problem, &outcome, &[], parameters).unwrap();
+    assert_eq!(planned.variant, Variant::Serial);
+}
+
+/// Without one wait of twenty, some execution has contact.
+#[test]
+fn missing_waits_are_found() {
+    let mut counts = Counts::default();
+    for case in cases(200..240) {
+        let problem = case.problem();
+        let outcome = plan(Arc::clone(&problem));
+        let planned = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
+        let mut numbers = Numbers(case.seed);
+        let mut waits = waits_of(&planned);
+        let all: usize = waits.iter().map(Vec::len).sum();
+        for unit in &mut waits {
+            unit.retain(|_| !numbers.chance(5));
+        }
+        if waits.iter().map(Vec::len).sum::<usize>() + 4 > all {
+            continue;
+        }
+        counts.mutants += 1;
+        let mut has_contact = false;
+        for _ in 0..20 {
+            let execution = execute(&planned, &waits, Delays::Random, &mut numbers).unwrap();
+            has_contact |= !contacts(&planned, &execution).is_empty();
+        }
+        counts.mutants_found += usize::from(has_contact);
+    }
+    assert!(
+        counts.mutants >= 10 && counts.mutants_found * 4 >= counts.mutants * 3,
+        "{counts:?}"
+    );
+}
+
+#[test]
+fn all_replicas_find_the_same_plan() {
+    for case in cases(300..305) {
+        let problem = case.problem();
+        let outcome = plan(Arc::clone(&problem));
+        let planned = || motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
+        assert_eq!(planned(), planned());
+    }
+}
+
+fn area(low: (f64, f64), high: (f64, f64)) -> Area {
+    let micro = |value: f64| MicroUnits::from_units(value).unwrap();
+    Area {
+        low: (micro(low.0), micro(low.1)),
+        high: (micro(high.0), micro(high.1)),
+    }
+}
+
+/// A scenario of singles in a text: the spots, joined in a row, and the starts.
+fn row(spots: &[(f64, f64)], starts: &[(f64, f64, f64)]) -> Arc<PlanningProblem> {
+    let mut text = "target:\n  spots:\n".to_owned();
+    for (id, (x, y)) in spots.iter().enumerate() {
+        text += &format!("    - {{id: {}, x: {x:?}, y: {y:?}}}\n", id + 1);
+    }
+    text += "  edges: [";
+    for id in 1..spots.len() {
+        text += &format!("[{id}, {}], ", id + 1);
+    }
+    text += "]\nsingletons:\n";
+    for (id, (x, y, theta)) in starts.iter().enumerate() {
+        text += &format!(
+            "  - {{id: {}, x: {x:?}, y: {y:?}, theta: {theta:?}}}\n",
+            id + 1
+        );
+    }
+    Arc::new(Scenario::from_yaml(&text).unwrap().problem().clone())
+}
+
+#[test]
+fn starts_that_are_too_close_are_named() {
+    let problem = row(
+        &[(0.0, 0.0), (1.0, 0.0)],
+        &[(5.0, 5.0, 0.5), (6.2, 5.0, 0.5)],
+    );
+    let outcome = plan(Arc::clone(&problem));
+    let found = motion(&problem, &outcome, &[], MotionParameters::default());
+    let expected = StartFault::NotApart(ModuleId(1), ModuleId(2));
+    assert_eq!(found, Err(MotionError::Starts(vec![expected])));
+    // With headings along the axes nothing has to turn, and a smaller distance will do.
+    let problem = row(
+        &[(0.0, 0.0), (1.0, 0.0)],
+        &[(5.0, 5.0, 0.0), (6.2, 5.0, 0.0)],
+    );
+    let outcome = plan(Arc::clone(&problem));
+    assert!(motion(&problem, &outcome, &[], MotionParameters::default()).is_ok());
+}
+
+#[test]
+fn a_target_off_the_lattice_is_named() {
+    let problem = row(
+        &[(0.0, 0.0), (1.2, 0.0)],
+        &[(5.0, 5.0, 0.0), (8.0, 5.0, 0.0)],
+    );
+    let outcome = plan(Arc::clone(&problem));
+    let found = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap_err();
+    assert_eq!(
+        found.to_string(),
+        "target: spot 2 not on the unit lattice of spot 1 with a heading in quarter turns"
+    );
+}
+
+#[test]
+fn obstacles_are_gone_around_or_named() {
+    let problem = row(
+        &[(0.0, 0.0), (1.0, 0.0)],
+        &[(0.0, 6.0, 0.0), (1.0, 6.0, 0.0)],
+    );
+    let outcome = plan(Arc::clone(&problem));
+    let wall = [area((-4.0, 2.6), (4.0, 3.4))];
+    let planned = motion(&problem, &outcome, &wall, MotionParameters::default()).unwrap();
+    assert!(planned.bound >= 14, "{}", planned.bound);
+    for unit in &planned.units {
+        for waypoint in &unit.modules[0].waypoints {
+            let (x, y) = (waypoint.pose.x.to_units(), waypoint.pose.y.to_units());
+            assert!(x.abs() > 4.0 || (y - 3.0).abs() > 0.8, "({x}, {y})");
+        }
+    }
+    let ring = [
+        area((-2.5, 1.5), (3.5, 2.5)),
+        area((-2.5, -2.5), (3.5, -1.5)),
+        area((-2.5, -2.5), (-1.5, 2.5)),
+        area((2.5, -2.5), (3.5, 2.5)),
+    ];
+    let found = motion(&problem, &outcome, &ring, MotionParameters::default()).unwrap_err();
+    assert!(
+        matches!(
+            &found,
+            MotionError::Unreachable {
+                reason: Obstruction::Obstacles,
+                ..
+            }
+        ),
+        "{found}"
+    );
+    let covered = motion(
+        &problem,
+        &outcome,
+        &[area((0.6, -0.4), (1.4, 0.4))],
+        MotionParameters::default(),
+    );
+    assert_eq!(covered, Err(MotionError::CoveredSpot(SpotId(2))));
+}
