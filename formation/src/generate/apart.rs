@@ -67,11 +67,8 @@ impl Shape {
             };
             cells.iter().map(corner).max().unwrap_or_default()
         };
-        let middle = cells
-            .iter()
-            .copied()
-            .min_by_key(|cell| (reach(cell), *cell));
-        let (x, y) = middle.unwrap_or_default();
+        let middle = (0..cells.len()).min_by_key(|&member| (reach(&cells[member]), member));
+        let (x, y) = middle.map(|member| cells[member]).unwrap_or_default();
         let half = MICRO_PER_UNIT / 2;
         Self {
             radius: (reach(&(x, y)) * half * half).isqrt() + 2,
