@@ -4,11 +4,13 @@
 
 mod support;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use formation::generate::{Apart, GeneratorParameters, Grouping, generate, set_apart};
-use formation::model::{MicroUnits, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation::model::{
+    MicroUnits, ModuleId, PlanningModule, PlanningProblem, Pose, Scenario, SpotId,
+};
 use formation::motion::paths::{
     Area, MotionError, MotionParameters, MotionPlan, MotionRequest, Obstruction, OrderKind,
     StartFault, StepKind, UnitMotion, Variant, Wait, plan_motion,
@@ -317,6 +319,90 @@ fn all_replicas_find_the_same_plan() {
         let planned = || motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
         assert_eq!(planned(), planned());
     }
+}
+
+/// Where a module is at a time of the plan, half-way through a step if need be.
+fn pose_at(unit: &UnitMotion, module: usize, time: f64) -> Pose {
+    let points = &unit.modules[module].waypoints;
+    let mut pose = points[0].pose;
+    for (step, pair) in unit.steps.iter().zip(points.windows(2)) {
+        let share = (time - f64::from(step.begin)).clamp(0.0, 1.0);
+        let between = |from: MicroUnits, to: MicroUnits| {
+            from.to_units() + (to.to_units() - from.to_units()) * share
+        };
+        if share > 0.0 {
+            let (from, to) = (pair[0].pose, pair[1].pose);
+            let (x, y) = (between(from.x, to.x), between(from.y, to.y));
+            pose = Pose::from_units(x, y, to.theta.to_units()).unwrap();
+        }
+    }
+    pose
+}
+
+/// The problem that is left when all stop at a time: what has docked is pinned, blocks keep their links. None while a
+/// group turns or a block folds.
+fn stopped_at(problem: &PlanningProblem, plan: &MotionPlan, time: f64) -> Option<PlanningProblem> {
+    let mut modules = Vec::new();
+    for unit in &plan.units {
+        for step in &unit.steps {
+            let begin = f64::from(step.begin);
+            let stays_on = !matches!(step.kind, StepKind::Turn { .. } | StepKind::Fold { .. });
+            let is_turned = !matches!(step.kind, StepKind::Turn { .. }) || begin + 1.0 <= time;
+            if !is_turned || (!stays_on && begin - 1.0 < time && time < begin + 2.0) {
+                return None;
+            }
+        }
+        let has_docked = unit
+            .docked_at
+            .is_some_and(|docked| f64::from(docked) <= time);
+        let ids: BTreeSet<ModuleId> = unit.modules.iter().map(|module| module.module).collect();
+        for (index, module) in unit.modules.iter().enumerate() {
+            let old = problem.module(module.module).unwrap();
+            let links = &old.links & &ids;
+            modules.push(PlanningModule {
+                pose: pose_at(unit, index, time),
+                pin: module.spot.filter(|_| has_docked),
+                links: if time > f64::from(unit.joint_steps) {
+                    links
+                } else {
+                    old.links.clone()
+                },
+                ..old.clone()
+            });
+        }
+    }
+    let target = Arc::clone(problem.target());
+    Some(PlanningProblem::new(target, *problem.parameters(), modules).unwrap())
+}
+
+#[test]
+fn what_is_left_after_a_stop_is_planned_again() {
+    let (mut replans, mut with_pins) = (0, 0);
+    for case in cases(400..460) {
+        let problem = case.problem();
+        let outcome = plan(Arc::clone(&problem));
+        let planned = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
+        let mut numbers = Numbers(case.seed);
+        let quarters = numbers.below(4 * planned.makespan as usize + 1);
+        let time = quarters as f64 / 4.0;
+        let Some(rest) = stopped_at(&problem, &planned, time).map(Arc::new) else {
+            continue;
+        };
+        let outcome = plan(Arc::clone(&rest));
+        let again = motion(&rest, &outcome, &[], MotionParameters::default());
+        let again = again.unwrap_or_else(|error| panic!("seed {} at {time}: {error}", case.seed));
+        assert_sound(&rest, &outcome, &again);
+        let found = run(&again, &waits_of(&again), 2, &mut numbers);
+        assert!(
+            found.is_empty(),
+            "seed {} at {time}: {:?}",
+            case.seed,
+            &found[..1]
+        );
+        replans += 1;
+        with_pins += usize::from(rest.modules().iter().any(|module| module.pin.is_some()));
+    }
+    assert!(replans >= 30 && with_pins >= 15, "{replans} {with_pins}");
 }
 
 fn area(low: (f64, f64), high: (f64, f64)) -> Area {
