@@ -30,7 +30,7 @@ pub struct MotionParameters {
 impl Default for MotionParameters {
     fn default() -> Self {
         Self {
-            expansions_max: 20_000_000,
+            expansions_max: 6_000_000,
             improvement_passes: 3,
             eager_units_max: 400,
             tolerance: MicroUnits(2_000),
