@@ -164,6 +164,14 @@ fn assert_sound(problem: &PlanningProblem, outcome: &PlanOutcome, plan: &MotionP
             assert!(step[0].begin < step[1].begin);
         }
     }
+    assert_next_to_parents(problem, plan, &ends);
+}
+
+fn assert_next_to_parents(
+    problem: &PlanningProblem,
+    plan: &MotionPlan,
+    ends: &BTreeMap<ModuleId, Pose>,
+) {
     let modules = |lead: ModuleId| -> &UnitMotion {
         plan.units.iter().find(|unit| unit.lead == lead).unwrap()
     };

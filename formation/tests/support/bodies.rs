@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use formation::model::{ModuleId, Pose};
-use formation::motion::paths::{MotionPlan, StepKind, Wait};
+use formation::motion::paths::{ModuleMotion, MotionPlan, StepKind, UnitMotion, Wait};
 
 use super::Numbers;
 
@@ -23,6 +23,20 @@ pub enum Delays {
     Random,
 }
 
+/// How long the steps of one unit take.
+fn durations(steps: usize, delays: Delays, numbers: &mut Numbers) -> Vec<f64> {
+    let mut durations: Vec<f64> = (0..steps)
+        .map(|_| match delays {
+            Delays::None => 1.0,
+            Delays::Random => 1.0 + numbers.below(4_001) as f64 / 1_000.0,
+        })
+        .collect();
+    if matches!(delays, Delays::Random) && steps > 0 && numbers.chance(20) {
+        durations[numbers.below(steps)] += 20.0;
+    }
+    durations
+}
+
 /// Executes a plan with waits that may be fewer than its own; the units that never end if there is a deadlock.
 pub fn execute(
     plan: &MotionPlan,
@@ -40,21 +54,7 @@ pub fn execute(
     let durations: Vec<Vec<f64>> = plan
         .units
         .iter()
-        .map(|unit| {
-            let mut durations: Vec<f64> = unit
-                .steps
-                .iter()
-                .map(|_| match delays {
-                    Delays::None => 1.0,
-                    Delays::Random => 1.0 + numbers.below(4_001) as f64 / 1_000.0,
-                })
-                .collect();
-            if matches!(delays, Delays::Random) && !durations.is_empty() && numbers.chance(20) {
-                let step = numbers.below(durations.len());
-                durations[step] += 20.0;
-            }
-            durations
-        })
+        .map(|unit| durations(unit.steps.len(), delays, numbers))
         .collect();
     let earliest = |unit: usize, times: &[Vec<(f64, f64)>]| -> Option<f64> {
         let step = times[unit].len() + 1;
@@ -145,97 +145,80 @@ fn is_quarter(pose: &Pose) -> bool {
 fn bodies(plan: &MotionPlan, execution: &Execution) -> Vec<(String, Vec<Segment>)> {
     let mut bodies = Vec::new();
     for (unit, times) in plan.units.iter().zip(&execution.times) {
-        let mut discs = Vec::new();
-        let mut folding: Option<(f64, f64)> = None;
-        let mut turned_at = 0.0;
-        for (step, &(begin, end)) in unit.steps.iter().zip(times) {
-            match step.kind {
-                StepKind::Turn { centre, radius } => {
-                    turned_at = end;
-                    let (centre, radius) = (at(&centre), radius.to_units());
-                    let shape = Shape::Disc { centre, radius };
-                    discs.push(Segment {
-                        begin: 0.0,
-                        end,
-                        shape,
-                    });
-                }
-                StepKind::Fold { centre, radius } => {
-                    let (centre, radius) = (at(&centre), radius.to_units());
-                    let shape = Shape::Disc { centre, radius };
-                    match folding {
-                        None => folding = Some((begin, end)),
-                        Some((first, _)) => {
-                            folding = Some((first, end));
-                            discs.push(Segment {
-                                begin: first,
-                                end,
-                                shape,
-                            });
-                        }
-                    }
-                }
-                StepKind::Shift | StepKind::Move => {}
-            }
-        }
-        // The group of a turning unit has one disc; its first unit shows it.
-        if unit.joint_with.iter().any(|&other| other < unit.lead) {
-            discs.retain(|segment| segment.begin > 0.0 || segment.end > turned_at);
-        }
-        if !discs.is_empty() {
-            bodies.push((format!("disc of {}", unit.lead), discs));
+        let hidden = discs(unit, times);
+        // A group that turns has one disc, which its first unit shows.
+        let is_first = unit.joint_with.iter().all(|&other| other > unit.lead);
+        let shown = hidden.iter().filter(|disc| is_first || disc.begin > 0.0);
+        let shown: Vec<Segment> = shown.copied().collect();
+        if !shown.is_empty() {
+            bodies.push((format!("disc of {}", unit.lead), shown));
         }
         for module in &unit.modules {
-            let mut segments = Vec::new();
-            let mut since = 0.0;
-            for (index, &(begin, end)) in times.iter().enumerate() {
-                let (from, to) = (
-                    &module.waypoints[index].pose,
-                    &module.waypoints[index + 1].pose,
-                );
-                let hidden = |time: f64| {
-                    time < turned_at
-                        || folding.is_some_and(|(first, last)| time >= first && time < last)
-                };
-                if since < begin && !hidden(since) {
-                    assert!(is_quarter(from), "{} stands askew", module.module);
-                    let shape = Shape::Square {
-                        from: at(from),
-                        to: at(from),
-                    };
-                    segments.push(Segment {
-                        begin: since,
-                        end: begin,
-                        shape,
-                    });
-                }
-                if !hidden(begin) {
-                    assert!(
-                        is_quarter(from) && is_quarter(to),
-                        "{} moves askew",
-                        module.module
-                    );
-                    let shape = Shape::Square {
-                        from: at(from),
-                        to: at(to),
-                    };
-                    segments.push(Segment { begin, end, shape });
-                }
-                since = end;
-            }
-            let last = at(&module.waypoints.last().unwrap().pose);
-            segments.push(Segment {
-                begin: since,
-                end: f64::INFINITY,
-                shape: Shape::Square {
-                    from: last,
-                    to: last,
-                },
-            });
-            bodies.push((module.module.to_string(), segments));
+            bodies.push((module.module.to_string(), squares(module, times, &hidden)));
         }
     }
     bodies
+}
+
+/// The discs in which a unit turns, with its group, from the start, and folds.
+fn discs(unit: &UnitMotion, times: &[(f64, f64)]) -> Vec<Segment> {
+    let mut discs: Vec<Segment> = Vec::new();
+    let mut folding = None;
+    for (step, &(begin, end)) in unit.steps.iter().zip(times) {
+        let (centre, radius, begin) = match step.kind {
+            StepKind::Turn { centre, radius } => (centre, radius, 0.0),
+            StepKind::Fold { centre, radius } => match folding.take() {
+                None => {
+                    folding = Some(begin);
+                    continue;
+                }
+                Some(first) => (centre, radius, first),
+            },
+            StepKind::Shift | StepKind::Move => continue,
+        };
+        let (centre, radius) = (at(&centre), radius.to_units());
+        discs.push(Segment {
+            begin,
+            end,
+            shape: Shape::Disc { centre, radius },
+        });
+    }
+    assert!(folding.is_none(), "{} ends half folded", unit.lead);
+    discs
+}
+
+/// The square of a module while it is not within a disc of its unit.
+fn squares(module: &ModuleMotion, times: &[(f64, f64)], hidden: &[Segment]) -> Vec<Segment> {
+    let is_hidden = |time: f64| {
+        hidden
+            .iter()
+            .any(|disc| disc.begin <= time && time < disc.end)
+    };
+    let mut segments = Vec::new();
+    let mut add = |begin: f64, end: f64, from: &Pose, to: &Pose| {
+        if begin < end && !is_hidden(begin) {
+            assert!(
+                is_quarter(from) && is_quarter(to),
+                "{} is askew",
+                module.module
+            );
+            let (from, to) = (at(from), at(to));
+            segments.push(Segment {
+                begin,
+                end,
+                shape: Shape::Square { from, to },
+            });
+        }
+    };
+    let mut since = 0.0;
+    for (pair, &(begin, end)) in module.waypoints.windows(2).zip(times) {
+        add(since, begin, &pair[0].pose, &pair[0].pose);
+        add(begin, end, &pair[0].pose, &pair[1].pose);
+        since = end;
+    }
+    let last = &module.waypoints.last().unwrap().pose;
+    add(since, f64::INFINITY, last, last);
+    segments
 }
 
 /// All pairs of bodies that overlap.

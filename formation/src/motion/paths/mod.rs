@@ -15,6 +15,7 @@
 mod diagnose;
 mod docking;
 mod field;
+mod group;
 mod improve;
 mod lattice;
 mod make_way;

@@ -23,7 +23,7 @@ pub(super) struct Order {
 /// Why the formation cannot be taken apart.
 #[derive(Clone, Debug)]
 pub(super) struct Stuck {
-    /// The latest block that touches the outside: as single modules its members may get out.
+    /// The latest block that touches the outside, else the latest one: as single modules its members may get out.
     pub block: Option<usize>,
     /// The latest unit that is left.
     pub unit: usize,
@@ -155,9 +155,10 @@ impl Formation<'_> {
                 !cut[unit] && (waiting.len() == 1 || root != Some(unit)) && rest.gets_out(unit)
             });
             let Some(index) = free else {
-                let mut touching = waiting.iter().copied();
-                let block = touching
-                    .find(|&unit| self.units[unit].is_block() && rest.touches_outside(unit));
+                let is_block = |&unit: &usize| self.units[unit].is_block();
+                let blocks = || waiting.iter().copied().filter(is_block);
+                let outer = blocks().find(|&unit| rest.touches_outside(unit));
+                let block = outer.or_else(|| blocks().next());
                 return Err(Stuck {
                     block,
                     unit: waiting[0],

@@ -1,11 +1,11 @@
 //! The motion plan in the terms of modules, spots and poses.
 
 use super::field::Field;
+use super::group::{Group, Phase};
 use super::lattice::{Lattice, Point, Time};
 use super::order::Order;
 use super::result::{ModuleMotion, MotionPlan, Step, StepKind, UnitMotion, Wait, Waypoint};
 use super::route::{Errand, STEP};
-use super::start::{Group, Phase};
 use super::turning::{angle_of, quarters, shortest};
 use super::units::{Node, Unit, split};
 use super::variants::Solution;
@@ -23,8 +23,8 @@ pub(super) struct Draft<'a> {
 }
 
 impl Draft<'_> {
-    /// The motion plan.
-    pub fn plan(&self, taken_apart: Vec<Vec<ModuleId>>) -> MotionPlan {
+    /// The motion plan, as yet without the blocks that were taken apart.
+    pub fn plan(&self) -> MotionPlan {
         let field = &self.solution.field;
         let group_of: Vec<usize> = field
             .units
@@ -50,7 +50,7 @@ impl Draft<'_> {
         MotionPlan {
             units,
             order: self.order.kind,
-            taken_apart,
+            taken_apart: Vec::new(),
             variant: self.solution.variant,
             makespan: field.cost().0,
             bound: longest.max(chain).unwrap_or_default(),

@@ -45,6 +45,25 @@ struct Record {
     parent: usize,
 }
 
+/// What one search looks at.
+#[derive(Clone, Copy)]
+struct Scene<'a> {
+    arena: &'a Arena,
+    unit: &'a Unit,
+    table: &'a Table,
+    query: &'a Query,
+}
+
+/// A state that is expanded.
+#[derive(Clone, Copy)]
+struct State {
+    record: usize,
+    time: Time,
+    /// The end of its interval.
+    until: Time,
+    steps: u32,
+}
+
 /// Ordered by: the end, the steps in all, more steps done, the node, the interval.
 type Open = (Time, u32, Reverse<u32>, Node, usize, usize);
 
@@ -90,6 +109,12 @@ impl Sipp {
         query: &Query,
     ) -> Option<Vec<Entry>> {
         let unit = &units[query.unit];
+        let scene = Scene {
+            arena,
+            unit,
+            table,
+            query,
+        };
         let stay = unit
             .cells(arena, query.from)
             .map(|cell| table.next_after(cell, query.unit, query.since))
@@ -103,16 +128,17 @@ impl Sipp {
         self.records.clear();
         self.open.clear();
         self.intervals.push(Interval {
-            from: query.since,
-            until: stay,
-            expanded: FOREVER,
             best: (query.since, 0),
+            ..Interval::free(query.since, stay)
         });
-        let first = Entry {
-            node: query.from,
-            begin: query.since,
+        let first = Record {
+            entry: Entry {
+                node: query.from,
+                begin: query.since,
+            },
+            parent: NONE,
         };
-        self.push(arena, unit, query, first, NONE, 0, (query.since, 0));
+        self.push(scene, first, 0, (query.since, 0));
         while let Some(Reverse((_, _, Reverse(steps), node, interval, record))) = self.open.pop() {
             if interval == NONE {
                 return Some(self.traced(record));
@@ -128,77 +154,57 @@ impl Sipp {
             self.intervals[interval].expanded = time;
             self.expansions += 1;
             let until = self.intervals[interval].until;
-            let (layout, cell) = split(arena, node);
-            if !unit.is_disc(arena, node) {
-                let base = node - cell;
-                for next in arena.neighbours(cell) {
-                    self.extend(
-                        arena,
-                        unit,
-                        table,
-                        query,
-                        record,
-                        (time, until, steps),
-                        base + next,
-                    );
-                }
-            }
-            if layout + 1 < unit.layouts.len()
-                && let Some(next) = unit.fold(arena, node)
-            {
-                self.extend(
-                    arena,
-                    unit,
-                    table,
-                    query,
-                    record,
-                    (time, until, steps),
-                    next,
-                );
-            }
+            let state = State {
+                record,
+                time,
+                until,
+                steps,
+            };
+            self.expand(scene, node, state);
         }
         None
     }
 
     /// Adds the states in which a step from a state can end.
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the innermost step of the search"
-    )]
-    fn extend(
-        &mut self,
-        arena: &Arena,
-        unit: &Unit,
-        table: &Table,
-        query: &Query,
-        parent: usize,
-        (time, until, steps): (Time, Time, u32),
-        node: Node,
-    ) {
-        let (first, end) = self.intervals_of(arena, unit, table, query, node);
+    fn expand(&mut self, scene: Scene, node: Node, state: State) {
+        let Scene { arena, unit, .. } = scene;
+        let (_, cell) = split(arena, node);
+        if !unit.is_disc(arena, node) {
+            let base = node - cell;
+            for next in arena.neighbours(cell) {
+                self.extend(scene, state, base + next);
+            }
+        }
+        if let Some(next) = unit.fold(arena, node) {
+            self.extend(scene, state, next);
+        }
+    }
+
+    /// Adds the states of one node in which a step from a state can end.
+    fn extend(&mut self, scene: Scene, state: State, node: Node) {
+        let (time, until, query) = (state.time, state.until, scene.query);
+        let steps = state.steps + 1;
+        let (first, end) = self.intervals_of(scene, node);
         for index in first as usize..end as usize {
-            let interval = &mut self.intervals[index];
-            if until != FOREVER && interval.from >= until {
+            let interval = &self.intervals[index];
+            let begin = time.max(interval.from);
+            if begin >= until {
                 break;
             }
-            let begin = time.max(interval.from);
             if interval.until <= begin + 1 {
                 continue;
             }
-            if until <= begin {
-                break;
-            }
             let is_new = interval.expanded > begin + 1
-                && !(interval.best.0 <= begin + 1 && interval.best.1 <= steps + 1);
+                && !(interval.best.0 <= begin + 1 && interval.best.1 <= steps);
             if node == query.goal && interval.until == FOREVER {
                 let last = begin.max(query.dock_after);
                 if last < until && last < query.latest {
                     let record = self.records.len();
                     self.records.push(Record {
                         entry: Entry { node, begin: last },
-                        parent,
+                        parent: state.record,
                     });
-                    let key = (last + 1, steps + 1, Reverse(steps + 1), node, NONE, record);
+                    let key = (last + 1, steps, Reverse(steps), node, NONE, record);
                     self.open.push(Reverse(key));
                 }
                 // Before its parent docks, a unit may pass its goal but not stay there.
@@ -207,65 +213,40 @@ impl Sipp {
                 }
             }
             if is_new {
-                self.intervals[index].best = (begin + 1, steps + 1);
-                let entry = Entry { node, begin };
-                self.push(
-                    arena,
-                    unit,
-                    query,
-                    entry,
-                    parent,
-                    index,
-                    (begin + 1, steps + 1),
-                );
+                self.intervals[index].best = (begin + 1, steps);
+                let record = Record {
+                    entry: Entry { node, begin },
+                    parent: state.record,
+                };
+                self.push(scene, record, index, (begin + 1, steps));
             }
         }
     }
 
-    #[expect(
-        clippy::too_many_arguments,
-        reason = "the innermost step of the search"
-    )]
-    fn push(
-        &mut self,
-        arena: &Arena,
-        unit: &Unit,
-        query: &Query,
-        entry: Entry,
-        parent: usize,
-        interval: usize,
-        (time, steps): (Time, u32),
-    ) {
-        let rest = unit.distance(arena, entry.node, query.goal);
+    fn push(&mut self, scene: Scene, record: Record, interval: usize, (time, steps): (Time, u32)) {
+        let (query, node) = (scene.query, record.entry.node);
+        let rest = scene.unit.distance(scene.arena, node, query.goal);
         let end = (time + rest).max(query.dock_after.saturating_add(1));
         if end > query.latest {
             return;
         }
-        let record = self.records.len();
-        self.records.push(Record { entry, parent });
-        let key = (
-            end,
-            steps + rest,
-            Reverse(steps),
-            entry.node,
-            interval,
-            record,
-        );
+        let index = self.records.len();
+        self.records.push(record);
+        let key = (end, steps + rest, Reverse(steps), node, interval, index);
         self.open.push(Reverse(key));
     }
 
     /// The range of a node's safe intervals; empty if a cell of it is closed.
-    fn intervals_of(
-        &mut self,
-        arena: &Arena,
-        unit: &Unit,
-        table: &Table,
-        query: &Query,
-        node: Node,
-    ) -> (u32, u32) {
+    fn intervals_of(&mut self, scene: Scene, node: Node) -> (u32, u32) {
         if self.stamps[node] == self.stamp {
             return self.ranges[node];
         }
+        let Scene {
+            arena,
+            unit,
+            table,
+            query,
+        } = scene;
         self.stamps[node] = self.stamp;
         let first = u32::try_from(self.intervals.len()).unwrap_or(u32::MAX);
         if unit.cells(arena, node).all(|cell| !arena.closed[cell]) {
@@ -281,7 +262,7 @@ impl Sipp {
                 self.busy
                     .extend(others.map(|visit| (visit.from, visit.until)));
             }
-            if unit.layouts.len() > 1 || unit.is_block() {
+            if unit.is_block() {
                 self.busy.sort_unstable();
             }
             for &(begin, until) in &self.busy {

@@ -7,9 +7,9 @@
 
 use std::fmt;
 
-use super::lattice::{Lattice, Point, Site, Time, point};
-use super::turning::{angle_of, by_quarters, off_quarter, quarters, rotated, shortest};
-use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, PlanningProblem, Pose};
+use super::group::{Alignment, Group, HALF, Phase, Rectangle, overlap, square};
+use super::lattice::{Lattice, Point, point};
+use crate::model::{MicroUnits, ModuleId, PlanningProblem, Pose};
 
 /// What keeps a module from a start without contact.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -53,253 +53,6 @@ impl StartFault {
     }
 }
 
-/// The phases in which a group comes onto the lattice.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Phase {
-    Turn,
-    Column,
-    Row,
-}
-
-/// One step of a group onto the lattice.
-#[derive(Clone, Debug)]
-pub(super) struct Alignment {
-    pub phase: Phase,
-    pub begin: Time,
-    /// The groups that are waited for, and how many of their steps.
-    pub waits: Vec<(usize, u32)>,
-}
-
-/// Modules that are docked to each other at the start, or a single one.
-#[derive(Clone, Debug)]
-pub(super) struct Group {
-    /// Positions in the problem, ascending.
-    pub modules: Vec<usize>,
-    /// About this point it turns.
-    pub centre: Point,
-    /// How far its corners reach from the centre.
-    pub radius: i64,
-    /// By how much it turns.
-    pub turn: i64,
-    /// The modules' cells relative to the centre after the turn.
-    pub offsets: Vec<Site>,
-    /// From the centre to the middle of the cell under it.
-    shift: Point,
-    /// The cell under the centre.
-    pub site: Site,
-    pub steps: Vec<Alignment>,
-}
-
-type Rectangle = (Point, Point);
-
-fn overlap(one: &Rectangle, other: &Rectangle, slack: i64) -> bool {
-    one.0.0 + slack < other.1.0
-        && other.0.0 + slack < one.1.0
-        && one.0.1 + slack < other.1.1
-        && other.0.1 + slack < one.1.1
-}
-
-fn hull(one: Rectangle, other: Rectangle) -> Rectangle {
-    (
-        (one.0.0.min(other.0.0), one.0.1.min(other.0.1)),
-        (one.1.0.max(other.1.0), one.1.1.max(other.1.1)),
-    )
-}
-
-const HALF: i64 = MICRO_PER_UNIT / 2;
-
-fn square(middle: Point) -> Rectangle {
-    (
-        (middle.0 - HALF, middle.1 - HALF),
-        (middle.0 + HALF, middle.1 + HALF),
-    )
-}
-
-impl Group {
-    /// The group of some modules; `spots` gives the pose of the spot of each module that the whole group moves to as
-    /// one unit.
-    fn of(
-        problem: &PlanningProblem,
-        modules: Vec<usize>,
-        spots: Option<&[Pose]>,
-        lattice: &Lattice,
-        tolerance: i64,
-    ) -> Result<Self, StartFault> {
-        let all = problem.modules();
-        let first = &all[modules[0]].pose;
-        let off = off_quarter(first.theta.0);
-        let mut cells = Vec::with_capacity(modules.len());
-        for &module in &modules {
-            let pose = &all[module].pose;
-            let offset = rotated((pose.x.0 - first.x.0, pose.y.0 - first.y.0), -off);
-            let cell = |along: i64| (along + HALF).div_euclid(MICRO_PER_UNIT);
-            let site = (cell(offset.0), cell(offset.1));
-            let is_off = |along: i64, cell: i64| (along - cell * MICRO_PER_UNIT).abs() > tolerance;
-            if is_off(offset.0, site.0)
-                || is_off(offset.1, site.1)
-                || off_quarter(pose.theta.0 - off).abs() > tolerance
-            {
-                return Err(StartFault::OffGroup(all[module].id, all[modules[0]].id));
-            }
-            cells.push(site);
-        }
-        let (middle, reach) = centre_of(&cells);
-        let turns = off.abs() > tolerance;
-        let extra = match spots {
-            Some(spots) if turns => extra_quarters(first, &cells, spots).unwrap_or_default(),
-            _ => 0,
-        };
-        let centre = point(&all[modules[middle]].pose);
-        let base = cells[middle];
-        let offsets = cells
-            .iter()
-            .map(|cell| by_quarters((cell.0 - base.0, cell.1 - base.1), extra))
-            .collect();
-        let site = lattice.site(centre);
-        let under = lattice.point(site);
-        Ok(Self {
-            centre,
-            radius: reach,
-            turn: if turns {
-                shortest(angle_of(extra) - off)
-            } else {
-                0
-            },
-            offsets,
-            shift: (under.0 - centre.0, under.1 - centre.1),
-            site,
-            modules,
-            steps: Vec::new(),
-        })
-    }
-
-    /// A pinned module on its spot.
-    fn standing(module: usize, site: Site, lattice: &Lattice) -> Self {
-        Self {
-            modules: vec![module],
-            centre: lattice.point(site),
-            radius: 0,
-            turn: 0,
-            offsets: vec![(0, 0)],
-            shift: (0, 0),
-            site,
-            steps: Vec::new(),
-        }
-    }
-
-    /// The heading of a module after the turn.
-    pub fn heading(&self, theta: i64) -> i64 {
-        shortest(angle_of(quarters(theta + self.turn)))
-    }
-
-    /// Where a member is after a phase.
-    pub fn position_after(&self, member: usize, phase: Phase) -> Point {
-        let offset = self.offsets[member];
-        let mut middle = (
-            self.centre.0 + offset.0 * MICRO_PER_UNIT,
-            self.centre.1 + offset.1 * MICRO_PER_UNIT,
-        );
-        if phase >= Phase::Column {
-            middle.0 += self.shift.0;
-        }
-        if phase >= Phase::Row {
-            middle.1 += self.shift.1;
-        }
-        middle
-    }
-
-    /// The cell of a member on the lattice.
-    pub fn site_of(&self, member: usize) -> Site {
-        (
-            self.site.0 + self.offsets[member].0,
-            self.site.1 + self.offsets[member].1,
-        )
-    }
-
-    fn circle(&self) -> Rectangle {
-        let (centre, radius) = (self.centre, self.radius);
-        (
-            (centre.0 - radius, centre.1 - radius),
-            (centre.0 + radius, centre.1 + radius),
-        )
-    }
-
-    /// Rectangles that hold the bodies throughout a phase; none if the group has no such step.
-    pub fn swept(&self, phase: Phase) -> Vec<Rectangle> {
-        if !self.steps.iter().any(|step| step.phase == phase) {
-            return Vec::new();
-        }
-        let members = 0..self.offsets.len();
-        match phase {
-            Phase::Turn => vec![self.circle()],
-            Phase::Column | Phase::Row => members
-                .map(|member| {
-                    let before = if phase == Phase::Row {
-                        Phase::Column
-                    } else {
-                        Phase::Turn
-                    };
-                    hull(
-                        square(self.position_after(member, before)),
-                        square(self.position_after(member, phase)),
-                    )
-                })
-                .collect(),
-        }
-    }
-
-    /// A rectangle that holds the bodies from the start until they are on the lattice.
-    fn surroundings(&self) -> Rectangle {
-        let ends = (0..self.offsets.len()).flat_map(|member| {
-            [Phase::Turn, Phase::Row].map(|phase| square(self.position_after(member, phase)))
-        });
-        let squares = ends.reduce(hull).unwrap_or_else(|| square(self.centre));
-        if self.turn == 0 {
-            squares
-        } else {
-            hull(squares, self.circle())
-        }
-    }
-
-    /// When the group is on the lattice.
-    pub fn ready(&self) -> Time {
-        self.steps.last().map_or(0, |step| step.begin + 1)
-    }
-}
-
-/// The member that is nearest to all others, and how far their corners reach from its middle, rounded up.
-fn centre_of(cells: &[Site]) -> (usize, i64) {
-    let reach = |&(x, y): &Site| {
-        let corner = |other: &Site| {
-            let (right, up) = (2 * (other.0 - x).abs() + 1, 2 * (other.1 - y).abs() + 1);
-            right * right + up * up
-        };
-        cells.iter().map(corner).max().unwrap_or_default()
-    };
-    let nearest = (0..cells.len()).min_by_key(|&member| (reach(&cells[member]), member));
-    let member = nearest.unwrap_or_default();
-    let square = i128::from(reach(&cells[member])) * i128::from(HALF) * i128::from(HALF);
-    (
-        member,
-        i64::try_from(square.isqrt() + 1).unwrap_or(i64::MAX),
-    )
-}
-
-/// The quarter turns, beyond those to the nearest axes, that bring a group into the layout of its spots.
-fn extra_quarters(first: &Pose, cells: &[Site], spots: &[Pose]) -> Option<i64> {
-    if cells.len() == 1 {
-        return Some(quarters(spots[0].theta.0) - quarters(first.theta.0));
-    }
-    let (cell, spot) = (cells[0], &spots[0]);
-    [0, 1, -1, 2].into_iter().find(|&extra| {
-        cells.iter().zip(spots).all(|(other, goal)| {
-            let turned = by_quarters((other.0 - cell.0, other.1 - cell.1), extra);
-            let units = |along: i64| (along + HALF).div_euclid(MICRO_PER_UNIT);
-            turned == (units(goal.x.0 - spot.x.0), units(goal.y.0 - spot.y.0))
-        })
-    })
-}
-
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
 /// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan.
@@ -309,6 +62,46 @@ pub(super) fn align(
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
 ) -> Result<Vec<Group>, Vec<StartFault>> {
+    let (mut groups, mut faults) = groups_of(problem, lattice, tolerance, spots_of);
+    groups.sort_by_key(|group| group.modules[0]);
+    for group in &mut groups {
+        let moves = [
+            (Phase::Turn, group.turn),
+            (Phase::Column, group.shift.0),
+            (Phase::Row, group.shift.1),
+        ];
+        let needed = moves.into_iter().filter(|&(_, by)| by.abs() > tolerance.0);
+        group.steps = needed
+            .map(|(phase, _)| Alignment {
+                phase,
+                begin: 0,
+                waits: Vec::new(),
+            })
+            .collect();
+    }
+    let pairs = near_pairs(&groups);
+    faults.extend(
+        pairs.iter().filter_map(|&(one, other)| {
+            not_apart(problem, &groups[one], &groups[other], tolerance.0)
+        }),
+    );
+    if faults.is_empty() {
+        faults = schedule(problem, &mut groups, &pairs, tolerance.0);
+    }
+    if faults.is_empty() {
+        Ok(groups)
+    } else {
+        Err(faults)
+    }
+}
+
+/// The groups, and what keeps modules from being in one.
+fn groups_of(
+    problem: &PlanningProblem,
+    lattice: &Lattice,
+    tolerance: MicroUnits,
+    spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
+) -> (Vec<Group>, Vec<StartFault>) {
     let mut groups = Vec::new();
     let mut faults = Vec::new();
     let mut is_grouped = vec![false; problem.modules().len()];
@@ -348,36 +141,7 @@ pub(super) fn align(
             Err(fault) => faults.push(fault),
         }
     }
-    groups.sort_by_key(|group| group.modules[0]);
-    for group in &mut groups {
-        let moves = [
-            (Phase::Turn, group.turn),
-            (Phase::Column, group.shift.0),
-            (Phase::Row, group.shift.1),
-        ];
-        let needed = moves.into_iter().filter(|&(_, by)| by.abs() > tolerance.0);
-        group.steps = needed
-            .map(|(phase, _)| Alignment {
-                phase,
-                begin: 0,
-                waits: Vec::new(),
-            })
-            .collect();
-    }
-    let pairs = near_pairs(&groups);
-    faults.extend(
-        pairs.iter().filter_map(|&(one, other)| {
-            not_apart(problem, &groups[one], &groups[other], tolerance.0)
-        }),
-    );
-    if faults.is_empty() {
-        faults = schedule(problem, &mut groups, &pairs, tolerance.0);
-    }
-    if faults.is_empty() {
-        Ok(groups)
-    } else {
-        Err(faults)
-    }
+    (groups, faults)
 }
 
 /// The pairs of groups whose surroundings overlap, lower first.

@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use super::field::Field;
+use super::group::{Group, Phase};
 use super::lattice::{Lattice, Time};
 use super::order::Order;
-use super::start::{Group, Phase};
 use super::units::Unit;
 
 /// A wait between units by position: the step that waits, the other unit, and how many steps it must have done.

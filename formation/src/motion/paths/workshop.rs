@@ -4,11 +4,12 @@ use std::collections::BTreeSet;
 
 use super::diagnose::{Names, obstruction, region};
 use super::field::{Failure, NOBODY};
+use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time, bounds};
 use super::order::Formation;
 use super::output;
 use super::result::{Area, MotionError, MotionPlan, MotionRequest, Obstruction};
-use super::start::{Group, Phase, StartFault, align};
+use super::start::{StartFault, align};
 use super::units::Unit;
 use super::variants::Ground;
 use super::waits::aligners;
@@ -35,6 +36,13 @@ pub(super) struct Workshop<'a> {
     pub arena: Arena,
     /// The groups that sweep each cell on their way onto the lattice.
     pub aligners: Vec<Vec<usize>>,
+}
+
+/// What comes of an attempt to plan.
+enum Attempt {
+    Solved(Box<MotionPlan>),
+    /// These blocks do not get to their spots; none if single modules among blocks do not.
+    Blamed(Vec<usize>),
 }
 
 /// Units and their places in the acting order.
@@ -170,61 +178,76 @@ impl<'a> Workshop<'a> {
         let mut attempt = 0;
         loop {
             let crew = self.crew(&apart);
-            let formation = Formation {
-                arena: &self.arena,
-                units: &crew.units,
-                ranks: &crew.ranks,
-                by_edges: &crew.by_edges,
-                target,
-            };
-            let blamed = match formation.order() {
-                Err(stuck) => match stuck.block {
-                    Some(block) => vec![block],
-                    None => return Err(self.walled_in(&crew, stuck.unit)),
-                },
-                Ok(order) => {
-                    let mut parameters = self.request.parameters;
-                    parameters.expansions_max = parameters.expansions_max.saturating_sub(spent);
-                    let ground = Ground {
-                        arena: &self.arena,
-                        units: &crew.units,
-                        ready: &ready,
-                        order: &order,
-                        target,
-                        parameters: &parameters,
-                    };
-                    match ground.solve() {
-                        Ok(solution) => {
-                            let names: Vec<Vec<ModuleId>> = (0..blocks.len())
-                                .filter(|&block| apart[block])
-                                .map(|block| blocks[block].clone())
-                                .collect();
-                            let draft = output::Draft {
-                                workshop: self,
-                                order: &order,
-                                solution: &solution,
-                                spent,
-                            };
-                            return Ok(draft.plan(names));
-                        }
-                        Err(failed) => {
-                            let (field, failure) = *failed;
-                            spent += field.expansions();
-                            let units = [Some(failure.unit), failure.in_the_way];
-                            let is_block = |unit: &usize| crew.units[*unit].is_block();
-                            let named: Vec<usize> =
-                                units.into_iter().flatten().filter(is_block).collect();
-                            if named.is_empty() && crew.units.iter().all(|unit| !unit.is_block()) {
-                                return Err(self.unreachable(&crew, &failure, &field));
-                            }
-                            named
-                        }
-                    }
+            let blamed = match self.attempt(&crew, target, &ready, &mut spent)? {
+                Attempt::Blamed(blamed) => blamed,
+                Attempt::Solved(mut plan) => {
+                    let names = blocks.iter().zip(&apart).filter(|(_, apart)| **apart);
+                    plan.taken_apart = names.map(|(block, _)| block.clone()).collect();
+                    return Ok(*plan);
                 }
             };
-            // Each round takes a block apart, and without blocks this returns.
+            // Each round takes a block apart, and without blocks an attempt solves or fails.
             self.take_apart(&crew, &blamed, attempt, &mut apart);
             attempt += 1;
+        }
+    }
+
+    /// Orders and plans the units.
+    fn attempt(
+        &self,
+        crew: &Crew,
+        target: (Site, Site),
+        ready: &[Time],
+        spent: &mut u64,
+    ) -> Result<Attempt, MotionError> {
+        let formation = Formation {
+            arena: &self.arena,
+            units: &crew.units,
+            ranks: &crew.ranks,
+            by_edges: &crew.by_edges,
+            target,
+        };
+        let order = match formation.order() {
+            Ok(order) => order,
+            Err(stuck) => {
+                let block = stuck
+                    .block
+                    .ok_or_else(|| self.walled_in(crew, stuck.unit))?;
+                return Ok(Attempt::Blamed(vec![block]));
+            }
+        };
+        let mut parameters = self.request.parameters;
+        parameters.expansions_max = parameters.expansions_max.saturating_sub(*spent);
+        let ground = Ground {
+            arena: &self.arena,
+            units: &crew.units,
+            ready,
+            order: &order,
+            target,
+            parameters: &parameters,
+        };
+        match ground.solve() {
+            Ok(solution) => {
+                let draft = output::Draft {
+                    workshop: self,
+                    order: &order,
+                    solution: &solution,
+                    spent: *spent,
+                };
+                Ok(Attempt::Solved(Box::new(draft.plan())))
+            }
+            Err(failed) => {
+                let (field, failure) = *failed;
+                *spent += field.expansions();
+                if crew.units.iter().all(|unit| !unit.is_block()) {
+                    return Err(self.unreachable(crew, &failure, &field));
+                }
+                let units = [Some(failure.unit), failure.in_the_way]
+                    .into_iter()
+                    .flatten();
+                let blocks = units.filter(|&unit| crew.units[unit].is_block());
+                Ok(Attempt::Blamed(blocks.collect()))
+            }
         }
     }
 
