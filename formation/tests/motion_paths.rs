@@ -1,6 +1,10 @@
 //! Motion plans are executed by their waits, with and without delays, and checked for contact by an independent model.
 
-#![allow(clippy::cast_precision_loss, reason = "tests draw small numbers")]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    reason = "a test fails by panicking"
+)]
 
 mod support;
 

@@ -1,5 +1,7 @@
 //! Executes motion plans by their waits alone and looks for contact, in continuous time. Shares nothing with the planner.
 
+#![allow(clippy::unwrap_used, reason = "helpers of tests fail the test")]
+
 use std::collections::BTreeMap;
 
 use formation::model::{ModuleId, Pose};

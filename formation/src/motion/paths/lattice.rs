@@ -196,8 +196,10 @@ impl Arena {
 
     /// The cells of a rectangle of the lattice, as far as they lie in the arena.
     pub fn cells_between(&self, (low, high): (Site, Site)) -> Vec<usize> {
-        (low.1..=high.1)
-            .flat_map(|y| (low.0..=high.0).map(move |x| (x, y)))
+        let last = self.site(self.area() - 1);
+        let columns = low.0.max(self.low.0)..=high.0.min(last.0);
+        let rows = low.1.max(self.low.1)..=high.1.min(last.1);
+        rows.flat_map(|y| columns.clone().map(move |x| (x, y)))
             .filter_map(|site| self.cell(site))
             .collect()
     }

@@ -187,12 +187,10 @@ struct Rest<'a> {
 impl<'a> Rest<'a> {
     fn new(formation: &'a Formation<'a>) -> Self {
         let mut taken = formation.arena.closed.clone();
-        let mut is_left = vec![false; formation.units.len()];
-        for unit in 0..formation.units.len() {
-            for cell in formation.goal_cells(unit) {
-                taken[cell] = true;
-                is_left[unit] = true;
-            }
+        let is_left = formation.units.iter().map(|unit| unit.goal.is_some());
+        let is_left: Vec<bool> = is_left.collect();
+        for cell in (0..is_left.len()).flat_map(|unit| formation.goal_cells(unit)) {
+            taken[cell] = true;
         }
         let open = largest_region(formation.arena, &taken);
         Self {

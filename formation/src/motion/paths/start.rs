@@ -228,10 +228,10 @@ fn schedule(
                         .iter()
                         .any(|body| rectangles.iter().any(|rest| overlap(body, rest, slack)))
                 };
-                let earlier = [Phase::Turn, Phase::Column]
+                let mut earlier = [Phase::Column, Phase::Turn]
                     .into_iter()
                     .filter(|&it| it < phase);
-                let last = earlier.filter(|&it| meets(&groups[first].swept(it))).last();
+                let last = earlier.find(|&it| meets(&groups[first].swept(it)));
                 if let Some(last) = last {
                     waits.push((waiting, phase, first, last));
                 }

@@ -62,8 +62,8 @@ impl Graph<'_> {
         for cell in 0..self.field.arena.area() {
             self.cell_waits(cell, &speaker, &mut waits);
         }
-        for unit in 0..count {
-            self.docking_waits(unit, &mut waits[unit]);
+        for (unit, waits) in waits.iter_mut().enumerate() {
+            self.docking_waits(unit, waits);
         }
         waits.into_iter().map(without_implied).collect()
     }
