@@ -11,6 +11,7 @@ mod baselines;
 mod degenerate;
 mod duplicate_module;
 mod limits;
+mod motion_paths;
 mod oracles;
 mod planning;
 mod properties;

@@ -1,13 +1,5 @@
 //! Motion plans are executed by their waits, with and without delays, and checked for contact by an independent model.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test fails by panicking"
-)]
-
-mod support;
-
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
@@ -21,8 +13,8 @@ use formation::motion::paths::{
 };
 use formation::planner::{PlanOutcome, plan};
 
-use support::Numbers;
-use support::bodies::{Contact, Delays, contacts, execute};
+use crate::support::Numbers;
+use crate::support::bodies::{Contact, Delays, contacts, execute};
 
 struct Case {
     modules: usize,

@@ -1,7 +1,7 @@
 //! Starts without contact, for scenarios whose modules move without contact.
 
-use super::{BOX_SIDE_UNITS, HALF_TURN, Random, StartPose, tree::Cell};
-use crate::model::{MICRO_PER_UNIT, RawModule, RawScenario};
+use super::{BOX_SIDE_UNITS, HALF_TURN, Random, module_on_cell, tree::Cell};
+use crate::model::{MICRO_PER_UNIT, MicroUnits, Pose, RawModule, RawScenario};
 
 /// How the starts are kept apart.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -37,7 +37,7 @@ pub fn set_apart(scenario: &mut RawScenario, apart: Apart, percent: u32, seed: u
     };
     for ((body, shape), place) in bodies.iter_mut().zip(&shapes).zip(places) {
         for (module, &cell) in body.iter_mut().zip(&shape.cells) {
-            **module = place.module(module.id, cell);
+            **module = module_on_cell(&place, module.id, cell);
         }
     }
 }
@@ -87,15 +87,10 @@ fn whole(along: f64) -> i32 {
 }
 
 /// A place for each shape in a field, the largest first; none if one does not fit.
-fn places(
-    shapes: &[Shape],
-    apart: Apart,
-    side: i64,
-    random: &mut Random,
-) -> Option<Vec<StartPose>> {
+fn places(shapes: &[Shape], apart: Apart, side: i64, random: &mut Random) -> Option<Vec<Pose>> {
     let mut by_size: Vec<usize> = (0..shapes.len()).collect();
     by_size.sort_by_key(|&shape| (std::cmp::Reverse(shapes[shape].radius), shape));
-    let mut places: Vec<Option<StartPose>> = shapes.iter().map(|_| None).collect();
+    let mut places: Vec<Option<Pose>> = shapes.iter().map(|_| None).collect();
     let mut taken = std::collections::BTreeSet::new();
     for (rank, &shape) in by_size.iter().enumerate() {
         let drawn = (0..DRAWS_MAX).find_map(|_| {
@@ -106,7 +101,7 @@ fn places(
                     .all(|&other| {
                         let reach = shapes[shape].radius + shapes[other].radius;
                         places[other].as_ref().is_none_or(|other| {
-                            let (x, y) = (place.x - other.x, place.y - other.y);
+                            let (x, y) = ((place.x - other.x).0, (place.y - other.y).0);
                             i128::from(x).pow(2) + i128::from(y).pow(2) >= i128::from(reach).pow(2)
                         })
                     })
@@ -124,16 +119,16 @@ fn places(
     places.into_iter().collect()
 }
 
-fn draw(apart: Apart, side: i64, random: &mut Random) -> StartPose {
+fn draw(apart: Apart, side: i64, random: &mut Random) -> Pose {
     let low = i64::from(BOX_SIDE_UNITS) * MICRO_PER_UNIT / 2 - side / 2;
     let mut below = |bound: i64| {
         i64::try_from(random.below(bound.max(0).unsigned_abs() + 1)).unwrap_or_default()
     };
     match apart {
-        Apart::Circles => StartPose {
-            x: low + below(side),
-            y: low + below(side),
-            theta: below(HALF_TURN.cast_signed()),
+        Apart::Circles => Pose {
+            x: MicroUnits(low + below(side)),
+            y: MicroUnits(low + below(side)),
+            theta: MicroUnits(below(HALF_TURN.cast_signed())),
         },
         Apart::Cells => {
             let mut cell = || {
@@ -144,22 +139,22 @@ fn draw(apart: Apart, side: i64, random: &mut Random) -> StartPose {
             };
             let (x, y) = (cell(), cell());
             let quarter = [0, 1_570_796, 3_141_593, -1_570_796];
-            StartPose {
-                x,
-                y,
-                theta: quarter[usize::try_from(below(3)).unwrap_or_default()],
+            Pose {
+                x: MicroUnits(x),
+                y: MicroUnits(y),
+                theta: MicroUnits(quarter[usize::try_from(below(3)).unwrap_or_default()]),
             }
         }
     }
 }
 
 /// The cells that a shape covers at a place on the lattice.
-fn cells_of(shape: &Shape, place: &StartPose) -> Vec<(i64, i64)> {
+fn cells_of(shape: &Shape, place: &Pose) -> Vec<(i64, i64)> {
     shape
         .cells
         .iter()
         .map(|&cell| {
-            let module = place.module(0, cell);
+            let module = module_on_cell(place, 0, cell);
             (i64::from(whole(module.x)), i64::from(whole(module.y)))
         })
         .collect()

@@ -15,6 +15,10 @@ const LINGER: Duration = Duration::from_millis(500);
 
 /// What the verifier found.
 #[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a run has one, so its size does not matter"
+)]
 pub enum Judgement {
     /// A verdict on the formation.
     Verdict(VerdictReport),
@@ -24,6 +28,10 @@ pub enum Judgement {
 
 /// How a run ended.
 #[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a run has one, so its size does not matter"
+)]
 pub enum RunEnd {
     /// The verifier has judged.
     Judged(Judgement),

@@ -219,14 +219,14 @@ impl Easel<'_> {
         if let Some((_, messages)) = delivery.accept(own, &mut self.traffic) {
             let now = self.start.elapsed();
             for message in messages {
-                self.hear(now, message);
+                self.handle_message(now, &message);
             }
         }
     }
 
-    fn hear(&mut self, now: Duration, message: Message) {
+    fn handle_message(&mut self, now: Duration, message: &Message) {
         let had = self.scene.target().cloned();
-        self.scene.handle(now, &message);
+        self.scene.handle(now, message);
         if let Some(target) = self.scene.target()
             && had.as_ref() != Some(target)
         {
@@ -273,7 +273,6 @@ impl Easel<'_> {
 mod tests {
     use formation_tests::parameter_section;
     use ros_runtime::arguments::assigned_in;
-    use std::collections::BTreeMap;
 
     use super::*;
 
