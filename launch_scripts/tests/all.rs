@@ -13,3 +13,4 @@ mod generate;
 mod plan;
 mod run;
 mod simulate;
+mod verifier_lines;

@@ -1,12 +1,6 @@
 //! `formation run` as a user meets it, with shell scripts in place of the nodes: how it starts, watches and stops
 //! processes, whatever they do. What the real ones do together is tested elsewhere.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test fails by panicking"
-)]
-
 use std::fs::{self, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
@@ -15,11 +9,12 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation::model::{Assignment, FormationStage, ModuleId, SpotId};
-use formation::verify::{Counts, Outcome, Progress, ReportLine, TimingsReport, VerdictReport};
+use formation::verify::Outcome;
 use formation_tests::{Tool, on_path, tool_or_skip};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
+
+use crate::verifier_lines::{gathering, judges, verdict, verdict_after};
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
@@ -32,62 +27,6 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
 
 /// A program that stays until it is asked to end.
 const POLITE: &str = "exec sleep 60";
-
-/// A command that prints a line of the verifier.
-fn prints(line: &ReportLine) -> String {
-    format!("echo '{}'\n", serde_json::to_string(line).unwrap())
-}
-
-fn gathering(joined: usize, waiting_for: &[u32]) -> String {
-    prints(&ReportLine::Progress(Progress {
-        stage: FormationStage::Gathering,
-        epoch: None,
-        joined,
-        expected: None,
-        planned: 0,
-        agreed: 0,
-        settled: 0,
-        to_fill: 0,
-        waiting_for: waiting_for.iter().copied().map(ModuleId).collect(),
-    }))
-}
-
-fn judges(outcome: Outcome, assignments: &[(u32, u32)], open_spots: &[u32]) -> String {
-    let assignments = assignments.iter().map(|&(module, spot)| Assignment {
-        module: ModuleId(module),
-        spot: SpotId(spot),
-    });
-    let assignments: Vec<Assignment> = assignments.collect();
-    prints(&ReportLine::Verdict(VerdictReport {
-        outcome,
-        epoch: None,
-        filled_spots: assignments.len(),
-        assignments,
-        unassigned: Vec::new(),
-        open_spots: open_spots.iter().copied().map(SpotId).collect(),
-        violations: Vec::new(),
-        missing: vec!["spot 9 is empty".to_owned()],
-        timings_ms: TimingsReport::default(),
-        planning_ms: Some(1),
-        acting_ms: Some(2),
-        counts: Counts::default(),
-    }))
-}
-
-/// A verifier that judges once this many other processes were started.
-fn verdict_after(processes: usize, outcome: Outcome, spots: [u32; 2]) -> String {
-    format!(
-        r#"
-while [ "$(ls "$(dirname "$0")" | grep -c '^started-[mt].*[0-9]$')" -lt {processes} ]; do sleep 0.02; done
-{}{}"#,
-        gathering(2, &[]),
-        judges(outcome, &[(7, spots[0]), (8, spots[1])], &[])
-    )
-}
-
-fn verdict(outcome: Outcome, spots: [u32; 2]) -> String {
-    verdict_after(3, outcome, spots)
-}
 
 /// A directory with the launcher and scripts in place of the nodes.
 struct Sandbox {

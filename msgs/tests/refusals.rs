@@ -190,7 +190,7 @@ fn targets() {
         target => { target.withdrawn = true; target.spots.clear(); },
             "target: edges: must be empty while the target is withdrawn";
         target => target.expected_modules = 10_001, "target: expected_modules: must be at most 10000, got 10001";
-        target => { target.spots.clear(); target.edges.clear(); }, "target: spots: the target is empty; it needs at least one spot";
+        target => { target.spots.clear(); target.edges.clear(); }, "target: spots: the target needs at least one spot";
         target => target.spots[1].id = 1, "target: spots[1].id: spot 1 is used twice";
         target => target.spots[1].x = f64::INFINITY,
             "target: spots[1].x: must be a finite number, got inf (spot 2)";
@@ -260,7 +260,7 @@ fn rosters() {
         roster => roster.target_revision = 4, "roster: target.revision: differs from target_revision";
         roster => roster.target.planner.d_max = -9,
             "roster: target.planner.d_max: -9 is unknown; known are 0 and above, and UNBOUNDED -1";
-        roster => { roster.target.spots.clear(); roster.target.edges.clear(); }, "roster: target: spots: the target is empty; it needs at least one spot";
+        roster => { roster.target.spots.clear(); roster.target.edges.clear(); }, "roster: target: spots: the target needs at least one spot";
         roster => roster.members.clear(), "roster: members: a plan needs at least one member";
         roster => roster.members.reverse(),
             "roster: members[1]: module 4 must stand after module 1, the list ascends";

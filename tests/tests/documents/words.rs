@@ -168,6 +168,25 @@ fn findings(file: &TextFile) -> Vec<(usize, &'static str, &'static str)> {
     found
 }
 
+/// The most words that folders still contain which are not rewritten yet. The numbers only fall.
+const REMAINING: [(&str, usize); 15] = [
+    ("docs", 170),
+    ("experiments", 20),
+    ("formation", 90),
+    ("launch_scripts", 30),
+    ("leader_agent", 7),
+    ("module_agent", 288),
+    ("msgs", 58),
+    ("node", 17),
+    ("report", 65),
+    ("ros_runtime", 196),
+    ("sim", 10),
+    ("target_publisher", 338),
+    ("tests", 170),
+    ("verifier", 89),
+    ("visualiser", 63),
+];
+
 #[test]
 fn words_that_the_glossary_replaces_are_not_used() {
     let mut report = String::new();
@@ -178,7 +197,14 @@ fn words_that_the_glossary_replaces_are_not_used() {
             *by_folder.entry(file.top().to_owned()).or_default() += 1;
         }
     }
-    assert!(report.is_empty(), "{report}found: {by_folder:#?}");
+    for (folder, most) in REMAINING {
+        let count = by_folder.remove(folder).unwrap_or_default();
+        assert!(
+            count <= most,
+            "{report}{folder}: {count} words, at most {most}"
+        );
+    }
+    assert!(by_folder.is_empty(), "{report}found: {by_folder:#?}");
 }
 
 #[test]
