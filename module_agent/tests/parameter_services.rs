@@ -40,6 +40,9 @@ use rustdds::DomainParticipantBuilder;
 /// A service that does not answer at all is what this looks for.
 const PATIENCE: Duration = Duration::from_secs(20);
 
+/// The time after which a request is sent again.
+const ASK_AGAIN_AFTER: Duration = Duration::from_secs(3);
+
 fn process(domain: &str, mapping: ServiceMapping) -> ModuleProcess {
     let overrides = Overrides {
         domain: Some(domain.parse().unwrap()),
@@ -88,12 +91,12 @@ impl Caller {
         Self { node, mapping }
     }
 
-    /// Asks once, as soon as the service is there, and waits for the one answer.
+    /// Asks as soon as the service is there, and again while there is no answer.
     fn call<Q: Message + Clone + 'static, A: Message + 'static>(
         &mut self,
         service: &str,
         name: &str,
-        request: Q,
+        request: &Q,
     ) -> A {
         let qos = QosProfile::publisher_default().history(History::KeepLast { depth: 10 });
         let client: Client<Q, A> = self
@@ -110,8 +113,15 @@ impl Caller {
         async_io::block_on(async {
             let call = async {
                 client.wait_for_service(&self.node).await;
-                let id = client.async_send_request(request).await.unwrap();
-                client.async_receive_response(id).await.unwrap()
+                // A reply is lost where the server answers before it has discovered the client's reader, so ask again.
+                loop {
+                    let id = client.async_send_request(Q::clone(request)).await.unwrap();
+                    let mut answer = Box::pin(client.async_receive_response(id).fuse());
+                    futures::select! {
+                        answer = answer => break answer.unwrap(),
+                        _ = FutureExt::fuse(Timer::after(ASK_AGAIN_AFTER)) => {}
+                    }
+                }
             };
             let spin = async {
                 match spinner {
@@ -141,7 +151,7 @@ fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMap
     let listed: ListParametersResponse = caller().call(
         "list_parameters",
         "ListParameters",
-        ListParametersRequest {
+        &ListParametersRequest {
             prefixes: Vec::new(),
             depth: 0,
         },
@@ -150,7 +160,7 @@ fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMap
     let read: GetParametersResponse = caller().call(
         "get_parameters",
         "GetParameters",
-        GetParametersRequest {
+        &GetParametersRequest {
             names: names.clone(),
         },
     );
@@ -158,7 +168,7 @@ fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMap
     let types: GetParameterTypesResponse = caller().call(
         "get_parameter_types",
         "GetParameterTypes",
-        GetParameterTypesRequest {
+        &GetParameterTypesRequest {
             names: names.clone(),
         },
     );
@@ -166,7 +176,7 @@ fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMap
     let described: DescribeParametersResponse = caller().call(
         "describe_parameters",
         "DescribeParameters",
-        DescribeParametersRequest { names },
+        &DescribeParametersRequest { names },
     );
     assert_eq!(described.values[0].r#type, 3);
     let change = |value| SetParametersRequest {
@@ -175,12 +185,12 @@ fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMap
             value: ParameterValue::Double(value).into(),
         }],
     };
-    let set: SetParametersResponse = caller().call("set_parameters", "SetParameters", change(3.0));
+    let set: SetParametersResponse = caller().call("set_parameters", "SetParameters", &change(3.0));
     assert!(set.results[0].successful);
     let set: SetParametersAtomicallyResponse = caller().call(
         "set_parameters_atomically",
         "SetParametersAtomically",
-        change(-3.0),
+        &change(-3.0),
     );
     assert!(set.result.reason.contains("must be from 0.001"), "{set:?}");
 
