@@ -15,11 +15,11 @@ use std::time::Duration;
 use async_channel::bounded;
 use async_io::Timer;
 use formation::model::{Incarnation, ModuleId, Pose};
-use formation::protocol::{AgentParameters, Identity};
+use formation::protocol::Identity;
 use formation_tests::Domain;
 use futures::FutureExt;
-use module_agent::MotionParameters;
-use module_agent::agents::ModuleProcess;
+use module_agent::ModuleProcess;
+use module_agent::arguments::{Motion, Timing};
 use ros_runtime::arguments::RosArguments;
 use ros_runtime::environment::{DiscoveryRange, Environment, Overrides};
 use ros_runtime::service_mapping::ServiceMapping;
@@ -50,6 +50,7 @@ fn process(domain: &str, mapping: ServiceMapping) -> ModuleProcess {
     ModuleProcess {
         settings: Settings {
             environment: Environment::resolve(overrides, |_| None).unwrap(),
+            namespace: "/formation".parse().unwrap(),
             service_mapping: mapping,
             ros,
             ..Settings::default()
@@ -62,8 +63,8 @@ fn process(domain: &str, mapping: ServiceMapping) -> ModuleProcess {
             configuration: None,
             leader: None,
         }],
-        parameters: AgentParameters::default(),
-        motion: MotionParameters::default(),
+        timing: Timing::default(),
+        motion: Motion::default(),
         frame_id: "map".to_owned(),
     }
 }

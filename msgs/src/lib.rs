@@ -15,7 +15,7 @@ mod docking;
 mod driver_pose;
 mod epoch;
 mod error;
-pub mod foreign;
+pub mod external;
 mod form_configuration;
 mod heartbeat;
 mod module_state;
@@ -118,17 +118,17 @@ sections!(
     WithdrawTargetResponse = "WithdrawTarget_Response",
 );
 
-mod foreign_types {
+mod external_types {
     use super::InterfaceType;
-    use super::foreign::geometry_msgs::{
+    use super::external::geometry_msgs::{
         Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped,
         Twist, TwistWithCovariance, Vector3,
     };
-    use super::foreign::nav_msgs::Odometry;
-    use super::foreign::sensor_msgs::CompressedImage;
-    use super::foreign::std_msgs::ColorRGBA;
-    use super::foreign::tf2_msgs::TFMessage;
-    use super::foreign::visualization_msgs::{Marker, MarkerArray, MeshFile, UVCoordinate};
+    use super::external::nav_msgs::Odometry;
+    use super::external::sensor_msgs::CompressedImage;
+    use super::external::std_msgs::ColorRGBA;
+    use super::external::tf2_msgs::TFMessage;
+    use super::external::visualization_msgs::{Marker, MarkerArray, MeshFile, UVCoordinate};
 
     interface_types!(
         "geometry_msgs":

@@ -1,7 +1,7 @@
 //! Assignments of parameters, from the command line and from parameter files.
 //!
-//! After the design article "ROS Command Line Arguments": what names a node outweighs what has a wildcard or names
-//! none; among equals, what stands farther right, or farther down in a file, holds.
+//! After the design article "ROS Command Line Arguments": an assignment that names a node takes precedence over one that
+//! has a wildcard or names none; among equals, the one farther right, or farther down in a file, holds.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -10,15 +10,14 @@ use std::sync::Arc;
 
 use ros2_client::ParameterValue;
 
-use super::names::NodeIdentity;
-use super::remapping::{Pattern, split_node};
+use super::names::{self, NodeIdentity};
+use super::remapping::split_node;
 use super::yaml::{Yaml, parameter_value};
-use crate::environment::Namespace;
 
 /// The key below which the parameters of a node stand.
 const PARAMETERS_KEY: &str = "ros__parameters";
 
-/// Where an assignment was written.
+/// Where an assignment comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// On the command line.
@@ -40,7 +39,7 @@ impl fmt::Display for Origin {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Target {
     Every,
-    /// By base name, in whatever namespace.
+    /// By base name, in any namespace.
     Named(String),
     /// By fully qualified name, in which there may be wildcards.
     Qualified(String),
@@ -54,9 +53,9 @@ pub struct Assignment {
     pub name: String,
     /// Its value, of the type that YAML gives it.
     pub value: ParameterValue,
-    /// Where this was written.
+    /// Where it comes from.
     pub origin: Origin,
-    /// Whether it names this node, rather than all or some.
+    /// Whether it names one node, rather than all or some.
     pub names_node: bool,
 }
 
@@ -87,7 +86,7 @@ impl ParameterAssignments {
         Ok(())
     }
 
-    /// Adds what a parameter file says.
+    /// Adds the assignments of a parameter file.
     pub(super) fn add_file(&mut self, path: PathBuf, text: &str) -> Result<(), String> {
         let wrong =
             |reason: &dyn fmt::Display| format!("parameter file {}: {reason}", path.display());
@@ -96,10 +95,10 @@ impl ParameterAssignments {
         read_nodes("", yaml, &mut found).map_err(|reason| wrong(&reason))?;
         let origin = Origin::File(path.into());
         for (node, name, value) in found {
-            let pattern = Pattern::parse(&node, &anybody())
+            check_pattern(&node)
                 .map_err(|reason| format!("parameter file {origin}: node `{node}`: {reason}"))?;
             self.0.push(Assignment {
-                names_node: !pattern.has_wildcard(),
+                names_node: !node.contains('*'),
                 target: Target::Qualified(node),
                 name,
                 value,
@@ -124,7 +123,7 @@ impl ParameterAssignments {
         holding
     }
 
-    /// The parameter files of which nothing is for this node.
+    /// The parameter files that assign nothing to this node.
     #[must_use]
     pub fn files_without(&self, node: &NodeIdentity) -> Vec<&Path> {
         let mut files: BTreeMap<&Path, bool> = BTreeMap::new();
@@ -146,27 +145,50 @@ impl Assignment {
         match &self.target {
             Target::Every => true,
             Target::Named(name) => *name == node.name,
-            Target::Qualified(pattern) => {
-                Pattern::parse(pattern, node).is_ok_and(|parsed| {
-                    let name = node.fully_qualified();
-                    // Unlike in names, `/a/**` means `/a` as well.
-                    parsed.captures(&name).is_some()
-                        || pattern.strip_suffix("/**") == Some(name.as_str())
-                })
-            }
+            Target::Qualified(pattern) => is_match(pattern, &node.fully_qualified()),
         }
     }
 }
 
-/// Patterns of parameter files are fully qualified, so it does not matter who reads them.
-fn anybody() -> NodeIdentity {
-    NodeIdentity {
-        namespace: Namespace::default(),
-        name: "node".to_owned(),
-    }
+/// Checks the name of a node in which `*` stands for one part between slashes, and `**` for any number of parts.
+fn check_pattern(pattern: &str) -> Result<(), String> {
+    let parts = pattern.split('/').map(|part| match part {
+        "*" | "**" => "any",
+        part => part,
+    });
+    names::validate(&parts.collect::<Vec<_>>().join("/"))
 }
 
-/// Goes down through namespaces and nodes to `ros__parameters`. The parser bounds how deep a file can nest.
+/// Whether a name matches a pattern: like a glob, whose characters are the parts between slashes.
+fn is_match(pattern: &str, name: &str) -> bool {
+    let (pattern, name): (Vec<&str>, Vec<&str>) =
+        (pattern.split('/').collect(), name.split('/').collect());
+    let (mut at, mut part) = (0, 0);
+    // Where the last `**` stands, and the part up to which it matches.
+    let mut last: Option<(usize, usize)> = None;
+    while part < name.len() {
+        match pattern.get(at) {
+            Some(&"**") => {
+                last = Some((at, part));
+                at += 1;
+            }
+            Some(&token) if token == "*" || token == name[part] => {
+                at += 1;
+                part += 1;
+            }
+            _ => match &mut last {
+                Some((many, matched)) => {
+                    *matched += 1;
+                    (at, part) = (*many + 1, *matched);
+                }
+                None => return false,
+            },
+        }
+    }
+    pattern[at..].iter().all(|token| *token == "**")
+}
+
+/// Descends through namespaces and nodes to `ros__parameters`. The parser bounds the nesting of a file.
 fn read_nodes(
     node: &str,
     yaml: Yaml,

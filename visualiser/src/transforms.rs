@@ -2,13 +2,13 @@
 
 use formation::model::Target;
 use formation_msgs::Header;
-use formation_msgs::foreign::geometry_msgs::TransformStamped;
-use formation_msgs::foreign::tf2_msgs::TFMessage;
+use formation_msgs::external::geometry_msgs::TransformStamped;
+use formation_msgs::external::tf2_msgs::TFMessage;
 
-use super::scene::DrawnScene;
+use crate::scene::DrawnScene;
 
 /// Where each live module stands: `module_N`.
-pub(super) fn of_modules(scene: &DrawnScene, header: &Header) -> TFMessage {
+pub(crate) fn of_modules(scene: &DrawnScene, header: &Header) -> TFMessage {
     let live = scene.figures().filter(|(_, figure)| figure.is_live);
     TFMessage {
         transforms: live
@@ -22,7 +22,7 @@ pub(super) fn of_modules(scene: &DrawnScene, header: &Header) -> TFMessage {
 }
 
 /// Where each spot lies: `spot_N`.
-pub(super) fn of_spots(target: &Target, header: &Header) -> TFMessage {
+pub(crate) fn of_spots(target: &Target, header: &Header) -> TFMessage {
     TFMessage {
         transforms: target
             .spots()
@@ -40,8 +40,8 @@ pub(super) fn of_spots(target: &Target, header: &Header) -> TFMessage {
 mod tests {
     use std::time::Duration;
 
-    use super::super::scene::tests::scene;
     use super::*;
+    use crate::scene::tests::scene;
 
     #[test]
     fn live_modules_and_all_spots_have_frames() {

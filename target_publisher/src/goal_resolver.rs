@@ -1,29 +1,27 @@
-//! What a goal wants: a target that it holds, or that of a scenario which it names.
+//! What a goal asks for: the target that it has, or that of a scenario which it names.
 
 use std::path::PathBuf;
 use std::sync::Arc;
 
 use formation::model::{MODULES_MAX, TargetAnnouncement};
 use formation_msgs::FormConfigurationGoal;
-
 use formation_node::scenario::read_scenario;
-use ros_runtime::outcome::Failure;
 
-/// How many scenarios are named to somebody who asked for one that does not exist.
-const NAMED_MAX: usize = 10;
+/// How many scenarios the answer to a client lists that asked for one that does not exist.
+const LISTED_MAX: usize = 10;
 
-/// Where goals find what they do not hold themselves.
+/// Finds the target of a goal.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub(super) struct Wishes {
+pub(crate) struct GoalResolver {
     /// The folder of the scenarios that goals can name.
-    pub(super) folder: Option<PathBuf>,
+    pub folder: Option<PathBuf>,
     /// How many modules take part, where a goal does not say.
-    pub(super) expected_modules: Option<u32>,
+    pub expected_modules: Option<u32>,
 }
 
-impl Wishes {
-    /// What to announce for a goal, its revision aside; or why that cannot be.
-    pub(super) fn resolve(
+impl GoalResolver {
+    /// The announcement for a goal, without its revision; or why there can be none.
+    pub(crate) fn resolve(
         &self,
         goal: FormConfigurationGoal,
     ) -> Result<TargetAnnouncement, String> {
@@ -34,17 +32,16 @@ impl Wishes {
             ));
         }
         let announcement = if goal.scenario.is_empty() {
-            let announcement =
-                TargetAnnouncement::try_from(goal.target).map_err(|error| error.to_string())?;
-            if announcement.target.is_none() {
-                return Err(
-                    "target: withdrawn: a goal says what to form; cancel it, or call withdraw_target".to_owned(),
-                );
-            }
-            announcement
+            TargetAnnouncement::try_from(goal.target).map_err(|error| error.to_string())?
         } else {
             self.of_scenario(&goal.scenario)?
         };
+        if announcement.target.is_none() {
+            return Err(
+                "target: withdrawn: a goal names what to form; cancel it, or call withdraw_target"
+                    .to_owned(),
+            );
+        }
         Ok(TargetAnnouncement {
             expected_modules: (expected > 0)
                 .then_some(expected)
@@ -57,28 +54,27 @@ impl Wishes {
     fn of_scenario(&self, name: &str) -> Result<TargetAnnouncement, String> {
         let Some(folder) = &self.folder else {
             return Err(
-                "scenario: this publisher knows none by name; start it with --scenario-folder or --scenario".to_owned(),
+                "scenario: this publisher has no folder of scenarios; start it with --scenario-folder or --scenario"
+                    .to_owned(),
             );
         };
-        // A goal comes from outside, and must not reach for other files.
-        let is_name =
+        // A goal comes from outside, and must not name other files.
+        let is_allowed =
             |character: char| character.is_ascii_alphanumeric() || "_-.".contains(character);
-        if !name.chars().all(is_name) || name.starts_with('.') {
+        if !name.chars().all(is_allowed) || name.starts_with('.') {
             return Err(format!(
-                "scenario: `{name}` is no name; it may have letters, digits, `_`, `-` and `.` only, and names a file of \
-                 the publisher's scenario folder without its `.yaml`"
+                "scenario: `{name}` is not a name; it may have letters, digits, `_`, `-` and `.` only, and names a file \
+                 of the publisher's scenario folder without its `.yaml`"
             ));
         }
         let path = folder.join(format!("{name}.yaml"));
         if !path.is_file() {
             return Err(format!(
                 "scenario: there is no `{name}` in the publisher's scenario folder; there {}",
-                self.named()
+                self.listed()
             ));
         }
-        let scenario = read_scenario(&path).map_err(|failure| match failure {
-            Failure::BadInput(error) | Failure::Failed(error) => format!("scenario: {error:#}"),
-        })?;
+        let scenario = read_scenario(&path).map_err(|failure| format!("scenario: {failure}"))?;
         let problem = scenario.problem();
         Ok(TargetAnnouncement {
             revision: 0,
@@ -89,27 +85,23 @@ impl Wishes {
         })
     }
 
-    /// Which scenarios there are, for people.
-    fn named(&self) -> String {
-        let entries = self
-            .folder
-            .iter()
-            .filter_map(|folder| folder.read_dir().ok());
+    /// The scenarios that there are.
+    fn listed(&self) -> String {
+        let folder = self.folder.iter();
+        let entries = folder.filter_map(|folder| folder.read_dir().ok()).flatten();
         let mut names: Vec<String> = entries
-            .flatten()
             .filter_map(|entry| {
                 let name = entry.ok()?.file_name().into_string().ok()?;
                 Some(name.strip_suffix(".yaml")?.to_owned())
             })
             .collect();
         names.sort();
-        match names.len() {
-            0 => "is none".to_owned(),
-            count if count > NAMED_MAX => {
-                names.truncate(NAMED_MAX);
-                format!("are {} and {} more", names.join(", "), count - NAMED_MAX)
-            }
-            _ => format!("are {}", names.join(", ")),
+        let more = names.len().saturating_sub(LISTED_MAX);
+        names.truncate(LISTED_MAX);
+        match (names.len(), more) {
+            (0, _) => "is none".to_owned(),
+            (_, 0) => format!("are {}", names.join(", ")),
+            (_, more) => format!("are {} and {more} more", names.join(", ")),
         }
     }
 }
@@ -120,11 +112,11 @@ mod tests {
 
     use super::*;
 
-    fn shipped() -> Wishes {
+    fn shipped() -> GoalResolver {
         let root = std::path::Path::new(env!("CARGO_MANIFEST_DIR"))
             .parent()
             .unwrap();
-        Wishes {
+        GoalResolver {
             folder: Some(root.join("launch_scripts/scenarios")),
             expected_modules: Some(7),
         }
@@ -142,16 +134,16 @@ mod tests {
         let announcement = shipped().resolve(named("singletons_10")).unwrap();
         assert_eq!(announcement.name, "singletons-10");
         assert_eq!(announcement.expected_modules, Some(7));
-        for (name, told) in [
+        for (name, expected) in [
             ("singletons", "figure1_ladder17"),
-            ("../scenarios/singletons_10", "is no name"),
-            ("/etc/passwd", "is no name"),
-            (".", "is no name"),
+            ("../scenarios/singletons_10", "is not a name"),
+            ("/etc/passwd", "is not a name"),
+            (".", "is not a name"),
         ] {
             let reason = shipped().resolve(named(name)).unwrap_err();
-            assert!(reason.contains(told), "{reason}");
+            assert!(reason.contains(expected), "{reason}");
         }
-        let reason = Wishes::default().resolve(named("singletons_10"));
+        let reason = GoalResolver::default().resolve(named("singletons_10"));
         assert!(reason.unwrap_err().contains("--scenario-folder"));
     }
 
@@ -175,20 +167,20 @@ mod tests {
             expected_modules: 3,
             ..FormConfigurationGoal::default()
         };
-        let wishes = Wishes::default();
-        let announcement = wishes.resolve(goal.clone()).unwrap();
+        let resolver = GoalResolver::default();
+        let announcement = resolver.resolve(goal.clone()).unwrap();
         assert_eq!(announcement.target.unwrap().spots().len(), 2);
         assert_eq!(announcement.expected_modules, Some(3));
         goal.target.edges.clear();
         assert!(
-            wishes
+            resolver
                 .resolve(goal.clone())
                 .unwrap_err()
                 .starts_with("target: ")
         );
         goal.expected_modules = 10_001;
         assert!(
-            wishes
+            resolver
                 .resolve(goal.clone())
                 .unwrap_err()
                 .contains("at most 10000")
@@ -198,6 +190,6 @@ mod tests {
             withdrawn: true,
             ..TargetConfiguration::default()
         };
-        assert!(wishes.resolve(goal).unwrap_err().contains("withdrawn"));
+        assert!(resolver.resolve(goal).unwrap_err().contains("withdrawn"));
     }
 }

@@ -1,9 +1,10 @@
-//! A fresh start for a process whose DDS library has locked itself up.
+//! The DDS deadlock watchdog: restarts a process whose DDS library has locked itself up.
 //!
-//! RustDDS 0.15.1 can do so while endpoints are made and other participants are being discovered. Its discovery thread
-//! holds the lock on what is discovered, to read, while it waits for room in the queue to its event loop. The event loop,
-//! which alone makes room, waits to read as well, behind whoever waits to write: the maker of the next endpoint. None
-//! of the three ever goes on, and no thread can be taken out of a lock, so the process begins anew, under its own number.
+//! RustDDS 0.15.1 can do so while endpoints are created and other participants are discovered. Its discovery thread
+//! holds the read lock on what is discovered while it waits for room in the queue to the event loop. The event loop,
+//! which alone makes room, waits for the read lock as well, behind the thread that waits for the write lock: the one that
+//! creates the next endpoint. None of the three ever continues, and no thread can be taken out of a lock, so the process
+//! executes itself again, under its own number.
 
 use std::env;
 use std::fs;
@@ -16,24 +17,24 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use crate::outcome::STATUS_FAILED;
-use crate::pulse::library_threads;
+use crate::dds_liveness::library_threads;
+use crate::exit::STATUS_FAILED;
 
 /// Between two looks.
 const INTERVAL: Duration = Duration::from_millis(500);
 
-/// So many looks in a row must find that nothing has moved.
+/// How many looks in a row must find no change.
 const LOOKS: u32 = 4;
 
-/// Watches whoever makes endpoints, and the library's threads meanwhile.
-pub struct Watch {
+/// Watches the creation of endpoints, and the library's threads meanwhile.
+pub(crate) struct DeadlockWatchdog {
     /// How often something was begun or ended: odd while it lasts.
     steps: Arc<AtomicU64>,
 }
 
-impl Watch {
-    /// Watches for as long as it lives.
-    pub fn start() -> Self {
+impl DeadlockWatchdog {
+    /// Watches until it is dropped.
+    pub(crate) fn start() -> Self {
         let steps = Arc::new(AtomicU64::new(0));
         let watched = Arc::downgrade(&steps);
         let watch = move || {
@@ -43,31 +44,31 @@ impl Watch {
                 let Some(steps) = watched.upgrade() else {
                     return;
                 };
-                if looks.find_standstill(steps.load(Ordering::Relaxed), activity) {
-                    tracing::warn!("the DDS library has locked itself up; starting anew");
-                    let error = start_anew();
-                    tracing::error!("could not start anew: {error}");
+                if looks.find_deadlock(steps.load(Ordering::Relaxed), activity) {
+                    tracing::warn!("the DDS library has locked itself up; restarting");
+                    let error = restart();
+                    tracing::error!("could not restart: {error}");
                     process::exit(STATUS_FAILED.into());
                 }
             }
         };
-        // Without a thread to watch, the library is trusted, as it may be nearly always.
+        // Without a thread to watch, a deadlock, which is rare, stays.
         let _ = thread::Builder::new()
-            .name("standstill".to_owned())
+            .name("deadlock".to_owned())
             .spawn(watch);
         Self { steps }
     }
 
-    /// Does what may wait for a lock of the library.
-    pub fn over<T>(&self, make: impl FnOnce() -> T) -> T {
+    /// Calls what may wait for a lock of the library.
+    pub(crate) fn watch<T>(&self, call: impl FnOnce() -> T) -> T {
         self.steps.fetch_add(1, Ordering::Relaxed);
-        let made = make();
+        let result = call();
         self.steps.fetch_add(1, Ordering::Relaxed);
-        made
+        result
     }
 }
 
-/// Which threads the library has, and how often each was given the processor.
+/// The threads of the library, and how often each was given the processor.
 type Activity = Vec<(PathBuf, String)>;
 
 #[derive(Default)]
@@ -77,8 +78,8 @@ struct Looks {
 }
 
 impl Looks {
-    /// Whether the same thing has been waiting for long while all of the library slept.
-    fn find_standstill(&mut self, steps: u64, activity: impl FnOnce() -> Option<Activity>) -> bool {
+    /// Whether the same call has been waiting in [`LOOKS`] looks while all of the library slept.
+    fn find_deadlock(&mut self, steps: u64, activity: impl FnOnce() -> Option<Activity>) -> bool {
         let waits = steps % 2 == 1;
         let seen = waits.then(activity).flatten().map(|seen| (steps, seen));
         self.alike = if seen.is_some() && seen == self.last {
@@ -91,17 +92,15 @@ impl Looks {
     }
 }
 
-/// What the library's threads did so far; `None` if one of them is at work, or the system does not tell.
+/// What the library's threads did so far; `None` if one of them runs, or the system does not show it.
 fn activity() -> Option<Activity> {
     let activity: Option<Activity> = library_threads()
         .into_iter()
         .map(|thread| {
             let status = fs::read_to_string(thread.join("status")).ok()?;
             let lines = |name: &str| {
-                status
-                    .lines()
-                    .filter(move |line| line.contains(name))
-                    .collect::<String>()
+                let lines = status.lines();
+                lines.filter(|line| line.contains(name)).collect::<String>()
             };
             lines("State:")
                 .contains("S (sleeping)")
@@ -112,7 +111,7 @@ fn activity() -> Option<Activity> {
 }
 
 /// Becomes the same program again, with the same arguments; returns only what prevents that.
-fn start_anew() -> io::Error {
+fn restart() -> io::Error {
     let mut arguments = env::args_os();
     let name = arguments.next().unwrap_or_default();
     match env::current_exe() {
@@ -127,24 +126,24 @@ mod tests {
     use std::sync::mpsc::channel;
 
     use super::*;
-    use crate::pulse::PRETENDING;
+    use crate::dds_liveness::NAMED_LIKE_THE_LIBRARY;
 
     fn seen(switches: &str) -> Option<Activity> {
         Some(vec![(PathBuf::from("7"), switches.to_owned())])
     }
 
-    /// How many looks it takes to find a standstill, of those that see this.
+    /// How many looks it takes to find a deadlock, of those that see this.
     fn looks_until_found(
         sights: impl IntoIterator<Item = (u64, Option<Activity>)>,
     ) -> Option<usize> {
         let mut looks = Looks::default();
         sights
             .into_iter()
-            .position(|(steps, activity)| looks.find_standstill(steps, || activity))
+            .position(|(steps, activity)| looks.find_deadlock(steps, || activity))
     }
 
     #[test]
-    fn only_a_long_wait_in_which_nothing_moves_is_a_standstill() {
+    fn only_a_long_wait_in_which_nothing_runs_is_a_deadlock() {
         let still = (0..10).map(|_| (3, seen("5")));
         assert_eq!(looks_until_found(still), Some(4));
         let nothing_waits = (0..10).map(|_| (4, seen("5")));
@@ -159,7 +158,9 @@ mod tests {
 
     #[test]
     fn what_a_thread_of_the_library_does_is_seen() {
-        let _alone = PRETENDING.lock().unwrap_or_else(PoisonError::into_inner);
+        let _alone = NAMED_LIKE_THE_LIBRARY
+            .lock()
+            .unwrap_or_else(PoisonError::into_inner);
         let (wake, woken) = channel::<()>();
         let (ready, is_ready) = channel();
         let library = thread::Builder::new()

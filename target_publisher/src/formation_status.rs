@@ -1,5 +1,5 @@
-//! What is announced, by this process and by others, how far modules have come with it, and what the verifier found. It
-//! knows no DDS.
+//! The status of the formation: what is announced, by this process and by others, the progress of the modules, and the
+//! verifier's verdict. This module knows no DDS.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,23 +12,22 @@ use formation::verify::{self, Observer, ObserverParameters};
 use formation_msgs::{Epoch, Progress, QueryStatusRequest, QueryStatusResponse, Verdict};
 use ros2_client::builtin_interfaces::Time;
 
-/// A module that was not heard for so long is not waited for.
-const LIVING: Duration = Duration::from_secs(5);
+/// A module that is silent for longer is not waited for.
+const LIVE: Duration = Duration::from_secs(5);
 
-/// What is announced, and how far modules have come with it.
-pub(super) struct Register {
+/// The status of the formation.
+pub(crate) struct FormationStatus {
     /// What this process announced last.
     own: Option<Arc<TargetAnnouncement>>,
     observer: Observer,
-    /// The latest heartbeat of each module, and when it came.
+    /// The latest heartbeat of each module, and when it arrived.
     heartbeats: BTreeMap<ModuleId, (Heartbeat, Duration)>,
-    /// What the verifier found last, and when that came.
+    /// The latest verdict, and when it arrived.
     verdict: Option<(Verdict, Duration)>,
 }
 
-impl Register {
-    /// Nothing is announced yet.
-    pub(super) fn new() -> Self {
+impl Default for FormationStatus {
+    fn default() -> Self {
         Self {
             own: None,
             observer: Observer::new(ObserverParameters::default()),
@@ -36,14 +35,16 @@ impl Register {
             verdict: None,
         }
     }
+}
 
-    /// What this process has to announce, if anything: whatever it announced last, a withdrawal included.
-    pub(super) fn own(&self) -> Option<&Arc<TargetAnnouncement>> {
+impl FormationStatus {
+    /// What this process announced last, if anything; a withdrawal included.
+    pub(crate) fn own(&self) -> Option<&Arc<TargetAnnouncement>> {
         self.own.as_ref()
     }
 
-    /// Takes in what others say.
-    pub(super) fn hear(&mut self, now: Duration, message: &Message) {
+    /// Takes in a message of a module or publisher.
+    pub(crate) fn handle_message(&mut self, now: Duration, message: &Message) {
         self.observer.handle(now, message);
         if let Message::Heartbeat(heartbeat) = message {
             let known = self.heartbeats.get(&heartbeat.module);
@@ -56,22 +57,22 @@ impl Register {
         }
     }
 
-    /// Takes in what the verifier found.
-    pub(super) fn hear_verdict(&mut self, now: Duration, verdict: Verdict) {
+    /// Takes in a verdict.
+    pub(crate) fn handle_verdict(&mut self, now: Duration, verdict: Verdict) {
         self.verdict = Some((verdict, now));
     }
 
-    /// How far the formation has come.
-    pub(super) fn progress(&self) -> verify::Progress {
+    /// The progress of the formation.
+    pub(crate) fn progress(&self) -> verify::Progress {
         self.observer.progress()
     }
 
-    /// What the verifier found of the target that holds, for a goal that began at `began` and was accepted at `stamp`.
+    /// The verdict on the current target, for a goal that began at `began` and was accepted at `stamp`.
     ///
-    /// A formation may have been done before it was asked for; that it failed before proves nothing. A verdict without an
-    /// epoch, which failures to come to any plan have, tells by its stamp alone which target it is about.
-    pub(super) fn verdict_on(&self, began: Duration, stamp: Time) -> Option<&Verdict> {
-        let (verdict, heard) = self.verdict.as_ref()?;
+    /// A formation may have been complete before the goal was sent; an earlier failure proves nothing. A verdict without
+    /// an epoch, as after a failure to reach any plan, shows by its stamp alone which target it is about.
+    pub(crate) fn verdict_on(&self, began: Duration, stamp: Time) -> Option<&Verdict> {
+        let (verdict, arrived) = self.verdict.as_ref()?;
         let failed = verdict.outcome == Verdict::OUTCOME_FAILED;
         let fits = if verdict.epoch.number == 0 {
             let found = verdict.header.stamp;
@@ -80,11 +81,11 @@ impl Register {
             let current = self.observer.current_epoch()?;
             verdict.epoch == Epoch::from(&current)
         };
-        (fits && (!failed || *heard >= began)).then_some(verdict)
+        (fits && (!failed || *arrived >= began)).then_some(verdict)
     }
 
     /// What took the place of the target of this revision, if anything did: another target, or a withdrawal.
-    pub(super) fn newer_than(&self, revision: u64) -> Option<String> {
+    pub(crate) fn newer_than(&self, revision: u64) -> Option<String> {
         self.target_newer_than(revision).or_else(|| {
             let newer = self.observer.target()?.revision;
             (newer > revision).then(|| format!("revision {newer} withdrew the target"))
@@ -92,39 +93,39 @@ impl Register {
     }
 
     /// Which target took the place of the one of this revision, if any did.
-    pub(super) fn target_newer_than(&self, revision: u64) -> Option<String> {
+    pub(crate) fn target_newer_than(&self, revision: u64) -> Option<String> {
         let known = self.observer.target()?;
         let newer = known.revision;
         (known.target.is_some() && newer > revision)
             .then(|| format!("the target of revision {newer} took the place of this one"))
     }
 
-    /// How many modules live, and which of them do not say that they stand and wait for a target.
-    pub(super) fn restless(&self, now: Duration) -> (usize, Vec<ModuleId>) {
-        let living = self
+    /// How many modules are live, and which of them do not show that they stand and wait for a target.
+    pub(crate) fn restless(&self, now: Duration) -> (usize, Vec<ModuleId>) {
+        let live = self
             .heartbeats
             .values()
-            .filter(|(_, heard)| now.saturating_sub(*heard) < LIVING);
-        let restless = living.clone().filter(|(heartbeat, _)| {
+            .filter(|(_, arrived)| now.saturating_sub(*arrived) < LIVE);
+        let restless = live.clone().filter(|(heartbeat, _)| {
             !matches!(
                 heartbeat.phase,
                 ModulePhase::Listening | ModulePhase::WaitingForQuorum
             )
         });
         let restless = restless.map(|(heartbeat, _)| heartbeat.module).collect();
-        (living.count(), restless)
+        (live.count(), restless)
     }
 
-    /// From now on this is what the process announces.
-    pub(super) fn announce(&mut self, now: Duration, announcement: TargetAnnouncement) {
+    /// Announces this from now on.
+    pub(crate) fn announce(&mut self, now: Duration, announcement: TargetAnnouncement) {
         let announcement = Arc::new(announcement);
         self.observer
             .handle(now, &Message::Target(Arc::clone(&announcement)));
         self.own = Some(announcement);
     }
 
-    /// The same, under a revision of at least `fresh` that outweighs all others; returns that revision.
-    pub(super) fn announce_above_all(
+    /// The same, under a revision of at least `fresh` that takes precedence over all others; returns that revision.
+    pub(crate) fn announce_above_all(
         &mut self,
         now: Duration,
         fresh: u64,
@@ -139,8 +140,8 @@ impl Register {
         Ok(revision)
     }
 
-    /// What somebody is told who asks how far the formation has come.
-    pub(super) fn status(&self, request: QueryStatusRequest) -> QueryStatusResponse {
+    /// The answer to a client that asks for the status.
+    pub(crate) fn answer(&self, request: QueryStatusRequest) -> QueryStatusResponse {
         let mut progress = Progress::from(&self.observer.progress());
         if !request.include_waiting {
             progress.waiting_for.clear();
@@ -153,9 +154,9 @@ impl Register {
         }
     }
 
-    /// Withdraws the target that holds, whoever announced it, if it is the one that is meant; 0 means any. `fresh` is the
-    /// revision of what is announced now. Says what was withdrawn, or why nothing was.
-    pub(super) fn withdraw(
+    /// Withdraws the current target, which any publisher may have announced, if it has the revision that is meant; 0 means
+    /// any. `fresh` is a revision for now. Says what was withdrawn, or why nothing was.
+    pub(crate) fn withdraw(
         &mut self,
         now: Duration,
         fresh: u64,
@@ -175,16 +176,16 @@ impl Register {
             target: None,
             ..(**known).clone()
         };
-        let told = format!("withdrew `{}`", withdrawal.name);
+        let withdrew = format!("withdrew `{}`", withdrawal.name);
         self.announce_above_all(now, fresh, withdrawal)?;
-        Ok(told)
+        Ok(withdrew)
     }
 
-    /// A revision that outweighs all that were announced.
+    /// A revision greater than all that were announced.
     fn next_revision(&self, fresh: u64) -> Result<u64, String> {
         let known = self.observer.target().map_or(0, |known| known.revision);
         let next = known.checked_add(1).ok_or_else(|| {
-            format!("revision {known} is the greatest there is, so nothing outweighs it")
+            format!("revision {known} is the greatest there is, so none takes precedence over it")
         })?;
         Ok(fresh.max(next))
     }
@@ -214,44 +215,44 @@ singletons: [{id: 1, x: 3.0, y: 9.5}, {id: 2, x: 0.0, y: 0.0}]
         }
     }
 
-    fn withdraw(register: &mut Register, revision: u64) -> Result<String, String> {
-        register.withdraw(NOW, 100, revision)
+    fn withdraw(status: &mut FormationStatus, revision: u64) -> Result<String, String> {
+        status.withdraw(NOW, 100, revision)
     }
 
     #[test]
     fn a_withdrawal_is_what_is_announced_from_then_on() {
-        let mut register = Register::new();
+        let mut status = FormationStatus::default();
         assert_eq!(
-            withdraw(&mut register, 0),
+            withdraw(&mut status, 0),
             Err("no target was announced".to_owned())
         );
-        register.announce(NOW, announcement(7));
+        status.announce(NOW, announcement(7));
         assert_eq!(
-            withdraw(&mut register, 8),
+            withdraw(&mut status, 8),
             Err("revision 7 holds, not 8".to_owned())
         );
-        assert_eq!(withdraw(&mut register, 7), Ok("withdrew `pair`".to_owned()));
-        let own = register.own().unwrap();
+        assert_eq!(withdraw(&mut status, 7), Ok("withdrew `pair`".to_owned()));
+        let own = status.own().unwrap();
         assert_eq!((own.revision, own.target.is_none()), (100, true));
         assert_eq!(
-            withdraw(&mut register, 0),
+            withdraw(&mut status, 0),
             Err("revision 100 withdrew the target already".to_owned())
         );
-        let status = register.status(QueryStatusRequest::default());
-        assert_eq!(status.progress.stage, Progress::STAGE_WAITING_FOR_TARGET);
+        let answer = status.answer(QueryStatusRequest::default());
+        assert_eq!(answer.progress.stage, Progress::STAGE_WAITING_FOR_TARGET);
     }
 
     #[test]
-    fn what_another_announced_is_outweighed_too() {
-        let mut register = Register::new();
-        register.announce(NOW, announcement(7));
-        register.hear(NOW, &Message::Target(Arc::new(announcement(500))));
-        let status = register.status(QueryStatusRequest::default());
-        assert_eq!((status.target.as_str(), status.revision), ("pair", 500));
-        assert!(withdraw(&mut register, 7).is_err());
-        assert!(withdraw(&mut register, 500).is_ok());
-        assert_eq!(register.own().unwrap().revision, 501);
-        register.hear(NOW, &Message::Target(Arc::new(announcement(u64::MAX))));
-        assert!(withdraw(&mut register, 0).unwrap_err().contains("greatest"));
+    fn a_withdrawal_takes_precedence_over_what_another_publisher_announced() {
+        let mut status = FormationStatus::default();
+        status.announce(NOW, announcement(7));
+        status.handle_message(NOW, &Message::Target(Arc::new(announcement(500))));
+        let answer = status.answer(QueryStatusRequest::default());
+        assert_eq!((answer.target.as_str(), answer.revision), ("pair", 500));
+        assert!(withdraw(&mut status, 7).is_err());
+        assert!(withdraw(&mut status, 500).is_ok());
+        assert_eq!(status.own().unwrap().revision, 501);
+        status.handle_message(NOW, &Message::Target(Arc::new(announcement(u64::MAX))));
+        assert!(withdraw(&mut status, 0).unwrap_err().contains("greatest"));
     }
 }

@@ -11,15 +11,15 @@ use std::collections::BTreeMap;
 use crate::common::codec::{Codec, part};
 use crate::common::python;
 use formation::model;
-use formation_msgs::foreign::geometry_msgs::{
+use formation_msgs::external::geometry_msgs::{
     Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,
     TwistWithCovariance, Vector3,
 };
-use formation_msgs::foreign::nav_msgs::Odometry;
-use formation_msgs::foreign::sensor_msgs::CompressedImage;
-use formation_msgs::foreign::std_msgs::ColorRGBA;
-use formation_msgs::foreign::tf2_msgs::TFMessage;
-use formation_msgs::foreign::visualization_msgs::{Marker, MarkerArray, MeshFile, UVCoordinate};
+use formation_msgs::external::nav_msgs::Odometry;
+use formation_msgs::external::sensor_msgs::CompressedImage;
+use formation_msgs::external::std_msgs::ColorRGBA;
+use formation_msgs::external::tf2_msgs::TFMessage;
+use formation_msgs::external::visualization_msgs::{Marker, MarkerArray, MeshFile, UVCoordinate};
 use formation_msgs::{DriverPose, Header};
 use serde::Deserialize;
 use serde_json::Value;

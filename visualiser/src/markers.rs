@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use formation::model::{ModuleId, ModulePhase, Pose};
 use formation_msgs::Header;
-use formation_msgs::foreign::geometry_msgs::{self, Point, Vector3};
-use formation_msgs::foreign::std_msgs::ColorRGBA;
-use formation_msgs::foreign::visualization_msgs::{Marker, MarkerArray};
+use formation_msgs::external::geometry_msgs::{self, Point, Vector3};
+use formation_msgs::external::std_msgs::ColorRGBA;
+use formation_msgs::external::visualization_msgs::{Marker, MarkerArray};
 
-use super::scene::{DrawnScene, Figure};
+use crate::scene::{DrawnScene, Figure};
 
 /// A module is a unit wide; a little less shows the gap between two.
 const MODULE_SIZE: f64 = 0.9;
@@ -32,7 +32,7 @@ const WHITE: ColorRGBA = ColorRGBA {
 };
 
 /// A picture of the whole scene; it replaces the one before.
-pub(super) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArray {
+pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArray {
     let mut picture = Picture {
         header,
         markers: vec![Marker {
@@ -315,8 +315,8 @@ mod tests {
 
     use formation::model::Message;
 
-    use super::super::scene::tests::{pose, scene, state};
     use super::*;
+    use crate::scene::tests::{pose, scene, state};
 
     fn drawn(scene: &DrawnScene) -> Vec<Marker> {
         of(scene, &Header::default(), true).markers

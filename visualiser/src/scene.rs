@@ -14,7 +14,7 @@ const STRAIGHT: MicroUnits = MicroUnits(20_000);
 
 /// One module as it is drawn.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Figure<'a> {
+pub(crate) struct Figure<'a> {
     pub snapshot: &'a ModuleSnapshot,
     pub configuration: Option<ConfigurationId>,
     /// The corners of its path, oldest first; it ends where the module stands.
@@ -33,7 +33,7 @@ struct Extra {
 
 /// All that is drawn.
 #[derive(Debug)]
-pub(super) struct DrawnScene {
+pub(crate) struct DrawnScene {
     suspicion: Duration,
     target: Option<Arc<Target>>,
     revision: u64,
@@ -45,7 +45,7 @@ pub(super) struct DrawnScene {
 
 impl DrawnScene {
     /// A module that is silent for longer than `suspicion` is not live.
-    pub(super) fn new(suspicion: Duration) -> Self {
+    pub(crate) fn new(suspicion: Duration) -> Self {
         Self {
             suspicion,
             target: None,
@@ -57,19 +57,19 @@ impl DrawnScene {
         }
     }
 
-    pub(super) fn target(&self) -> Option<&Arc<Target>> {
+    pub(crate) fn target(&self) -> Option<&Arc<Target>> {
         self.target.as_ref()
     }
 
     /// The frame of all poses; `map` until a target names another.
-    pub(super) fn frame_id(&self) -> &str {
+    pub(crate) fn frame_id(&self) -> &str {
         self.target
             .as_ref()
             .map_or("map", |target| target.frame_id())
     }
 
     /// All modules, ascending.
-    pub(super) fn figures(&self) -> impl Iterator<Item = (ModuleId, Figure<'_>)> {
+    pub(crate) fn figures(&self) -> impl Iterator<Item = (ModuleId, Figure<'_>)> {
         let modules = self.scene.modules().iter();
         modules.filter_map(|(&module, known)| {
             let extra = self.extras.get(&module)?;
@@ -84,20 +84,20 @@ impl DrawnScene {
     }
 
     /// Whether there is anything that the last picture did not show.
-    pub(super) fn has_changed(&self) -> bool {
+    pub(crate) fn has_changed(&self) -> bool {
         self.changed
     }
 
-    pub(super) fn was_drawn(&mut self) {
+    pub(crate) fn was_drawn(&mut self) {
         self.changed = false;
     }
 
     /// Which module holds which spot by the pins and claims of the latest epoch.
-    pub(super) fn holders(&self) -> &BTreeMap<SpotId, ModuleId> {
+    pub(crate) fn holders(&self) -> &BTreeMap<SpotId, ModuleId> {
         self.scene.holders()
     }
 
-    pub(super) fn handle(&mut self, now: Duration, message: &Message) {
+    pub(crate) fn handle(&mut self, now: Duration, message: &Message) {
         if let Message::Target(announcement) = message
             && announcement.revision >= self.revision
             && announcement.target != self.target
@@ -142,7 +142,7 @@ impl DrawnScene {
     }
 
     /// Advances the time: modules that fell silent are no longer live.
-    pub(super) fn advance(&mut self, now: Duration) {
+    pub(crate) fn advance(&mut self, now: Duration) {
         let now_ms = milliseconds(now);
         let suspicion_ms = milliseconds(self.suspicion);
         for (module, extra) in &mut self.extras {
@@ -184,7 +184,7 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 }
 
 #[cfg(test)]
-pub(super) mod tests {
+pub(crate) mod tests {
     use formation::model::{
         Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase, ModuleState,
         PlannerParameters, Roster, RosterMessage, Scenario, Service, SpotClaim, SpotSelection,
@@ -193,11 +193,11 @@ pub(super) mod tests {
 
     use super::*;
 
-    pub(in crate::visualisation) fn pose(x: f64, y: f64) -> Pose {
+    pub(crate) fn pose(x: f64, y: f64) -> Pose {
         Pose::from_units(x, y, 0.0).unwrap()
     }
 
-    pub(in crate::visualisation) fn state(module: u32, sequence: u64, pose: Pose) -> ModuleState {
+    pub(crate) fn state(module: u32, sequence: u64, pose: Pose) -> ModuleState {
         ModuleState {
             module: ModuleId(module),
             incarnation: Incarnation(1),
@@ -274,7 +274,7 @@ pub(super) mod tests {
     }
 
     /// Two docked modules, one of which claims a spot of a pair.
-    pub(in crate::visualisation) fn scene() -> DrawnScene {
+    pub(crate) fn scene() -> DrawnScene {
         let scenario = Scenario::from_yaml(
             "target: {frame_id: hall, spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}], edges: [[1, 2]]}
 singletons: [{id: 2, x: 0.0, y: 0.0}]",
