@@ -4,7 +4,8 @@
 //! holds the read lock on what is discovered while it waits for room in the queue to the event loop. The event loop,
 //! which alone makes room, waits for the read lock as well, behind the thread that waits for the write lock: the one that
 //! creates the next endpoint. None of the three ever continues, and no thread can be taken out of a lock, so the process
-//! executes itself again, under its own number.
+//! executes itself again, under its own number. It does the same when the library's threads end while an endpoint is
+//! created, which then waits for their answer.
 
 use std::env;
 use std::fs;
@@ -17,7 +18,7 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::thread;
 use std::time::Duration;
 
-use crate::dds_liveness::library_threads;
+use crate::dds_liveness::{ParticipantThreads, library_threads};
 use crate::exit::STATUS_FAILED;
 
 /// Between two looks.
@@ -33,8 +34,8 @@ pub(crate) struct DeadlockWatchdog {
 }
 
 impl DeadlockWatchdog {
-    /// Watches until it is dropped.
-    pub(crate) fn start() -> Self {
+    /// Watches until it is dropped; `threads` are those of the participant, once it is created.
+    pub(crate) fn start(threads: Arc<ParticipantThreads>) -> Self {
         let steps = Arc::new(AtomicU64::new(0));
         let watched = Arc::downgrade(&steps);
         let watch = move || {
@@ -43,6 +44,14 @@ impl DeadlockWatchdog {
                 thread::sleep(INTERVAL);
                 let Some(steps) = watched.upgrade() else {
                     return;
+                };
+                // A call that the library's threads cannot answer any more waits for ever, whatever the others do.
+                let activity = || {
+                    if threads.all_run() {
+                        activity()
+                    } else {
+                        Some(Activity::new())
+                    }
                 };
                 if looks.find_deadlock(steps.load(Ordering::Relaxed), activity) {
                     tracing::warn!("the DDS library has locked itself up; restarting");
@@ -78,7 +87,7 @@ struct Looks {
 }
 
 impl Looks {
-    /// Whether the same call has been waiting in [`LOOKS`] looks while all of the library slept.
+    /// Whether the same call has been waiting in [`LOOKS`] looks while all of the library slept, or had ended.
     fn find_deadlock(&mut self, steps: u64, activity: impl FnOnce() -> Option<Activity>) -> bool {
         let waits = steps % 2 == 1;
         let seen = waits.then(activity).flatten().map(|seen| (steps, seen));

@@ -4,9 +4,10 @@
 //! process continues after it was stopped (signal(7), "Interruption of system calls and library functions by stop
 //! signals"), or the machine after it slept. The process would then go on sending, and never receive again.
 
-use std::cell::{Cell, RefCell};
+use std::cell::Cell;
 use std::fs;
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};
 
 /// How the names of the library's threads begin, as far as the kernel keeps them.
@@ -15,11 +16,23 @@ const LIBRARY: &str = "RustDDS";
 /// Between two looks at the threads.
 const INTERVAL: Duration = Duration::from_millis(500);
 
-/// Watches the threads that the DDS library has started for one participant.
+/// The threads that the DDS library has started for one participant, once it is created.
+#[derive(Default)]
+pub(crate) struct ParticipantThreads(OnceLock<Vec<PathBuf>>);
+
+impl ParticipantThreads {
+    /// Whether all of them still run.
+    pub(crate) fn all_run(&self) -> bool {
+        let mut threads = self.0.get().into_iter().flatten();
+        threads.all(|thread| is_library(thread))
+    }
+}
+
+/// Watches the threads of one participant.
 pub(crate) struct LivenessWatchdog {
     /// The threads of other participants of this process.
     others: Vec<PathBuf>,
-    threads: RefCell<Vec<PathBuf>>,
+    pub threads: Arc<ParticipantThreads>,
     looked_at: Cell<Instant>,
 }
 
@@ -28,7 +41,7 @@ impl LivenessWatchdog {
     pub(crate) fn before_participant() -> Self {
         Self {
             others: library_threads(),
-            threads: RefCell::default(),
+            threads: Arc::default(),
             looked_at: Cell::new(Instant::now()),
         }
     }
@@ -37,22 +50,17 @@ impl LivenessWatchdog {
     pub(crate) fn participant_created(&self) {
         let mut threads = library_threads();
         threads.retain(|thread| !self.others.contains(thread));
-        *self.threads.borrow_mut() = threads;
+        // It is created once.
+        let _ = self.threads.0.set(threads);
     }
 
-    /// Whether all threads of the library still run; looks at them every [`INTERVAL`] only.
+    /// Whether all threads of the participant still run; looks at them every [`INTERVAL`] only.
     pub(crate) fn is_alive(&self) -> bool {
         if self.looked_at.get().elapsed() < INTERVAL {
             return true;
         }
         self.looked_at.set(Instant::now());
-        self.look()
-    }
-
-    /// Whether all threads of the library still run, looked at now.
-    pub(crate) fn look(&self) -> bool {
-        let threads = self.threads.borrow();
-        threads.iter().all(|thread| is_library(thread))
+        self.threads.all_run()
     }
 }
 
@@ -98,7 +106,7 @@ mod tests {
             .unwrap();
         is_ready.recv().unwrap();
         watchdog.participant_created();
-        assert_eq!(watchdog.threads.borrow().len(), 1);
+        assert_eq!(watchdog.threads.0.get().unwrap().len(), 1);
         watchdog.looked_at.set(Instant::now() - INTERVAL);
         assert!(watchdog.is_alive());
         drop(end);

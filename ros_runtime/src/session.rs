@@ -3,6 +3,7 @@
 use std::cell::RefCell;
 use std::net::Ipv4Addr;
 use std::rc::{Rc, Weak};
+use std::sync::Arc;
 
 use ros2_client::qos::QosProfile;
 use ros2_client::{
@@ -117,7 +118,7 @@ impl Session {
         let domain = environment.domain.number();
         let failed = |what: &str, reason: &dyn ToString| library_error(what, domain, reason);
         let liveness = LivenessWatchdog::before_participant();
-        let deadlock = DeadlockWatchdog::start();
+        let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads));
         let participant = deadlock
             .watch(|| participant_builder(domain, environment.range).build())
             .map_err(|error| failed("create a DDS participant", &error))?;
@@ -252,7 +253,7 @@ impl Session {
         let node = &mut self.node;
         self.deadlock.watch(|| create(node)).map_err(|error| {
             // Without its threads the library refuses everything.
-            if self.liveness.look() {
+            if self.liveness.threads.all_run() {
                 library_error(what, self.node.domain_id(), &error)
             } else {
                 SessionError::NotReceiving

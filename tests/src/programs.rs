@@ -220,7 +220,12 @@ impl Running {
             if rejoins.is_some() {
                 break;
             }
-            assert!(Instant::now() < deadline, "{} still receives", self.name);
+            assert!(
+                Instant::now() < deadline,
+                "{} still receives, or has ended; it logged: {:?}",
+                self.name,
+                self.log_since(0)
+            );
         }
         let joined = self.wait_for_log(mark, "joined the ROS 2 graph", limit);
         assert!(joined.is_some(), "{} did not rejoin", self.name);
