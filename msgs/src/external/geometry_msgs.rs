@@ -1,5 +1,7 @@
 //! Poses and transforms.
 
+#![expect(missing_docs, reason = "the fields are those of the package")]
+
 use formation::model;
 use serde::{Deserialize, Serialize};
 
@@ -9,7 +11,6 @@ use crate::standard::Header;
 
 /// A position in metres.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct Point {
     pub x: f64,
     pub y: f64,
@@ -18,7 +19,6 @@ pub struct Point {
 
 /// A vector in metres, or in metres or radians a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct Vector3 {
     pub x: f64,
     pub y: f64,
@@ -27,7 +27,6 @@ pub struct Vector3 {
 
 /// A rotation.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct Quaternion {
     pub x: f64,
     pub y: f64,
@@ -37,7 +36,6 @@ pub struct Quaternion {
 
 /// A position and a rotation.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct Pose {
     pub position: Point,
     pub orientation: Quaternion,
@@ -45,7 +43,6 @@ pub struct Pose {
 
 /// A pose in a frame at a time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct PoseStamped {
     pub header: Header,
     pub pose: Pose,
@@ -53,7 +50,6 @@ pub struct PoseStamped {
 
 /// A pose and how sure it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct PoseWithCovariance {
     pub pose: Pose,
     /// Row by row; on the wire the same as the package's array of 36.
@@ -62,7 +58,6 @@ pub struct PoseWithCovariance {
 
 /// A velocity, straight and turning.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct Twist {
     pub linear: Vector3,
     pub angular: Vector3,
@@ -70,7 +65,6 @@ pub struct Twist {
 
 /// A velocity and how sure it is.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct TwistWithCovariance {
     pub twist: Twist,
     /// Row by row; on the wire the same as the package's array of 36.
@@ -79,7 +73,6 @@ pub struct TwistWithCovariance {
 
 /// Where one frame lies in another.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct Transform {
     pub translation: Vector3,
     pub rotation: Quaternion,
@@ -87,7 +80,6 @@ pub struct Transform {
 
 /// A transform with its frames and time.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct TransformStamped {
     pub header: Header,
     pub child_frame_id: String,
@@ -168,3 +160,5 @@ impl Pose {
             .map_err(|error| error.within("position"))
     }
 }
+
+interface_types!("geometry_msgs": Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist, TwistWithCovariance, Vector3);

@@ -14,3 +14,5 @@ pub struct Odometry {
     pub pose: PoseWithCovariance,
     pub twist: TwistWithCovariance,
 }
+
+interface_types!("nav_msgs": Odometry);

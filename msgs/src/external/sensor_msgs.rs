@@ -12,3 +12,5 @@ pub struct CompressedImage {
     pub format: String,
     pub data: Vec<u8>,
 }
+
+interface_types!("sensor_msgs": CompressedImage);

@@ -11,3 +11,5 @@ pub struct ColorRGBA {
     pub b: f32,
     pub a: f32,
 }
+
+interface_types!("std_msgs": ColorRGBA);

@@ -10,3 +10,5 @@ use super::geometry_msgs::TransformStamped;
 pub struct TFMessage {
     pub transforms: Vec<TransformStamped>,
 }
+
+interface_types!("tf2_msgs": TFMessage);

@@ -1,5 +1,10 @@
 //! Shapes for RViz, Foxglove and their like.
 
+#![expect(
+    missing_docs,
+    reason = "the fields and constants are those of the package"
+)]
+
 use serde::{Deserialize, Serialize};
 
 use super::geometry_msgs::{Point, Pose, Vector3};
@@ -9,7 +14,6 @@ use crate::standard::{Duration, Header};
 
 /// One shape, known by its namespace and number.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct Marker {
     pub header: Header,
     pub ns: String,
@@ -32,7 +36,6 @@ pub struct Marker {
     pub mesh_use_embedded_materials: bool,
 }
 
-#[expect(missing_docs, reason = "the constants are those of the package")]
 impl Marker {
     pub const ARROW: i32 = 0;
     pub const CUBE: i32 = 1;
@@ -47,14 +50,12 @@ impl Marker {
 
 /// Many shapes at once.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct MarkerArray {
     pub markers: Vec<Marker>,
 }
 
 /// Where in a texture a vertex lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct UVCoordinate {
     pub u: f32,
     pub v: f32,
@@ -62,8 +63,9 @@ pub struct UVCoordinate {
 
 /// A mesh that travels with its marker.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the fields are those of the package")]
 pub struct MeshFile {
     pub filename: String,
     pub data: Vec<u8>,
 }
+
+interface_types!("visualization_msgs": Marker, MarkerArray, MeshFile, UVCoordinate);
