@@ -71,7 +71,7 @@ impl Tunables for Judging {
                 |own| &mut own.0.silence,
                 "A member that is silent for longer does not count as live; the suspicion of the agents",
             )
-            .without_parameter(),
+            .option_only(),
         ]
     }
 }

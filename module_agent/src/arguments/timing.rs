@@ -79,8 +79,7 @@ impl Tunables for Timing {
                 switch(),
                 |own: &mut Self| &mut own.0.plan_only,
                 "Agree on a plan, and do not move",
-            )
-            .heading("Motion"),
+            ),
         ]
     }
 

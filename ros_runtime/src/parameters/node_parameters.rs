@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use super::declaration::Range;
 use super::tunable::{Tunable, Tunables, choice, seconds_in, switch};
 use crate::service_mapping::ServiceMapping;
 use crate::words::Words;
@@ -45,10 +44,6 @@ impl Tunables for NodeParameters {
     const HEADING: &'static str = "Node";
 
     fn table() -> Vec<Tunable<Self>> {
-        let period = Range::Double {
-            from: 0.0,
-            to: 3_600.0,
-        };
         vec![
             Tunable::new(
                 "start_parameter_services",
@@ -67,7 +62,7 @@ impl Tunables for NodeParameters {
             .at_start(ENDPOINTS),
             Tunable::new(
                 "diagnostics_period_s",
-                seconds_in(period),
+                seconds_in(0.0, 3_600.0),
                 |node: &mut Self| &mut node.diagnostics_period,
                 "Time between two reports on /diagnostics, in seconds; 0 for none",
             ),

@@ -37,54 +37,53 @@ impl<T> ValueType<T> {
     }
 }
 
-/// The range of times in seconds, from a millisecond to a week.
-const SECONDS: Range = Range::Double {
-    from: 0.001,
-    to: 604_800.0,
-};
-
-/// A time in seconds.
+/// The number of a value, if it is one.
 #[must_use]
-pub fn seconds() -> ValueType<Duration> {
-    seconds_in(SECONDS)
+pub fn as_number(value: &ParameterValue) -> Option<f64> {
+    match value {
+        ParameterValue::Double(number) => Some(*number),
+        _ => None,
+    }
 }
 
-/// A time in seconds in a range of its own.
-#[must_use]
-pub fn seconds_in(range: Range) -> ValueType<Duration> {
-    ValueType::new(
-        "SECONDS",
-        range,
-        |time| ParameterValue::Double(time.as_secs_f64()),
-        |value| match value {
-            ParameterValue::Double(seconds) => Duration::try_from_secs_f64(*seconds).ok(),
-            _ => None,
-        },
-    )
+fn as_text(value: &ParameterValue) -> Option<&str> {
+    match value {
+        ParameterValue::String(text) => Some(text),
+        _ => None,
+    }
 }
 
 /// A number, both bounds included.
 #[must_use]
 pub fn number(value_name: &'static str, from: f64, to: f64) -> ValueType<f64> {
-    ValueType::new(
-        value_name,
-        Range::Double { from, to },
-        |number| ParameterValue::Double(*number),
-        |value| match value {
-            ParameterValue::Double(number) => Some(*number),
-            _ => None,
-        },
-    )
+    let write = |number: &f64| ParameterValue::Double(*number);
+    ValueType::new(value_name, Range::Double { from, to }, write, as_number)
+}
+
+/// A time in seconds, from a millisecond to a week.
+#[must_use]
+pub fn seconds() -> ValueType<Duration> {
+    seconds_in(0.001, 604_800.0)
+}
+
+/// A time in seconds, both bounds included.
+#[must_use]
+pub fn seconds_in(from: f64, to: f64) -> ValueType<Duration> {
+    let write = |time: &Duration| ParameterValue::Double(time.as_secs_f64());
+    ValueType::new("SECONDS", Range::Double { from, to }, write, |value| {
+        Duration::try_from_secs_f64(as_number(value)?).ok()
+    })
 }
 
 /// A whole number from 0 to `to`, of which 0 stands for none.
 #[must_use]
 pub fn whole_number(to: u32) -> ValueType<Option<u32>> {
     let to = to.into();
+    let write = |number: &Option<u32>| ParameterValue::Integer(number.unwrap_or_default().into());
     ValueType::new(
         "NUMBER",
         Range::Integer { from: 0, to },
-        |number| ParameterValue::Integer(number.unwrap_or_default().into()),
+        write,
         |value| match value {
             ParameterValue::Integer(number) => {
                 let number = u32::try_from(*number).ok()?;
@@ -98,44 +97,31 @@ pub fn whole_number(to: u32) -> ValueType<Option<u32>> {
 /// Yes or no.
 #[must_use]
 pub fn switch() -> ValueType<bool> {
-    ValueType::new(
-        "",
-        Range::Any,
-        |value| ParameterValue::Boolean(*value),
-        |value| match value {
-            ParameterValue::Boolean(value) => Some(*value),
-            _ => None,
-        },
-    )
+    let write = |value: &bool| ParameterValue::Boolean(*value);
+    ValueType::new("", Range::Any, write, |value| match value {
+        ParameterValue::Boolean(value) => Some(*value),
+        _ => None,
+    })
 }
 
 /// A text, of which the empty one stands for none.
 #[must_use]
 pub fn text(value_name: &'static str) -> ValueType<Option<String>> {
-    ValueType::new(
-        value_name,
-        Range::Any,
-        |text| ParameterValue::String(text.clone().unwrap_or_default()),
-        |value| match value {
-            ParameterValue::String(text) if text.is_empty() => Some(None),
-            ParameterValue::String(text) => Some(Some(text.clone())),
-            _ => None,
-        },
-    )
+    let write = |text: &Option<String>| ParameterValue::String(text.clone().unwrap_or_default());
+    ValueType::new(value_name, Range::Any, write, |value| {
+        let text = as_text(value)?;
+        Some((!text.is_empty()).then(|| text.to_owned()))
+    })
 }
 
 /// One of a few words.
 #[must_use]
 pub fn choice<T: Words>(value_name: &'static str) -> ValueType<T> {
-    ValueType::new(
-        value_name,
-        Range::OneOf(T::WORDS.iter().map(|(word, _)| *word).collect()),
-        |value| ParameterValue::String(value.word().to_owned()),
-        |value| match value {
-            ParameterValue::String(word) => T::from_word(word).ok(),
-            _ => None,
-        },
-    )
+    let words = Range::OneOf(T::WORDS.iter().map(|(word, _)| *word).collect());
+    let write = |value: &T| ParameterValue::String(value.word().to_owned());
+    ValueType::new(value_name, words, write, |value| {
+        T::from_word(as_text(value)?).ok()
+    })
 }
 
 type Get<P> = Box<dyn Fn(&P) -> ParameterValue>;
@@ -147,21 +133,16 @@ pub struct Tunable<P> {
     help: &'static str,
     range: Range,
     change: Change,
+    /// Whether it is a parameter of ROS 2, and not only an option of the command line.
     is_parameter: bool,
-    option: Option<CommandLineOption>,
+    option: String,
+    alias: Option<&'static str>,
+    /// What the option sets a boolean to; it takes no value then.
+    flag_sets: bool,
     value_name: &'static str,
     get: Get<P>,
     /// Sets the field; returns whether the value could be read.
     set: Set<P>,
-}
-
-/// The option of the command line that sets a tunable.
-struct CommandLineOption {
-    name: String,
-    alias: Option<&'static str>,
-    heading: Option<&'static str>,
-    /// What the option sets a boolean to; it takes no value then.
-    flag_sets: bool,
 }
 
 impl<P: Clone + 'static> Tunable<P> {
@@ -175,19 +156,15 @@ impl<P: Clone + 'static> Tunable<P> {
         help: &'static str,
     ) -> Self {
         let (write, read) = (value_type.write, value_type.read);
-        let last = name.rsplit('.').next().unwrap_or(name);
         Self {
             name,
             help,
             range: value_type.range,
             change: Change::AtRunTime,
             is_parameter: true,
-            option: Some(CommandLineOption {
-                name: last.replace('_', "-"),
-                alias: None,
-                heading: None,
-                flag_sets: true,
-            }),
+            option: name.rsplit('.').next().unwrap_or(name).replace('_', "-"),
+            alias: None,
+            flag_sets: true,
             value_name: value_type.value_name,
             get: Box::new(move |parameters| write(field(&mut parameters.clone()))),
             set: Box::new(move |parameters, value| match read(value) {
@@ -207,20 +184,12 @@ impl<P: Clone + 'static> Tunable<P> {
         Self { change, ..self }
     }
 
-    /// The same without a parameter of ROS 2: the command line alone sets it.
+    /// The same as an option of the command line alone.
     #[must_use]
-    pub fn without_parameter(self) -> Self {
+    pub fn option_only(self) -> Self {
+        let is_parameter = false;
         Self {
-            is_parameter: false,
-            ..self
-        }
-    }
-
-    /// The same without an option of the command line.
-    #[must_use]
-    pub fn without_option(self) -> Self {
-        Self {
-            option: None,
+            is_parameter,
             ..self
         }
     }
@@ -228,32 +197,25 @@ impl<P: Clone + 'static> Tunable<P> {
     /// The same with an option of this name.
     #[must_use]
     pub fn option(self, name: &str) -> Self {
-        self.with(|option| option.name = name.to_owned())
+        let option = name.to_owned();
+        Self { option, ..self }
     }
 
     /// The same with a second name of the option.
     #[must_use]
     pub fn alias(self, alias: &'static str) -> Self {
-        self.with(|option| option.alias = Some(alias))
-    }
-
-    /// The same below this heading of the help.
-    #[must_use]
-    pub fn heading(self, heading: &'static str) -> Self {
-        self.with(|option| option.heading = Some(heading))
+        let alias = Some(alias);
+        Self { alias, ..self }
     }
 
     /// The same with an option of this name, which sets it to false.
     #[must_use]
     pub fn unset_by(self, name: &str) -> Self {
-        self.option(name).with(|option| option.flag_sets = false)
-    }
-
-    fn with(mut self, change: impl FnOnce(&mut CommandLineOption)) -> Self {
-        if let Some(option) = &mut self.option {
-            change(option);
+        let flag_sets = false;
+        Self {
+            flag_sets,
+            ..self.option(name)
         }
-        self
     }
 
     fn declaration(&self, values: &P) -> Declaration {
@@ -266,39 +228,35 @@ impl<P: Clone + 'static> Tunable<P> {
         }
     }
 
-    fn argument(&self, defaults: &P, heading: &'static str) -> Option<Arg> {
-        let option = self.option.as_ref()?;
+    fn argument(&self, defaults: &P, heading: &'static str) -> Arg {
         let argument = Arg::new(self.name)
-            .long(option.name.clone())
-            .visible_aliases(option.alias)
+            .long(self.option.clone())
+            .aliases(self.alias)
             .help(self.help)
-            .help_heading(option.heading.unwrap_or(heading));
+            .help_heading(heading);
         let declaration = self.declaration(defaults);
         if let ParameterValue::Boolean(_) = declaration.value {
-            return Some(argument.action(ArgAction::SetTrue));
+            return argument.action(ArgAction::SetTrue);
         }
-        let default = shown(&declaration.value);
-        let argument = argument.value_name(self.value_name);
-        let argument = match &self.range {
+        let default = Some(shown(&declaration.value)).filter(|default| !default.is_empty());
+        let parser = match &self.range {
             Range::OneOf(words) => {
                 let words = PossibleValuesParser::new(words.clone());
-                argument.value_parser(words.map(ParameterValue::String))
+                ValueParser::new(words.map(ParameterValue::String))
             }
-            _ => argument.value_parser(ValueParser::new(move |text: &str| declaration.parse(text))),
+            _ => ValueParser::new(move |text: &str| declaration.parse(text)),
         };
-        Some(if default.is_empty() {
-            argument
-        } else {
-            argument.default_value(default)
-        })
+        argument
+            .value_name(self.value_name)
+            .value_parser(parser)
+            .default_values(default)
     }
 
     /// Takes the value that the command line has, if it has any.
     fn take(&self, matches: &ArgMatches, parameters: &mut P) {
-        let Some(option) = &self.option else { return };
         let value = if let ParameterValue::Boolean(_) = (self.get)(parameters) {
             let is_set = matches.get_flag(self.name);
-            is_set.then_some(ParameterValue::Boolean(option.flag_sets))
+            is_set.then_some(ParameterValue::Boolean(self.flag_sets))
         } else {
             matches.get_one::<ParameterValue>(self.name).cloned()
         };
@@ -306,7 +264,7 @@ impl<P: Clone + 'static> Tunable<P> {
         debug_assert!(
             is_read,
             "the parser of --{} takes what the field does not",
-            option.name
+            self.option
         );
     }
 }
@@ -356,11 +314,8 @@ pub struct Tuned<P>(pub P);
 impl<P: Tunables> Args for Tuned<P> {
     fn augment_args(command: Command) -> Command {
         let defaults = P::default();
-        let table = P::table();
-        let arguments = table
-            .iter()
-            .filter_map(|row| row.argument(&defaults, P::HEADING));
-        command.args(arguments)
+        let table = P::table().into_iter();
+        command.args(table.map(|row| row.argument(&defaults, P::HEADING)))
     }
 
     fn augment_args_for_update(command: Command) -> Command {
