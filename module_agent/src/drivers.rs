@@ -138,7 +138,7 @@ pub(crate) fn wait_for_poses(
         ));
     }
     if modules.is_empty() {
-        return Err(SessionError::Node(reasons.join("; ")));
+        return Err(SessionError::Failed(reasons.join("; ")));
     }
     for reason in reasons {
         tracing::error!("{reason}");

@@ -64,12 +64,8 @@ impl From<EnvironmentError> for Failure {
 impl From<SessionError> for Failure {
     fn from(error: SessionError) -> Self {
         match error {
-            SessionError::Name { .. } | SessionError::Parameter(_) | SessionError::Discovery(_) => {
-                Self::BadInput(error.into())
-            }
-            SessionError::Node(_) | SessionError::Library { .. } | SessionError::NotReceiving => {
-                Self::Failed(error.into())
-            }
+            SessionError::BadInput(_) => Self::BadInput(error.into()),
+            SessionError::Failed(_) | SessionError::NotReceiving => Self::Failed(error.into()),
         }
     }
 }

@@ -61,38 +61,23 @@ pub struct ParticipantId(pub u128);
 /// Why a process could not join the ROS 2 graph, or had to leave it.
 #[derive(Debug, Error)]
 pub enum SessionError {
-    /// A name is not a ROS 2 name, before or after remapping.
-    #[error("`{name}` cannot be used in a ROS 2 name: {reason}")]
-    Name {
-        /// The name.
-        name: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A parameter cannot be used.
-    #[error(transparent)]
-    Parameter(#[from] ParameterError),
-    /// Processes on this machine would not discover each other.
+    /// A name, a parameter or the network of the machine cannot be used.
     #[error("{0}")]
-    Discovery(String),
-    /// The node cannot do its work.
+    BadInput(String),
+    /// The DDS library refused, or the node cannot do its work.
     #[error("{0}")]
-    Node(String),
+    Failed(String),
     /// The DDS library has ended its threads, as it does when the process was stopped and continues.
     #[error(
         "the DDS library no longer receives, as happens when a process is stopped and continues"
     )]
     NotReceiving,
-    /// The DDS library refused.
-    #[error("cannot {what} in domain {domain}: {reason}")]
-    Library {
-        /// What was to be done.
-        what: String,
-        /// In which domain.
-        domain: u16,
-        /// The library's message.
-        reason: String,
-    },
+}
+
+impl From<ParameterError> for SessionError {
+    fn from(error: ParameterError) -> Self {
+        Self::BadInput(error.to_string())
+    }
 }
 
 impl Session {
@@ -124,7 +109,7 @@ impl Session {
             .map_err(|error| failed("create a DDS participant", &error))?;
         let participants = participant.participant_id().saturating_add(1);
         if let Some(obstacle) = discovery_obstacle(environment.range, &interfaces(), participants) {
-            return Err(SessionError::Discovery(obstacle));
+            return Err(SessionError::BadInput(obstacle));
         }
         let context = deadlock
             .watch(|| Context::from_domain_participant(participant.clone()))
@@ -200,7 +185,7 @@ impl Session {
         &mut self,
         topic: &Topic<M>,
     ) -> Result<PublisherQueue<M>, SessionError> {
-        let quality = topic.publisher_qos();
+        let quality = topic.quality().publisher_qos();
         let dds_topic = self.dds_topic(topic, &quality)?;
         let what = format!("publish `{}`", topic.path());
         let publisher = self.create(&what, |node| {
@@ -322,18 +307,13 @@ pub(crate) fn library_name(name: &str) -> Result<Name, SessionError> {
 }
 
 fn library_error(what: &str, domain: u16, reason: &dyn ToString) -> SessionError {
-    SessionError::Library {
-        what: what.to_owned(),
-        domain,
-        reason: reason.to_string(),
-    }
+    let reason = reason.to_string();
+    SessionError::Failed(format!("cannot {what} in domain {domain}: {reason}"))
 }
 
 fn bad_name(name: &str, reason: &dyn ToString) -> SessionError {
-    SessionError::Name {
-        name: name.to_owned(),
-        reason: reason.to_string(),
-    }
+    let reason = reason.to_string();
+    SessionError::BadInput(format!("`{name}` cannot be used in a ROS 2 name: {reason}"))
 }
 
 /// The participant that sent a sample.

@@ -22,7 +22,7 @@ impl Session {
         topic: &Topic<M>,
         mut convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
     ) -> Result<LocalBoxStream<'static, T>, SessionError> {
-        let quality = topic.subscription_qos();
+        let quality = topic.quality().subscription_qos();
         let dds_topic = self.dds_topic(topic, &quality)?;
         let what = format!("subscribe `{}`", topic.path());
         let subscription = self.create(&what, |node| {

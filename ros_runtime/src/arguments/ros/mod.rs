@@ -13,7 +13,7 @@ mod yaml;
 
 use std::ffi::OsString;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use crate::words::suggestion;
 
@@ -146,15 +146,12 @@ impl RosArguments {
         read: &impl Fn(&Path) -> io::Result<String>,
     ) -> Result<(), String> {
         match flag {
-            REMAP => {
-                self.remaps.0.push(value.parse()?);
-            }
+            REMAP => self.remaps.0.push(value.parse()?),
             PARAMETER => self.parameters.add_argument(value)?,
             PARAMETER_FILE => {
-                let path = PathBuf::from(value);
-                let text = read(&path)
-                    .map_err(|error| format!("parameter file {}: {error}", path.display()))?;
-                self.parameters.add_file(path, &text)?;
+                let text = read(Path::new(value))
+                    .map_err(|error| format!("parameter file {value}: {error}"))?;
+                self.parameters.add_file(Path::new(value), &text)?;
             }
             LOG_LEVEL => self.log.add(value)?,
             LOG_CONFIGURATION | LOG_FILE_NAME => {
