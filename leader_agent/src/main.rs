@@ -1,21 +1,24 @@
 //! The process of the module that leads a configuration.
 //!
-//! Any agent can lead, and leaders change when configurations break; this executable only makes sure that it is the
-//! initial leader whose process it is.
+//! Any agent can lead, and leaders change when configurations break; this program only makes sure that the module is the
+//! initial leader.
 
 use std::path::PathBuf;
 use std::process::ExitCode;
 
+use async_channel::Receiver;
 use clap::Parser;
 use formation::model::ModuleId;
+use formation_node::Program;
 use formation_node::scenario::read_scenario;
-use module_agent::agents::ModuleProcess;
-use module_agent::arguments::{HostedModules, MotionArguments, TimingArguments, require_leader};
-use ros_runtime::arguments::{self, NetworkArguments};
-use ros_runtime::lifetime::stop_requested;
-use ros_runtime::outcome::{Failure, STATUS_DONE, conclude};
+use module_agent::ModuleProcess;
+use module_agent::arguments::{HostedModules, Motion, Timing, require_leader};
+use ros_runtime::arguments::NetworkArguments;
+use ros_runtime::exit::{Failure, STATUS_DONE};
+use ros_runtime::parameters::Tuned;
+use ros_runtime::settings::Settings;
 
-/// Runs the module that leads a configuration, until it is told to stop.
+/// Runs the module that leads a configuration, until it is asked to stop.
 ///
 /// It decides for the configuration's block; the members follow it. SIGINT and SIGTERM end the process, which then
 /// leaves the ROS 2 graph at once.
@@ -29,35 +32,36 @@ struct Arguments {
     #[arg(long, value_name = "FILE")]
     scenario: PathBuf,
     #[command(flatten)]
-    motion: MotionArguments,
+    motion: Tuned<Motion>,
     #[command(flatten)]
-    timing: TimingArguments,
+    timing: Tuned<Timing>,
     #[command(flatten)]
     network: NetworkArguments,
 }
 
-fn main() -> ExitCode {
-    conclude(run())
+impl Program for Arguments {
+    fn network(&self) -> &NetworkArguments {
+        &self.network
+    }
+
+    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        let scenario = read_scenario(&self.scenario)?;
+        let module = ModuleId(self.module);
+        let wrong = |reason| Failure::bad_input(format!("{}: {reason}", self.scenario.display()));
+        require_leader(&scenario, module).map_err(wrong)?;
+        let hosted = HostedModules::from_scenario(&[module], &scenario).map_err(wrong)?;
+        ModuleProcess {
+            settings,
+            modules: hosted.modules,
+            timing: self.timing.0,
+            motion: self.motion.0,
+            frame_id: hosted.frame_id,
+        }
+        .run(stop)?;
+        Ok(STATUS_DONE)
+    }
 }
 
-fn run() -> Result<u8, Failure> {
-    let (arguments, ros) = arguments::parse::<Arguments>()?;
-    let settings = arguments.network.start(ros)?;
-    let parameters = arguments.timing.parameters()?;
-    let scenario = read_scenario(&arguments.scenario)?;
-    let module = ModuleId(arguments.module);
-    let wrong =
-        |reason| Failure::bad_input(format_args!("{}: {reason}", arguments.scenario.display()));
-    require_leader(&scenario, module).map_err(wrong)?;
-    let hosted = HostedModules::from_scenario(&[module], &scenario).map_err(wrong)?;
-    let stop = stop_requested()?;
-    ModuleProcess {
-        settings,
-        modules: hosted.modules,
-        parameters,
-        motion: arguments.motion.parameters(),
-        frame_id: hosted.frame_id,
-    }
-    .run(&stop)?;
-    Ok(STATUS_DONE)
+fn main() -> ExitCode {
+    formation_node::main::<Arguments>()
 }

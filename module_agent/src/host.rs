@@ -1,4 +1,4 @@
-//! The modules that one process hosts: their agents, their drives, and what they have to say together.
+//! The modules that one process hosts: their agents, their drives, and what they publish together.
 
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
@@ -13,16 +13,17 @@ use formation::protocol::{
     Agent, AgentParameters, Command, Event, Identity, Input, Output, RefusalCounts, Severity,
     SourceId,
 };
-
-use crate::drive::{Drive, MotionParameters};
-use crate::drivers::DriverNews;
-use crate::tally::Tally;
 use formation_node::topics;
 use ros_runtime::diagnostics::Report;
-use ros_runtime::traffic::worth_a_line;
+use ros_runtime::topic_statistics::is_logged;
 
-/// A message between two hosted modules is handed over at once, but after so many the loop turns to the network
-/// again, so that modules in endless talk with each other cannot cut it off.
+use crate::arguments::{Motion, MotionMode};
+use crate::drive::Drive;
+use crate::drivers::DriverMessage;
+use crate::module_diagnostics::ModuleDiagnostics;
+
+/// After this many messages between hosted modules, the event loop turns to the network again: modules that answer each
+/// other without end must not cut it off.
 const LOCAL_MESSAGES_PER_TURN: usize = 65_536;
 
 /// What the process has to publish.
@@ -32,18 +33,18 @@ pub(crate) enum Outgoing {
     ModuleStates(Vec<Arc<ModuleState>>),
     /// The heartbeats that fell due together, at most one a module.
     Heartbeats(Vec<Heartbeat>),
-    /// A convener's announcement.
+    /// What a convener announces.
     Roster(RosterMessage),
     /// A unit's decision.
     Claim(Arc<SpotClaim>),
-    /// An eviction, for those who watch.
+    /// An eviction, for observers.
     Eviction(EvictionNotice),
-    /// What a module's driver is to do.
+    /// A command for a module's driver.
     Drive(ModuleId, DriveCommand),
 }
 
-struct Seat {
-    module: ModuleId,
+/// One hosted module.
+struct Hosted {
     identity: Identity,
     agent: Agent,
     drive: Drive,
@@ -52,231 +53,189 @@ struct Seat {
     /// Whether no sample carried that state yet.
     state_is_new: bool,
     heartbeat: Option<Heartbeat>,
-    /// How many refusals the agent thought worth telling.
-    refusals_told: u64,
-    duplicates_told: u64,
-    tally: Tally,
+    /// How many refusals the agent reported as events.
+    refusals: u64,
+    /// How many messages of a second process with the same identifier it reported.
+    duplicates: u64,
+    diagnostics: ModuleDiagnostics,
 }
 
-impl Seat {
-    fn new(
-        identity: Identity,
-        service: Service,
-        parameters: AgentParameters,
-        motion: &MotionParameters,
-        now: Duration,
-    ) -> Self {
-        Self {
-            module: identity.module,
-            identity: identity.clone(),
-            drive: Drive::new(&identity, motion, parameters.lease),
-            agent: Agent::new(identity, parameters, now).in_service(service),
-            state: None,
-            state_is_new: false,
-            heartbeat: None,
-            refusals_told: 0,
-            duplicates_told: 0,
-            tally: Tally::default(),
-        }
-    }
-}
-
-/// The agents of a process, and what they say, gathered into as few samples as possible.
+/// The agents of a process; what they publish is gathered into as few samples as possible.
 pub(crate) struct Host {
     source: SourceId,
     parameters: AgentParameters,
-    motion: MotionParameters,
-    /// At most so many modules are hosted.
+    motion: Motion,
+    /// How many modules can be hosted.
     room: usize,
-    seats: Vec<Seat>,
-    /// Messages of a hosted module on their way to the others, by the sender's seat.
+    modules: Vec<Hosted>,
+    /// Messages from a hosted module to the others, by the sender's index.
     local: VecDeque<(usize, Message)>,
     outgoing: Vec<Outgoing>,
 }
 
 impl Host {
-    /// Hosts an agent for each module, started at time zero in or out of service; `source` is the participant that speaks
-    /// for them.
+    /// Hosts an agent for each module, started at time zero in or out of service; `source` is the participant that
+    /// publishes for them.
     pub(crate) fn new(
         source: SourceId,
         modules: impl IntoIterator<Item = (Identity, Service)>,
         parameters: AgentParameters,
-        motion: &MotionParameters,
+        motion: &Motion,
     ) -> Self {
-        let seats: Vec<Seat> = modules
-            .into_iter()
-            .map(|(identity, service)| {
-                Seat::new(identity, service, parameters, motion, Duration::ZERO)
-            })
-            .collect();
-        Self {
+        let mut host = Self {
             source,
             parameters,
             motion: motion.clone(),
-            room: topics::room_for_modules(seats.len()),
-            seats,
+            room: 0,
+            modules: Vec::new(),
             local: VecDeque::new(),
             outgoing: Vec::new(),
+        };
+        for (identity, service) in modules {
+            host.push(Duration::ZERO, identity, service);
         }
+        host.room = topics::room_for_modules(host.modules.len());
+        host
     }
 
-    /// Hosts one more module, which is told what the others know of the latched topics.
+    fn push(&mut self, now: Duration, identity: Identity, service: Service) {
+        self.modules.push(Hosted {
+            identity: identity.clone(),
+            drive: Drive::new(&identity, &self.motion, self.parameters.lease),
+            agent: Agent::new(identity, self.parameters, now).in_service(service),
+            state: None,
+            state_is_new: false,
+            heartbeat: None,
+            refusals: 0,
+            duplicates: 0,
+            diagnostics: ModuleDiagnostics::default(),
+        });
+    }
+
+    /// Hosts one more module, which gets what the others know of the latched topics.
     ///
     /// # Errors
     /// Says why this process takes no more.
     pub(crate) fn add(&mut self, now: Duration, identity: Identity) -> Result<(), String> {
-        if let MotionParameters::External(_) = self.motion {
+        if self.motion.mode == MotionMode::External {
             return Err(format!(
-                "the modules of this process have drivers outside, which are set up at its start; start another process: \
-                 module_agent --motion external --module {}",
+                "the modules of this process have external drivers, which are set up at its start; start another \
+                 process: module_agent --motion external --module {}",
                 identity.module.0
             ));
         }
-        if self.seats.len() >= self.room {
+        if self.modules.len() >= self.room {
             return Err(format!(
                 "this process keeps the decisions of at most {} modules for late subscribers; start another process",
                 self.room
             ));
         }
-        let briefing = self.briefing(identity.module);
-        let seat = self.seats.len();
-        let (parameters, motion) = (self.parameters, self.motion.clone());
-        self.seats.push(Seat::new(
-            identity,
-            Service::Active,
-            parameters,
-            &motion,
-            now,
-        ));
-        for (source, message) in briefing {
-            self.tell(seat, now, Input::Message { source, message });
+        let missed = self.latched_snapshot(identity.module);
+        let index = self.modules.len();
+        self.push(now, identity, Service::Active);
+        for (source, message) in missed {
+            self.pass(index, now, Input::Message { source, message });
         }
         Ok(())
     }
 
-    /// What a module has missed that is hosted from now on.
-    fn briefing(&self, newcomer: ModuleId) -> Vec<(Option<SourceId>, Message)> {
-        let Some(first) = self.seats.first() else {
+    /// The messages of the latched topics that a module has missed which is hosted from now on.
+    fn latched_snapshot(&self, newcomer: ModuleId) -> Vec<(Option<SourceId>, Message)> {
+        let Some(first) = self.modules.first() else {
             return Vec::new();
         };
         let own = first.state.iter().cloned().map(Message::ModuleState);
         own.map(|own| (Some(self.source), own))
             .chain(first.agent.latched_snapshot())
             .filter(|(_, message)| match message {
-                // An earlier run of the newcomer is no news to it.
+                // The newcomer needs no state of its own earlier run.
                 Message::ModuleState(state) => state.module != newcomer,
                 _ => true,
             })
             .collect()
     }
 
-    /// Tells a hosted module what to do.
+    fn index_of(&self, module: ModuleId) -> Option<usize> {
+        let mut modules = self.modules.iter();
+        modules.position(|hosted| hosted.identity.module == module)
+    }
+
+    /// Passes a command to a hosted module.
     pub(crate) fn command(&mut self, now: Duration, module: ModuleId, command: Command) {
-        if let Some(seat) = self.seats.iter().position(|seat| seat.module == module) {
-            self.tell(seat, now, Input::Command(command));
+        if let Some(index) = self.index_of(module) {
+            self.pass(index, now, Input::Command(command));
         }
     }
 
-    /// Whether a hosted module takes a spot when it can.
-    pub(crate) fn service_of(&self, module: ModuleId) -> Option<Service> {
-        self.seat_of(module).map(|seat| seat.agent.service())
+    /// Whether a hosted module takes a spot when it can, and its phase; `None` for a module that is not hosted.
+    pub(crate) fn status_of(&self, module: ModuleId) -> Option<(Service, ModulePhase)> {
+        let agent = &self.modules[self.index_of(module)?].agent;
+        Some((agent.service(), agent.phase()))
     }
 
-    /// What a hosted module is doing.
-    pub(crate) fn phase_of(&self, module: ModuleId) -> Option<ModulePhase> {
-        self.seat_of(module).map(|seat| seat.agent.phase())
-    }
-
-    fn seat_of(&self, module: ModuleId) -> Option<&Seat> {
-        self.seats.iter().find(|seat| seat.module == module)
-    }
-
-    /// Where the hosted modules stand, and all others that live, as far as they said.
-    pub(crate) fn standing(&self) -> BTreeMap<ModuleId, Option<Pose>> {
-        let peers = self
-            .seats
-            .iter()
-            .flat_map(|seat| seat.agent.living_peers())
-            .map(|(module, state)| (module, state.map(|state| state.pose)));
-        let own = self
-            .seats
-            .iter()
-            .map(|seat| (seat.module, Some(seat.agent.pose())));
+    /// The poses of the hosted modules and of all other live ones, as far as they are known.
+    pub(crate) fn poses(&self) -> BTreeMap<ModuleId, Option<Pose>> {
+        let agents = || self.modules.iter().map(|hosted| &hosted.agent);
+        let peers = agents().flat_map(Agent::living_peers);
+        let peers = peers.map(|(module, state)| (module, state.map(|state| state.pose)));
+        let own = agents().map(|agent| (agent.module(), Some(agent.pose())));
         peers.chain(own).collect()
     }
 
-    /// The hosted modules by number, for people.
-    pub(crate) fn named(&self) -> String {
-        let numbers: Vec<String> = self
-            .seats
-            .iter()
-            .map(|seat| seat.module.0.to_string())
-            .collect();
-        numbers.join(", ")
-    }
-
-    /// The hosted modules as they are by now, for a host that takes them over.
+    /// The hosted modules as they are now, for a host that takes them over.
     pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
-        self.seats
-            .iter()
-            .map(|seat| {
-                let identity = Identity {
-                    pose: seat.agent.pose(),
-                    links: seat.agent.links().clone(),
-                    ..seat.identity.clone()
-                };
-                (identity, seat.agent.service())
-            })
-            .collect()
+        let modules = self.modules.iter().map(|hosted| {
+            let identity = Identity {
+                pose: hosted.agent.pose(),
+                links: hosted.agent.links().clone(),
+                ..hosted.identity.clone()
+            };
+            (identity, hosted.agent.service())
+        });
+        modules.collect()
     }
 
-    /// Hands a message of another process to every hosted module.
-    pub(crate) fn receive(&mut self, now: Duration, source: SourceId, message: &Message) {
-        for seat in 0..self.seats.len() {
-            self.tell(
-                seat,
-                now,
-                Input::Message {
-                    source: Some(source),
-                    message: message.clone(),
-                },
-            );
+    /// Passes a message of another process to every hosted module.
+    pub(crate) fn handle_message(&mut self, now: Duration, source: SourceId, message: &Message) {
+        for index in 0..self.modules.len() {
+            self.pass_message(index, now, source, message);
         }
     }
 
-    /// Hands what a driver says to its module.
-    pub(crate) fn hear_driver(&mut self, now: Duration, module: ModuleId, news: DriverNews) {
-        let Some(seat) = self.seats.iter().position(|seat| seat.module == module) else {
-            return;
-        };
-        self.seats[seat].drive.hear(now, news);
-        self.tell_reports(seat, now);
+    /// Passes a message of a driver to its module.
+    pub(crate) fn handle_driver(
+        &mut self,
+        now: Duration,
+        module: ModuleId,
+        message: DriverMessage,
+    ) {
+        if let Some(index) = self.index_of(module) {
+            self.modules[index].drive.handle_message(now, message);
+            self.pass_reports(index, now);
+        }
     }
 
-    /// Lets time pass: timeouts, drives, and what the hosted modules have to tell each other.
+    /// Lets time pass: timeouts, drives, and the messages between the hosted modules.
     pub(crate) fn advance(&mut self, now: Duration) {
-        for seat in 0..self.seats.len() {
-            if self.seats[seat].drive.due().is_some_and(|due| due <= now) {
-                self.seats[seat].drive.advance(now);
-                self.tell_reports(seat, now);
+        for index in 0..self.modules.len() {
+            if self.modules[index]
+                .drive
+                .due()
+                .is_some_and(|due| due <= now)
+            {
+                self.modules[index].drive.advance(now);
+                self.pass_reports(index, now);
             }
-            if self.seats[seat].agent.poll_timeout() <= now {
-                self.tell(seat, now, Input::Timeout);
+            if self.modules[index].agent.poll_timeout() <= now {
+                self.pass(index, now, Input::Timeout);
             }
         }
         for _ in 0..LOCAL_MESSAGES_PER_TURN {
             let Some((sender, message)) = self.local.pop_front() else {
                 break;
             };
-            for seat in (0..self.seats.len()).filter(|&seat| seat != sender) {
-                self.tell(
-                    seat,
-                    now,
-                    Input::Message {
-                        source: Some(self.source),
-                        message: message.clone(),
-                    },
-                );
+            for index in (0..self.modules.len()).filter(|&index| index != sender) {
+                self.pass_message(index, now, self.source, &message);
             }
         }
     }
@@ -286,9 +245,9 @@ impl Host {
         if !self.local.is_empty() {
             return Some(Duration::ZERO);
         }
-        self.seats
-            .iter()
-            .flat_map(|seat| [Some(seat.agent.poll_timeout()), seat.drive.due()])
+        let modules = self.modules.iter();
+        modules
+            .flat_map(|hosted| [Some(hosted.agent.poll_timeout()), hosted.drive.due()])
             .flatten()
             .min()
     }
@@ -296,10 +255,9 @@ impl Host {
     /// What there is to publish since the last call.
     pub(crate) fn take_outgoing(&mut self) -> Vec<Outgoing> {
         self.gather_states();
-        let heartbeats: Vec<Heartbeat> = self
-            .seats
-            .iter_mut()
-            .filter_map(|seat| seat.heartbeat.take())
+        let modules = self.modules.iter_mut();
+        let heartbeats: Vec<Heartbeat> = modules
+            .filter_map(|hosted| hosted.heartbeat.take())
             .collect();
         if !heartbeats.is_empty() {
             self.outgoing.push(Outgoing::Heartbeats(heartbeats));
@@ -309,137 +267,152 @@ impl Host {
 
     /// Makes one sample of the states, if any of them is new.
     fn gather_states(&mut self) {
-        if !self.seats.iter().any(|seat| seat.state_is_new) {
+        if !self.modules.iter().any(|hosted| hosted.state_is_new) {
             return;
         }
-        let states = self
-            .seats
-            .iter_mut()
-            .filter_map(|seat| {
-                seat.state_is_new = false;
-                seat.state.clone()
-            })
-            .collect();
+        let states = self.modules.iter_mut().filter_map(|hosted| {
+            hosted.state_is_new = false;
+            hosted.state.clone()
+        });
+        let states = states.collect();
         self.outgoing.push(Outgoing::ModuleStates(states));
     }
 
-    /// Waits and moves by other parameters from now on.
+    /// Uses other parameters from now on.
     pub(crate) fn set_parameters(
         &mut self,
         now: Duration,
         parameters: AgentParameters,
-        motion: &MotionParameters,
+        motion: Motion,
     ) {
         self.parameters = parameters;
-        self.motion = motion.clone();
-        for seat in 0..self.seats.len() {
-            self.seats[seat].agent.set_parameters(parameters);
-            self.seats[seat].drive.set_parameters(motion);
+        self.motion = motion;
+        for index in 0..self.modules.len() {
+            let hosted = &mut self.modules[index];
+            hosted.agent.set_parameters(parameters);
+            hosted.drive.set_parameters(&self.motion);
             // What is due may be due earlier now.
-            self.tell(seat, now, Input::Timeout);
+            self.pass(index, now, Input::Timeout);
         }
     }
 
-    /// How each hosted module is doing.
+    /// The status of each hosted module.
     pub(crate) fn reports(&self, now: Duration) -> Vec<Report> {
-        self.seats
-            .iter()
-            .map(|seat| seat.tally.report(now, &seat.agent, seat.state.as_deref()))
-            .collect()
+        let report = |hosted: &Hosted| {
+            hosted
+                .diagnostics
+                .report(now, &hosted.agent, hosted.state.as_deref())
+        };
+        self.modules.iter().map(report).collect()
     }
 
-    fn tell(&mut self, seat: usize, now: Duration, input: Input) {
+    fn pass_message(&mut self, index: usize, now: Duration, source: SourceId, message: &Message) {
+        let (source, message) = (Some(source), message.clone());
+        self.pass(index, now, Input::Message { source, message });
+    }
+
+    fn pass(&mut self, index: usize, now: Duration, input: Input) {
+        let Hosted {
+            agent, diagnostics, ..
+        } = &mut self.modules[index];
         if let Input::Message { .. } = input {
-            self.seats[seat].tally.received += 1;
+            diagnostics.received += 1;
         }
-        self.seats[seat].agent.handle(now, input);
-        self.obey(seat, now);
-        self.tell_reports(seat, now);
+        agent.handle(now, input);
+        self.carry_out(index, now);
+        self.pass_reports(index, now);
     }
 
-    /// Tells the agent whatever its drive reports, until the two have nothing more to say to each other.
-    fn tell_reports(&mut self, seat: usize, now: Duration) {
-        while let Some(report) = self.seats[seat].drive.take_report() {
-            self.seats[seat].agent.handle(now, Input::Motion(report));
-            self.obey(seat, now);
+    /// Passes the reports of a drive to its agent, until neither has anything for the other.
+    fn pass_reports(&mut self, index: usize, now: Duration) {
+        while let Some(report) = self.modules[index].drive.take_report() {
+            self.modules[index].agent.handle(now, Input::Motion(report));
+            self.carry_out(index, now);
         }
-        let Seat { module, drive, .. } = &mut self.seats[seat];
+        let Hosted {
+            identity, drive, ..
+        } = &mut self.modules[index];
         while let Some(fault) = drive.take_fault() {
-            tracing::error!(module = module.0, "{fault}");
+            tracing::error!(module = identity.module.0, "{fault}");
         }
         while let Some(command) = drive.take_command() {
-            self.outgoing.push(Outgoing::Drive(*module, command));
+            self.outgoing
+                .push(Outgoing::Drive(identity.module, command));
         }
     }
 
-    /// Does what the agent wants done.
-    fn obey(&mut self, seat: usize, now: Duration) {
-        while let Some(output) = self.seats[seat].agent.poll_output() {
-            let drive = &mut self.seats[seat].drive;
+    /// Carries out the outputs of an agent.
+    fn carry_out(&mut self, index: usize, now: Duration) {
+        while let Some(output) = self.modules[index].agent.poll_output() {
+            let drive = &mut self.modules[index].drive;
             match output {
-                Output::Publish(message) => self.publish(seat, message),
+                Output::Publish(message) => self.publish(index, message),
                 Output::Move(goal) => drive.go(now, goal),
                 Output::Halt => drive.halt(now),
                 Output::Dock(other) => drive.ask(now, DockingAction::Dock, other),
                 Output::Undock(other) => drive.ask(now, DockingAction::Undock, other),
-                Output::Event(event) => self.note(seat, &event),
+                Output::Event(event) => self.modules[index].handle_event(&event),
             }
         }
-        let seat = &mut self.seats[seat];
-        seat.tally.observe_phase(now, seat.agent.phase());
+        let Hosted {
+            agent, diagnostics, ..
+        } = &mut self.modules[index];
+        diagnostics.handle_phase(now, agent.phase());
     }
 
-    fn publish(&mut self, seat: usize, message: Message) {
-        self.seats[seat].tally.count_sent(&message);
+    fn publish(&mut self, index: usize, message: Message) {
+        self.modules[index].diagnostics.count_sent(&message);
         match &message {
             Message::ModuleState(state) => {
-                // Each state goes out, even when two follow each other at once: observers judge the order of
-                // events by the states that they see.
-                if self.seats[seat].state_is_new {
+                // Each state is sent, even when two follow each other at once: observers judge the order of events by
+                // the states that they receive.
+                if self.modules[index].state_is_new {
                     self.gather_states();
                 }
-                self.seats[seat].state = Some(Arc::clone(state));
-                self.seats[seat].state_is_new = true;
+                self.modules[index].state = Some(Arc::clone(state));
+                self.modules[index].state_is_new = true;
             }
-            Message::Heartbeat(heartbeat) => self.seats[seat].heartbeat = Some(*heartbeat),
+            Message::Heartbeat(heartbeat) => self.modules[index].heartbeat = Some(*heartbeat),
             Message::Roster(roster) => self.outgoing.push(Outgoing::Roster(roster.clone())),
             Message::Claim(claim) => self.outgoing.push(Outgoing::Claim(Arc::clone(claim))),
             Message::Eviction(notice) => self.outgoing.push(Outgoing::Eviction(*notice)),
             // No agent announces targets.
             Message::Target(_) => return,
         }
-        if self.seats.len() > 1 {
-            self.local.push_back((seat, message));
-        }
-    }
-
-    fn note(&mut self, seat: usize, event: &Event) {
-        let seat = &mut self.seats[seat];
-        seat.tally.note(event);
-        let module = seat.module.0;
-        // What others can cause at will must not flood the log.
-        let told = match event {
-            Event::Refused { .. } => Some(&mut seat.refusals_told),
-            Event::DuplicateModule(_) => Some(&mut seat.duplicates_told),
-            _ => None,
-        };
-        if let Some(told) = told {
-            *told += 1;
-            if !worth_a_line(*told) {
-                return;
-            }
-        }
-        match event.severity() {
-            Severity::Info => tracing::info!(module, "{event}"),
-            Severity::Warning => tracing::warn!(module, "{event}"),
-            Severity::Error => tracing::error!(module, "{event}"),
+        if self.modules.len() > 1 {
+            self.local.push_back((index, message));
         }
     }
 
     /// How many messages of others each hosted module refused, by kind.
     pub(crate) fn refusals(&self) -> impl Iterator<Item = (ModuleId, &RefusalCounts)> {
-        let seats = self.seats.iter();
-        seats.map(|seat| (seat.module, seat.agent.refusals()))
+        let agents = self.modules.iter().map(|hosted| &hosted.agent);
+        agents.map(|agent| (agent.module(), agent.refusals()))
+    }
+}
+
+impl Hosted {
+    /// Counts and logs an event.
+    fn handle_event(&mut self, event: &Event) {
+        self.diagnostics.handle_event(event);
+        // Events that others can cause at will must not flood the log.
+        let count = match event {
+            Event::Refused { .. } => Some(&mut self.refusals),
+            Event::DuplicateModule(_) => Some(&mut self.duplicates),
+            _ => None,
+        };
+        if let Some(count) = count {
+            *count += 1;
+            if !is_logged(*count) {
+                return;
+            }
+        }
+        let module = self.identity.module.0;
+        match event.severity() {
+            Severity::Info => tracing::info!(module, "{event}"),
+            Severity::Warning => tracing::warn!(module, "{event}"),
+            Severity::Error => tracing::error!(module, "{event}"),
+        }
     }
 }
 

@@ -1,12 +1,13 @@
 //! A process that hosts modules: their agents, their drives, and what they publish together.
+//!
+//! [`ModuleProcess::run`] is the whole life of such a process.
 
-pub mod agents;
 pub mod arguments;
 mod drive;
 mod drivers;
 mod host;
 mod membership;
-mod tally;
+mod module_diagnostics;
+mod process;
 
-pub use drive::MotionParameters;
-pub use drivers::{ExternalMotion, PoseSource};
+pub use process::ModuleProcess;

@@ -2,16 +2,19 @@
 
 use std::process::ExitCode;
 
+use async_channel::Receiver;
 use clap::Parser;
-use module_agent::agents::ModuleProcess;
-use module_agent::arguments::{ModuleArguments, MotionArguments, TimingArguments};
-use ros_runtime::arguments::{self, NetworkArguments};
-use ros_runtime::lifetime::stop_requested;
-use ros_runtime::outcome::{Failure, STATUS_DONE, conclude};
+use formation_node::Program;
+use module_agent::ModuleProcess;
+use module_agent::arguments::{ModuleArguments, Motion, Timing};
+use ros_runtime::arguments::NetworkArguments;
+use ros_runtime::exit::{Failure, STATUS_DONE};
+use ros_runtime::parameters::Tuned;
+use ros_runtime::settings::Settings;
 
-/// Runs one module, or several, until it is told to stop.
+/// Runs one module, or several, until it is asked to stop.
 ///
-/// The modules take part in forming whatever target is announced. SIGINT and SIGTERM end the process, which then leaves
+/// The modules take part in forming any target that is announced. SIGINT and SIGTERM end the process, which then leaves
 /// the ROS 2 graph at once.
 #[derive(Parser)]
 #[command(version)]
@@ -19,30 +22,32 @@ struct Arguments {
     #[command(flatten)]
     modules: ModuleArguments,
     #[command(flatten)]
-    motion: MotionArguments,
+    motion: Tuned<Motion>,
     #[command(flatten)]
-    timing: TimingArguments,
+    timing: Tuned<Timing>,
     #[command(flatten)]
     network: NetworkArguments,
 }
 
-fn main() -> ExitCode {
-    conclude(run())
+impl Program for Arguments {
+    fn network(&self) -> &NetworkArguments {
+        &self.network
+    }
+
+    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        let hosted = self.modules.resolve()?;
+        ModuleProcess {
+            settings,
+            modules: hosted.modules,
+            timing: self.timing.0,
+            motion: self.motion.0,
+            frame_id: hosted.frame_id,
+        }
+        .run(stop)?;
+        Ok(STATUS_DONE)
+    }
 }
 
-fn run() -> Result<u8, Failure> {
-    let (arguments, ros) = arguments::parse::<Arguments>()?;
-    let settings = arguments.network.start(ros)?;
-    let parameters = arguments.timing.parameters()?;
-    let hosted = arguments.modules.resolve()?;
-    let stop = stop_requested()?;
-    ModuleProcess {
-        settings,
-        modules: hosted.modules,
-        parameters,
-        motion: arguments.motion.parameters(),
-        frame_id: hosted.frame_id,
-    }
-    .run(&stop)?;
-    Ok(STATUS_DONE)
+fn main() -> ExitCode {
+    formation_node::main::<Arguments>()
 }

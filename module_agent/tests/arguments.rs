@@ -10,11 +10,12 @@ use std::time::Duration;
 
 use clap::Parser;
 use formation::model::MODULES_MAX;
-use module_agent::arguments::{ModuleArguments, ModuleList, MotionArguments, TimingArguments};
+use module_agent::arguments::{ModuleArguments, ModuleList, Motion, Timing};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
-use ros_runtime::arguments::{RosArguments, Seconds};
+use ros_runtime::arguments::RosArguments;
+use ros_runtime::parameters::{Tunables, Tuned};
 
 /// How many cases a test tries.
 fn cases(usual: u32) -> ProptestConfig {
@@ -29,9 +30,9 @@ struct Agent {
     #[command(flatten)]
     modules: ModuleArguments,
     #[command(flatten)]
-    motion: MotionArguments,
+    motion: Tuned<Motion>,
     #[command(flatten)]
-    timing: TimingArguments,
+    timing: Tuned<Timing>,
 }
 
 fn value() -> impl Strategy<Value = String> {
@@ -174,7 +175,10 @@ proptest! {
 
     #[test]
     fn times_that_are_taken_are_times(text in value()) {
-        if let Ok(Seconds(time)) = text.parse::<Seconds>() {
+        let argument = format!("--gather-limit-s={text}");
+        let words = ["agent", "--module", "7", "--x", "1", "--y", "2", &argument];
+        if let Ok(agent) = Agent::try_parse_from(words) {
+            let time = agent.timing.0.0.gather_limit;
             prop_assert!(time >= Duration::from_millis(1) && time <= Duration::from_secs(604_800));
         }
     }
@@ -194,7 +198,8 @@ proptest! {
         let Ok(agent) = Agent::try_parse_from(base.into_iter().chain(words)) else {
             return Ok(());
         };
-        if let Ok(times) = agent.timing.parameters() {
+        let Timing(times) = agent.timing.0;
+        if agent.timing.0.check().is_ok() {
             prop_assert!(times.heartbeat < times.lease && times.lease < times.suspicion);
         }
         if let Ok(hosted) = agent.modules.resolve() {
@@ -213,7 +218,7 @@ proptest! {
         let arguments = arguments.chain(words.into_iter().map(OsString::from));
         let arguments = arguments.chain([OsString::from_vec(bytes)]);
         if let Err(error) = RosArguments::extract(arguments, |_| Ok(text.clone())) {
-            prop_assert!(!error.to_string().is_empty());
+            prop_assert!(!error.is_empty());
         }
     }
 }

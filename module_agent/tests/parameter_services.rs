@@ -7,23 +7,12 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-use std::ffi::OsString;
 use std::net::Ipv4Addr;
-use std::thread;
 use std::time::Duration;
 
-use async_channel::bounded;
 use async_io::Timer;
-use formation::model::{Incarnation, ModuleId, Pose};
-use formation::protocol::{AgentParameters, Identity};
-use formation_tests::Domain;
+use formation_tests::{Domain, Running};
 use futures::FutureExt;
-use module_agent::MotionParameters;
-use module_agent::agents::ModuleProcess;
-use ros_runtime::arguments::RosArguments;
-use ros_runtime::environment::{DiscoveryRange, Environment, Overrides};
-use ros_runtime::service_mapping::ServiceMapping;
-use ros_runtime::settings::Settings;
 use ros2_client::parameters::raw;
 use ros2_client::qos::{History, QosProfile};
 use ros2_client::rcl_interfaces::{
@@ -42,34 +31,6 @@ const PATIENCE: Duration = Duration::from_secs(20);
 
 /// The time after which a request is sent again.
 const ASK_AGAIN_AFTER: Duration = Duration::from_secs(3);
-
-fn process(domain: &str, mapping: ServiceMapping) -> ModuleProcess {
-    let overrides = Overrides {
-        domain: Some(domain.parse().unwrap()),
-        range: Some(DiscoveryRange::Localhost),
-    };
-    let words = ["program", "--ros-args", "-p", "speed:=2.0"].map(OsString::from);
-    let (_, ros) = RosArguments::extract(words, |_| Ok(String::new())).unwrap();
-    ModuleProcess {
-        settings: Settings {
-            environment: Environment::resolve(overrides, |_| None).unwrap(),
-            service_mapping: mapping,
-            ros,
-            ..Settings::default()
-        },
-        modules: vec![Identity {
-            module: ModuleId(4),
-            incarnation: Incarnation(1),
-            pose: Pose::default(),
-            links: [].into(),
-            configuration: None,
-            leader: None,
-        }],
-        parameters: AgentParameters::default(),
-        motion: MotionParameters::default(),
-        frame_id: "map".to_owned(),
-    }
-}
 
 struct Caller {
     node: Node,
@@ -139,11 +100,24 @@ impl Caller {
     }
 }
 
-fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMapping) {
+fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
     let domain = Domain::shared();
-    let process = process(&domain, mapping);
-    let (stop, stopped) = bounded(1);
-    let running = thread::spawn(move || process.run(&stopped).unwrap());
+    let module = [
+        "--module",
+        "4",
+        "--x",
+        "0",
+        "--y",
+        "0",
+        "--service-mapping",
+        mapping,
+    ];
+    let speed = ["--ros-args", "-p", "speed:=2.0"];
+    let agent = Running::start(
+        "module_agent",
+        &domain,
+        &[module.as_slice(), &speed].concat(),
+    );
     // The library serves one spinner a node, so every call is by a caller of its own, which also makes each the first.
     let caller = || Caller::new(domain.number(), other);
     let names = vec!["speed".to_owned(), "nothing".to_owned()];
@@ -194,22 +168,15 @@ fn assert_all_six_answer(mapping: ServiceMapping, other: ros2_client::ServiceMap
     );
     assert!(set.result.reason.contains("must be from 0.001"), "{set:?}");
 
-    stop.try_send(()).unwrap();
-    running.join().unwrap();
+    assert_eq!(agent.stop().status, 0);
 }
 
 #[test]
 fn all_six_answer_by_the_mapping_of_fast_dds() {
-    assert_all_six_answer(
-        ServiceMapping::Enhanced,
-        ros2_client::ServiceMapping::Enhanced,
-    );
+    assert_all_six_answer("enhanced", ros2_client::ServiceMapping::Enhanced);
 }
 
 #[test]
 fn all_six_answer_by_the_mapping_of_cyclone_dds() {
-    assert_all_six_answer(
-        ServiceMapping::Cyclone,
-        ros2_client::ServiceMapping::Cyclone,
-    );
+    assert_all_six_answer("cyclone", ros2_client::ServiceMapping::Cyclone);
 }

@@ -48,7 +48,7 @@ fn bad_input_is_told_in_one_line_before_anything_starts() {
         ),
         (
             "--module 1 --x 0 --y 0 --lease-s 9".to_owned(),
-            "suspicion (5s) must be greater than lease (9s)",
+            "parameter `suspicion_s`: must be greater than lease_s (9s), got 5s",
         ),
     ] {
         let output = agent("1", &arguments).output().unwrap();

@@ -162,16 +162,23 @@ pub(crate) fn distinct<T: Ord + fmt::Display>(
     Ok(())
 }
 
+/// The entries of a list of at most `limit`, each validated.
+pub(crate) fn entries<R, T>(
+    field: &str,
+    raw: &[R],
+    limit: usize,
+    validate: impl Fn(&R) -> Checked<T>,
+) -> Checked<Vec<T>> {
+    count(field, raw.len(), limit)?;
+    let entries = raw.iter().enumerate();
+    entries
+        .map(|(index, entry)| validate(entry).map_err(|error| error.within_entry(field, index)))
+        .collect()
+}
+
 /// Ascending identifiers of modules.
 pub(crate) fn module_ids(field: &str, raw: &[u32], limit: usize) -> Checked<Vec<ModuleId>> {
-    count(field, raw.len(), limit)?;
-    let modules = raw
-        .iter()
-        .enumerate()
-        .map(|(index, &raw_id)| {
-            id("", raw_id, ModuleId).map_err(|error| error.within_entry(field, index))
-        })
-        .collect::<Checked<Vec<ModuleId>>>()?;
+    let modules = entries(field, raw, limit, |&raw_id| id("", raw_id, ModuleId))?;
     ascending(field, modules.iter().copied())?;
     Ok(modules)
 }

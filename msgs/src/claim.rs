@@ -3,11 +3,11 @@
 use formation::model::{self, Decision, EvictionNotice, Incarnation, ModuleId, SpotId};
 use serde::{Deserialize, Serialize};
 
+use crate::NONE;
 use crate::bounds::{MODULES_MAX, SPOTS_MAX};
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::Epoch;
-use crate::error::{Fault, MessageError};
-use crate::{NONE, topic};
+use crate::error::Fault;
 
 /// See `SpotSelection.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -65,18 +65,12 @@ impl From<&model::SpotSelection> for SpotSelection {
 
 /// Pairs in ascending order of spot, none with a spot or module of another.
 pub(crate) fn selections(field: &str, raw: &[SpotSelection]) -> Checked<Vec<model::SpotSelection>> {
-    check::count(field, raw.len(), SPOTS_MAX)?;
-    let selections = raw
-        .iter()
-        .enumerate()
-        .map(|(index, selection)| {
-            let within = |error: FieldError| error.within_entry(field, index);
-            Ok(model::SpotSelection {
-                spot: check::id("spot_id", selection.spot_id, SpotId).map_err(within)?,
-                module: check::id("module_id", selection.module_id, ModuleId).map_err(within)?,
-            })
+    let selections = check::entries(field, raw, SPOTS_MAX, |selection| {
+        Ok(model::SpotSelection {
+            spot: check::id("spot_id", selection.spot_id, SpotId)?,
+            module: check::id("module_id", selection.module_id, ModuleId)?,
         })
-        .collect::<Checked<Vec<_>>>()?;
+    })?;
     check::ascending(field, selections.iter().map(|selection| selection.spot))?;
     check::distinct(field, selections.iter().map(|selection| selection.module))?;
     Ok(selections)
@@ -136,16 +130,8 @@ impl From<&model::SpotClaim> for SpotClaim {
     }
 }
 
-impl TryFrom<SpotClaim> for model::SpotClaim {
-    type Error = MessageError;
-
-    fn try_from(claim: SpotClaim) -> Result<Self, MessageError> {
-        claim.validated().map_err(|error| error.on(topic::CLAIMS))
-    }
-}
-
 impl SpotClaim {
-    fn validated(&self) -> Checked<model::SpotClaim> {
+    pub(crate) fn validated(&self) -> Checked<model::SpotClaim> {
         check::count("evictions", self.evictions.len(), MODULES_MAX)?;
         Ok(model::SpotClaim {
             epoch: self.epoch.required()?,
@@ -154,16 +140,9 @@ impl SpotClaim {
             incarnation: Incarnation(self.incarnation),
             decision: Decision {
                 selections: selections("selections", &self.selections)?,
-                evictions: self
-                    .evictions
-                    .iter()
-                    .enumerate()
-                    .map(|(index, record)| {
-                        record
-                            .validated()
-                            .map_err(|error| error.within_entry("evictions", index))
-                    })
-                    .collect::<Checked<Vec<_>>>()?,
+                evictions: check::entries("evictions", &self.evictions, MODULES_MAX, |record| {
+                    record.validated()
+                })?,
                 detached: check::module_ids("detached", &self.detached, MODULES_MAX)?,
             },
         })
@@ -180,20 +159,13 @@ impl From<&EvictionNotice> for Eviction {
     }
 }
 
-impl TryFrom<Eviction> for EvictionNotice {
-    type Error = MessageError;
-
-    fn try_from(notice: Eviction) -> Result<Self, MessageError> {
-        let validated = || {
-            Ok(Self {
-                epoch: notice.epoch.required()?,
-                turn: notice.turn,
-                eviction: notice
-                    .eviction
-                    .validated()
-                    .map_err(|error| error.within("eviction"))?,
-            })
-        };
-        validated().map_err(|error: FieldError| error.on(topic::EVICTIONS))
+impl Eviction {
+    pub(crate) fn validated(self) -> Checked<EvictionNotice> {
+        let eviction = self.eviction.validated();
+        Ok(EvictionNotice {
+            epoch: self.epoch.required()?,
+            turn: self.turn,
+            eviction: eviction.map_err(|error| error.within("eviction"))?,
+        })
     }
 }

@@ -53,16 +53,6 @@ impl DockingRequest {
     }
 }
 
-impl TryFrom<DockingResult> for (ModuleId, motion::DockingResult) {
-    type Error = MessageError;
-
-    fn try_from(result: DockingResult) -> Result<Self, MessageError> {
-        result
-            .validated()
-            .map_err(|error| error.on(topic::DOCKING_RESULT))
-    }
-}
-
 impl DockingResult {
     /// The refusal of a result that came on another module's topic.
     #[must_use]
@@ -70,7 +60,7 @@ impl DockingResult {
         FieldError::new("module_id", Fault::WrongModule(named)).on(topic::DOCKING_RESULT)
     }
 
-    fn validated(self) -> Checked<(ModuleId, motion::DockingResult)> {
+    pub(crate) fn validated(self) -> Checked<(ModuleId, motion::DockingResult)> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let (bytes, limit) = (self.reason.len(), REASON_BYTES_MAX);
         if bytes > limit {

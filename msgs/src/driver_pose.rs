@@ -4,8 +4,8 @@ use formation::model;
 
 use crate::check::{self, Checked, FieldError};
 use crate::error::{Fault, MessageError};
-use crate::foreign::geometry_msgs::PoseStamped;
-use crate::foreign::nav_msgs::Odometry;
+use crate::external::geometry_msgs::PoseStamped;
+use crate::external::nav_msgs::Odometry;
 use crate::standard::Header;
 use crate::topic;
 

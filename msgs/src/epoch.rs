@@ -94,16 +94,7 @@ impl QuorumBasis {
 
 /// The bases of distinct epochs.
 pub(crate) fn quorum_bases(field: &str, raw: &[QuorumBasis]) -> Checked<Vec<model::QuorumBasis>> {
-    check::count(field, raw.len(), QUORUM_BASES_MAX)?;
-    let bases = raw
-        .iter()
-        .enumerate()
-        .map(|(index, basis)| {
-            basis
-                .validated()
-                .map_err(|error| error.within_entry(field, index))
-        })
-        .collect::<Checked<Vec<_>>>()?;
+    let bases = check::entries(field, raw, QUORUM_BASES_MAX, QuorumBasis::validated)?;
     check::distinct(field, bases.iter().map(|basis| basis.epoch))?;
     Ok(bases)
 }

@@ -1,5 +1,7 @@
 //! What travels in the action `FormConfiguration`.
 
+#![expect(missing_docs, reason = "the .action file documents the fields")]
+
 use serde::{Deserialize, Serialize};
 
 use crate::progress::Progress;
@@ -9,7 +11,6 @@ use crate::verdict::Verdict;
 /// The goal of `FormConfiguration.action`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "FormConfiguration_Goal")]
-#[expect(missing_docs, reason = "the .action file documents the fields")]
 pub struct FormConfigurationGoal {
     pub scenario: String,
     pub target: TargetConfiguration,
@@ -19,7 +20,6 @@ pub struct FormConfigurationGoal {
 /// The result of `FormConfiguration.action`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "FormConfiguration_Result")]
-#[expect(missing_docs, reason = "the .action file documents the fields")]
 pub struct FormConfigurationResult {
     pub verdict: Verdict,
     pub message: String,
@@ -28,7 +28,6 @@ pub struct FormConfigurationResult {
 /// The feedback of `FormConfiguration.action`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "FormConfiguration_Feedback")]
-#[expect(missing_docs, reason = "the .action file documents the fields")]
 pub struct FormConfigurationFeedback {
     pub progress: Progress,
 }

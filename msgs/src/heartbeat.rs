@@ -7,10 +7,9 @@ use serde::{Deserialize, Serialize};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::Epoch;
-use crate::error::{Fault, MessageError};
+use crate::error::Fault;
 use crate::module_state::{phase_from_wire, phase_to_wire};
 use crate::standard::Duration;
-use crate::topic;
 
 /// See `ModuleHeartbeat.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -52,18 +51,8 @@ impl From<&model::Heartbeat> for ModuleHeartbeat {
     }
 }
 
-impl TryFrom<ModuleHeartbeat> for model::Heartbeat {
-    type Error = MessageError;
-
-    fn try_from(heartbeat: ModuleHeartbeat) -> Result<Self, MessageError> {
-        heartbeat
-            .validated()
-            .map_err(|error| error.on(topic::HEARTBEATS))
-    }
-}
-
 impl ModuleHeartbeat {
-    fn validated(&self) -> Checked<model::Heartbeat> {
+    pub(crate) fn validated(&self) -> Checked<model::Heartbeat> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
         let digest = check::digest(epoch, self.has_digest, self.digest)?;
@@ -99,31 +88,13 @@ impl Heartbeat {
             modules: heartbeats.into_iter().map(ModuleHeartbeat::from).collect(),
         }
     }
-}
-
-impl TryFrom<Heartbeat> for Vec<model::Heartbeat> {
-    type Error = MessageError;
 
     /// The heartbeats of distinct modules, in the order in which they came.
-    fn try_from(sample: Heartbeat) -> Result<Self, MessageError> {
-        let validated = || {
-            check::count("modules", sample.modules.len(), MODULES_MAX)?;
-            let heartbeats = sample
-                .modules
-                .iter()
-                .enumerate()
-                .map(|(index, heartbeat)| {
-                    heartbeat
-                        .validated()
-                        .map_err(|error| error.within_entry("modules", index))
-                })
-                .collect::<Checked<Vec<_>>>()?;
-            check::distinct(
-                "modules",
-                heartbeats.iter().map(|heartbeat| heartbeat.module),
-            )?;
-            Ok(heartbeats)
-        };
-        validated().map_err(|error: FieldError| error.on(topic::HEARTBEATS))
+    pub(crate) fn validated(self) -> Checked<Vec<model::Heartbeat>> {
+        let validate = ModuleHeartbeat::validated;
+        let heartbeats = check::entries("modules", &self.modules, MODULES_MAX, validate)?;
+        let modules = heartbeats.iter().map(|heartbeat| heartbeat.module);
+        check::distinct("modules", modules)?;
+        Ok(heartbeats)
     }
 }

@@ -8,6 +8,73 @@
 //! that names the topic, the field and the reason; `From<&_>` goes the other way. Going out and in again changes
 //! nothing. Neither way panics, and nothing grows beyond a constant factor of the bytes that arrived.
 
+/// The numbers of an enumerated field: the constants of its message, each with its name in errors, and the conversions from
+/// and to the core's type.
+macro_rules! enumeration {
+    ($message:ident $field:literal: $to_wire:ident, $from_wire:ident => $core:ident {
+        $first:ident $first_name:ident $first_number:literal = $first_variant:ident,
+        $($constant:ident $name:ident $number:literal = $variant:ident,)*
+    }) => {
+        #[expect(missing_docs, reason = "the .msg file documents the constants")]
+        impl $message {
+            pub const $first: u8 = $first_number;
+            $(pub const $constant: u8 = $number;)*
+        }
+
+        pub(crate) fn $to_wire(value: $core) -> u8 {
+            match value {
+                $core::$first_variant => $first_number,
+                $($core::$variant => $number,)*
+            }
+        }
+
+        pub(crate) fn $from_wire(value: u8) -> $crate::check::Checked<$core> {
+            match value {
+                $first_number => Ok($core::$first_variant),
+                $($number => Ok($core::$variant),)*
+                value => {
+                    let known = concat!(
+                        stringify!($first_name), " ", $first_number
+                        $(, ", ", stringify!($name), " ", $number)*
+                    );
+                    let value = value.into();
+                    let fault = $crate::error::Fault::UnknownValue { value, known };
+                    Err($crate::check::FieldError::new($field, fault))
+                }
+            }
+        }
+    };
+}
+
+/// Conversions of what arrives into validated data, each with the topic that errors name.
+macro_rules! validated {
+    ($($raw:ident => $core:ty, $topic:path;)+) => {
+        $(impl TryFrom<$raw> for $core {
+            type Error = MessageError;
+
+            fn try_from(raw: $raw) -> Result<Self, MessageError> {
+                raw.validated().map_err(|error| error.on($topic))
+            }
+        })+
+    };
+}
+
+/// The names of types. A section of a service or an action has the name of its file before its own.
+macro_rules! interface_types {
+    ($package:literal: $($name:ident $(= $full_name:literal)?),+ $(,)?) => {
+        $(impl $crate::InterfaceType for $name {
+            const PACKAGE: &str = $package;
+            const NAME: &str = interface_types!(@ $name $($full_name)?);
+        })+
+    };
+    (@ $name:ident) => {
+        stringify!($name)
+    };
+    (@ $name:ident $full_name:literal) => {
+        $full_name
+    };
+}
+
 pub mod bounds;
 mod check;
 mod claim;
@@ -15,7 +82,7 @@ mod docking;
 mod driver_pose;
 mod epoch;
 mod error;
-pub mod foreign;
+pub mod external;
 mod form_configuration;
 mod heartbeat;
 mod module_state;
@@ -26,6 +93,8 @@ mod standard;
 mod target;
 pub mod topic;
 mod verdict;
+
+use formation::{model, motion};
 
 pub use claim::{Eviction, EvictionRecord, SpotClaim, SpotSelection};
 pub use docking::{DockingRequest, DockingResult};
@@ -48,7 +117,7 @@ pub use target::{Edge, PlannerParameters, Spot, TargetConfiguration};
 pub use verdict::Verdict;
 
 /// Stands for "none" where an identifier is optional.
-pub const NONE: u32 = formation::model::NO_ID;
+pub const NONE: u32 = model::NO_ID;
 
 /// Names a type as ROS 2 does: `PACKAGE/msg/NAME`. A section of a service or an action
 /// is named after both, as `NAME_Request` is.
@@ -57,15 +126,6 @@ pub trait InterfaceType {
     const PACKAGE: &str;
     /// The type within the package.
     const NAME: &str;
-}
-
-macro_rules! interface_types {
-    ($package:literal: $($name:ident),+ $(,)?) => {
-        $(impl InterfaceType for $name {
-            const PACKAGE: &str = $package;
-            const NAME: &str = stringify!($name);
-        })+
-    };
 }
 
 interface_types!("builtin_interfaces": Duration, Time);
@@ -93,18 +153,6 @@ interface_types!(
     SpotSelection,
     TargetConfiguration,
     Verdict,
-);
-
-macro_rules! sections {
-    ($($type:ident = $name:literal),+ $(,)?) => {
-        $(impl InterfaceType for $type {
-            const PACKAGE: &str = "formation_msgs";
-            const NAME: &str = $name;
-        })+
-    };
-}
-
-sections!(
     AddModuleRequest = "AddModule_Request",
     AddModuleResponse = "AddModule_Response",
     FormConfigurationFeedback = "FormConfiguration_Feedback",
@@ -118,34 +166,14 @@ sections!(
     WithdrawTargetResponse = "WithdrawTarget_Response",
 );
 
-mod foreign_types {
-    use super::InterfaceType;
-    use super::foreign::geometry_msgs::{
-        Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped,
-        Twist, TwistWithCovariance, Vector3,
-    };
-    use super::foreign::nav_msgs::Odometry;
-    use super::foreign::sensor_msgs::CompressedImage;
-    use super::foreign::std_msgs::ColorRGBA;
-    use super::foreign::tf2_msgs::TFMessage;
-    use super::foreign::visualization_msgs::{Marker, MarkerArray, MeshFile, UVCoordinate};
-
-    interface_types!(
-        "geometry_msgs":
-        Point,
-        Pose,
-        PoseStamped,
-        PoseWithCovariance,
-        Quaternion,
-        Transform,
-        TransformStamped,
-        Twist,
-        TwistWithCovariance,
-        Vector3,
-    );
-    interface_types!("nav_msgs": Odometry);
-    interface_types!("sensor_msgs": CompressedImage);
-    interface_types!("std_msgs": ColorRGBA);
-    interface_types!("tf2_msgs": TFMessage);
-    interface_types!("visualization_msgs": Marker, MarkerArray, MeshFile, UVCoordinate);
+validated! {
+    Eviction => model::EvictionNotice, topic::EVICTIONS;
+    ModuleHeartbeat => model::Heartbeat, topic::HEARTBEATS;
+    Heartbeat => Vec<model::Heartbeat>, topic::HEARTBEATS;
+    ModuleState => model::ModuleState, topic::MODULE_STATES;
+    ModuleStates => Vec<model::ModuleState>, topic::MODULE_STATES;
+    Roster => model::RosterMessage, topic::ROSTER;
+    SpotClaim => model::SpotClaim, topic::CLAIMS;
+    TargetConfiguration => model::TargetAnnouncement, topic::TARGET;
+    DockingResult => (model::ModuleId, motion::DockingResult), topic::DOCKING_RESULT;
 }

@@ -5,12 +5,12 @@ use formation::model::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::NONE;
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases};
-use crate::error::{Fault, MessageError};
+use crate::error::Fault;
 use crate::standard::Header;
-use crate::{NONE, topic};
 
 /// See `CausalMark.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -54,81 +54,31 @@ pub struct ModuleStates {
     pub modules: Vec<ModuleState>,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
+#[expect(missing_docs, reason = "the .msg file documents the constant")]
 impl ModuleState {
     pub const NONE: u32 = NONE;
-    pub const PHASE_LISTENING: u8 = 1;
-    pub const PHASE_GATHERED: u8 = 2;
-    pub const PHASE_PLANNING: u8 = 3;
-    pub const PHASE_AGREEING: u8 = 4;
-    pub const PHASE_WAITING: u8 = 5;
-    pub const PHASE_MOVING: u8 = 6;
-    pub const PHASE_SETTLED: u8 = 7;
-    pub const PHASE_SPARE: u8 = 8;
-    pub const PHASE_WAITING_FOR_QUORUM: u8 = 9;
-    pub const SERVICE_ACTIVE: u8 = 1;
-    pub const SERVICE_RETIRED: u8 = 2;
-    pub const SERVICE_MOTION_FAILED: u8 = 3;
 }
 
-pub(crate) fn phase_to_wire(phase: ModulePhase) -> u8 {
-    match phase {
-        ModulePhase::Listening => ModuleState::PHASE_LISTENING,
-        ModulePhase::Gathered => ModuleState::PHASE_GATHERED,
-        ModulePhase::Planning => ModuleState::PHASE_PLANNING,
-        ModulePhase::Agreeing => ModuleState::PHASE_AGREEING,
-        ModulePhase::Waiting => ModuleState::PHASE_WAITING,
-        ModulePhase::Moving => ModuleState::PHASE_MOVING,
-        ModulePhase::Settled => ModuleState::PHASE_SETTLED,
-        ModulePhase::Spare => ModuleState::PHASE_SPARE,
-        ModulePhase::WaitingForQuorum => ModuleState::PHASE_WAITING_FOR_QUORUM,
+enumeration! {
+    ModuleState "phase": phase_to_wire, phase_from_wire => ModulePhase {
+        PHASE_LISTENING LISTENING 1 = Listening,
+        PHASE_GATHERED GATHERED 2 = Gathered,
+        PHASE_PLANNING PLANNING 3 = Planning,
+        PHASE_AGREEING AGREEING 4 = Agreeing,
+        PHASE_WAITING WAITING 5 = Waiting,
+        PHASE_MOVING MOVING 6 = Moving,
+        PHASE_SETTLED SETTLED 7 = Settled,
+        PHASE_SPARE SPARE 8 = Spare,
+        PHASE_WAITING_FOR_QUORUM WAITING_FOR_QUORUM 9 = WaitingForQuorum,
     }
 }
 
-pub(crate) fn phase_from_wire(value: u8) -> Checked<ModulePhase> {
-    Ok(match value {
-        ModuleState::PHASE_LISTENING => ModulePhase::Listening,
-        ModuleState::PHASE_GATHERED => ModulePhase::Gathered,
-        ModuleState::PHASE_PLANNING => ModulePhase::Planning,
-        ModuleState::PHASE_AGREEING => ModulePhase::Agreeing,
-        ModuleState::PHASE_WAITING => ModulePhase::Waiting,
-        ModuleState::PHASE_MOVING => ModulePhase::Moving,
-        ModuleState::PHASE_SETTLED => ModulePhase::Settled,
-        ModuleState::PHASE_SPARE => ModulePhase::Spare,
-        ModuleState::PHASE_WAITING_FOR_QUORUM => ModulePhase::WaitingForQuorum,
-        value => {
-            let known = "LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, WAITING 5, MOVING 6, SETTLED 7, \
-                         SPARE 8, WAITING_FOR_QUORUM 9";
-            let value = value.into();
-            return Err(FieldError::new(
-                "phase",
-                Fault::UnknownValue { value, known },
-            ));
-        }
-    })
-}
-
-pub(crate) fn service_to_wire(service: Service) -> u8 {
-    match service {
-        Service::Active => ModuleState::SERVICE_ACTIVE,
-        Service::Retired => ModuleState::SERVICE_RETIRED,
-        Service::MotionFailed => ModuleState::SERVICE_MOTION_FAILED,
+enumeration! {
+    ModuleState "service": service_to_wire, service_from_wire => Service {
+        SERVICE_ACTIVE ACTIVE 1 = Active,
+        SERVICE_RETIRED RETIRED 2 = Retired,
+        SERVICE_MOTION_FAILED MOTION_FAILED 3 = MotionFailed,
     }
-}
-
-pub(crate) fn service_from_wire(value: u8) -> Checked<Service> {
-    Ok(match value {
-        ModuleState::SERVICE_ACTIVE => Service::Active,
-        ModuleState::SERVICE_RETIRED => Service::Retired,
-        ModuleState::SERVICE_MOTION_FAILED => Service::MotionFailed,
-        value => {
-            let (value, known) = (value.into(), "ACTIVE 1, RETIRED 2, MOTION_FAILED 3");
-            return Err(FieldError::new(
-                "service",
-                Fault::UnknownValue { value, known },
-            ));
-        }
-    })
 }
 
 impl From<&model::CausalMark> for CausalMark {
@@ -142,18 +92,12 @@ impl From<&model::CausalMark> for CausalMark {
 
 /// Marks of distinct modules.
 fn marks(field: &str, raw: &[CausalMark]) -> Checked<Vec<model::CausalMark>> {
-    check::count(field, raw.len(), MODULES_MAX)?;
-    let marks = raw
-        .iter()
-        .enumerate()
-        .map(|(index, mark)| {
-            Ok(model::CausalMark {
-                module: check::id("module_id", mark.module_id, ModuleId)
-                    .map_err(|error| error.within_entry(field, index))?,
-                sequence: mark.sequence,
-            })
+    let marks = check::entries(field, raw, MODULES_MAX, |mark| {
+        Ok(model::CausalMark {
+            module: check::id("module_id", mark.module_id, ModuleId)?,
+            sequence: mark.sequence,
         })
-        .collect::<Checked<Vec<_>>>()?;
+    })?;
     check::distinct(field, marks.iter().map(|mark| mark.module))?;
     Ok(marks)
 }
@@ -185,18 +129,8 @@ impl From<&model::ModuleState> for ModuleState {
     }
 }
 
-impl TryFrom<ModuleState> for model::ModuleState {
-    type Error = MessageError;
-
-    fn try_from(state: ModuleState) -> Result<Self, MessageError> {
-        state
-            .validated()
-            .map_err(|error| error.on(topic::MODULE_STATES))
-    }
-}
-
 impl ModuleState {
-    fn validated(&self) -> Checked<model::ModuleState> {
+    pub(crate) fn validated(&self) -> Checked<model::ModuleState> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
         Ok(model::ModuleState {
@@ -246,29 +180,13 @@ impl ModuleStates {
             modules: states.into_iter().map(ModuleState::from).collect(),
         }
     }
-}
-
-impl TryFrom<ModuleStates> for Vec<model::ModuleState> {
-    type Error = MessageError;
 
     /// The states of distinct modules, in the order in which they came.
-    fn try_from(sample: ModuleStates) -> Result<Self, MessageError> {
-        let validated = || {
-            check::name("header.frame_id", &sample.header.frame_id)?;
-            check::count("modules", sample.modules.len(), MODULES_MAX)?;
-            let states = sample
-                .modules
-                .iter()
-                .enumerate()
-                .map(|(index, state)| {
-                    state
-                        .validated()
-                        .map_err(|error| error.within_entry("modules", index))
-                })
-                .collect::<Checked<Vec<_>>>()?;
-            check::distinct("modules", states.iter().map(|state| state.module))?;
-            Ok(states)
-        };
-        validated().map_err(|error: FieldError| error.on(topic::MODULE_STATES))
+    pub(crate) fn validated(self) -> Checked<Vec<model::ModuleState>> {
+        check::name("header.frame_id", &self.header.frame_id)?;
+        let validate = ModuleState::validated;
+        let states = check::entries("modules", &self.modules, MODULES_MAX, validate)?;
+        check::distinct("modules", states.iter().map(|state| state.module))?;
+        Ok(states)
     }
 }

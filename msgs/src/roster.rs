@@ -7,13 +7,13 @@ use formation::model::{
 };
 use serde::{Deserialize, Serialize};
 
+use crate::NONE;
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases};
-use crate::error::{Fault, MessageError};
+use crate::error::Fault;
 use crate::module_state::{service_from_wire, service_to_wire};
 use crate::target::TargetConfiguration;
-use crate::{NONE, topic};
 
 /// See `RosterMember.msg`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -124,16 +124,8 @@ impl From<&RosterMessage> for Roster {
     }
 }
 
-impl TryFrom<Roster> for RosterMessage {
-    type Error = MessageError;
-
-    fn try_from(message: Roster) -> Result<Self, MessageError> {
-        message.validated().map_err(|error| error.on(topic::ROSTER))
-    }
-}
-
 impl Roster {
-    fn validated(self) -> Checked<RosterMessage> {
+    pub(crate) fn validated(self) -> Checked<RosterMessage> {
         match self.stage {
             Self::STAGE_GATHER => self.gather(),
             Self::STAGE_PLAN => self.plan(),
@@ -180,16 +172,8 @@ impl Roster {
             .target
             .validated()
             .map_err(|error| error.within("target"))?;
-        let members = self
-            .members
-            .iter()
-            .enumerate()
-            .map(|(index, member)| {
-                member
-                    .validated()
-                    .map_err(|error| error.within_entry("members", index))
-            })
-            .collect::<Checked<Vec<_>>>()?;
+        let validate = RosterMember::validated;
+        let members = check::entries("members", &self.members, MODULES_MAX, validate)?;
         check::ascending("members", members.iter().map(|member| member.module.id))?;
         let roster = model::Roster {
             epoch,

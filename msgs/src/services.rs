@@ -1,5 +1,7 @@
 //! What is asked and answered through the services in `srv/`.
 
+#![expect(missing_docs, reason = "the .srv files document the fields")]
+
 use serde::{Deserialize, Serialize};
 
 use crate::progress::Progress;
@@ -7,7 +9,6 @@ use crate::progress::Progress;
 /// The request of `QueryStatus.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "QueryStatus_Request")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct QueryStatusRequest {
     pub include_waiting: bool,
 }
@@ -15,7 +16,6 @@ pub struct QueryStatusRequest {
 /// The response of `QueryStatus.srv`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "QueryStatus_Response")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct QueryStatusResponse {
     pub target: String,
     pub revision: u64,
@@ -25,7 +25,6 @@ pub struct QueryStatusResponse {
 /// The request of `WithdrawTarget.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "WithdrawTarget_Request")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct WithdrawTargetRequest {
     pub revision: u64,
 }
@@ -33,7 +32,6 @@ pub struct WithdrawTargetRequest {
 /// The response of `WithdrawTarget.srv`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "WithdrawTarget_Response")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct WithdrawTargetResponse {
     pub success: bool,
     pub message: String,
@@ -42,7 +40,6 @@ pub struct WithdrawTargetResponse {
 /// The request of `AddModule.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "AddModule_Request")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct AddModuleRequest {
     pub module_id: u32,
     pub x: f64,
@@ -53,7 +50,6 @@ pub struct AddModuleRequest {
 /// The response of `AddModule.srv`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "AddModule_Response")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct AddModuleResponse {
     pub success: bool,
     pub message: String,
@@ -62,7 +58,6 @@ pub struct AddModuleResponse {
 /// The request of `RetireModule.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "RetireModule_Request")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct RetireModuleRequest {
     pub module_id: u32,
     pub rejoin: bool,
@@ -71,7 +66,6 @@ pub struct RetireModuleRequest {
 /// The response of `RetireModule.srv`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "RetireModule_Response")]
-#[expect(missing_docs, reason = "the .srv file documents the fields")]
 pub struct RetireModuleResponse {
     pub success: bool,
     pub message: String,

@@ -10,9 +10,8 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
-use crate::error::{Fault, MessageError};
+use crate::error::Fault;
 use crate::standard::Header;
-use crate::topic;
 
 /// See `Spot.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -63,13 +62,23 @@ pub struct TargetConfiguration {
 
 #[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl PlannerParameters {
-    pub const POLICY_EXACT: u8 = 0;
-    pub const POLICY_PAPER: u8 = 1;
-    pub const POLICY_AUCTION: u8 = 2;
-    pub const POLICY_HUNGARIAN: u8 = 3;
-    pub const ORDER_RANK: u8 = 0;
-    pub const ORDER_SIZE_FIRST: u8 = 1;
     pub const D_MAX_UNBOUNDED: i32 = -1;
+}
+
+enumeration! {
+    PlannerParameters "policy": policy_to_wire, policy_from_wire => Policy {
+        POLICY_EXACT EXACT 0 = Exact,
+        POLICY_PAPER PAPER 1 = Paper,
+        POLICY_AUCTION AUCTION 2 = Auction,
+        POLICY_HUNGARIAN HUNGARIAN 3 = Hungarian,
+    }
+}
+
+enumeration! {
+    PlannerParameters "order": order_to_wire, order_from_wire => TurnOrder {
+        ORDER_RANK RANK 0 = Rank,
+        ORDER_SIZE_FIRST SIZE_FIRST 1 = SizeFirst,
+    }
 }
 
 impl Default for PlannerParameters {
@@ -82,16 +91,8 @@ impl From<&model::PlannerParameters> for PlannerParameters {
     /// A `d_max` beyond the wire's range goes out as the greatest number there is, which no chain can reach.
     fn from(parameters: &model::PlannerParameters) -> Self {
         Self {
-            policy: match parameters.policy {
-                Policy::Exact => Self::POLICY_EXACT,
-                Policy::Paper => Self::POLICY_PAPER,
-                Policy::Auction => Self::POLICY_AUCTION,
-                Policy::Hungarian => Self::POLICY_HUNGARIAN,
-            },
-            order: match parameters.order {
-                TurnOrder::Rank => Self::ORDER_RANK,
-                TurnOrder::SizeFirst => Self::ORDER_SIZE_FIRST,
-            },
+            policy: policy_to_wire(parameters.policy),
+            order: order_to_wire(parameters.order),
             d_max: parameters.d_max.map_or(Self::D_MAX_UNBOUNDED, |d_max| {
                 i32::try_from(d_max).unwrap_or(i32::MAX)
             }),
@@ -107,31 +108,19 @@ impl From<&model::PlannerParameters> for PlannerParameters {
 
 impl PlannerParameters {
     pub(crate) fn validated(self) -> Checked<model::PlannerParameters> {
-        let unknown = |field, value: i64, known| {
-            Err(FieldError::new(field, Fault::UnknownValue { value, known }))
-        };
         Ok(model::PlannerParameters {
-            policy: match self.policy {
-                Self::POLICY_EXACT => Policy::Exact,
-                Self::POLICY_PAPER => Policy::Paper,
-                Self::POLICY_AUCTION => Policy::Auction,
-                Self::POLICY_HUNGARIAN => Policy::Hungarian,
-                value => {
-                    let known = "EXACT 0, PAPER 1, AUCTION 2, HUNGARIAN 3";
-                    return unknown("policy", value.into(), known);
-                }
-            },
-            order: match self.order {
-                Self::ORDER_RANK => TurnOrder::Rank,
-                Self::ORDER_SIZE_FIRST => TurnOrder::SizeFirst,
-                value => return unknown("order", value.into(), "RANK 0, SIZE_FIRST 1"),
-            },
+            policy: policy_from_wire(self.policy)?,
+            order: order_from_wire(self.order)?,
             d_max: match u32::try_from(self.d_max) {
                 Ok(d_max) => Some(d_max),
                 Err(_) if self.d_max == Self::D_MAX_UNBOUNDED => None,
                 Err(_) => {
                     let known = "0 and above, and UNBOUNDED -1";
-                    return unknown("d_max", self.d_max.into(), known);
+                    let value = self.d_max.into();
+                    return Err(FieldError::new(
+                        "d_max",
+                        Fault::UnknownValue { value, known },
+                    ));
                 }
             },
             exact_finish: self.exact_finish,
@@ -175,14 +164,6 @@ impl From<&TargetAnnouncement> for TargetConfiguration {
                 .collect(),
             planner: PlannerParameters::from(&announcement.parameters),
         }
-    }
-}
-
-impl TryFrom<TargetConfiguration> for TargetAnnouncement {
-    type Error = MessageError;
-
-    fn try_from(message: TargetConfiguration) -> Result<Self, MessageError> {
-        message.validated().map_err(|error| error.on(topic::TARGET))
     }
 }
 

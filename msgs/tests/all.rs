@@ -10,7 +10,7 @@
 mod agents;
 mod common;
 mod decoding;
-mod foreign;
+mod external;
 mod hostile_values;
 mod interfaces;
 mod refusals;

@@ -1,7 +1,49 @@
-//! What the nodes of the suite share: the table of topics, the conversion of samples, and the arguments of all of them.
+//! What the nodes of the suite share and that knows formations: the table of topics, the conversion of samples into
+//! messages of the core, the source guard, and the start of their programs.
 
-pub mod inlet;
+pub mod messages;
 pub mod scenario;
 pub mod source_guard;
 pub mod stamp;
 pub mod topics;
+mod value_types;
+
+use std::process::ExitCode;
+
+use async_channel::Receiver;
+use clap::Parser;
+use ros_runtime::arguments::{self, NetworkArguments};
+use ros_runtime::environment::Namespace;
+use ros_runtime::exit::{Failure, conclude, stop_requested};
+use ros_runtime::settings::Settings;
+pub use value_types::micro_units;
+
+/// The namespace of the nodes, unless an argument or the environment changes it.
+const NAMESPACE: &str = "/formation";
+
+/// The command line of a program of the suite.
+pub trait Program: Parser {
+    /// The arguments that all of them take.
+    fn network(&self) -> &NetworkArguments;
+
+    /// Does the work of the program, with the settings that its arguments give, until `stop` yields; returns its exit
+    /// status.
+    ///
+    /// # Errors
+    /// Says why it could not.
+    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure>;
+}
+
+/// The `main` of a program.
+#[must_use]
+pub fn main<P: Program>() -> ExitCode {
+    let run = || {
+        let (program, ros) = arguments::parse::<P>()?;
+        let namespace: Result<Namespace, String> = NAMESPACE.parse();
+        let settings = program
+            .network()
+            .start(ros, namespace.map_err(Failure::failed)?)?;
+        program.run(settings, &stop_requested()?)
+    };
+    conclude(run())
+}

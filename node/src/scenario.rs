@@ -4,8 +4,8 @@ use std::path::Path;
 
 use formation::model::Scenario;
 
-use ros_runtime::arguments::text_file;
-use ros_runtime::outcome::Failure;
+use ros_runtime::arguments::read_bounded;
+use ros_runtime::exit::Failure;
 
 /// The largest scenario, of as many modules and spots as are supported, takes a few megabytes.
 const BYTES_MAX: u64 = 64 << 20;
@@ -18,6 +18,6 @@ pub fn read_scenario(path: &Path) -> Result<Scenario, Failure> {
     let refuse = |reason: &dyn std::fmt::Display| {
         Failure::bad_input(format_args!("{}: {reason}", path.display()))
     };
-    let text = text_file::read(path, BYTES_MAX).map_err(|error| refuse(&error))?;
+    let text = read_bounded(path, BYTES_MAX).map_err(|error| refuse(&error))?;
     Scenario::from_yaml(&text).map_err(|error| refuse(&error))
 }

@@ -1,10 +1,10 @@
 //! The topics of the formation: their names, types and quality of service, in one table.
 
 use formation::model::ModuleId;
-use formation_msgs::foreign::geometry_msgs::PoseStamped;
-use formation_msgs::foreign::nav_msgs::Odometry;
-use formation_msgs::foreign::tf2_msgs::TFMessage;
-use formation_msgs::foreign::visualization_msgs::MarkerArray;
+use formation_msgs::external::geometry_msgs::PoseStamped;
+use formation_msgs::external::nav_msgs::Odometry;
+use formation_msgs::external::tf2_msgs::TFMessage;
+use formation_msgs::external::visualization_msgs::MarkerArray;
 use formation_msgs::{
     DockingRequest, DockingResult, Eviction, Heartbeat, InterfaceType, ModuleStates, Roster,
     SpotClaim, TargetConfiguration, Verdict, topic,

@@ -1,14 +1,16 @@
-//! Where on the network a process speaks: the domain and the range of discovery, as ROS 2 has them.
+//! The network of a process: its domain, its range of discovery and its namespace, as ROS 2 has them.
 
 use std::fmt;
 use std::str::FromStr;
 
 use thiserror::Error;
 
+use crate::words::{Words, by_words};
+
 /// The greatest domain whose ports fit into 16 bits.
 pub const DOMAIN_MAX: u16 = 232;
 
-/// A DDS domain; processes in different domains do not hear each other.
+/// A DDS domain; processes in different domains do not discover each other.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Domain(u16);
 
@@ -42,47 +44,29 @@ impl fmt::Display for Domain {
 /// How far a process looks for others.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum DiscoveryRange {
-    /// Nobody, not even on the same machine.
+    /// No process, not even on the same machine.
     Off,
     /// The same machine, over the loopback interface alone.
     Localhost,
-    /// Everyone whom multicast reaches.
+    /// Every machine that multicast reaches.
     #[default]
     Subnet,
-    /// Whatever the DDS library does by itself.
+    /// The default of the DDS library.
     SystemDefault,
 }
 
-impl FromStr for DiscoveryRange {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        Ok(match text.trim().to_ascii_uppercase().as_str() {
-            "OFF" => Self::Off,
-            "LOCALHOST" => Self::Localhost,
-            "SUBNET" => Self::Subnet,
-            "SYSTEM_DEFAULT" => Self::SystemDefault,
-            _ => {
-                return Err(format!(
-                    "must be OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT, got `{text}`"
-                ));
-            }
-        })
-    }
+impl Words for DiscoveryRange {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("OFF", Self::Off),
+        ("LOCALHOST", Self::Localhost),
+        ("SUBNET", Self::Subnet),
+        ("SYSTEM_DEFAULT", Self::SystemDefault),
+    ];
 }
 
-impl fmt::Display for DiscoveryRange {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Off => "OFF",
-            Self::Localhost => "LOCALHOST",
-            Self::Subnet => "SUBNET",
-            Self::SystemDefault => "SYSTEM_DEFAULT",
-        })
-    }
-}
+by_words!(DiscoveryRange);
 
-/// The namespace of a node and its topics, such as `/formation`.
+/// The namespace of a node and its topics, such as `/fleet`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Namespace(String);
 
@@ -96,7 +80,7 @@ impl Namespace {
 
 impl Default for Namespace {
     fn default() -> Self {
-        Self("/formation".to_owned())
+        Self("/".to_owned())
     }
 }
 
@@ -132,16 +116,16 @@ impl fmt::Display for Namespace {
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("environment variable {variable}: {reason}")]
 pub struct EnvironmentError {
-    /// Which variable.
+    /// Its name.
     pub variable: &'static str,
     /// What is wrong with it.
     pub reason: String,
 }
 
-/// Where a process speaks.
+/// The network of a process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Environment {
-    /// In which domain.
+    /// Its domain.
     pub domain: Domain,
     /// How far it looks for others.
     pub range: DiscoveryRange,
@@ -150,8 +134,8 @@ pub struct Environment {
 impl Environment {
     /// Reads `ROS_DOMAIN_ID`, `ROS_AUTOMATIC_DISCOVERY_RANGE` and `ROS_LOCALHOST_ONLY`, where `given` does not decide.
     ///
-    /// As in ROS 2, an enabled `ROS_LOCALHOST_ONLY` outweighs the discovery range, an empty variable counts as
-    /// unset, and a variable that a command-line argument overrides is not looked at.
+    /// As in ROS 2, an enabled `ROS_LOCALHOST_ONLY` takes precedence over the discovery range, an empty variable counts as
+    /// unset, and a variable that a command-line argument overrides is not read.
     ///
     /// # Errors
     /// Names the variable that cannot be used, and why.
@@ -173,20 +157,22 @@ impl Environment {
     }
 }
 
-/// Reads `ROS_NAMESPACE`; without it, the namespace is `/formation`.
+/// Reads `ROS_NAMESPACE`, if it is set.
 ///
 /// # Errors
 /// Says what is wrong with its value.
-pub fn namespace(variable: impl Fn(&str) -> Option<String>) -> Result<Namespace, EnvironmentError> {
+pub fn namespace(
+    variable: impl Fn(&str) -> Option<String>,
+) -> Result<Option<Namespace>, EnvironmentError> {
     let value = variable(NAMESPACE).filter(|value| !value.trim().is_empty());
-    Ok(parsed(NAMESPACE, value)?.unwrap_or_default())
+    parsed(NAMESPACE, value)
 }
 
 const NAMESPACE: &str = "ROS_NAMESPACE";
 const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
 const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
 
-/// What the command line says about the environment.
+/// What the command line sets instead of the environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Overrides {
     /// Instead of `ROS_DOMAIN_ID`.
@@ -244,7 +230,7 @@ mod tests {
     }
 
     #[test]
-    fn localhost_only_outweighs_the_range() {
+    fn localhost_only_takes_precedence_over_the_range() {
         let variables = [(RANGE, "SUBNET"), (LOCALHOST_ONLY, "1")];
         assert_eq!(
             resolved(Overrides::default(), &variables),
@@ -262,7 +248,7 @@ mod tests {
     }
 
     #[test]
-    fn the_command_line_outweighs_the_environment_even_a_broken_one() {
+    fn the_command_line_takes_precedence_over_the_environment_even_a_broken_one() {
         let given = Overrides {
             domain: Some(Domain(42)),
             range: Some(DiscoveryRange::Localhost),
@@ -276,19 +262,10 @@ mod tests {
 
     #[test]
     fn namespaces_are_those_of_ros_2() {
-        for good in ["/", "/formation", "/robots/fleet_2/_a"] {
+        for good in ["/", "/fleet", "/robots/fleet_2/_a"] {
             assert_eq!(good.parse::<Namespace>().unwrap().as_str(), good);
         }
-        for bad in [
-            "",
-            "formation",
-            "/formation/",
-            "//a",
-            "/2a",
-            "/a b",
-            "/a__b",
-            "~",
-        ] {
+        for bad in ["", "fleet", "/fleet/", "//a", "/2a", "/a b", "/a__b", "~"] {
             assert!(bad.parse::<Namespace>().is_err(), "{bad}");
         }
     }
@@ -297,12 +274,12 @@ mod tests {
     fn the_namespace_is_that_of_the_environment_if_any() {
         let with = |value: Option<&str>| {
             namespace(|name| value.filter(|_| name == NAMESPACE).map(str::to_owned))
-                .map(|namespace| namespace.to_string())
+                .map(|namespace| namespace.map(|namespace| namespace.to_string()))
                 .map_err(|error| error.to_string())
         };
-        assert_eq!(with(None), Ok("/formation".to_owned()));
-        assert_eq!(with(Some("")), Ok("/formation".to_owned()));
-        assert_eq!(with(Some("/fleet")), Ok("/fleet".to_owned()));
+        assert_eq!(with(None), Ok(None));
+        assert_eq!(with(Some("")), Ok(None));
+        assert_eq!(with(Some("/fleet")), Ok(Some("/fleet".to_owned())));
         assert!(with(Some("fleet")).unwrap_err().contains(NAMESPACE));
     }
 
@@ -322,7 +299,7 @@ mod tests {
             (
                 RANGE,
                 "NEAR",
-                "must be OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT, got `NEAR`",
+                "must be one of OFF, LOCALHOST, SUBNET, SYSTEM_DEFAULT, got `NEAR`",
             ),
             (LOCALHOST_ONLY, "yes", "must be 0 or 1, got `yes`"),
         ] {

@@ -1,5 +1,5 @@
-//! The goals of an action: in which state each is, who waits for its result, and what a request to cancel means. It knows
-//! no DDS.
+//! The goals of an action: the state of each, the clients that wait for its result, and what a request to cancel
+//! means. This module knows no DDS.
 //!
 //! See the design article [Actions](https://design.ros2.org/articles/actions.html).
 
@@ -9,10 +9,10 @@ use ros2_client::action::{CancelGoalResponse, GoalId, GoalInfo, GoalStatusEnum};
 use ros2_client::action_msgs::{CancelGoalResponseEnum, GoalStatus, GoalStatusArray};
 use ros2_client::builtin_interfaces::Time;
 
-/// So many goals that have ended are kept for those who ask late for their results.
+/// How many ended goals are kept, for clients that ask late for their results.
 const ENDED_MAX: usize = 16;
 
-/// So many wait for the result of one goal; more are clients gone wild.
+/// How many clients can wait for the result of one goal.
 const WAITING_MAX: usize = 64;
 
 struct Goal<R, Q> {
@@ -24,48 +24,32 @@ struct Goal<R, Q> {
 
 impl<R, Q> Goal<R, Q> {
     fn has_ended(&self) -> bool {
-        match self.status {
-            GoalStatusEnum::Succeeded | GoalStatusEnum::Canceled | GoalStatusEnum::Aborted => true,
-            GoalStatusEnum::Unknown
-            | GoalStatusEnum::Accepted
-            | GoalStatusEnum::Executing
-            | GoalStatusEnum::Canceling => false,
-        }
+        matches!(
+            self.status,
+            GoalStatusEnum::Succeeded | GoalStatusEnum::Canceled | GoalStatusEnum::Aborted
+        )
     }
 }
 
-/// The goals that a server knows, in the order in which it accepted them; results are of type `R`, and whoever waits for
-/// one is known by a `Q`.
+/// The goals that a server knows, in the order in which it accepted them; results are of type `R`, and a `Q` stands for
+/// a client that waits for one.
 pub struct Goals<R, Q> {
     goals: VecDeque<Goal<R, Q>>,
 }
 
-/// What somebody who asks for a result is told.
-#[derive(Debug, PartialEq)]
-pub enum Asked<R> {
-    /// The goal has ended, or there is none.
-    Answer(GoalStatusEnum, R),
-    /// The answer comes when the goal ends.
-    Later,
+impl<R, Q> Default for Goals<R, Q> {
+    fn default() -> Self {
+        let goals = VecDeque::new();
+        Self { goals }
+    }
 }
 
 impl<R: Clone + Default, Q> Goals<R, Q> {
-    /// No goals.
-    #[expect(
-        clippy::new_without_default,
-        reason = "a derived default would ask for defaults of its parts"
-    )]
-    pub fn new() -> Self {
-        Self {
-            goals: VecDeque::new(),
-        }
-    }
-
     fn find(&mut self, id: GoalId) -> Option<&mut Goal<R, Q>> {
         self.goals.iter_mut().find(|goal| goal.info.goal_id == id)
     }
 
-    /// Takes a goal that is to be worked at right away; false if one with its identifier is known.
+    /// Accepts a goal that is executed at once; false if a goal with its identifier is known.
     pub fn accept(&mut self, id: GoalId, stamp: Time) -> bool {
         if self.find(id).is_some() {
             return false;
@@ -85,7 +69,7 @@ impl<R: Clone + Default, Q> Goals<R, Q> {
         true
     }
 
-    /// Ends a goal; returns who waited for its result.
+    /// Ends a goal; returns the clients that waited for its result.
     pub fn end(&mut self, id: GoalId, status: GoalStatusEnum, result: R) -> Vec<Q> {
         let Some(goal) = self.find(id) else {
             return Vec::new();
@@ -95,20 +79,21 @@ impl<R: Clone + Default, Q> Goals<R, Q> {
         std::mem::take(&mut goal.waiting)
     }
 
-    /// Somebody asks for the result of a goal. A goal that nobody knows has the status "unknown".
-    pub fn ask(&mut self, id: GoalId, who: Q) -> Asked<R> {
+    /// Handles a client that asks for the result of a goal. Returns the client with its answer, or `None` if the answer
+    /// comes when the goal ends. A goal that is not known has the status "unknown".
+    pub fn ask(&mut self, id: GoalId, client: Q) -> Option<(Q, GoalStatusEnum, R)> {
         match self.find(id) {
             Some(goal) if !goal.has_ended() && goal.waiting.len() < WAITING_MAX => {
-                goal.waiting.push(who);
-                Asked::Later
+                goal.waiting.push(client);
+                None
             }
-            Some(goal) if goal.has_ended() => Asked::Answer(goal.status, goal.result.clone()),
-            _ => Asked::Answer(GoalStatusEnum::Unknown, R::default()),
+            Some(goal) if goal.has_ended() => Some((client, goal.status, goal.result.clone())),
+            _ => Some((client, GoalStatusEnum::Unknown, R::default())),
         }
     }
 
-    /// Somebody wants goals cancelled: the one that is named, and all that were accepted up to the time that is named;
-    /// all of them if nothing is named. Returns what to answer; the goals that it lists are being cancelled from now on.
+    /// Handles a request to cancel goals: the goal that it names, and all that were accepted up to the time that it
+    /// names; all goals if it names neither. Returns the answer; the goals that it lists are being cancelled.
     pub fn cancel(&mut self, meant: &GoalInfo) -> CancelGoalResponse {
         let names_one = meant.goal_id != GoalId::ZERO;
         let names_time = meant.stamp != Time::ZERO;
@@ -139,7 +124,7 @@ impl<R: Clone + Default, Q> Goals<R, Q> {
         }
     }
 
-    /// What is published of all of them.
+    /// The states of all goals.
     pub fn statuses(&self) -> GoalStatusArray {
         GoalStatusArray {
             status_list: self
@@ -172,27 +157,25 @@ mod tests {
     }
 
     #[test]
-    fn results_reach_those_who_asked_early_and_those_who_ask_late() {
-        let mut goals: Goals<&str, u32> = Goals::new();
+    fn results_reach_clients_that_asked_early_and_that_ask_late() {
+        let mut goals: Goals<&str, u32> = Goals::default();
         let one = id();
         assert!(goals.accept(one, time(1)));
         assert!(!goals.accept(one, time(2)), "it is known");
-        assert_eq!(goals.ask(one, 7), Asked::Later);
-        assert_eq!(goals.ask(one, 8), Asked::Later);
+        assert_eq!(goals.ask(one, 7), None);
+        assert_eq!(goals.ask(one, 8), None);
         assert_eq!(goals.end(one, GoalStatusEnum::Succeeded, "done"), [7, 8]);
-        let answer = Asked::Answer(GoalStatusEnum::Succeeded, "done");
+        let answer = Some((9, GoalStatusEnum::Succeeded, "done"));
         assert_eq!(goals.ask(one, 9), answer);
-        assert_eq!(
-            goals.ask(id(), 9),
-            Asked::Answer(GoalStatusEnum::Unknown, "")
-        );
+        let unknown = Some((9, GoalStatusEnum::Unknown, ""));
+        assert_eq!(goals.ask(id(), 9), unknown);
     }
 
     #[test]
     fn requests_to_cancel_name_one_goal_or_a_time_or_mean_all() {
         let (first, second, third) = (id(), id(), id());
         let running = || {
-            let mut goals: Goals<&str, u32> = Goals::new();
+            let mut goals: Goals<&str, u32> = Goals::default();
             for (id, at) in [(first, 1), (second, 2), (third, 3)] {
                 goals.accept(id, time(at));
             }
@@ -229,7 +212,7 @@ mod tests {
 
     #[test]
     fn ended_goals_make_room_and_others_do_not() {
-        let mut goals: Goals<&str, u32> = Goals::new();
+        let mut goals: Goals<&str, u32> = Goals::default();
         let lasting = id();
         goals.accept(lasting, time(0));
         for at in 1..100 {
@@ -238,6 +221,6 @@ mod tests {
             goals.end(passing, GoalStatusEnum::Aborted, "");
         }
         assert_eq!(statuses(&goals).len(), ENDED_MAX + 1);
-        assert_eq!(goals.ask(lasting, 1), Asked::Later);
+        assert_eq!(goals.ask(lasting, 1), None);
     }
 }

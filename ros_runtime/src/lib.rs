@@ -1,28 +1,37 @@
 //! A ROS 2 node without a ROS 2 installation. This crate knows nothing of formations.
 //!
-//! Every process is one [`session::Session`]: one DDS participant, one node, and as few endpoints as it needs.
+//! A process joins the graph with [`session::Session::join`], which creates one DDS participant and one node. From the
+//! session it gets the queues of its topics, services and actions, which are declared as values
+//! ([`topic::Topic`], [`service::Service`], [`action::Action`]). Then [`session::Session::run`] runs the one event loop
+//! of all nodes, which calls the process's [`event_loop::Node`], and serves its parameters, `/rosout` and
+//! `/diagnostics`.
+//!
+//! Two watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, and
+//! `dds_deadlock` that it has locked itself up.
 
 pub mod action;
 pub mod arguments;
+mod dds_deadlock;
+mod dds_liveness;
 pub mod diagnostics;
 pub mod environment;
-pub mod facilities;
+pub mod event_loop;
+pub mod exit;
 pub mod goals;
-pub mod inbox;
-pub mod inlet;
 pub mod interfaces;
-pub mod lifetime;
-pub mod logging;
-pub mod outcome;
-pub mod outlet;
+mod logging;
+mod node_interfaces;
 pub mod parameters;
-mod pulse;
-pub mod rosout;
+mod publisher_queue;
+mod rosout;
 pub mod service;
 pub mod service_mapping;
 pub mod session;
 pub mod settings;
 pub mod stamp;
-mod standstill;
+mod subscription;
 pub mod topic;
-pub mod traffic;
+pub mod topic_statistics;
+pub mod words;
+
+pub use publisher_queue::PublisherQueue;

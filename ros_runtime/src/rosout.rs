@@ -11,55 +11,51 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
-/// So many lines wait for the node to publish them; a line that finds no room is counted and only on the console.
+/// How many lines wait for the node to publish them; a line that finds no room is counted, and goes to the console only.
 const WAITING_MAX: usize = 256;
-/// A line takes no more than this; what is longer is cut.
+/// The greatest length of a line in bytes; a longer one is cut.
 const MESSAGE_BYTES_MAX: usize = 2_000;
 
-/// The libraries below us publish what they are told to, so their own lines would call for ever more of them.
-const LIBRARIES: [&str; 5] = ["rustdds", "ros2_client", "mio", "polling", "async_io"];
+/// The libraries that publish the lines: each line about that would cause more lines. Those that use the `log` crate,
+/// as RustDDS does, have its name as their target.
+const LIBRARIES: [&str; 6] = [
+    "log",
+    "rustdds",
+    "ros2_client",
+    "mio",
+    "polling",
+    "async_io",
+];
 
 /// The lines of this process that wait to be published, without the name of the logger.
-#[derive(Clone, Debug)]
-pub struct LogLines {
-    lines: Receiver<Log>,
-}
+pub type LogLines = Receiver<Log>;
 
-impl LogLines {
-    /// The log lines, as they come.
-    pub fn lines(&self) -> Receiver<Log> {
-        self.lines.clone()
-    }
-}
-
-/// The end at which lines come in.
-pub struct RosoutLayer {
+/// Queues the lines of this process.
+pub(crate) struct RosoutLayer {
     lines: Sender<Log>,
     dropped: AtomicU64,
 }
 
-/// Both ends.
-pub fn rosout() -> (RosoutLayer, LogLines) {
+/// The two ends of the queue.
+pub(crate) fn rosout() -> (RosoutLayer, LogLines) {
     let (sender, lines) = bounded(WAITING_MAX);
     let layer = RosoutLayer {
         lines: sender,
         dropped: AtomicU64::new(0),
     };
-    (layer, LogLines { lines })
+    (layer, lines)
 }
 
 impl<S: Subscriber> Layer<S> for RosoutLayer {
     fn on_event(&self, event: &Event<'_>, _: Context<'_, S>) {
         let metadata = event.metadata();
-        let of_library = LIBRARIES
-            .iter()
-            .any(|library| metadata.target().starts_with(library));
-        if of_library {
+        let mut libraries = LIBRARIES.iter();
+        if libraries.any(|library| metadata.target().starts_with(library)) {
             return;
         }
         let mut text = Text::default();
         event.record(&mut text);
-        // Lines that found no room are owned up to by the next that does.
+        // The next line that finds room reports how many did not.
         let dropped = self.dropped.swap(0, Ordering::Relaxed);
         if dropped > 0 {
             // Writing to a string cannot fail.
@@ -85,10 +81,10 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
 
 fn level(level: Level) -> u8 {
     match level {
-        Level::TRACE | Level::DEBUG => 10,
-        Level::INFO => 20,
-        Level::WARN => 30,
-        Level::ERROR => 40,
+        Level::TRACE | Level::DEBUG => Log::DEBUG,
+        Level::INFO => Log::INFO,
+        Level::WARN => Log::WARN,
+        Level::ERROR => Log::ERROR,
     }
 }
 
@@ -131,39 +127,40 @@ mod tests {
 
     use super::*;
 
-    fn told(speak: impl FnOnce()) -> Vec<Log> {
+    fn published(log: impl FnOnce()) -> Vec<Log> {
         let (layer, lines) = rosout();
-        tracing::subscriber::with_default(tracing_subscriber::registry().with(layer), speak);
-        std::iter::from_fn(|| lines.lines.try_recv().ok()).collect()
+        tracing::subscriber::with_default(tracing_subscriber::registry().with(layer), log);
+        std::iter::from_fn(|| lines.try_recv().ok()).collect()
     }
 
     #[test]
     fn a_line_has_its_level_its_fields_and_its_place() {
-        let lines = told(|| {
-            tracing::warn!(module = 4, "halted until modules {} are heard", "1, 2");
-            tracing::error!(target: "rustdds::rtps", "the library's own troubles");
+        let lines = published(|| {
+            tracing::warn!(module = 4, "halted until modules {} answer", "1, 2");
+            tracing::error!(target: "rustdds::rtps", "a line of the library");
+            tracing::error!(target: "log", "a line of a library that uses the `log` crate");
         });
         assert_eq!(lines.len(), 1);
-        assert_eq!(lines[0].msg, "halted until modules 1, 2 are heard module=4");
+        assert_eq!(lines[0].msg, "halted until modules 1, 2 answer module=4");
         assert_eq!(lines[0].level, 30);
         assert!(lines[0].file.ends_with("rosout.rs") && lines[0].line > 0);
     }
 
     #[test]
-    fn a_flood_of_lines_is_bounded_and_owned_up_to() {
+    fn a_flood_of_lines_is_bounded() {
         let (layer, lines) = rosout();
         let subscriber = tracing_subscriber::registry().with(layer);
         tracing::subscriber::with_default(subscriber, || {
             for count in 0..WAITING_MAX + 7 {
                 tracing::info!(count, "again");
             }
-            assert_eq!(lines.lines.len(), WAITING_MAX);
-            while lines.lines.try_recv().is_ok() {}
+            assert_eq!(lines.len(), WAITING_MAX);
+            while lines.try_recv().is_ok() {}
             tracing::info!("{}", "\u{e4}".repeat(MESSAGE_BYTES_MAX));
         });
-        let last = lines.lines.try_recv().unwrap();
+        let last = lines.try_recv().unwrap();
         assert!(last.msg.len() <= MESSAGE_BYTES_MAX + 4 && last.msg.ends_with(" ..."));
-        let lines = told(|| tracing::info!("fine"));
+        let lines = published(|| tracing::info!("fine"));
         assert_eq!(lines[0].msg, "fine");
     }
 
@@ -175,10 +172,10 @@ mod tests {
             for _ in 0..WAITING_MAX + 7 {
                 tracing::info!("again");
             }
-            while lines.lines.try_recv().is_ok() {}
+            while lines.try_recv().is_ok() {}
             tracing::info!("there you are");
         });
-        let last = lines.lines.try_recv().unwrap();
+        let last = lines.try_recv().unwrap();
         assert_eq!(
             last.msg,
             "there you are (7 lines before this one were dropped)"

@@ -1,162 +1,135 @@
-//! Serving requests, in the way that the other side's middleware expects.
+//! Services as values, and serving them in the way that the client's middleware expects.
 
+use std::future::Future;
+use std::marker::PhantomData;
+use std::pin::pin;
+use std::rc::Rc;
+use std::task::{Context, Poll};
 use std::time::{Duration, Instant};
 
 use async_io::Timer;
-use futures::stream::LocalBoxStream;
+use futures::stream::{LocalBoxStream, poll_fn};
 use futures::{Stream, StreamExt};
 use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
-use ros2_client::{ReadResult, RmwRequestId, Server, WriteResult};
+use ros2_client::{ReadResult, RmwRequestId, Server, ServiceTypeName, WriteResult};
 use rustdds::{DomainParticipant, GUID, RTPSEntity};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::arguments::Resource;
-use crate::session::{Session, SessionError};
+use crate::session::{Session, SessionError, library_name};
 
-/// A service as ROS 2 names it: `PACKAGE/srv/NAME`.
-pub trait ServiceType {
-    /// The package that defines it.
-    const PACKAGE: &'static str;
-    /// The service within the package.
-    const NAME: &'static str;
-    /// What is asked.
-    type Request: Serialize + DeserializeOwned + Clone + 'static;
-    /// What is answered.
-    type Response: Serialize + DeserializeOwned + 'static;
+/// A service that takes `Q` and answers `A`.
+#[derive(Debug)]
+pub struct Service<Q, A> {
+    name: &'static str,
+    package: &'static str,
+    type_name: &'static str,
+    types: PhantomData<fn(Q) -> A>,
 }
 
-/// Declares the services that a part of a node serves: their types, a struct of their serving ends, and an enum of what one
-/// of them was asked. Each line gives the type, its end's field, its name, and what is asked and answered.
-#[macro_export]
-macro_rules! services {
-    (
-        $(#[$about_ends:meta])*
-        $ends:ident,
-        $(#[$about_asked:meta])*
-        $asked:ident in $package:literal:
-        $($service:ident $field:ident $name:literal: $request:ty => $response:ty;)+
-    ) => {
-        $(
-            pub struct $service;
-
-            impl $crate::service::ServiceType for $service {
-                const PACKAGE: &'static str = $package;
-                const NAME: &'static str = stringify!($service);
-                type Request = $request;
-                type Response = $response;
-            }
-        )+
-
-        $(#[$about_ends])*
-        pub struct $ends {
-            $(
-                /// The server of this service.
-                pub $field: $crate::service::ServiceServer<$service>,
-            )+
+impl<Q, A> Service<Q, A> {
+    /// A service of type `package/srv/type_name`, whose name is expanded and remapped like every name.
+    #[must_use]
+    pub const fn new(name: &'static str, package: &'static str, type_name: &'static str) -> Self {
+        Self {
+            name,
+            package,
+            type_name,
+            types: PhantomData,
         }
-
-        $(#[$about_asked])*
-        pub enum $asked {
-            $(
-                /// A request to this service.
-                $service($crate::service::RequestId, $request),
-            )+
-        }
-
-        impl $ends {
-            /// Begins to serve.
-            pub fn open(
-                session: &mut $crate::session::Session,
-            ) -> Result<Self, $crate::session::SessionError> {
-                Ok(Self {
-                    $($field: $crate::service::ServiceServer::open(session, $name)?,)+
-                })
-            }
-
-            /// Every request that comes in, for ever.
-            pub fn requests(&self) -> Vec<futures::stream::LocalBoxStream<'_, $asked>> {
-                use futures::StreamExt;
-                vec![$(
-                    self.$field
-                        .requests()
-                        .map(|(id, request)| $asked::$service(id, request))
-                        .boxed_local(),
-                )+]
-            }
-        }
-    };
+    }
 }
 
-/// What travels, with the library's own trait, which types of other crates cannot have.
-#[derive(Clone, Debug, Serialize, Deserialize)]
-#[serde(transparent)]
-pub struct Carried<T>(pub T);
+/// Sends the answer to one request.
+pub type Reply<A> = Box<dyn FnOnce(A)>;
 
-impl<T: Serialize + DeserializeOwned> ros2_client::Message for Carried<T> {}
-
-/// As many requests of one service wait to be answered.
-const WAITING_MAX: usize = 16;
-/// A client whose subscription to replies does not show by then is answered all the same.
-const CLIENT_WAIT: Duration = Duration::from_secs(1);
-/// Between two looks for it.
-const CLIENT_INTERVAL: Duration = Duration::from_millis(10);
-
-/// A client's request and reply ends belong to one participant. Its number begins an endpoint's identifier, but of that
-/// CycloneDDS leaves us only so many bytes, and puts a number of its own into the rest.
-const CLIENT_BYTES: usize = 8;
+/// A request and the means to answer it.
+pub struct Call<Q, A> {
+    /// What the client asks.
+    pub request: Q,
+    /// Sends the answer.
+    pub reply: Reply<A>,
+}
 
 /// Which request a reply answers.
 pub type RequestId = RmwRequestId;
 
-/// The library's serving end of a service.
-pub type LibraryServer<S> =
-    Server<Carried<<S as ServiceType>::Request>, Carried<<S as ServiceType>::Response>>;
+/// Data on the wire, with the library's own trait, which types of other crates cannot have.
+#[derive(Clone, Debug, Serialize, Deserialize)]
+#[serde(transparent)]
+pub(crate) struct Carried<T>(pub T);
 
-/// The serving end of a service.
-pub struct ServiceServer<S: ServiceType> {
-    server: LibraryServer<S>,
-    clients: Clients,
-}
+impl<T: Serialize + DeserializeOwned> ros2_client::Message for Carried<T> {}
 
-impl<S: ServiceType> ServiceServer<S> {
-    /// Serves `name`, which is expanded and remapped like every name.
+/// How many requests of one service can wait to be answered.
+const WAITING_MAX: usize = 16;
+/// A client whose subscription to replies is not discovered within this is answered all the same.
+const CLIENT_WAIT: Duration = Duration::from_secs(1);
+/// Between two looks for it.
+const CLIENT_INTERVAL: Duration = Duration::from_millis(10);
+
+/// A client's request and reply endpoints belong to one participant, whose identifier begins theirs. CycloneDDS leaves
+/// only this many bytes of it in a request, and fills the rest with a number of its own.
+const CLIENT_BYTES: usize = 8;
+
+impl Session {
+    /// Serves a service: every request that decodes, for ever.
     ///
     /// # Errors
     /// The name cannot be used, or the library refuses.
-    pub fn open(session: &mut Session, name: &str) -> Result<Self, SessionError> {
-        let name = session.resolve(Resource::Service, name)?;
-        Ok(Self {
-            server: session.server::<S>(&name)?,
-            clients: Clients::of(session, &name),
-        })
+    pub fn serve<Q, A>(
+        &mut self,
+        service: &Service<Q, A>,
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    where
+        Q: Serialize + DeserializeOwned + Clone + 'static,
+        A: Serialize + DeserializeOwned + 'static,
+    {
+        let name = self.resolve(Resource::Service, service.name)?;
+        let parsed = library_name(&name)?;
+        let type_name = ServiceTypeName::new(service.package, service.type_name);
+        let mapping = self.service_mapping.library();
+        let server: Server<Carried<Q>, Carried<A>> = self
+            .create(&format!("serve `{name}`"), |node| {
+                node.create_server(mapping, &parsed, &type_name, service_qos(), service_qos())
+            })?;
+        let server = Rc::new(server);
+        let clients = Clients::of(self, &name);
+        let requests = {
+            let server = Rc::clone(&server);
+            poll_fn(move |context| poll_request(&server, context))
+        };
+        let calls = answerable(requests, &clients).map(move |(id, Carried(request))| {
+            let (server, clients) = (Rc::clone(&server), Rc::clone(&clients));
+            let reply =
+                move |answer| clients.log_failure(&server.send_response(id, Carried(answer)));
+            Call {
+                request,
+                reply: Box::new(reply) as Reply<A>,
+            }
+        });
+        Ok(calls.boxed_local())
     }
+}
 
-    /// The fully qualified name.
-    #[must_use]
-    pub fn name(&self) -> &str {
-        &self.clients.service
-    }
-
-    /// Every request that comes in, for ever. One that does not decode is logged and dropped.
-    pub fn requests(&self) -> LocalBoxStream<'_, (RequestId, S::Request)> {
-        passed_on(self.server.receive_request_stream(), &self.clients)
-            .map(|(id, Carried(request))| (id, request))
-            .boxed_local()
-    }
-
-    /// Answers a request.
-    pub fn answer(&self, id: RequestId, response: S::Response) {
-        self.clients
-            .note(&self.server.send_response(id, Carried(response)));
-    }
+/// Takes a request if one has arrived, and has the task woken when one does.
+pub(crate) fn poll_request<Q, P>(
+    server: &Server<Q, P>,
+    context: &mut Context<'_>,
+) -> Poll<Option<ReadResult<(RequestId, Q)>>>
+where
+    Q: ros2_client::Message + 'static,
+    P: ros2_client::Message + 'static,
+{
+    pin!(server.async_receive_request()).poll(context).map(Some)
 }
 
 /// The clients of a service, as discovery shows them.
 ///
-/// A client may ask before this process has found its subscription to the replies, and would wait in vain for an answer
-/// that is given at once. So a request is passed on when that subscription is known.
-pub struct Clients {
+/// A client may ask before this process has discovered its subscription to the replies, and would never receive an
+/// answer that is sent at once. A request is therefore passed on when that subscription is known.
+pub(crate) struct Clients {
     service: String,
     participant: DomainParticipant,
     reply_topic: String,
@@ -164,22 +137,22 @@ pub struct Clients {
 
 impl Clients {
     /// The clients of the service with this fully qualified name.
-    pub fn of(session: &Session, name: &str) -> Self {
-        Self {
-            participant: session.participant(),
+    pub(crate) fn of(session: &Session, name: &str) -> Rc<Self> {
+        Rc::new(Self {
+            participant: session.participant.clone(),
             reply_topic: format!("rr{name}Reply"),
             service: name.to_owned(),
-        }
+        })
     }
 
-    /// Logs what went wrong with an answer.
-    pub fn note(&self, sent: &WriteResult<(), ()>) {
+    /// Logs why an answer could not be sent, if it could not.
+    pub(crate) fn log_failure(&self, sent: &WriteResult<(), ()>) {
         if let Err(error) = sent {
-            tracing::warn!(service = self.service, "could not answer: {error:?}");
+            tracing::warn!(service = self.service, "could not answer: {error}");
         }
     }
 
-    /// Waits until a client is seen to subscribe to the replies, but not for ever.
+    /// Waits until a client's subscription to the replies is discovered, for at most [`CLIENT_WAIT`].
     async fn wait_for(&self, id: RequestId) {
         let deadline = Instant::now() + CLIENT_WAIT;
         let mut waited = false;
@@ -212,31 +185,34 @@ impl Clients {
     }
 }
 
-/// Every request of a stream, as soon as its client can hear the answer. One that does not decode is logged and dropped.
-pub fn passed_on<'a, Q: 'a>(
-    requests: impl Stream<Item = ReadResult<(RequestId, Q)>> + 'a,
-    clients: &'a Clients,
-) -> LocalBoxStream<'a, (RequestId, Q)> {
+/// Every request of a stream, once its client can receive the answer. One that does not decode is logged and dropped.
+pub(crate) fn answerable<Q: 'static>(
+    requests: impl Stream<Item = ReadResult<(RequestId, Q)>> + 'static,
+    clients: &Rc<Clients>,
+) -> LocalBoxStream<'static, (RequestId, Q)> {
+    let (refusing, waiting) = (Rc::clone(clients), Rc::clone(clients));
     requests
-        .filter_map(move |taken| async move {
-            taken
-                .inspect_err(|error| {
-                    tracing::warn!(service = clients.service, "refused a request: {error}");
-                })
-                .ok()
+        .filter_map(move |taken| {
+            let taken = taken.inspect_err(|error| {
+                tracing::warn!(service = refusing.service, "refused a request: {error}");
+            });
+            std::future::ready(taken.ok())
         })
-        .map(move |(id, request)| async move {
-            clients.wait_for(id).await;
-            (id, request)
+        .map(move |(id, request)| {
+            let clients = Rc::clone(&waiting);
+            async move {
+                clients.wait_for(id).await;
+                (id, request)
+            }
         })
         .buffered(WAITING_MAX)
         .boxed_local()
 }
 
-/// What ROS 2 uses for services.
-pub fn service_qos() -> QosProfile {
+/// The quality of service that ROS 2 gives to services.
+pub(crate) fn service_qos() -> QosProfile {
     QosProfile::publisher_default()
-        // The loop must never wait inside the library.
+        // The event loop must never wait inside the library.
         .reliability(Reliability::Reliable {
             when_full: WhenFull::Fail,
         })

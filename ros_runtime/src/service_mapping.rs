@@ -1,26 +1,25 @@
-//! How requests and replies are told apart on the wire, in which the vendors of ROS 2 differ.
+//! How a reply names its request on the wire, in which the vendors of ROS 2 differ.
 
-use std::fmt;
-use std::str::FromStr;
+use crate::words::{Words, by_words};
 
-/// What the mapping follows unless an argument decides.
+/// The variable that decides the mapping unless an argument does.
 pub const RMW_IMPLEMENTATION: &str = "RMW_IMPLEMENTATION";
 
-/// How a reply names the request that it answers. Both ends must do it alike, or calls are never answered.
+/// How a reply names the request that it answers. Both ends must use the same mapping, or calls are never answered.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum ServiceMapping {
     /// In a header before the data, as CycloneDDS does.
     Cyclone,
-    /// Beside the data, as the standard "RPC over DDS" has it and Fast DDS and Connext do.
+    /// Next to the data, as the standard "RPC over DDS" has it and Fast DDS and Connext do.
     #[default]
     Enhanced,
 }
 
 impl ServiceMapping {
-    /// What the named middleware speaks; Fast DDS, which ROS 2 has by default, if none is named.
+    /// The mapping of the named middleware; that of Fast DDS, the default of ROS 2, if none is named.
     ///
     /// # Errors
-    /// Says why nodes on that middleware could not call anything of ours.
+    /// Says why nodes on that middleware could not call this one.
     pub fn of_middleware(name: Option<&str>) -> Result<Self, String> {
         match name.map(str::trim) {
             None
@@ -30,13 +29,12 @@ impl ServiceMapping {
             Some("rmw_cyclonedds_cpp") => Ok(Self::Cyclone),
             Some(other) => Err(format!(
                 "`{other}` is none of rmw_fastrtps_cpp, rmw_fastrtps_dynamic_cpp, rmw_connextdds and \
-                 rmw_cyclonedds_cpp; unset it, or say with --service-mapping how services are to be mapped"
+                 rmw_cyclonedds_cpp; unset it, or choose a mapping with --service-mapping"
             )),
         }
     }
 
-    /// The mapping in the library's terms.
-    pub fn library(self) -> ros2_client::ServiceMapping {
+    pub(crate) fn library(self) -> ros2_client::ServiceMapping {
         match self {
             Self::Cyclone => ros2_client::ServiceMapping::Cyclone,
             Self::Enhanced => ros2_client::ServiceMapping::Enhanced,
@@ -44,26 +42,12 @@ impl ServiceMapping {
     }
 }
 
-impl FromStr for ServiceMapping {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        match text.trim().to_ascii_lowercase().as_str() {
-            "cyclone" => Ok(Self::Cyclone),
-            "enhanced" => Ok(Self::Enhanced),
-            _ => Err(format!("must be cyclone or enhanced, got `{text}`")),
-        }
-    }
+impl Words for ServiceMapping {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("cyclone", Self::Cyclone), ("enhanced", Self::Enhanced)];
 }
 
-impl fmt::Display for ServiceMapping {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Cyclone => "cyclone",
-            Self::Enhanced => "enhanced",
-        })
-    }
-}
+by_words!(ServiceMapping);
 
 #[cfg(test)]
 mod tests {

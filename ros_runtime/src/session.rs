@@ -1,99 +1,92 @@
 //! One process in the ROS 2 graph: a DDS participant and the node on it.
 
+use std::cell::RefCell;
 use std::net::Ipv4Addr;
+use std::rc::{Rc, Weak};
+use std::sync::Arc;
 
+use ros2_client::qos::QosProfile;
 use ros2_client::{
-    ActionTypeName, Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions,
-    Publisher, ServiceTypeName, Subscription,
+    Context, MessageInfo, MessageTypeName, Name, Node, NodeName, NodeOptions, ParameterValue,
 };
 use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
 use serde::Serialize;
 use thiserror::Error;
 
-use crate::action::{ActionType, LibraryAction, action_qos};
 use crate::arguments::{NodeIdentity, RemapRules, Resource};
+use crate::dds_deadlock::DeadlockWatchdog;
+use crate::dds_liveness::LivenessWatchdog;
 use crate::environment::DiscoveryRange;
 use crate::interfaces::{discovery_obstacle, interfaces};
 use crate::logging;
-use crate::parameters::{
-    NodeWide, ParameterError, ParameterRequest, ParameterServices, Parameters, Values, shown,
-};
-use crate::pulse::Pulse;
-use crate::service::{LibraryServer, ServiceType, service_qos};
+use crate::parameters::{NodeParameters, ParameterError, Parameters, Tunables};
+use crate::publisher_queue::{Flush, PublisherQueue, Sink};
+use crate::rosout::LogLines;
 use crate::service_mapping::ServiceMapping;
 use crate::settings::Settings;
-use crate::standstill::Watch;
-use crate::topic::Topic;
+use crate::topic::{Quality, Topic};
+use crate::topic_statistics::SharedStatistics;
 
 /// A process's place in the ROS 2 graph.
 ///
-/// Drop every publisher and subscription before the session: endpoints, node, context and participant then leave
-/// the graph in this order, and at once. A process that ends otherwise stays listed until its lease runs out.
+/// Drop every queue before the session: endpoints, node, context and participant then leave the graph in this order,
+/// and at once. The node of a process that ends otherwise stays listed until its lease runs out.
 ///
-/// The library's spinner is not run. It would subscribe `/clock` with a type that no other node uses, and all of
-/// `ros_discovery_info`, which costs discovery traffic in the square of the processes; others see this node all the same.
+/// The library's spinner does not run. It would subscribe `/clock` with a type that no other node uses, and all of
+/// `ros_discovery_info`, whose discovery traffic grows with the square of the number of processes.
 pub struct Session {
-    // Fields are dropped in the order in which they stand here.
-    node: Node,
-    #[expect(dead_code, reason = "held for what its end does")]
+    // Fields are dropped in the order in which they are declared.
+    pub(crate) node: Node,
+    #[expect(
+        dead_code,
+        reason = "dropped after the node and before the participant"
+    )]
     context: Context,
-    participant: DomainParticipant,
-    pulse: Pulse,
-    watch: Watch,
+    pub(crate) participant: DomainParticipant,
+    liveness: LivenessWatchdog,
+    deadlock: DeadlockWatchdog,
     identity: NodeIdentity,
     remaps: RemapRules,
-    service_mapping: ServiceMapping,
-    parameters: Parameters,
+    pub(crate) service_mapping: ServiceMapping,
+    pub(crate) parameters: Parameters,
+    pub(crate) log: Option<LogLines>,
+    statistics: SharedStatistics,
+    queues: Vec<Weak<RefCell<dyn Flush>>>,
 }
 
 /// A DDS participant, known by the prefix of its endpoints' identifiers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct ParticipantId(pub u128);
 
-/// Why a process could not join the ROS 2 graph.
+/// Why a process could not join the ROS 2 graph, or had to leave it.
 #[derive(Debug, Error)]
 pub enum SessionError {
-    /// A name, or what a remapping rule makes of it, is no ROS 2 name.
-    #[error("`{name}` cannot be used in a ROS 2 name: {reason}")]
-    Name {
-        /// What was given.
-        name: String,
-        /// What is wrong with it.
-        reason: String,
-    },
-    /// A parameter cannot be used.
-    #[error(transparent)]
-    Parameter(#[from] ParameterError),
-    /// Processes on this machine would not find each other.
+    /// A name, a parameter or the network of the machine cannot be used.
     #[error("{0}")]
-    Discovery(String),
-    /// No driver told where its module stands.
+    BadInput(String),
+    /// The DDS library refused, or the node cannot do its work.
     #[error("{0}")]
-    Drivers(String),
-    /// The DDS library has ended its threads, as it does when the process was stopped for a while.
+    Failed(String),
+    /// The DDS library has ended its threads, as it does when the process was stopped and continues.
     #[error(
-        "the DDS library has stopped listening, as it does when a process is stopped and goes on"
+        "the DDS library no longer receives, as happens when a process is stopped and continues"
     )]
-    Deaf,
-    /// The DDS library refused.
-    #[error("cannot {what} in domain {domain}: {reason}")]
-    Library {
-        /// What was to be done.
-        what: String,
-        /// In which domain.
-        domain: u16,
-        /// What the library says.
-        reason: String,
-    },
+    NotReceiving,
+}
+
+impl From<ParameterError> for SessionError {
+    fn from(error: ParameterError) -> Self {
+        Self::BadInput(error.to_string())
+    }
 }
 
 impl Session {
-    /// Joins the graph as `name` in the namespace of the settings, unless remapping rules change either.
+    /// Joins the graph as the node `name` in the namespace of the settings, unless remapping rules change either.
     ///
     /// # Errors
-    /// Refuses names that ROS 2 does not take, and a machine on which the processes cannot find each other; passes
+    /// Refuses names that are not ROS 2 names, and a machine on which the processes cannot discover each other; passes
     /// on what the DDS library refuses, such as a domain that is full.
-    pub fn open(
+    pub fn join(
         settings: &Settings,
         name: &str,
         parameters: Parameters,
@@ -101,49 +94,30 @@ impl Session {
         let environment = &settings.environment;
         let identity = settings.identity(name);
         logging::follow(&identity.logger(), &settings.ros.log);
-        let service_mapping = NodeWide::of(parameters.values())?
+        let of_every_node = NodeParameters::default().read(parameters.values())?;
+        let service_mapping = of_every_node
             .service_mapping
             .unwrap_or(settings.service_mapping);
         let node_name = NodeName::new(identity.namespace.as_str(), &identity.name)
             .map_err(|error| bad_name(&identity.fully_qualified(), &error))?;
         let domain = environment.domain.number();
-        let library = |what: &str, reason: &dyn ToString| SessionError::Library {
-            what: what.to_owned(),
-            domain,
-            reason: reason.to_string(),
-        };
-        let builder = DomainParticipantBuilder::new(domain);
-        let builder = match environment.range {
-            DiscoveryRange::Off => builder
-                .with_only_networks(Vec::<Ipv4Addr>::new())
-                .same_host_loopback(false),
-            DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
-            DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
-        };
-        let pulse = Pulse::before_start();
-        let watch = Watch::start();
-        let participant = watch
-            .over(|| builder.build())
-            .map_err(|error| library("create a DDS participant", &error))?;
+        let failed = |what: &str, reason: &dyn ToString| library_error(what, domain, reason);
+        let liveness = LivenessWatchdog::before_participant();
+        let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads));
+        let participant = deadlock
+            .watch(|| participant_builder(domain, environment.range).build())
+            .map_err(|error| failed("create a DDS participant", &error))?;
         let participants = participant.participant_id().saturating_add(1);
         if let Some(obstacle) = discovery_obstacle(environment.range, &interfaces(), participants) {
-            return Err(SessionError::Discovery(obstacle));
+            return Err(SessionError::BadInput(obstacle));
         }
-        let context = watch
-            .over(|| Context::from_domain_participant(participant.clone()))
-            .map_err(|error| library("create a ROS 2 context", &error))?;
-        // The library's own parameter services know one mapping only, and its log no bounds.
-        let mut options = NodeOptions::new()
-            .enable_rosout(false)
-            .start_parameter_services(false);
-        // Its store of parameters is what publishes `/parameter_events`, by an endpoint that it makes anyway.
-        for (name, value) in parameters.values().iter() {
-            options = options.declare_parameter(name, value.clone());
-        }
-        let node = watch
-            .over(|| context.new_node(node_name, options))
-            .map_err(|error| library("create a ROS 2 node", &error))?;
-        pulse.started();
+        let context = deadlock
+            .watch(|| Context::from_domain_participant(participant.clone()))
+            .map_err(|error| failed("create a ROS 2 context", &error))?;
+        let node = deadlock
+            .watch(|| context.new_node(node_name, node_options(&parameters)))
+            .map_err(|error| failed("create a ROS 2 node", &error))?;
+        liveness.participant_created();
         tracing::info!(
             node = node.fully_qualified_name(),
             domain,
@@ -156,178 +130,201 @@ impl Session {
             node,
             context,
             participant,
-            pulse,
-            watch,
+            liveness,
+            deadlock,
             identity,
             remaps: settings.ros.remaps.clone(),
             service_mapping,
             parameters,
+            log: settings.log.clone(),
+            statistics: SharedStatistics::default(),
+            queues: Vec::new(),
         })
     }
 
-    /// Fails once the DDS library has stopped listening; only a new session will hear anything then.
-    ///
-    /// # Errors
-    /// [`SessionError::Deaf`].
-    pub fn check_hearing(&self) -> Result<(), SessionError> {
-        if self.pulse.is_there() {
+    /// Fails once the DDS library has stopped receiving; only a new session receives again.
+    pub(crate) fn check_liveness(&self) -> Result<(), SessionError> {
+        if self.liveness.is_alive() {
             Ok(())
         } else {
-            Err(SessionError::Deaf)
+            Err(SessionError::NotReceiving)
         }
     }
 
-    /// The node's parameters.
-    pub fn parameters(&self) -> &Parameters {
-        &self.parameters
+    /// The parameters that every node has.
+    #[must_use]
+    pub fn node_parameters(&self) -> NodeParameters {
+        // Values that were accepted have passed their ranges, so they can be read.
+        let parameters = NodeParameters::default().read(self.parameters.values());
+        parameters.unwrap_or_default()
     }
 
-    /// Answers a request to a parameter service and tells `/parameter_events` what it changed.
-    pub fn answer(
-        &mut self,
-        services: &ParameterServices,
-        request: ParameterRequest,
-        apply: &mut dyn FnMut(&Values) -> Result<(), String>,
-    ) {
-        for (name, value) in services.answer(request, &mut self.parameters, apply) {
-            tracing::info!("parameter {name} is now {}", shown(&value));
-            if let Err(reason) = self.node.set_parameter(name, value) {
-                tracing::warn!("could not tell of the change of parameter {name}: {reason}");
-            }
-        }
-    }
-
-    /// What the node is called, and where.
+    /// The node's name and namespace.
     #[must_use]
     pub fn identity(&self) -> &NodeIdentity {
         &self.identity
     }
 
-    /// The participant that all endpoints belong to.
-    pub fn participant(&self) -> DomainParticipant {
-        self.participant.clone()
-    }
-
     /// The participant of this process, as receivers see it in the samples that it sends.
     #[must_use]
-    pub fn source(&self) -> ParticipantId {
-        source_of_prefix(self.participant.guid().prefix.as_ref())
+    pub fn participant(&self) -> ParticipantId {
+        participant_of(self.participant.guid().prefix.as_ref())
     }
 
-    /// A publisher of a topic.
+    /// The counts of samples, which the queues of this session write.
+    #[must_use]
+    pub fn statistics(&self) -> SharedStatistics {
+        Rc::clone(&self.statistics)
+    }
+
+    /// Publishes a topic.
     ///
     /// # Errors
-    /// Refuses a name that ROS 2 does not take; passes on what the DDS library refuses.
-    pub fn publisher<M: Serialize>(
+    /// The name cannot be used, or the library refuses.
+    pub fn publisher<M: Serialize + 'static>(
         &mut self,
         topic: &Topic<M>,
-    ) -> Result<Publisher<M>, SessionError> {
-        let dds_topic = self.dds_topic(topic, &topic.publisher_qos())?;
-        let quality = Some(topic.publisher_qos());
-        self.watch
-            .over(|| self.node.create_publisher(&dds_topic, quality))
-            .map_err(|error| self.library(format!("publish `{}`", topic.path()), &error))
+    ) -> Result<PublisherQueue<M>, SessionError> {
+        let quality = topic.quality().publisher_qos();
+        let dds_topic = self.dds_topic(topic, &quality)?;
+        let what = format!("publish `{}`", topic.path());
+        let publisher = self.create(&what, |node| {
+            node.create_publisher(&dds_topic, Some(quality))
+        })?;
+        let sink: Sink<M> = Box::new(move |sample| publisher.publish(sample));
+        Ok(self.queue(topic.name(), topic.quality(), sink))
     }
 
-    /// A subscription of a topic.
-    ///
-    /// # Errors
-    /// Refuses a name that ROS 2 does not take; passes on what the DDS library refuses.
-    pub fn subscription<M: 'static>(
+    /// A queue in front of `sink`, which the event loop offers its waiting samples again.
+    pub(crate) fn queue<M: 'static>(
+        &mut self,
+        topic: &'static str,
+        quality: Quality,
+        sink: Sink<M>,
+    ) -> PublisherQueue<M> {
+        let queue = PublisherQueue::new(topic, quality, sink, self.statistics());
+        self.queues.push(Rc::downgrade(&queue.shared()));
+        queue
+    }
+
+    /// Offers the waiting samples of all queues again; returns whether any still wait.
+    pub(crate) fn flush(&mut self) -> bool {
+        self.queues.retain(|queue| queue.strong_count() > 0);
+        let mut is_waiting = false;
+        for queue in self.queues.iter().filter_map(Weak::upgrade) {
+            is_waiting |= queue.borrow_mut().flush();
+        }
+        is_waiting
+    }
+
+    pub(crate) fn dds_topic<M>(
         &mut self,
         topic: &Topic<M>,
-    ) -> Result<Subscription<M>, SessionError> {
-        let dds_topic = self.dds_topic(topic, &topic.subscription_qos())?;
-        let quality = Some(topic.subscription_qos());
-        self.watch
-            .over(|| self.node.create_subscription(&dds_topic, quality))
-            .map_err(|error| self.library(format!("subscribe `{}`", topic.path()), &error))
-    }
-
-    fn dds_topic<M>(
-        &self,
-        topic: &Topic<M>,
-        qos: &ros2_client::qos::QosProfile,
+        quality: &QosProfile,
     ) -> Result<rustdds::Topic, SessionError> {
-        let resolved = self.resolve(Resource::Topic, &topic.path())?;
-        let name = Name::parse(&resolved).map_err(|error| bad_name(&resolved, &error))?;
+        let name = library_name(&self.resolve(Resource::Topic, &topic.path())?)?;
         let (package, type_name) = topic.type_name();
         let type_name = MessageTypeName::new(package, type_name);
-        self.watch
-            .over(|| self.node.create_topic(&name, type_name, qos))
-            .map_err(|error| self.library(format!("create topic `{}`", topic.path()), &error))
+        let what = format!("create topic `{}`", topic.path());
+        self.create(&what, |node| node.create_topic(&name, type_name, quality))
     }
 
-    /// The fully qualified name of a topic.
-    pub fn topic_name(&self, name: &str) -> Result<String, SessionError> {
-        self.resolve(Resource::Topic, name)
-    }
-
-    /// The serving end of a service with this fully qualified name.
-    pub fn server<S: ServiceType>(&mut self, name: &str) -> Result<LibraryServer<S>, SessionError> {
-        let parsed = Name::parse(name).map_err(|error| bad_name(name, &error))?;
-        let type_name = ServiceTypeName::new(S::PACKAGE, S::NAME);
-        let mapping = self.service_mapping.library();
-        let make = || {
-            let (request, response) = (service_qos(), service_qos());
-            self.node
-                .create_server(mapping, &parsed, &type_name, request, response)
-        };
-        self.watch
-            .over(make)
-            .map_err(|error| self.library(format!("serve `{name}`"), &error))
-    }
-
-    /// The serving end of an action with this fully qualified name.
-    pub fn action_server<A: ActionType>(
+    /// Creates an endpoint, observed by both watchdogs.
+    pub(crate) fn create<T, E: ToString>(
         &mut self,
-        name: &str,
-    ) -> Result<LibraryAction<A>, SessionError> {
-        let parsed = Name::parse(name).map_err(|error| bad_name(name, &error))?;
-        let type_name = ActionTypeName::new(A::PACKAGE, A::NAME);
-        let mapping = self.service_mapping.library();
-        let make = || {
-            self.node
-                .create_action_server(mapping, &parsed, &type_name, action_qos())
-        };
-        self.watch
-            .over(make)
-            .map_err(|error| self.library(format!("serve the action `{name}`"), &error))
+        what: &str,
+        create: impl FnOnce(&mut Node) -> Result<T, E>,
+    ) -> Result<T, SessionError> {
+        let node = &mut self.node;
+        self.deadlock.watch(|| create(node)).map_err(|error| {
+            // Without its threads the library refuses everything.
+            if self.liveness.threads.all_run() {
+                library_error(what, self.node.domain_id(), &error)
+            } else {
+                SessionError::NotReceiving
+            }
+        })
     }
 
-    /// The fully qualified name of what this node knows as `name`.
+    /// The fully qualified name of the topic or service that this node calls `name`.
+    ///
+    /// # Errors
+    /// The name, or its remapping, cannot be used.
     pub fn resolve(&self, resource: Resource, name: &str) -> Result<String, SessionError> {
-        self.remaps
-            .resolve(resource, name, &self.identity)
-            .map_err(|error| bad_name(name, &error))
+        let resolved = self.remaps.resolve(resource, name, &self.identity);
+        resolved.map_err(|reason| bad_name(name, &reason))
     }
 
-    fn library(&self, what: String, reason: &dyn ToString) -> SessionError {
-        SessionError::Library {
-            what,
-            domain: self.node.domain_id(),
-            reason: reason.to_string(),
+    /// Publishes a changed parameter on `/parameter_events`.
+    pub(crate) fn announce_parameter(&mut self, name: &str, value: ParameterValue) {
+        if let Err(reason) = self.node.set_parameter(name, value) {
+            tracing::warn!("could not announce the change of parameter {name}: {reason}");
         }
     }
 }
 
-fn bad_name(name: &str, reason: &dyn ToString) -> SessionError {
-    SessionError::Name {
-        name: name.to_owned(),
-        reason: reason.to_string(),
+/// Takes part in the graph, and again with a new session whenever the DDS library no longer receives.
+///
+/// # Errors
+/// The graph could not be joined, or the node could not go on.
+pub fn rejoining<T>(
+    mut take_part: impl FnMut() -> Result<T, SessionError>,
+) -> Result<T, SessionError> {
+    loop {
+        match take_part() {
+            Err(error @ SessionError::NotReceiving) => tracing::warn!("{error}; rejoining"),
+            end => return end,
+        }
     }
 }
 
-/// The participant that sent a sample.
-pub fn source_of(info: &MessageInfo) -> ParticipantId {
-    // The first twelve bytes of an endpoint's identifier are its participant's.
-    source_of_prefix(&info.publisher_gid().to_bytes16()[..12])
+fn participant_builder(domain: u16, range: DiscoveryRange) -> DomainParticipantBuilder {
+    let builder = DomainParticipantBuilder::new(domain);
+    match range {
+        DiscoveryRange::Off => builder
+            .with_only_networks(Vec::<Ipv4Addr>::new())
+            .same_host_loopback(false),
+        DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
+        DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
+    }
 }
 
-fn source_of_prefix(prefix: &[u8]) -> ParticipantId {
-    ParticipantId(
-        prefix
-            .iter()
-            .fold(0, |number, &byte| (number << 8) | u128::from(byte)),
-    )
+/// The library's own parameter services know one service mapping only, and its log is unbounded, so both are off. Its
+/// store of parameters publishes `/parameter_events`, by an endpoint that it creates in any case.
+fn node_options(parameters: &Parameters) -> NodeOptions {
+    let options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    let values = parameters.values().iter();
+    values.fold(options, |options, (name, value)| {
+        options.declare_parameter(name, value.clone())
+    })
+}
+
+/// A fully qualified name, for the library.
+pub(crate) fn library_name(name: &str) -> Result<Name, SessionError> {
+    Name::parse(name).map_err(|error| bad_name(name, &error))
+}
+
+fn library_error(what: &str, domain: u16, reason: &dyn ToString) -> SessionError {
+    let reason = reason.to_string();
+    SessionError::Failed(format!("cannot {what} in domain {domain}: {reason}"))
+}
+
+fn bad_name(name: &str, reason: &dyn ToString) -> SessionError {
+    let reason = reason.to_string();
+    SessionError::BadInput(format!("`{name}` cannot be used in a ROS 2 name: {reason}"))
+}
+
+/// The participant that sent a sample.
+pub(crate) fn sender_of(info: &MessageInfo) -> ParticipantId {
+    // The first twelve bytes of an endpoint's identifier are its participant's.
+    participant_of(&info.publisher_gid().to_bytes16()[..12])
+}
+
+fn participant_of(prefix: &[u8]) -> ParticipantId {
+    let number = prefix
+        .iter()
+        .fold(0, |number, &byte| (number << 8) | u128::from(byte));
+    ParticipantId(number)
 }

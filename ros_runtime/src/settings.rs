@@ -1,54 +1,60 @@
-//! What a process was told of its place in the ROS 2 graph.
+//! The place of a process in the ROS 2 graph, as the command line and the environment give it.
 
 use crate::arguments::{NodeIdentity, RosArguments};
 use crate::environment::{Environment, Namespace};
-use crate::parameters::{Declaration, NodeWide, ParameterError, Parameters, node_wide};
+use crate::parameters::{Declaration, NodeParameters, ParameterError, Parameters, Tunables};
 use crate::rosout::LogLines;
 use crate::service_mapping::ServiceMapping;
 
-/// What a process was told of its place in the ROS 2 graph.
+/// The place of a process in the ROS 2 graph.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
-    /// On which network it speaks.
+    /// Its network.
     pub environment: Environment,
     /// The namespace of its node, unless a remapping rule changes it.
     pub namespace: Namespace,
-    /// How its services are mapped, unless a parameter says otherwise.
+    /// How its services are mapped, unless a parameter decides.
     pub service_mapping: ServiceMapping,
     /// The arguments that all ROS 2 nodes take.
     pub ros: RosArguments,
-    /// The lines that are to go to `/rosout`, if any are.
+    /// The lines for `/rosout`, if any are published.
     pub log: Option<LogLines>,
 }
 
 impl Settings {
-    /// What a node is called, and where it is, that calls itself `name`.
+    /// The name and namespace, after remapping, of a node that calls itself `name`.
     #[must_use]
     pub fn identity(&self, name: &str) -> NodeIdentity {
         self.ros.remaps.identity(name, &self.namespace)
     }
 
-    /// Declares the parameters of the node that calls itself `name`: its own, and those that every node has. What is
-    /// assigned to them holds.
+    /// Declares the parameters of the node that calls itself `name`: its own, and those that every node has. They take
+    /// the values that are assigned to them.
     ///
     /// # Errors
     /// Names the parameter whose value cannot be used.
     pub fn declare(&self, name: &str, own: Vec<Declaration>) -> Result<Parameters, ParameterError> {
         let node = self.identity(name);
-        let declarations = node_wide(NodeWide::default()).into_iter().chain(own);
-        let (parameters, warnings) =
-            Parameters::declare(declarations, &self.ros.parameters.of_node(&node))?;
+        let declarations = NodeParameters::default()
+            .declarations()
+            .into_iter()
+            .chain(own);
+        let assignments = self.ros.parameters.of_node(&node);
+        let (parameters, warnings) = Parameters::declare(declarations, &assignments)?;
         for warning in warnings {
             tracing::warn!("{warning}");
         }
         for file in self.ros.parameters.files_without(&node) {
             tracing::warn!(
-                "parameter file {} says nothing for {}",
+                "parameter file {} assigns nothing to {}",
                 file.display(),
                 node.fully_qualified()
             );
         }
-        if NodeWide::wants_simulated_time(parameters.values()) {
+        if NodeParameters::default()
+            .read(parameters.values())?
+            .use_sim_time
+        {
             tracing::warn!(
                 "use_sim_time is true, but simulated time is not supported; durations are real"
             );

@@ -58,22 +58,6 @@ const RELIABLE_STORE_MIN: usize = 1_024;
 /// The greatest number: the claims of an epoch of a thousand modules, and the latched samples of earlier epochs.
 const RELIABLE_STORE_MAX: usize = 4_096;
 
-/// How many samples RustDDS keeps for a subscription, over all publishers together.
-///
-/// RustDDS keeps one store a topic. From a full store it drops the oldest samples, even reliable ones that were not
-/// taken yet, so the store must hold everything that can arrive while the process is busy. From a store that is not
-/// full it drops nothing, so the store should hold no more than that: what a flood leaves in it stays in memory.
-/// The two ends need not agree on the history.
-fn store_depth(quality: Quality) -> usize {
-    match quality {
-        Quality::TransientLocal { depth } | Quality::ReliableVolatile { depth } => depth
-            .saturating_mul(PUBLISHERS)
-            .clamp(RELIABLE_STORE_MIN, RELIABLE_STORE_MAX),
-        // One sample of each publisher; a dropped sample is replaced by the next.
-        Quality::BestEffort => PUBLISHERS,
-    }
-}
-
 impl<M> Topic<M> {
     /// A topic named `name`, relative to the node's namespace, that carries `package/msg/type_name`.
     #[must_use]
@@ -128,19 +112,6 @@ impl<M> Topic<M> {
     pub fn quality(&self) -> Quality {
         self.quality
     }
-
-    /// The quality of service of a publisher.
-    #[must_use]
-    pub fn publisher_qos(&self) -> QosProfile {
-        self.quality.publisher_qos()
-    }
-
-    /// The quality of service of a subscription.
-    #[must_use]
-    pub fn subscription_qos(&self) -> QosProfile {
-        let depth = store_depth(self.quality);
-        self.quality.profile(depth)
-    }
 }
 
 impl Quality {
@@ -153,6 +124,23 @@ impl Quality {
             }
             Self::BestEffort => self.profile(1),
         }
+    }
+
+    /// The quality of service of a subscription.
+    ///
+    /// RustDDS keeps one store a topic. From a full store it drops the oldest samples, even reliable ones that were not
+    /// taken yet, so the store must hold everything that can arrive while the process is busy. From a store that is not
+    /// full it drops nothing, so the store should hold no more than that: what a flood leaves in it stays in memory.
+    /// The two ends need not agree on the history.
+    #[must_use]
+    pub fn subscription_qos(self) -> QosProfile {
+        self.profile(match self {
+            Self::TransientLocal { depth } | Self::ReliableVolatile { depth } => depth
+                .saturating_mul(PUBLISHERS)
+                .clamp(RELIABLE_STORE_MIN, RELIABLE_STORE_MAX),
+            // One sample of each publisher; a dropped sample is replaced by the next.
+            Self::BestEffort => PUBLISHERS,
+        })
     }
 
     fn profile(self, depth: usize) -> QosProfile {
@@ -177,13 +165,9 @@ impl Quality {
 mod tests {
     use super::*;
 
-    fn topic(quality: Quality) -> Topic<u32> {
-        Topic::new("test", "std_msgs", "UInt32", quality)
-    }
-
     #[test]
     fn both_ends_of_a_transient_local_topic_are_reliable_and_transient_local() {
-        let latched = topic(Quality::TransientLocal { depth: 1 });
+        let latched = Quality::TransientLocal { depth: 1 };
         for profile in [latched.publisher_qos(), latched.subscription_qos()] {
             assert_eq!(profile.durability, Durability::TransientLocal);
             assert!(matches!(
@@ -193,16 +177,16 @@ mod tests {
                 }
             ));
         }
-        let beats = topic(Quality::BestEffort).subscription_qos();
+        let beats = Quality::BestEffort.subscription_qos();
         assert_eq!(beats.reliability, Reliability::BestEffort);
         assert_eq!(beats.durability, Durability::Volatile);
-        let prompt = topic(Quality::ReliableVolatile { depth: 1 }).publisher_qos();
+        let prompt = Quality::ReliableVolatile { depth: 1 }.publisher_qos();
         assert_eq!(prompt.durability, Durability::Volatile);
     }
 
     #[test]
     fn subscriptions_store_enough_for_many_publishers_and_no_more() {
-        let store = |quality| match topic(quality).subscription_qos().history {
+        let store = |quality: Quality| match quality.subscription_qos().history {
             History::KeepLast { depth } => depth,
             History::KeepAll => usize::MAX,
         };

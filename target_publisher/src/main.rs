@@ -1,24 +1,32 @@
 //! Announces the target configuration.
 
 mod announcer;
+mod endpoints;
+mod formation_status;
+mod goal_resolver;
+mod goal_tracker;
+mod parameters;
 
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use announcer::TargetProcess;
+use async_channel::Receiver;
 use clap::Parser;
 use formation::model::TargetAnnouncement;
 use formation_node::scenario::read_scenario;
-use formation_node::stamp;
-use ros_runtime::arguments::{self, NetworkArguments};
-use ros_runtime::lifetime::stop_requested;
-use ros_runtime::outcome::{Failure, STATUS_DONE, conclude};
+use formation_node::{Program, stamp};
+use ros_runtime::arguments::NetworkArguments;
+use ros_runtime::exit::{Failure, STATUS_DONE};
+use ros_runtime::settings::Settings;
 
-/// Announces the target of a scenario, and keeps it for whoever comes late, until it is told to stop.
+use crate::announcer::TargetPublisher;
+use crate::parameters::PublisherParameters;
+
+/// Announces the target of a scenario, and keeps it for late subscribers, until it is asked to stop.
 ///
-/// It serves the action `form_configuration`, by which others have targets formed, and services that tell how the formation
-/// fares and withdraw its target. Without a scenario it announces nothing until it is asked to.
+/// It serves the action `form_configuration`, by which clients have targets formed, and services that report the status of
+/// the formation and withdraw its target. Without a scenario it announces nothing until it is asked to.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
@@ -28,10 +36,10 @@ struct Arguments {
     /// Folder of the scenarios that goals can name [default: that of the scenario file]
     #[arg(long, value_name = "FOLDER")]
     scenario_folder: Option<PathBuf>,
-    /// How many modules take part; without it, gathering ends when nothing new comes
+    /// How many modules take part; without it, gathering ends when no further module comes
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     expected_modules: Option<u32>,
-    /// The highest revision holds [default: the wall clock in milliseconds]
+    /// The revision of the target; the highest one is formed [default: the wall clock in milliseconds]
     #[arg(long, value_name = "NUMBER", requires = "scenario")]
     revision: Option<u64>,
     /// Withdraw the target instead: modules then stay where they are
@@ -41,37 +49,41 @@ struct Arguments {
     network: NetworkArguments,
 }
 
-fn main() -> ExitCode {
-    conclude(run())
+impl Program for Arguments {
+    fn network(&self) -> &NetworkArguments {
+        &self.network
+    }
+
+    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        let scenario = self.scenario.as_deref().map(read_scenario).transpose()?;
+        let announcement = scenario.map(|scenario| {
+            let problem = scenario.problem();
+            TargetAnnouncement {
+                revision: self.revision.unwrap_or_else(stamp::revision),
+                name: scenario.name().to_owned(),
+                target: (!self.withdraw).then(|| Arc::clone(problem.target())),
+                parameters: *problem.parameters(),
+                expected_modules: self.expected_modules,
+            }
+        });
+        let folder = self.scenario_folder.or_else(|| {
+            let folder = self.scenario.as_deref()?.parent()?;
+            Some(Path::new(".").join(folder))
+        });
+        TargetPublisher {
+            settings,
+            announcement,
+            parameters: PublisherParameters {
+                expected_modules: self.expected_modules,
+                scenario_folder: folder.map(|folder| folder.to_string_lossy().into_owned()),
+                ..PublisherParameters::default()
+            },
+        }
+        .run(stop)?;
+        Ok(STATUS_DONE)
+    }
 }
 
-fn run() -> Result<u8, Failure> {
-    let (arguments, ros) = arguments::parse::<Arguments>()?;
-    let settings = arguments.network.start(ros)?;
-    let announcement = match &arguments.scenario {
-        Some(path) => {
-            let scenario = read_scenario(path)?;
-            let problem = scenario.problem();
-            Some(TargetAnnouncement {
-                revision: arguments.revision.unwrap_or_else(stamp::revision),
-                name: scenario.name().to_owned(),
-                target: (!arguments.withdraw).then(|| Arc::clone(problem.target())),
-                parameters: *problem.parameters(),
-                expected_modules: arguments.expected_modules,
-            })
-        }
-        None => None,
-    };
-    let stop = stop_requested()?;
-    TargetProcess {
-        settings,
-        announcement,
-        expected_modules: arguments.expected_modules,
-        scenario_folder: arguments.scenario_folder.or_else(|| {
-            let folder = arguments.scenario.as_deref()?.parent()?;
-            Some(Path::new(".").join(folder))
-        }),
-    }
-    .run(&stop)?;
-    Ok(STATUS_DONE)
+fn main() -> ExitCode {
+    formation_node::main::<Arguments>()
 }

@@ -112,7 +112,11 @@ async fn drive(client: &FormConfiguration, node: &Node) {
     let (result, ()) = futures::join!(result, cancel);
     let (status, Carried(result)) = result.unwrap();
     assert_eq!(status, GoalStatusEnum::Canceled);
-    assert!(result.message.contains("0 modules"), "{}", result.message);
+    assert!(
+        result.message.contains("0 live modules"),
+        "{}",
+        result.message
+    );
 }
 
 #[test]

@@ -2,13 +2,17 @@
 
 use crate::programs::root;
 
-/// A parameter file that has one section of the shipped one alone: that below the comment which begins with `title`.
+/// A parameter file that has some sections of the shipped one: those below the comments which begin with `titles`.
 #[must_use]
-pub fn parameter_section(title: &str) -> String {
+pub fn parameter_section(titles: &[&str]) -> String {
     let path = root().join("launch_scripts/config/formation.yaml");
     let text = std::fs::read_to_string(path).unwrap();
-    let (_, below) = text.split_once(&format!("    # {title}")).unwrap();
-    let section = below.split("\n\n").next().unwrap();
-    let (_, lines) = section.split_once('\n').unwrap();
-    format!("/**:\n  ros__parameters:\n{lines}\n")
+    let sections = titles.iter().map(|title| {
+        let (_, below) = text.split_once(&format!("    # {title}")).unwrap();
+        let section = below.split("\n\n").next().unwrap();
+        let (_, lines) = section.split_once('\n').unwrap();
+        lines
+    });
+    let lines: Vec<&str> = sections.collect();
+    format!("/**:\n  ros__parameters:\n{}\n", lines.join("\n"))
 }

@@ -196,6 +196,41 @@ impl Running {
             .unwrap_or_else(|error| panic!("cannot send {signal:?} to {}: {error}", self.name));
     }
 
+    /// Stops the process and lets it continue until its DDS library no longer receives, and waits until it has rejoined the
+    /// graph.
+    ///
+    /// Only a thread of the library that waits for its sockets while the process is stopped ends, so that several tries may
+    /// be needed on a busy machine.
+    pub fn rejoin(&self, limit: Duration) {
+        let deadline = Instant::now() + limit;
+        let mark = self.logged();
+        let status = format!("/proc/{}/status", self.id());
+        let is_stopped = || {
+            let status = std::fs::read_to_string(&status).unwrap();
+            status.contains("State:\tT")
+        };
+        loop {
+            self.signal(Signal::STOP);
+            while !is_stopped() {
+                thread::sleep(Duration::from_millis(10));
+            }
+            thread::sleep(Duration::from_millis(100));
+            self.signal(Signal::CONT);
+            let rejoins = self.wait_for_log(mark, "rejoining", Duration::from_secs(3));
+            if rejoins.is_some() {
+                break;
+            }
+            assert!(
+                Instant::now() < deadline,
+                "{} still receives, or has ended; it logged: {:?}",
+                self.name,
+                self.log_since(0)
+            );
+        }
+        let joined = self.wait_for_log(mark, "joined the ROS 2 graph", limit);
+        assert!(joined.is_some(), "{} did not rejoin", self.name);
+    }
+
     /// Waits for the program to end by itself, for at most `limit`.
     #[must_use]
     pub fn finish(mut self, limit: Duration) -> Finished {

@@ -127,7 +127,7 @@ fn a_module_without_a_driver_ends_with_the_topic_and_the_limit_named() {
     assert_eq!(agent.status, 1, "{}", agent.stderr);
     assert!(
         agent.stderr.contains(
-            "module 4 does not take part: its driver told no pose on `/formation/module_4/pose` within \
+            "module 4 does not take part: its driver sent no pose on `/formation/module_4/pose` within \
              first_pose_limit_s (0.5 s)"
         ),
         "{}",

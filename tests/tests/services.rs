@@ -7,7 +7,7 @@
 
 use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Peer, RosTool, Running, Signal, scenario_path};
+use formation_tests::{Domain, Peer, RosTool, Running, scenario_path};
 use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -43,34 +43,6 @@ fn wait_until_done(tool: &mut RosTool, settled: u32) -> Value {
         }
         assert!(Instant::now() < deadline, "still at {status}");
         std::thread::sleep(Duration::from_millis(100));
-    }
-}
-
-/// Stops a process and lets it go on, until that has cost the DDS library a thread and the process joins the graph anew.
-///
-/// Only a thread that waits for its sockets while the process is stopped ends by that, which on a busy machine may take
-/// more than one try.
-fn make_deaf(process: &Running) {
-    let deadline = Instant::now() + PATIENCE;
-    let mark = process.logged();
-    let status = format!("/proc/{}/status", process.id());
-    let is_stopped = || {
-        std::fs::read_to_string(&status)
-            .unwrap()
-            .contains("State:\tT")
-    };
-    loop {
-        process.signal(Signal::STOP);
-        while !is_stopped() {
-            std::thread::sleep(Duration::from_millis(10));
-        }
-        std::thread::sleep(Duration::from_millis(100));
-        process.signal(Signal::CONT);
-        let noticed = process.wait_for_log(mark, "joining anew", Duration::from_secs(3));
-        if noticed.is_some() {
-            return;
-        }
-        assert!(Instant::now() < deadline, "it did not go deaf");
     }
 }
 
@@ -117,7 +89,7 @@ fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
         .wait_for_log(0, "withdrew the target", PATIENCE)
         .unwrap();
     let mark = publisher.logged();
-    make_deaf(&publisher);
+    publisher.rejoin(PATIENCE);
     let again = publisher.wait_for_log(mark, "withdrew the target", PATIENCE);
     assert!(again.is_some(), "it announces what it announced last");
     let peer = Peer::start("take", "target", domain).unwrap();
@@ -172,7 +144,7 @@ fn modules_are_retired_and_added_and_stay_so_when_their_process_joins_anew() {
     // When the library lost its threads the process begins anew, with what it had become.
     let states = Peer::start("take", "module_states", domain).unwrap();
     let before = state_of(&states.taken(), 3).unwrap()["incarnation"].as_u64();
-    make_deaf(&agents);
+    agents.rejoin(PATIENCE);
     let settled = 7;
     loop {
         let sample = states.taken();

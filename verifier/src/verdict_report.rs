@@ -2,7 +2,7 @@
 
 use formation::model::text::listed_in_full;
 use formation::verify::{AgreementReport, Outcome, ReportLine, VerdictReport, outcome_text};
-use ros_runtime::outcome::{STATUS_DONE, STATUS_FAILED};
+use ros_runtime::exit::{STATUS_DONE, STATUS_FAILED};
 
 use crate::verification::End;
 

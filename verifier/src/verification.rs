@@ -1,332 +1,253 @@
-//! The loop of the process that judges the formation.
+//! The node of the process that judges the formation.
 
+use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::event_log::{Entry, POSE_INTERVAL, Recorder};
-use formation::verify::{Agreement, Observer, ObserverParameters, Progress, Verdict};
-use formation_msgs::{Heartbeat, ModuleStates, Roster, SpotClaim, TargetConfiguration};
-use ros2_client::Publisher;
-
-use crate::judging::{judging_declarations, judging_parameters};
-use formation_node::inlet::{Delivery, deliveries, source_id};
+use formation::verify::{Agreement, Observer, Progress, Verdict};
+use formation_node::messages::{Received, subscribe_all};
 use formation_node::source_guard::SourceGuard;
-use formation_node::stamp;
-use formation_node::topics;
-use ros_runtime::diagnostics::traffic_report;
-use ros_runtime::facilities::{Arrival, Facilities, FacilityInlets, arrivals};
-use ros_runtime::inbox::{Inbox, Wake};
-use ros_runtime::inlet::Inlet;
-use ros_runtime::outlet::Outlet;
-use ros_runtime::parameters::Values;
-use ros_runtime::session::{Session, SessionError};
+use formation_node::{stamp, topics};
+use ros_runtime::PublisherQueue;
+use ros_runtime::event_loop::{Inputs, Node};
+use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
-use ros_runtime::traffic::{RefusalKind, Traffic};
+use ros_runtime::topic_statistics::{RefusalKind, SharedStatistics, TopicStatistics};
+
+use crate::judging::Judging;
 
 const NODE_NAME: &str = "verifier";
 
-/// However much comes in, the state of things is judged at most this often.
+/// The least time between the arrival of a message and a judgement, and so between two judgements.
 const JUDGE_INTERVAL: Duration = Duration::from_millis(50);
 
-/// Looks this often whether somebody fell silent, and whether it can still hear itself.
+/// How often a verifier that keeps watching looks for modules that have fallen silent.
 const REVIEW_INTERVAL: Duration = Duration::from_secs(1);
 
-/// After so many samples the loop turns to judging.
-const SAMPLES_PER_TURN: usize = 256;
-
-/// A process that watches a formation and judges it, from what is on the topics alone.
+/// A process that observes a formation and judges it, from what is on the topics alone.
 #[derive(Clone, Debug)]
 pub struct VerifierProcess {
     /// Its place in the ROS 2 graph.
     pub settings: Settings,
     /// How it judges.
-    pub parameters: ObserverParameters,
-    /// Whether it is content as soon as all members agree on a plan, and does not wait for them to move.
+    pub judging: Judging,
+    /// Whether it ends as soon as all members agree on a plan, without waiting for them to move.
     pub plan_only: bool,
-    /// Whether to tell of everything that happens, and not only how far the formation has come.
+    /// Whether it reports every event, and not only the progress.
     pub event_log: bool,
-    /// Whether it stays after the first verdict, and gives another whenever things change, until it is told to end.
+    /// Whether it stays after the first verdict, and gives another whenever it changes, until it is asked to end.
     pub keep_watching: bool,
-    /// After the verdict, the process stays so long, so that subscribers can take it.
+    /// How long it stays after the verdict, so that subscribers can take it.
     pub linger: Duration,
 }
 
 impl VerifierProcess {
-    /// Watches until there is an end, publishes the verdict, if that is what there is, and leaves the graph.
+    /// Observes until there is an end, publishes the verdict, if that is the end, and leaves the graph.
     ///
-    /// `told` hears of progress whenever it changes, of what happens if that is asked for, and of the end as soon as
-    /// there is one; of each that takes the place of an earlier one, if the process keeps watching.
+    /// `notify` gets the progress whenever it changes, the events if those are asked for, and the end as soon as there is
+    /// one; each that replaces an earlier one, if the process keeps watching.
     ///
-    /// When the DDS library stops listening, it begins anew with what is still to be heard.
+    /// When the DDS library no longer receives, it starts over with what it receives then.
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined.
     pub fn run(
         self,
         stop: &Receiver<()>,
-        mut told: impl FnMut(News<'_>),
+        mut notify: impl FnMut(News<'_>),
     ) -> Result<Judgement, SessionError> {
-        loop {
-            match self.judge(stop, &mut told) {
-                Err(deaf @ SessionError::Deaf) => tracing::warn!("{deaf}; joining anew"),
-                end => return end,
-            }
-        }
+        rejoining(|| self.judge(stop, &mut notify))
     }
 
     fn judge(
         &self,
         stop: &Receiver<()>,
-        told: &mut impl FnMut(News<'_>),
+        notify: &mut dyn FnMut(News<'_>),
     ) -> Result<Judgement, SessionError> {
-        let declarations = judging_declarations(&self.parameters);
-        let parameters = self.settings.declare(NODE_NAME, declarations)?;
-        let judging = judging_parameters(parameters.values(), self.parameters.clone())?;
-        let mut session = Session::open(&self.settings, NODE_NAME, parameters)?;
-        let inlets = Inlets {
-            target: Inlet::open(&mut session, &topics::TARGET)?,
-            states: Inlet::open(&mut session, &topics::MODULE_STATES)?,
-            roster: Inlet::open(&mut session, &topics::ROSTER)?,
-            claims: Inlet::open(&mut session, &topics::claims(1))?,
-            heartbeats: Inlet::open(&mut session, &topics::HEARTBEATS)?,
-            facilities: FacilityInlets::open(&self.settings, &mut session)?,
-        };
-        let facilities = Facilities::open(&self.settings, &mut session)?;
-        // Made at the start, so that subscribers are matched by the time there is something to say.
-        let outlet = Outlet::open(&mut session, &topics::VERDICT)?;
-        let samples = [
-            deliveries(&inlets.target),
-            deliveries(&inlets.states),
-            deliveries(&inlets.roster),
-            deliveries(&inlets.claims),
-            deliveries(&inlets.heartbeats),
-        ];
-        let inbox = Inbox::new(arrivals(samples, &inlets.facilities), stop.clone());
-        let mut watch = Watch {
+        let parameters = self
+            .settings
+            .declare(NODE_NAME, self.judging.declarations())?;
+        let Judging(judging) = self.judging.clone().read(parameters.values())?;
+        let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
+        let mut inputs = Inputs::default();
+        for messages in subscribe_all(&mut session, 1)? {
+            inputs.add(messages, |received| received);
+        }
+        let mut verifier = Verifier {
+            process: self,
             start: Instant::now(),
             observer: Observer::new(judging),
-            plan_only: self.plan_only,
             recorder: self.event_log.then(|| Recorder::new(POSE_INTERVAL)),
-            keep_watching: self.keep_watching,
-            inbox,
-            inlets: &inlets.facilities,
-            outlet,
-            facilities,
-            session: &mut session,
             source_guard: SourceGuard::default(),
-            traffic: Traffic::default(),
+            statistics: session.statistics(),
+            // Created at the start, so that subscribers are matched when the verdict is published.
+            verdicts: session.publisher(&topics::VERDICT)?,
+            notify,
+            phase: Phase::Observing(Some(Instant::now())),
+            progress: None,
+            end: None,
         };
-        let end = async_io::block_on(async {
-            let end = watch.until_the_end(told).await?;
-            // One that kept watching has been told to end.
-            if let Some(End::Judged(_)) = &end
-                && !self.keep_watching
-            {
-                watch.linger(self.linger).await;
-            }
-            Ok::<_, SessionError>(end)
-        })?;
-        let traffic = watch.traffic;
-        tracing::info!("traffic: {traffic}");
-        Ok(Judgement { end, traffic })
+        session.run(&mut verifier, inputs, stop)?;
+        let statistics = session.statistics().borrow().clone();
+        Ok(Judgement {
+            end: verifier.end,
+            statistics,
+        })
     }
 }
 
-/// How watching ended.
+/// How observation ended.
 #[derive(Clone, Debug)]
 pub enum End {
     /// With a verdict on the formation; the last, if the process kept watching.
     Judged(Verdict),
-    /// With a plan that all members agree on, where no more was asked for.
+    /// With a plan on which all members agree, where no more was asked for.
     Agreed(Agreement),
 }
 
-/// What came of watching.
+/// The outcome of observation.
 #[derive(Clone, Debug)]
 pub struct Judgement {
-    /// How it ended; `None` when the process was told to end before.
+    /// How it ended; `None` when the process was asked to end before.
     pub end: Option<End>,
-    /// What was heard, and what was refused.
-    pub traffic: Traffic,
+    /// What was received, and what was refused.
+    pub statistics: TopicStatistics,
 }
 
-/// What a verifier has to tell.
+/// What a verifier reports.
 #[derive(Clone, Copy, Debug)]
 pub enum News<'a> {
-    /// How far the formation has come, when it changed.
+    /// The progress, when it changed.
     Progress(&'a Progress),
-    /// Something that happened.
+    /// An event.
     Entry(&'a Entry),
-    /// How it ended.
+    /// How observation ended.
     End(&'a End),
 }
 
-struct Inlets {
-    target: Inlet<TargetConfiguration>,
-    states: Inlet<ModuleStates>,
-    roster: Inlet<Roster>,
-    claims: Inlet<SpotClaim>,
-    heartbeats: Inlet<Heartbeat>,
-    facilities: FacilityInlets,
-}
-
-struct Watch<'a> {
+struct Verifier<'a> {
+    process: &'a VerifierProcess,
     start: Instant,
     observer: Observer,
-    plan_only: bool,
-    /// Where everything that happens is to be told.
+    /// Where every event is to be reported.
     recorder: Option<Recorder>,
-    keep_watching: bool,
-    inbox: Inbox<'a, Arrival<Delivery>>,
-    inlets: &'a FacilityInlets,
-    outlet: Outlet<formation_msgs::Verdict, Publisher<formation_msgs::Verdict>>,
-    facilities: Facilities,
-    session: &'a mut Session,
     source_guard: SourceGuard,
-    traffic: Traffic,
+    statistics: SharedStatistics,
+    verdicts: PublisherQueue<formation_msgs::Verdict>,
+    notify: &'a mut dyn FnMut(News<'_>),
+    phase: Phase,
+    /// The progress that was reported last.
+    progress: Option<Progress>,
+    end: Option<End>,
 }
 
-impl Watch<'_> {
-    async fn until_the_end(
-        &mut self,
-        told: &mut impl FnMut(News<'_>),
-    ) -> Result<Option<End>, SessionError> {
-        let mut shown = None;
-        let mut last = None;
-        // When to judge next, if anything came in since.
-        let mut judge_at = Some(Instant::now());
-        loop {
-            if judge_at.is_some_and(|at| at <= Instant::now()) || self.is_overdue() {
-                judge_at = None;
-                let progress = self.observer.progress();
-                if shown.as_ref() != Some(&progress) {
-                    told(News::Progress(&progress));
-                    shown = Some(progress);
-                }
-                if let Some(end) = self.end() {
-                    told(News::End(&end));
-                    if let End::Judged(verdict) = &end {
-                        self.publish(verdict);
-                    }
-                    if !self.keep_watching {
-                        return Ok(Some(end));
-                    }
-                    last = Some(end);
-                }
-                if self.keep_watching {
-                    judge_at = Some(Instant::now() + REVIEW_INTERVAL);
-                }
-            }
-            self.outlet.flush(&mut self.traffic);
-            self.session.check_hearing()?;
-            self.report()?;
-            let timeout = self.observer.poll_timeout().map(|due| self.start + due);
-            let look_at = Some(Instant::now() + REVIEW_INTERVAL);
-            let due = [judge_at, timeout, look_at, self.facilities.due()]
-                .into_iter()
-                .flatten()
-                .min();
-            match self.inbox.wait(due).await {
-                Wake::Stop => return Ok(last),
-                Wake::Due => {}
-                Wake::Arrival(arrival) => {
-                    let mut next = Some(arrival);
-                    for _ in 0..SAMPLES_PER_TURN {
-                        let Some(arrival) = next else { break };
-                        if self.take_in(arrival, told) {
-                            let soon = Instant::now() + JUDGE_INTERVAL;
-                            judge_at = Some(judge_at.map_or(soon, |at| at.min(soon)));
-                        }
-                        next = self.inbox.ready();
-                    }
-                }
-            }
-        }
-    }
+#[derive(Clone, Copy)]
+enum Phase {
+    /// Judges at this time, if there is something new to judge.
+    Observing(Option<Instant>),
+    /// Has published its verdict, and stays until then for subscribers.
+    Lingering(Instant),
+    Over,
+}
 
-    /// Takes something in; returns whether there is something new to judge.
-    fn take_in(&mut self, arrival: Arrival<Delivery>, told: &mut impl FnMut(News<'_>)) -> bool {
-        let delivery = match arrival {
-            Arrival::Sample(delivery) => delivery,
-            Arrival::Facility(arrival) => {
-                // How a formation is judged is settled when watching begins.
-                let apply = &mut |_: &Values| Ok(());
-                self.facilities.attend(
-                    self.inlets,
-                    arrival,
-                    self.session,
-                    &mut self.traffic,
-                    apply,
-                );
-                return false;
-            }
-        };
-        let topic = delivery.topic();
-        let Some((source, messages)) =
-            delivery.accept(source_id(self.session.source()), &mut self.traffic)
-        else {
-            return false;
+impl Node for Verifier<'_> {
+    type Input = Received;
+
+    fn handle(&mut self, received: Received) {
+        let Phase::Observing(judge_at) = self.phase else {
+            return;
         };
         let now = self.start.elapsed();
-        for message in &messages {
-            if !self.source_guard.admit(source, message) {
-                let reason = "another process speaks for that module";
-                self.traffic
-                    .refuse(topic, RefusalKind::Misattributed, &reason);
+        for message in &received.messages {
+            if !self.source_guard.admit(received.source, message) {
+                let reason = "another process publishes for that module";
+                let mut statistics = self.statistics.borrow_mut();
+                statistics.refuse(received.topic, RefusalKind::Misattributed, &reason);
                 continue;
             }
             self.observer.handle(now, message);
-            if let Some(recorder) = &mut self.recorder {
-                for entry in recorder.record(now, message) {
-                    told(News::Entry(&entry));
-                }
+            let recorder = self.recorder.as_mut();
+            let entries = recorder.map(|recorder| recorder.record(now, message));
+            for entry in entries.into_iter().flatten() {
+                (self.notify)(News::Entry(&entry));
             }
         }
-        true
+        let soon = Instant::now() + JUDGE_INTERVAL;
+        self.phase = Phase::Observing(Some(judge_at.map_or(soon, |at| at.min(soon))));
     }
 
-    fn report(&mut self) -> Result<(), SessionError> {
-        self.facilities
-            .report(self.session, &mut self.traffic, |traffic| {
-                vec![traffic_report(traffic)]
-            })
+    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        if self.due().is_some_and(|due| due <= Instant::now()) {
+            self.phase = match self.phase {
+                Phase::Observing(_) => self.judge(),
+                Phase::Lingering(_) | Phase::Over => Phase::Over,
+            };
+        }
+        Ok(match self.phase {
+            Phase::Observing(_) | Phase::Lingering(_) => ControlFlow::Continue(()),
+            Phase::Over => ControlFlow::Break(()),
+        })
     }
 
-    fn end(&mut self) -> Option<End> {
-        if self.plan_only
+    fn due(&self) -> Option<Instant> {
+        match self.phase {
+            Phase::Observing(judge_at) => {
+                let limit = self.observer.poll_timeout().map(|due| self.start + due);
+                [judge_at, limit].into_iter().flatten().min()
+            }
+            Phase::Lingering(until) => Some(until),
+            Phase::Over => None,
+        }
+    }
+
+    /// How a formation is judged is fixed when observation begins.
+    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}
+
+impl Verifier<'_> {
+    /// Judges what was received, and reports what is new.
+    fn judge(&mut self) -> Phase {
+        let progress = self.observer.progress();
+        if self.progress.as_ref() != Some(&progress) {
+            (self.notify)(News::Progress(&progress));
+            self.progress = Some(progress);
+        }
+        let end = self.find_end();
+        if let Some(end) = &end {
+            (self.notify)(News::End(end));
+        }
+        if let Some(End::Judged(verdict)) = &end {
+            let mut sample = formation_msgs::Verdict::from(verdict);
+            sample.header = stamp::header("");
+            self.verdicts.publish(sample);
+        }
+        let now = Instant::now();
+        let next = match &end {
+            _ if self.process.keep_watching => Phase::Observing(Some(now + REVIEW_INTERVAL)),
+            None => Phase::Observing(None),
+            Some(End::Judged(_)) => Phase::Lingering(now + self.process.linger),
+            Some(End::Agreed(_)) => Phase::Over,
+        };
+        self.end = end.or(self.end.take());
+        next
+    }
+
+    fn find_end(&mut self) -> Option<End> {
+        if self.process.plan_only
             && let Some(agreement) = self.observer.agreement()
         {
             return Some(End::Agreed(agreement));
         }
         let now = self.start.elapsed();
-        let verdict = if self.keep_watching {
+        let verdict = if self.process.keep_watching {
             self.observer.review(now)
         } else {
             self.observer.verdict(now)
-        }?;
-        Some(End::Judged(verdict.clone()))
-    }
-
-    fn is_overdue(&self) -> bool {
-        self.observer
-            .poll_timeout()
-            .is_some_and(|due| due <= self.start.elapsed())
-    }
-
-    fn publish(&mut self, verdict: &Verdict) {
-        let mut sample = formation_msgs::Verdict::from(verdict);
-        sample.header = stamp::header("");
-        self.outlet.publish(sample, &mut self.traffic);
-    }
-
-    /// Stays for a while, so that subscribers can take what was published, unless the process is to end.
-    async fn linger(&mut self, linger: Duration) {
-        let end = Instant::now() + linger;
-        while Instant::now() < end {
-            if let Wake::Stop = self.inbox.wait(Some(end)).await {
-                return;
-            }
-            self.outlet.flush(&mut self.traffic);
-        }
+        };
+        verdict.map(|verdict| End::Judged(verdict.clone()))
     }
 }

@@ -16,8 +16,9 @@ use formation::verify::{ObserverParameters, Outcome};
 use formation_tests::{Domain, Peer};
 use ros_runtime::environment::{DiscoveryRange, Environment, Overrides};
 use ros_runtime::settings::Settings;
-use ros_runtime::traffic::RefusalKind;
+use ros_runtime::topic_statistics::RefusalKind;
 use serde_json::{Value, json};
+use verifier::judging::Judging;
 use verifier::verification::{End, News, VerifierProcess};
 
 fn settings(domain: &str) -> Settings {
@@ -26,6 +27,7 @@ fn settings(domain: &str) -> Settings {
         range: Some(DiscoveryRange::Localhost),
     };
     Settings {
+        namespace: "/formation".parse().unwrap(),
         environment: Environment::resolve(overrides, |_| None).unwrap(),
         ..Settings::default()
     }
@@ -46,10 +48,10 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
     }
     let process = VerifierProcess {
         settings: settings(domain),
-        parameters: ObserverParameters {
+        judging: Judging(ObserverParameters {
             time_limit: Duration::from_secs(10),
             ..ObserverParameters::default()
-        },
+        }),
         plan_only: false,
         event_log: false,
         keep_watching: false,
@@ -89,13 +91,13 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
     assert!(
         stages.contains(&FormationStage::Gathering),
         "the target was not understood: {stages:?}, {}",
-        judgement.traffic
+        judgement.statistics
     );
     assert_eq!(verdict.outcome, Outcome::Failed, "no module ever came");
-    let refused = |topic: &str| &judgement.traffic.topics()[topic].refused;
+    let refused = |topic: &str| &judgement.statistics.topics()[topic].refused;
     assert_eq!(refused("module_states")[&RefusalKind::Malformed], 1);
     assert!(refused("heartbeats")[&RefusalKind::Invalid] > 0);
-    assert_eq!(judgement.traffic.topics()["heartbeats"].received, 0);
+    assert_eq!(judgement.statistics.topics()["heartbeats"].received, 0);
     let read = reader.taken();
     assert_eq!(read["outcome"], 3);
     assert!(

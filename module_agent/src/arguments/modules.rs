@@ -12,7 +12,7 @@ use formation::protocol::Identity;
 
 use formation_node::scenario::read_scenario;
 use formation_node::stamp;
-use ros_runtime::outcome::Failure;
+use ros_runtime::exit::Failure;
 
 /// Modules given as numbers and ranges, such as `1,4,7-9`: ascending, distinct, at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]

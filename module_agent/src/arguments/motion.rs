@@ -2,313 +2,207 @@
 
 use std::time::Duration;
 
-use clap::{Args, ValueEnum};
 use formation::model::MicroUnits;
 use formation::motion::ExternalParameters;
-use ros2_client::ParameterValue;
+use formation_node::micro_units;
+use ros_runtime::parameters::{Tunable, Tunables, choice, number, seconds, text};
+use ros_runtime::words::Words;
 
-use crate::drive::MotionParameters;
-use crate::drivers::{ExternalMotion, PoseSource};
-use ros_runtime::arguments::{SECONDS, Seconds};
-use ros_runtime::parameters::{Change, Declaration, ParameterError, Range, Values};
-
-/// Who moves the modules.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, ValueEnum)]
+/// What moves the modules.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum MotionMode {
-    /// This process, as if each module went straight to its goal
+    /// This process, as if each module went straight to its goal.
     #[default]
     Simulated,
-    /// A driver for each module, such as that of a robot, told over topics
+    /// A driver for each module, such as that of a robot, over topics.
     External,
 }
 
+impl Words for MotionMode {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("simulated", Self::Simulated), ("external", Self::External)];
+}
+
+/// Which message of a driver has the pose of its module.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum PoseSource {
+    /// `geometry_msgs/msg/PoseStamped` on `module_N/pose`.
+    #[default]
+    Pose,
+    /// `nav_msgs/msg/Odometry` on `module_N/odom`.
+    Odometry,
+}
+
+impl Words for PoseSource {
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("pose", Self::Pose), ("odom", Self::Odometry)];
+}
+
 /// How the modules move.
-#[derive(Clone, Debug, Args)]
-#[command(next_help_heading = "Motion")]
-pub struct MotionArguments {
-    /// Who moves the modules
-    #[arg(long, value_name = "MODE", value_enum, default_value_t)]
-    pub motion: MotionMode,
-    /// Speed of simulated motion in units a second
-    #[arg(long, value_name = "UNITS_PER_S", default_value_t = SPEED_DEFAULT, value_parser = speed)]
+#[derive(Clone, Debug, PartialEq)]
+pub struct Motion {
+    /// What moves them.
+    pub mode: MotionMode,
+    /// The speed of simulated modules, in units per second.
     pub speed: f64,
-    /// External motion: which message tells where a module stands
-    #[arg(long, value_name = "SOURCE", value_enum, default_value_t)]
+    /// Which message of a driver has the pose.
     pub pose_source: PoseSource,
-    /// External motion: frame of goals and poses, taken to coincide with the target's [default: the target's]
-    #[arg(long, value_name = "NAME")]
-    pub driver_frame: Option<String>,
-    /// External motion: a module whose driver told no pose so long after the start does not take part
-    #[arg(long, value_name = "SECONDS", default_value_t = Seconds(ExternalMotion::default().first_pose_limit))]
-    pub first_pose_limit_s: Seconds,
-    /// External motion: a module on its way must tell its pose at least this often
-    #[arg(long, value_name = "SECONDS", default_value_t = Seconds(ExternalParameters::default().pose_limit))]
-    pub pose_limit_s: Seconds,
-    /// External motion: a driver must answer a docking request within this
-    #[arg(long, value_name = "SECONDS", default_value_t = Seconds(ExternalParameters::default().docking_limit))]
-    pub docking_limit_s: Seconds,
-    /// External motion: a module must stand still within this after its goals ceased
-    #[arg(long, value_name = "SECONDS", default_value_t = Seconds(ExternalParameters::default().halt_limit))]
-    pub halt_limit_s: Seconds,
-    /// External motion: a module whose poses stayed within the tolerances for so long stands still
-    #[arg(long, value_name = "SECONDS", default_value_t = Seconds(ExternalParameters::default().still))]
-    pub still_s: Seconds,
-    /// External motion: so near to its goal a module has arrived, in units
-    #[arg(long, value_name = "UNITS", default_value_t = ExternalParameters::default().position_tolerance.to_units(), value_parser = tolerance)]
-    pub position_tolerance: f64,
-    /// External motion: turned so little from its goal a module has arrived, in radians
-    #[arg(long, value_name = "RADIANS", default_value_t = ExternalParameters::default().heading_tolerance.to_units(), value_parser = tolerance)]
-    pub heading_tolerance: f64,
+    /// The frame of goals and poses; `None` for the target's.
+    pub frame_id: Option<String>,
+    /// A module whose driver sends no pose within this after the start does not take part.
+    pub first_pose_limit: Duration,
+    /// The limits of external motion, and the tolerances of arrival.
+    pub external: ExternalParameters,
 }
 
-impl MotionArguments {
-    /// The motion parameters.
-    #[must_use]
-    pub fn parameters(&self) -> MotionParameters {
-        // The arguments' bounds leave nothing that could not be quantised.
-        let micro = |units| MicroUnits::from_units(units).unwrap_or_default();
-        match self.motion {
-            MotionMode::Simulated => MotionParameters::Simulated {
-                speed_units_per_s: self.speed,
-            },
-            MotionMode::External => MotionParameters::External(ExternalMotion {
-                pose_source: self.pose_source,
-                frame_id: self.driver_frame.clone(),
-                first_pose_limit: self.first_pose_limit_s.0,
-                drive: ExternalParameters {
-                    pose_limit: self.pose_limit_s.0,
-                    docking_limit: self.docking_limit_s.0,
-                    halt_limit: self.halt_limit_s.0,
-                    still: self.still_s.0,
-                    position_tolerance: micro(self.position_tolerance),
-                    heading_tolerance: micro(self.heading_tolerance),
-                },
-            }),
+impl Default for Motion {
+    fn default() -> Self {
+        Self {
+            mode: MotionMode::default(),
+            speed: 1.0,
+            pose_source: PoseSource::default(),
+            frame_id: None,
+            first_pose_limit: Duration::from_secs(30),
+            external: ExternalParameters::default(),
         }
     }
 }
 
-const SPEED_DEFAULT: f64 = 1.0;
-const SPEED_MIN: f64 = 0.001;
-const SPEED_MAX: f64 = 1.0e6;
-const TOLERANCE_MIN: f64 = 0.000_01;
-const TOLERANCE_MAX: f64 = 1.0;
+const SET_UP: &str = "drives are set up with it";
 
-const MOTION: &str = "motion";
-const SPEED: &str = "speed";
-const POSE_SOURCE: &str = "external.pose_source";
-const FRAME: &str = "external.frame_id";
-const FIRST_POSE_LIMIT: &str = "external.first_pose_limit_s";
-const POSE_LIMIT: &str = "external.pose_limit_s";
-const DOCKING_LIMIT: &str = "external.docking_limit_s";
-const HALT_LIMIT: &str = "external.halt_limit_s";
-const STILL: &str = "external.still_s";
-const POSITION_TOLERANCE: &str = "external.position_tolerance";
-const HEADING_TOLERANCE: &str = "external.heading_tolerance";
+impl Tunables for Motion {
+    const HEADING: &'static str = "Motion";
 
-/// Declares how modules move, for ROS 2, with these values unless something is assigned.
-pub(crate) fn motion_declarations(values: &MotionParameters) -> Vec<Declaration> {
-    let (mode, speed, external) = match values {
-        MotionParameters::Simulated { speed_units_per_s } => {
-            ("simulated", *speed_units_per_s, ExternalMotion::default())
-        }
-        MotionParameters::External(external) => ("external", SPEED_DEFAULT, external.clone()),
-    };
-    let at_start = |name, description, value, range| Declaration {
-        name,
-        description,
-        value,
-        range,
-        change: Change::AtStart("drives are set up with it"),
-    };
-    let seconds = |name, description, value: Duration| {
-        let value = ParameterValue::Double(value.as_secs_f64());
-        at_start(name, description, value, SECONDS)
-    };
-    let tolerance = |name, description, value: MicroUnits| {
-        let range = Range::Double {
-            from: TOLERANCE_MIN,
-            to: TOLERANCE_MAX,
+    fn table() -> Vec<Tunable<Self>> {
+        let limit = |name, field: fn(&mut Self) -> &mut Duration, help| {
+            Tunable::new(name, seconds(), field, help).at_start(SET_UP)
         };
-        at_start(
-            name,
-            description,
-            ParameterValue::Double(value.to_units()),
-            range,
-        )
-    };
-    let word = |text: &str| ParameterValue::String(text.to_owned());
-    let pose_source = match external.pose_source {
-        PoseSource::Pose => "pose",
-        PoseSource::Odom => "odom",
-    };
-    vec![
-        at_start(
-            MOTION,
-            "Who moves the modules: this process, or a driver for each",
-            word(mode),
-            Range::OneOf(&["simulated", "external"]),
-        ),
-        Declaration {
-            name: SPEED,
-            description: "Speed of simulated motion in units a second; holds from the next goal on",
-            value: ParameterValue::Double(speed),
-            range: Range::Double {
-                from: SPEED_MIN,
-                to: SPEED_MAX,
-            },
-            change: Change::AtRunTime,
-        },
-        at_start(
-            POSE_SOURCE,
-            "Which message of a driver tells where its module stands",
-            word(pose_source),
-            Range::OneOf(&["pose", "odom"]),
-        ),
-        at_start(
-            FRAME,
-            "Frame of goals and poses; the target's if empty",
-            word(external.frame_id.as_deref().unwrap_or_default()),
-            Range::Any,
-        ),
-        seconds(
-            FIRST_POSE_LIMIT,
-            "A module whose driver told no pose so many seconds after the start does not take part",
-            external.first_pose_limit,
-        ),
-        seconds(
-            POSE_LIMIT,
-            "A module on its way must tell its pose at least this often, in seconds",
-            external.drive.pose_limit,
-        ),
-        seconds(
-            DOCKING_LIMIT,
-            "A driver must answer a docking request within this, in seconds",
-            external.drive.docking_limit,
-        ),
-        seconds(
-            HALT_LIMIT,
-            "A module must stand still within so many seconds after its goals ceased",
-            external.drive.halt_limit,
-        ),
-        seconds(
-            STILL,
-            "A module whose poses stayed within the tolerances for so many seconds stands still",
-            external.drive.still,
-        ),
-        tolerance(
-            POSITION_TOLERANCE,
-            "So near to its goal a module has arrived, in units",
-            external.drive.position_tolerance,
-        ),
-        tolerance(
-            HEADING_TOLERANCE,
-            "Turned so little from its goal a module has arrived, in radians",
-            external.drive.heading_tolerance,
-        ),
-    ]
-}
-
-/// How modules move, as ROS 2 has it now.
-pub(crate) fn motion_parameters(values: &Values) -> Result<MotionParameters, ParameterError> {
-    if values.string(MOTION)? == "simulated" {
-        return Ok(MotionParameters::Simulated {
-            speed_units_per_s: values.double(SPEED)?,
-        });
+        let tolerance = |name, unit, field: fn(&mut Self) -> &mut MicroUnits, help| {
+            Tunable::new(name, micro_units(unit, 0.000_01, 1.0), field, help).at_start(SET_UP)
+        };
+        vec![
+            Tunable::new(
+                "motion",
+                choice("MODE"),
+                |own: &mut Self| &mut own.mode,
+                "What moves the modules: this process, as if each went straight to its goal, or a driver for each",
+            )
+            .at_start(SET_UP),
+            Tunable::new(
+                "speed",
+                number("UNITS_PER_S", 0.001, 1.0e6),
+                |own: &mut Self| &mut own.speed,
+                "Speed of simulated modules in units per second; applies from the next goal on",
+            ),
+            Tunable::new(
+                "external.pose_source",
+                choice("SOURCE"),
+                |own: &mut Self| &mut own.pose_source,
+                "External motion: which message has a module's pose, PoseStamped on `pose` or Odometry on `odom`",
+            )
+            .at_start(SET_UP),
+            Tunable::new(
+                "external.frame_id",
+                text("NAME"),
+                |own: &mut Self| &mut own.frame_id,
+                "External motion: frame of goals and poses, which coincides with the target's; the target's if empty",
+            )
+            .at_start(SET_UP)
+            .option("driver-frame"),
+            limit(
+                "external.first_pose_limit_s",
+                |own| &mut own.first_pose_limit,
+                "External motion: a module whose driver sends no pose within this after the start does not take part",
+            ),
+            limit(
+                "external.pose_limit_s",
+                |own| &mut own.external.pose_limit,
+                "External motion: the driver of a moving module must send poses at least this often",
+            ),
+            limit(
+                "external.docking_limit_s",
+                |own| &mut own.external.docking_limit,
+                "External motion: a driver must answer a docking request within this",
+            ),
+            limit(
+                "external.halt_limit_s",
+                |own| &mut own.external.halt_limit,
+                "External motion: a module must stand still within this after its goals stop repeating",
+            ),
+            limit(
+                "external.still_s",
+                |own| &mut own.external.still,
+                "External motion: a module that stays within the tolerances for this time stands still",
+            ),
+            tolerance(
+                "external.position_tolerance",
+                "UNITS",
+                |own| &mut own.external.position_tolerance,
+                "External motion: distance from the goal at which a module has arrived, in units",
+            ),
+            tolerance(
+                "external.heading_tolerance",
+                "RADIANS",
+                |own| &mut own.external.heading_tolerance,
+                "External motion: deviation from the goal's heading at which a module has arrived, in radians",
+            ),
+        ]
     }
-    let micro = |name| {
-        MicroUnits::from_units(values.double(name)?)
-            .map_err(|error| ParameterError::new(name, error.to_string()))
-    };
-    Ok(MotionParameters::External(ExternalMotion {
-        pose_source: match values.string(POSE_SOURCE)?.as_str() {
-            "odom" => PoseSource::Odom,
-            _ => PoseSource::Pose,
-        },
-        frame_id: Some(values.string(FRAME)?).filter(|frame| !frame.is_empty()),
-        first_pose_limit: values.seconds(FIRST_POSE_LIMIT)?,
-        drive: ExternalParameters {
-            pose_limit: values.seconds(POSE_LIMIT)?,
-            docking_limit: values.seconds(DOCKING_LIMIT)?,
-            halt_limit: values.seconds(HALT_LIMIT)?,
-            still: values.seconds(STILL)?,
-            position_tolerance: micro(POSITION_TOLERANCE)?,
-            heading_tolerance: micro(HEADING_TOLERANCE)?,
-        },
-    }))
-}
-
-fn speed(text: &str) -> Result<f64, String> {
-    text.trim()
-        .parse::<f64>()
-        .ok()
-        .filter(|speed| (SPEED_MIN..=SPEED_MAX).contains(speed))
-        .ok_or_else(|| format!("must be a speed from {SPEED_MIN} to {SPEED_MAX}, got `{text}`"))
-}
-
-fn tolerance(text: &str) -> Result<f64, String> {
-    text.trim()
-        .parse::<f64>()
-        .ok()
-        .filter(|tolerance| (TOLERANCE_MIN..=TOLERANCE_MAX).contains(tolerance))
-        .ok_or_else(|| format!("must be from {TOLERANCE_MIN} to {TOLERANCE_MAX}, got `{text}`"))
 }
 
 #[cfg(test)]
 mod tests {
-    use std::collections::BTreeMap;
-
     use clap::Parser;
+    use ros_runtime::parameters::Tuned;
+    use ros_runtime::settings::Settings;
 
     use super::*;
-    use ros_runtime::parameters::Parameters;
 
     #[derive(Parser)]
     struct Command {
         #[command(flatten)]
-        motion: MotionArguments,
+        motion: Tuned<Motion>,
     }
 
-    fn parsed(words: &str) -> Result<MotionParameters, String> {
+    fn parsed(words: &str) -> Result<Motion, String> {
         let words = std::iter::once("test").chain(words.split_whitespace());
-        Command::try_parse_from(words)
-            .map(|command| command.motion.parameters())
+        let command = Command::try_parse_from(words);
+        command
+            .map(|command| command.motion.0)
             .map_err(|error| error.to_string())
     }
 
     #[test]
-    fn motion_is_simulated_unless_a_driver_is_asked_for() {
-        assert_eq!(
-            parsed("--speed 2.5"),
-            Ok(MotionParameters::Simulated {
-                speed_units_per_s: 2.5
-            })
-        );
-        let Ok(MotionParameters::External(motion)) =
-            parsed("--motion external --pose-source odom --position-tolerance 0.01")
-        else {
-            panic!("a driver was asked for");
+    fn motion_is_simulated_unless_the_command_line_chooses_drivers() {
+        let fast = Motion {
+            speed: 2.5,
+            ..Motion::default()
         };
-        assert_eq!(motion.pose_source, PoseSource::Odom);
-        assert_eq!(
-            motion.drive,
-            ExternalParameters {
+        assert_eq!(parsed("--speed 2.5"), Ok(fast));
+        let driven = Motion {
+            mode: MotionMode::External,
+            pose_source: PoseSource::Odometry,
+            external: ExternalParameters {
                 position_tolerance: MicroUnits(10_000),
                 ..ExternalParameters::default()
-            }
-        );
+            },
+            ..Motion::default()
+        };
+        let words = "--motion external --pose-source odom --position-tolerance 0.01";
+        assert_eq!(parsed(words), Ok(driven));
     }
 
     #[test]
     fn motion_is_the_same_as_parameters_of_ros_2() {
-        for given in [
-            parsed("--speed 2.5").unwrap(),
-            parsed("--motion external --pose-source odom --driver-frame odom --still-s 0.25")
-                .unwrap(),
+        for words in [
+            "--speed 2.5",
+            "--motion external --pose-source odom --driver-frame odom --still-s 0.25",
         ] {
-            let (parameters, _) =
-                Parameters::declare(motion_declarations(&given), &BTreeMap::new()).unwrap();
-            assert_eq!(motion_parameters(parameters.values()), Ok(given));
+            let given = parsed(words).unwrap();
+            let parameters = Settings::default()
+                .declare("module_4", given.declarations())
+                .unwrap();
+            assert_eq!(Motion::default().read(parameters.values()), Ok(given));
         }
     }
 

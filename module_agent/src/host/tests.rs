@@ -30,8 +30,9 @@ fn host(modules: &[u32]) -> (Host, Message) {
         })
         .map(|identity| (identity, Service::Active));
     let source = SourceId(u128::from(modules[0]) + 100);
-    let motion = MotionParameters::Simulated {
-        speed_units_per_s: 5.0,
+    let motion = Motion {
+        speed: 5.0,
+        ..Motion::default()
     };
     let host = Host::new(source, identities, AgentParameters::default(), &motion);
     let target = Message::Target(Arc::new(TargetAnnouncement {
@@ -55,7 +56,7 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
             let source = hosts[speaker].source;
             for listener in (0..hosts.len()).filter(|&listener| listener != speaker) {
                 for message in outgoing.iter().flat_map(messages_of) {
-                    hosts[listener].receive(now, source, &message);
+                    hosts[listener].handle_message(now, source, &message);
                 }
             }
             said.extend(outgoing);
@@ -67,6 +68,10 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
             .map_or(limit, |due| due.max(now + Duration::from_millis(1)));
     }
     said
+}
+
+fn phase_of(host: &Host, module: u32) -> Option<ModulePhase> {
+    host.status_of(ModuleId(module)).map(|(_, phase)| phase)
 }
 
 fn messages_of(outgoing: &Outgoing) -> Vec<Message> {
@@ -95,7 +100,7 @@ fn assert_all_settle(groups: &[&[u32]]) {
     let mut hosts: Vec<Host> = Vec::new();
     for group in groups {
         let (mut host, target) = host(group);
-        host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
+        host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
         hosts.push(host);
     }
     let said = run(&mut hosts, Duration::from_secs(30));
@@ -120,7 +125,7 @@ fn modules_form_the_target_however_they_are_spread_over_processes() {
 #[test]
 fn every_sample_lists_all_hosted_modules_and_no_state_is_skipped() {
     let (mut host, target) = host(&[4, 5, 17]);
-    host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
+    host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
     let said = run(&mut [host], Duration::from_secs(30));
     let mut latest: BTreeMap<u32, u64> = BTreeMap::new();
     for states in states_of(&said) {
@@ -159,13 +164,13 @@ fn a_message_that_an_agent_refuses_is_counted_for_it() {
     let (mut host, target) = host(&[4, 5]);
     let now = Duration::from_secs(1);
     host.advance(now);
-    host.receive(now, TARGET_PUBLISHER, &target);
+    host.handle_message(now, TARGET_PUBLISHER, &target);
     let Message::Target(announcement) = &target else {
         unreachable!("it was made as a target");
     };
     let mut other = announcement.as_ref().clone();
     other.expected_modules = Some(9);
-    host.receive(now, OTHER_PROCESS, &Message::Target(Arc::new(other)));
+    host.handle_message(now, OTHER_PROCESS, &Message::Target(Arc::new(other)));
     for (module, refusals) in host.refusals() {
         assert_eq!(refusals.to_string(), "contradicting_target 1", "{module}");
     }
@@ -185,15 +190,15 @@ fn a_module_that_is_added_hears_what_it_missed_and_takes_an_open_spot() {
         }
         now
     };
-    host.receive(Duration::ZERO, TARGET_PUBLISHER, &target);
+    host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
     let formed = pass(&mut host, 40);
     for module in [4, 5, 17] {
-        let phase = host.phase_of(ModuleId(module));
+        let phase = phase_of(&host, module);
         assert_eq!(phase, Some(ModulePhase::Settled), "module {module}");
     }
     host.command(formed, ModuleId(17), Command::Retire);
     let left = pass(&mut host, 40);
-    assert_eq!(host.phase_of(ModuleId(17)), Some(ModulePhase::Spare));
+    assert_eq!(phase_of(&host, 17), Some(ModulePhase::Spare));
     // Nobody announces the target again.
     let newcomer = Identity {
         module: ModuleId(18),
@@ -205,6 +210,6 @@ fn a_module_that_is_added_hears_what_it_missed_and_takes_an_open_spot() {
     };
     host.add(left, newcomer).unwrap();
     pass(&mut host, 40);
-    let phase = host.phase_of(ModuleId(18));
+    let phase = phase_of(&host, 18);
     assert_eq!(phase, Some(ModulePhase::Settled));
 }

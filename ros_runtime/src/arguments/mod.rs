@@ -1,16 +1,12 @@
-//! The command-line arguments that the executables share.
+//! The command line of a node.
 
 mod command_line;
 mod network;
 mod ros;
-mod seconds;
-pub mod text_file;
 
-pub use command_line::parse;
+pub use command_line::{parse, read_bounded};
 pub use network::NetworkArguments;
-pub use ros::suggestion;
 pub use ros::{
-    ArgumentError, Assignment, LogArguments, LogLevel, NameError, NodeIdentity, Origin,
-    ParameterAssignments, RemapError, RemapRule, RemapRules, Resource, RosArguments, assigned_in,
+    Assignment, LogArguments, LogLevel, NodeIdentity, Origin, ParameterAssignments, RemapRule,
+    RemapRules, Resource, RosArguments,
 };
-pub use seconds::{SECONDS, Seconds};

@@ -1,16 +1,15 @@
-//! Where a process speaks, how much it tells, and with whom it ends.
+//! The network of a node, its log, and with which process it ends.
 
 use clap::Args;
 
 use super::ros::{LogLevel, RosArguments};
 use crate::environment::{self, DiscoveryRange, Domain, Environment, Namespace, Overrides};
-use crate::lifetime;
+use crate::exit::{self, Failure};
 use crate::logging;
-use crate::outcome::Failure;
 use crate::service_mapping::{RMW_IMPLEMENTATION, ServiceMapping};
 use crate::settings::Settings;
 
-/// Where a process speaks, and how much it tells.
+/// The network of a node, and its log.
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Network and log")]
 pub struct NetworkArguments {
@@ -21,31 +20,36 @@ pub struct NetworkArguments {
     /// else SUBNET]
     #[arg(long, value_name = "RANGE")]
     pub discovery_range: Option<DiscoveryRange>,
-    /// Namespace of the node and its topics; `--ros-args -r __ns:=NAME` outweighs it [default: ROS_NAMESPACE, else
-    /// /formation]
+    /// Namespace of the node and its topics; `--ros-args -r __ns:=NAME` takes precedence [default: ROS_NAMESPACE, else
+    /// that of the suite]
     #[arg(long, value_name = "NAME")]
     pub namespace: Option<Namespace>,
     /// How services are mapped: cyclone or enhanced [default: as RMW_IMPLEMENTATION needs it, else enhanced]
     #[arg(long, value_name = "MAPPING")]
     pub service_mapping: Option<ServiceMapping>,
-    /// The least important messages to log; `--ros-args --log-level LEVEL` outweighs it
+    /// The least level that is logged; `--ros-args --log-level LEVEL` takes precedence
     #[arg(long, value_name = "LEVEL", default_value = "info", ignore_case = true)]
     pub log_level: LogLevel,
-    /// End when the process that started this one ends, in whatever way
+    /// End when the process that started this one ends, for whatever reason
     #[arg(long)]
     pub stop_with_parent: bool,
 }
 
 impl NetworkArguments {
-    /// Starts the log and the rules by which the process ends, and joins what the arguments and the environment say.
+    /// Starts the log and the rules by which the process ends, and resolves the settings: the arguments take precedence
+    /// over the environment, and the environment over `default_namespace`.
     ///
     /// # Errors
     /// Names the environment variable that cannot be used.
-    pub fn start(&self, ros: RosArguments) -> Result<Settings, Failure> {
+    pub fn start(
+        &self,
+        ros: RosArguments,
+        default_namespace: Namespace,
+    ) -> Result<Settings, Failure> {
         let log = logging::start(ros.log.level.unwrap_or(self.log_level), &ros.log);
-        lifetime::end_on_panic();
+        exit::end_on_panic();
         if self.stop_with_parent {
-            lifetime::end_with_parent()?;
+            exit::end_with_parent()?;
         }
         let variable =
             |name: &str| std::env::var_os(name).map(|value| value.to_string_lossy().into_owned());
@@ -56,15 +60,14 @@ impl NetworkArguments {
         let environment = Environment::resolve(overrides, variable)?;
         let namespace = match &self.namespace {
             Some(namespace) => namespace.clone(),
-            None => environment::namespace(variable)?,
+            None => environment::namespace(variable)?.unwrap_or(default_namespace),
         };
         let service_mapping = match self.service_mapping {
             Some(mapping) => mapping,
             None => ServiceMapping::of_middleware(variable(RMW_IMPLEMENTATION).as_deref())
                 .map_err(|reason| {
-                    Failure::bad_input(format_args!(
-                        "environment variable {RMW_IMPLEMENTATION}: {reason}"
-                    ))
+                    let what = format!("environment variable {RMW_IMPLEMENTATION}: {reason}");
+                    Failure::bad_input(what)
                 })?,
         };
         Ok(Settings {

@@ -1,5 +1,7 @@
 //! What a parameter is.
 
+use std::fmt::Display;
+
 use ros2_client::ParameterValue;
 use ros2_client::parameters::{NumericRange, ParameterDescriptor, raw};
 
@@ -23,7 +25,7 @@ pub enum Range {
         to: f64,
     },
     /// One of these words.
-    OneOf(&'static [&'static str]),
+    OneOf(Vec<&'static str>),
 }
 
 /// When a parameter can change.
@@ -35,7 +37,7 @@ pub enum Change {
     AtStart(&'static str),
 }
 
-/// What a parameter is, and the value that it has unless something is assigned to it.
+/// What a parameter is, and the value that it has unless another is assigned.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Declaration {
     /// Its name.
@@ -55,49 +57,56 @@ const YES: [&str; 4] = ["y", "yes", "true", "on"];
 const NO: [&str; 4] = ["n", "no", "false", "off"];
 
 impl Declaration {
-    /// The value as one of this parameter, or why it cannot be.
+    /// The value as one of this parameter, or why it cannot be one.
     pub(super) fn accept(&self, value: ParameterValue) -> Result<ParameterValue, String> {
         let value = self.coerce(value);
         if std::mem::discriminant(&value) != std::mem::discriminant(&self.value) {
-            return Err(format!(
-                "must be {}, got {}",
-                type_name(&self.value),
-                type_name(&value)
-            ));
+            let (wanted, got) = (type_name(&self.value), type_name(&value));
+            return Err(format!("must be {wanted}, got {got}"));
         }
         match (&self.range, &value) {
-            (Range::Integer { from, to }, ParameterValue::Integer(number))
-                if !(from..=to).contains(&number) =>
-            {
-                Err(format!("must be from {from} to {to}, got {number}"))
+            (Range::Integer { from, to }, ParameterValue::Integer(number)) => {
+                check_bounds(number, from, to)?;
             }
-            (Range::Double { from, to }, ParameterValue::Double(number))
-                if !(*from..=*to).contains(number) =>
-            {
-                Err(format!("must be from {from} to {to}, got {number}"))
+            (Range::Double { from, to }, ParameterValue::Double(number)) => {
+                check_bounds(number, from, to)?;
             }
             (Range::OneOf(words), ParameterValue::String(word))
                 if !words.contains(&word.as_str()) =>
             {
-                Err(format!("must be one of {}, got `{word}`", words.join(", ")))
+                return Err(format!("must be one of {}, got `{word}`", words.join(", ")));
             }
-            _ => Ok(value),
+            _ => {}
         }
+        Ok(value)
     }
 
-    /// People write `2` for 2.0 and `yes` for true.
+    /// The value that a word of the command line stands for.
+    pub(super) fn parse(&self, word: &str) -> Result<ParameterValue, String> {
+        let word = word.trim();
+        let value = match &self.value {
+            ParameterValue::Double(_) => word.parse().ok().map(ParameterValue::Double),
+            ParameterValue::Integer(_) => word.parse().ok().map(ParameterValue::Integer),
+            _ => Some(ParameterValue::String(word.to_owned())),
+        };
+        let value =
+            value.ok_or_else(|| format!("must be {}, got `{word}`", type_name(&self.value)));
+        self.accept(value?)
+    }
+
+    /// Takes `2` for 2.0 and `yes` for true.
     fn coerce(&self, value: ParameterValue) -> ParameterValue {
-        let word_in =
-            |words: &[&str], word: &str| words.iter().any(|other| other.eq_ignore_ascii_case(word));
+        let is_in =
+            |words: &[&str], word: &str| words.iter().any(|one| one.eq_ignore_ascii_case(word));
         match (&self.value, value) {
             #[expect(clippy::cast_precision_loss, reason = "a double is what was asked for")]
             (ParameterValue::Double(_), ParameterValue::Integer(number)) => {
                 ParameterValue::Double(number as f64)
             }
-            (ParameterValue::Boolean(_), ParameterValue::String(word)) if word_in(&YES, &word) => {
+            (ParameterValue::Boolean(_), ParameterValue::String(word)) if is_in(&YES, &word) => {
                 ParameterValue::Boolean(true)
             }
-            (ParameterValue::Boolean(_), ParameterValue::String(word)) if word_in(&NO, &word) => {
+            (ParameterValue::Boolean(_), ParameterValue::String(word)) if is_in(&NO, &word) => {
                 ParameterValue::Boolean(false)
             }
             (_, value) => value,
@@ -106,24 +115,24 @@ impl Declaration {
 
     /// What tools show of it.
     pub(super) fn descriptor(&self) -> raw::ParameterDescriptor {
-        let (constraints, read_only) = match self.change {
-            Change::AtRunTime => (String::new(), false),
-            Change::AtStart(reason) => (format!("fixed at the start: {reason}"), true),
+        let words = match &self.range {
+            Range::OneOf(words) => Some(format!("one of {}", words.join(", "))),
+            _ => None,
         };
-        let words = match self.range {
-            Range::OneOf(words) => format!("one of {}", words.join(", ")),
-            _ => String::new(),
+        let fixed = match self.change {
+            Change::AtRunTime => None,
+            Change::AtStart(reason) => Some(format!("fixed at the start: {reason}")),
         };
-        let constraints: Vec<String> = [words, constraints]
-            .into_iter()
-            .filter(|text| !text.is_empty())
-            .collect();
         ParameterDescriptor {
             name: self.name.to_owned(),
             param_type: self.value.to_parameter_type(),
             description: self.description.to_owned(),
-            additional_constraints: constraints.join("; "),
-            read_only,
+            read_only: fixed.is_some(),
+            additional_constraints: words
+                .into_iter()
+                .chain(fixed)
+                .collect::<Vec<_>>()
+                .join("; "),
             dynamic_typing: false,
             range: match self.range {
                 Range::Integer { from, to } => NumericRange::IntegerRange {
@@ -143,8 +152,17 @@ impl Declaration {
     }
 }
 
+fn check_bounds<T: PartialOrd + Display>(value: &T, from: &T, to: &T) -> Result<(), String> {
+    // A value that is no number lies within no bounds.
+    if (from..=to).contains(&value) {
+        Ok(())
+    } else {
+        Err(format!("must be from {from} to {to}, got {value}"))
+    }
+}
+
 /// A value as people write it.
-pub fn shown(value: &ParameterValue) -> String {
+pub(crate) fn shown(value: &ParameterValue) -> String {
     match value {
         ParameterValue::Boolean(value) => value.to_string(),
         ParameterValue::Integer(value) => value.to_string(),

@@ -1,6 +1,8 @@
-//! The six services through which tools reach the parameters of a node. All six must exist: tools take a node that
-//! lacks one for unreachable, and some wait for ever.
+//! The six services through which tools reach the parameters of a node. All six must exist: tools consider a node that
+//! lacks one unreachable, and some wait for ever.
 
+use futures::StreamExt;
+use futures::stream::LocalBoxStream;
 use ros2_client::ParameterValue;
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::{
@@ -10,78 +12,120 @@ use ros2_client::rcl_interfaces::{
     SetParametersResponse,
 };
 
-use super::store::{Parameters, Values};
-use crate::services;
+use super::store::{Apply, Parameters};
+use crate::service::{Call, Service};
+use crate::session::{Session, SessionError};
 
-services! {
-    /// The serving ends.
-    ParameterServices,
-    /// What one of them was asked.
-    ParameterRequest in "rcl_interfaces":
-    DescribeParameters describe_parameters "~/describe_parameters":
-        DescribeParametersRequest => DescribeParametersResponse;
-    GetParameters get_parameters "~/get_parameters": GetParametersRequest => GetParametersResponse;
-    GetParameterTypes get_parameter_types "~/get_parameter_types":
-        GetParameterTypesRequest => GetParameterTypesResponse;
-    ListParameters list_parameters "~/list_parameters":
-        ListParametersRequest => ListParametersResponse;
-    SetParameters set_parameters "~/set_parameters": SetParametersRequest => SetParametersResponse;
-    SetParametersAtomically set_parameters_atomically "~/set_parameters_atomically":
-        SetParametersRequest => SetParametersAtomicallyResponse;
+const PACKAGE: &str = "rcl_interfaces";
+
+const DESCRIBE: Service<DescribeParametersRequest, DescribeParametersResponse> =
+    Service::new("~/describe_parameters", PACKAGE, "DescribeParameters");
+const GET: Service<GetParametersRequest, GetParametersResponse> =
+    Service::new("~/get_parameters", PACKAGE, "GetParameters");
+const GET_TYPES: Service<GetParameterTypesRequest, GetParameterTypesResponse> =
+    Service::new("~/get_parameter_types", PACKAGE, "GetParameterTypes");
+const LIST: Service<ListParametersRequest, ListParametersResponse> =
+    Service::new("~/list_parameters", PACKAGE, "ListParameters");
+const SET: Service<SetParametersRequest, SetParametersResponse> =
+    Service::new("~/set_parameters", PACKAGE, "SetParameters");
+const SET_ATOMICALLY: Service<SetParametersRequest, SetParametersAtomicallyResponse> = Service::new(
+    "~/set_parameters_atomically",
+    PACKAGE,
+    "SetParametersAtomically",
+);
+
+/// A request to one of the services.
+pub(crate) enum ParameterRequest {
+    Describe(Call<DescribeParametersRequest, DescribeParametersResponse>),
+    Get(Call<GetParametersRequest, GetParametersResponse>),
+    GetTypes(Call<GetParameterTypesRequest, GetParameterTypesResponse>),
+    List(Call<ListParametersRequest, ListParametersResponse>),
+    Set(Call<SetParametersRequest, SetParametersResponse>),
+    SetAtomically(Call<SetParametersRequest, SetParametersAtomicallyResponse>),
 }
 
-impl ParameterServices {
-    /// Answers a request; returns what it changed. `apply` puts new values to use, or says why they cannot be.
-    pub fn answer(
-        &self,
-        request: ParameterRequest,
+/// Serves all six.
+pub(crate) fn serve(
+    session: &mut Session,
+) -> Result<[LocalBoxStream<'static, ParameterRequest>; 6], SessionError> {
+    Ok([
+        session
+            .serve(&DESCRIBE)?
+            .map(ParameterRequest::Describe)
+            .boxed_local(),
+        session
+            .serve(&GET)?
+            .map(ParameterRequest::Get)
+            .boxed_local(),
+        session
+            .serve(&GET_TYPES)?
+            .map(ParameterRequest::GetTypes)
+            .boxed_local(),
+        session
+            .serve(&LIST)?
+            .map(ParameterRequest::List)
+            .boxed_local(),
+        session
+            .serve(&SET)?
+            .map(ParameterRequest::Set)
+            .boxed_local(),
+        session
+            .serve(&SET_ATOMICALLY)?
+            .map(ParameterRequest::SetAtomically)
+            .boxed_local(),
+    ])
+}
+
+impl ParameterRequest {
+    /// Answers the request; returns the parameters that it changed. `apply` uses new values, or says why they cannot be
+    /// used.
+    pub(crate) fn answer(
+        self,
         parameters: &mut Parameters,
-        apply: &mut dyn FnMut(&Values) -> Result<(), String>,
+        apply: Apply<'_>,
     ) -> Vec<(&'static str, ParameterValue)> {
-        match request {
-            ParameterRequest::DescribeParameters(id, request) => {
+        match self {
+            Self::Describe(Call { request, reply }) => {
                 let values = parameters.describe(&request.names);
-                self.describe_parameters
-                    .answer(id, DescribeParametersResponse { values });
+                reply(DescribeParametersResponse { values });
             }
-            ParameterRequest::GetParameters(id, request) => {
+            Self::Get(Call { request, reply }) => {
+                let values = parameters.get(&request.names).into_iter();
+                let values = values.map(raw::ParameterValue::from).collect();
+                reply(GetParametersResponse { values });
+            }
+            Self::GetTypes(Call { request, reply }) => {
                 let values = parameters.get(&request.names);
-                let values = values.into_iter().map(raw::ParameterValue::from).collect();
-                self.get_parameters
-                    .answer(id, GetParametersResponse { values });
+                let types = values.iter().map(ParameterValue::to_parameter_type_raw);
+                reply(GetParameterTypesResponse {
+                    values: types.collect(),
+                });
             }
-            ParameterRequest::GetParameterTypes(id, request) => {
-                let values = parameters.get(&request.names);
-                let values = values
-                    .iter()
-                    .map(ParameterValue::to_parameter_type_raw)
-                    .collect();
-                self.get_parameter_types
-                    .answer(id, GetParameterTypesResponse { values });
-            }
-            ParameterRequest::ListParameters(id, request) => {
+            Self::List(Call { request, reply }) => {
                 let result = parameters.list(&request.prefixes, request.depth);
-                self.list_parameters
-                    .answer(id, ListParametersResponse { result });
+                reply(ListParametersResponse { result });
             }
-            ParameterRequest::SetParameters(id, request) => {
-                let mut results = Vec::new();
-                let mut changed = Vec::new();
-                for change in request.parameter {
-                    let outcome = parameters.set(vec![change], apply);
-                    results.push(outcome.result.into());
-                    changed.extend(outcome.changed);
-                }
-                self.set_parameters
-                    .answer(id, SetParametersResponse { results });
-                return changed;
+            Self::Set(Call { request, reply }) => {
+                let changes = request.parameter.into_iter();
+                let outcomes = changes.map(|change| parameters.set(vec![change], apply));
+                let (results, changed): (Vec<_>, Vec<_>) = outcomes
+                    .map(|outcome| match outcome {
+                        Ok(changed) => (Ok(()), changed),
+                        Err(reason) => (Err(reason), Vec::new()),
+                    })
+                    .unzip();
+                reply(SetParametersResponse {
+                    results: results.into_iter().map(Into::into).collect(),
+                });
+                return changed.into_iter().flatten().collect();
             }
-            ParameterRequest::SetParametersAtomically(id, request) => {
+            Self::SetAtomically(Call { request, reply }) => {
                 let outcome = parameters.set(request.parameter, apply);
-                let result = outcome.result.into();
-                self.set_parameters_atomically
-                    .answer(id, SetParametersAtomicallyResponse { result });
-                return outcome.changed;
+                let result = outcome.as_ref().map(|_| ()).map_err(Clone::clone);
+                reply(SetParametersAtomicallyResponse {
+                    result: result.into(),
+                });
+                return outcome.unwrap_or_default();
             }
         }
         Vec::new()

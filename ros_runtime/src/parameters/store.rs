@@ -1,81 +1,39 @@
 //! The parameters of one node, and the rules by which they change.
 
 use std::collections::BTreeMap;
-use std::time::Duration;
 
 use ros2_client::ParameterValue;
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::ListParametersResult;
 use thiserror::Error;
 
-use super::declaration::{Change, Declaration};
-use crate::arguments::{Assignment, Origin, suggestion};
+use super::declaration::{Change, Declaration, shown};
+use crate::arguments::{Assignment, Origin};
+use crate::words::suggestion;
 
 /// The values of a node's parameters, by name.
-#[derive(Clone, Debug, Default, PartialEq)]
-pub struct Values(BTreeMap<&'static str, ParameterValue>);
+pub type Values = BTreeMap<&'static str, ParameterValue>;
+
+/// Uses new values, or says why they cannot be used.
+pub(crate) type Apply<'a> = &'a mut dyn FnMut(&Values) -> Result<(), String>;
 
 /// What is wrong with a parameter.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 #[error("parameter `{name}`: {reason}")]
 pub struct ParameterError {
-    /// Which one.
+    /// Its name.
     pub name: String,
     /// What is wrong, and what would be right.
     pub reason: String,
 }
 
 impl ParameterError {
-    /// An error about the parameter `name`.
+    /// An error of the parameter `name`.
     pub fn new(name: &str, reason: impl Into<String>) -> Self {
         Self {
             name: name.to_owned(),
             reason: reason.into(),
         }
-    }
-}
-
-macro_rules! getters {
-    ($($(#[$documentation:meta])+ $getter:ident: $variant:ident => $type:ty;)+) => {
-        $(
-            $(#[$documentation])+
-            ///
-            /// # Errors
-            /// No such parameter of this type is declared.
-            pub fn $getter(&self, name: &str) -> Result<$type, ParameterError> {
-                match self.0.get(name) {
-                    Some(ParameterValue::$variant(value)) => Ok(value.clone()),
-                    _ => Err(ParameterError::new(name, "is not declared as what it is used for")),
-                }
-            }
-        )+
-    };
-}
-
-impl Values {
-    getters! {
-        /// A switch.
-        boolean: Boolean => bool;
-        /// A whole number.
-        integer: Integer => i64;
-        /// A number.
-        double: Double => f64;
-        /// A word.
-        string: String => String;
-    }
-
-    /// A time that the parameter gives in seconds.
-    ///
-    /// # Errors
-    /// No such number is declared, or it is no time.
-    pub fn seconds(&self, name: &str) -> Result<Duration, ParameterError> {
-        Duration::try_from_secs_f64(self.double(name)?)
-            .map_err(|error| ParameterError::new(name, error.to_string()))
-    }
-
-    /// All of them.
-    pub fn iter(&self) -> impl Iterator<Item = (&'static str, &ParameterValue)> {
-        self.0.iter().map(|(name, value)| (*name, value))
     }
 }
 
@@ -86,28 +44,21 @@ pub struct Parameters {
     values: Values,
 }
 
-/// Changes of parameters that belong together, with what came of them.
-pub struct Outcome {
-    pub result: Result<(), String>,
-    /// What changed, with the new values.
-    pub changed: Vec<(&'static str, ParameterValue)>,
-}
-
 impl Parameters {
-    /// Declares parameters and gives them what is assigned. Also returns what is worth a warning.
+    /// Declares parameters and takes the values that are assigned to them. Also returns warnings.
     ///
     /// # Errors
-    /// Names the parameter whose value cannot be used, or that the command line assigns and nobody declared.
+    /// Names the parameter whose value cannot be used, or that the command line assigns although it is not declared.
     pub fn declare(
         declarations: impl IntoIterator<Item = Declaration>,
         assignments: &BTreeMap<&str, &Assignment>,
     ) -> Result<(Self, Vec<String>), ParameterError> {
+        let declarations = declarations.into_iter();
         let declarations: BTreeMap<_, _> = declarations
-            .into_iter()
             .map(|declaration| (declaration.name, declaration))
             .collect();
-        let mut values: BTreeMap<_, _> = declarations
-            .values()
+        let defaults = declarations.values();
+        let mut values: Values = defaults
             .map(|declaration| (declaration.name, declaration.value.clone()))
             .collect();
         let mut warnings = Vec::new();
@@ -137,49 +88,43 @@ impl Parameters {
         }
         let parameters = Self {
             declarations,
-            values: Values(values),
+            values,
         };
         Ok((parameters, warnings))
     }
 
-    /// Their present values.
+    /// Their current values.
     #[must_use]
     pub fn values(&self) -> &Values {
         &self.values
     }
 
-    /// Makes all of these changes or none. `apply` puts the new values to use, or says why they cannot be.
-    pub fn set(
+    /// Makes all of these changes or none; returns those that changed a value. `apply` uses the new values, or says why
+    /// they cannot be used.
+    pub(crate) fn set(
         &mut self,
         changes: Vec<raw::Parameter>,
-        apply: &mut dyn FnMut(&Values) -> Result<(), String>,
-    ) -> Outcome {
-        let refused = |reason: String| Outcome {
-            result: Err(reason),
-            changed: Vec::new(),
-        };
+        apply: Apply<'_>,
+    ) -> Result<Vec<(&'static str, ParameterValue)>, String> {
         let mut next = self.values.clone();
         let mut changed = Vec::new();
         for raw::Parameter { name, value } in changes {
-            match self.accept(&name, value.into()) {
-                Ok((name, value)) if self.values.0.get(name) != Some(&value) => {
-                    next.0.insert(name, value.clone());
-                    changed.push((name, value));
-                }
-                Ok(_) => {}
-                Err(error) => return refused(error.to_string()),
+            let (name, value) = self
+                .accept(&name, value.into())
+                .map_err(|error| error.to_string())?;
+            if self.values.get(name) != Some(&value) {
+                next.insert(name, value.clone());
+                changed.push((name, value));
             }
         }
         if !changed.is_empty() {
-            if let Err(reason) = apply(&next) {
-                return refused(reason);
-            }
+            apply(&next)?;
             self.values = next;
         }
-        Outcome {
-            result: Ok(()),
-            changed,
+        for (name, value) in &changed {
+            tracing::info!("parameter {name} is now {}", shown(value));
         }
+        Ok(changed)
     }
 
     fn accept(
@@ -195,26 +140,26 @@ impl Parameters {
             .accept(value)
             .map_err(|reason| ParameterError::new(name, reason))?;
         match declaration.change {
-            Change::AtStart(reason) if self.values.0.get(name) != Some(&value) => Err(
+            Change::AtStart(reason) if self.values.get(name) != Some(&value) => Err(
                 ParameterError::new(name, format!("can only be set at the start: {reason}")),
             ),
             _ => Ok((declaration.name, value)),
         }
     }
 
-    /// The values of these parameters; those that do not exist are not set.
-    pub fn get(&self, names: &[String]) -> Vec<ParameterValue> {
+    /// The values of these parameters; those of parameters that do not exist are not set.
+    pub(crate) fn get(&self, names: &[String]) -> Vec<ParameterValue> {
         names
             .iter()
             .map(|name| {
-                let value = self.values.0.get(name.as_str());
+                let value = self.values.get(name.as_str());
                 value.cloned().unwrap_or(ParameterValue::NotSet)
             })
             .collect()
     }
 
     /// What these parameters are; of those that do not exist, only the name.
-    pub fn describe(&self, names: &[String]) -> Vec<raw::ParameterDescriptor> {
+    pub(crate) fn describe(&self, names: &[String]) -> Vec<raw::ParameterDescriptor> {
         names
             .iter()
             .map(|name| match self.declarations.get(name.as_str()) {
@@ -233,8 +178,8 @@ impl Parameters {
             .collect()
     }
 
-    /// The names that equal a prefix or lie below it within `depth` levels, or all; a depth of 0 is unlimited.
-    pub fn list(&self, prefixes: &[String], depth: u64) -> ListParametersResult {
+    /// The names that equal a prefix or lie below it within `depth` levels, or all names; a depth of 0 is unlimited.
+    pub(crate) fn list(&self, prefixes: &[String], depth: u64) -> ListParametersResult {
         let within = |levels: usize| depth == 0 || levels as u64 <= depth;
         let is_listed = |name: &str| {
             if prefixes.is_empty() {
@@ -305,7 +250,7 @@ mod tests {
             declaration(
                 "mode",
                 ParameterValue::String("fast".to_owned()),
-                Range::OneOf(&["fast", "slow"]),
+                Range::OneOf(vec!["fast", "slow"]),
                 Change::AtStart("it is built in"),
             ),
         ]
@@ -314,7 +259,8 @@ mod tests {
     fn declared(arguments: &str) -> Result<(Parameters, Vec<String>), String> {
         let words = format!("program --ros-args {arguments}");
         let words = words.split_whitespace().map(OsString::from);
-        let file = "/**: {ros__parameters: {sped: 1, speed: 4}}\n/formation/one: {ros__parameters: {quit: 1}}";
+        let file =
+            "/**: {ros__parameters: {sped: 1, speed: 4}}\n/one: {ros__parameters: {quit: 1}}";
         let (_, ros) = RosArguments::extract(words, |_| Ok(file.to_owned()))
             .map_err(|error| error.to_string())?;
         let node = ros.remaps.identity("one", &Namespace::default());
@@ -330,22 +276,19 @@ mod tests {
     }
 
     #[test]
-    fn what_is_assigned_at_the_start_comes_before_what_is_declared() {
+    fn assignments_at_the_start_take_precedence_over_defaults() {
         let (parameters, _) = declared("-p speed:=2 -p quiet:=yes -p mode:=slow").unwrap();
-        let values = parameters.values();
-        assert_eq!(
-            values.double("speed").ok(),
-            Some(2.0),
-            "a whole number is a number"
-        );
-        assert_eq!(values.boolean("quiet"), Ok(true));
-        assert_eq!(values.string("mode").as_deref(), Ok("slow"));
-        assert_eq!(values.integer("limits.count"), Ok(3));
-        assert!(values.integer("speed").is_err());
+        let expected = [
+            ("limits.count", ParameterValue::Integer(3)),
+            ("mode", ParameterValue::String("slow".to_owned())),
+            ("quiet", ParameterValue::Boolean(true)),
+            ("speed", ParameterValue::Double(2.0)),
+        ];
+        assert_eq!(*parameters.values(), expected.into());
     }
 
     #[test]
-    fn what_cannot_be_assigned_is_told_with_what_would_be_right() {
+    fn a_value_that_cannot_be_assigned_is_refused_with_the_values_that_can() {
         for (arguments, told) in [
             (
                 "-p speed:=0.1",
@@ -373,9 +316,9 @@ mod tests {
     }
 
     #[test]
-    fn files_may_speak_to_many_nodes_but_are_heard_closely_where_they_name_this_one() {
+    fn files_may_hold_parameters_of_many_nodes_but_are_checked_where_they_name_this_one() {
         let (parameters, warnings) = declared("--params-file f.yaml").unwrap();
-        assert_eq!(parameters.values().double("speed").ok(), Some(4.0));
+        assert_eq!(parameters.values()["speed"], ParameterValue::Double(4.0));
         assert_eq!(
             warnings,
             ["parameter `quit`: f.yaml assigns it, but there is none; did you mean `quiet`?"]
@@ -410,26 +353,25 @@ mod tests {
                 applied += 1;
                 Ok(())
             });
-            assert!(outcome.result.unwrap_err().contains(told), "{told}");
-            assert!(outcome.changed.is_empty());
+            assert!(outcome.unwrap_err().contains(told), "{told}");
         }
         let refused = parameters.set(
             vec![change("speed", ParameterValue::Double(2.0))],
             &mut |_| Err("no".to_owned()),
         );
-        assert_eq!(refused.result, Err("no".to_owned()));
+        assert_eq!(refused, Err("no".to_owned()));
         assert_eq!((parameters.values(), applied), (&before, 0));
         let unchanged = change("mode", ParameterValue::String("fast".to_owned()));
         let outcome = parameters.set(
             vec![unchanged, change("speed", ParameterValue::Integer(2))],
             &mut |values| {
-                assert_eq!(values.double("speed").ok(), Some(2.0));
+                assert_eq!(values["speed"], ParameterValue::Double(2.0));
                 Ok(())
             },
         );
-        assert_eq!(outcome.result, Ok(()));
-        assert_eq!(outcome.changed, [("speed", ParameterValue::Double(2.0))]);
-        assert_eq!(parameters.values().double("speed").ok(), Some(2.0));
+        let changed = ("speed", ParameterValue::Double(2.0));
+        assert_eq!(outcome, Ok(vec![changed.clone()]));
+        assert_eq!(parameters.values()["speed"], changed.1);
     }
 
     #[test]

@@ -1,24 +1,23 @@
 //! Assignments of parameters, from the command line and from parameter files.
 //!
-//! After the design article "ROS Command Line Arguments": what names a node outweighs what has a wildcard or names
-//! none; among equals, what stands farther right, or farther down in a file, holds.
+//! After the design article "ROS Command Line Arguments": an assignment that names a node takes precedence over one that
+//! has a wildcard or names none; among equals, the one farther right, or farther down in a file, holds.
 
 use std::collections::BTreeMap;
 use std::fmt;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use ros2_client::ParameterValue;
 
-use super::names::NodeIdentity;
-use super::remapping::{Pattern, split_node};
+use super::names::{self, NodeIdentity};
+use super::remapping::split_node;
 use super::yaml::{Yaml, parameter_value};
-use crate::environment::Namespace;
 
 /// The key below which the parameters of a node stand.
 const PARAMETERS_KEY: &str = "ros__parameters";
 
-/// Where an assignment was written.
+/// Where an assignment comes from.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// On the command line.
@@ -40,7 +39,7 @@ impl fmt::Display for Origin {
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Target {
     Every,
-    /// By base name, in whatever namespace.
+    /// By base name, in any namespace.
     Named(String),
     /// By fully qualified name, in which there may be wildcards.
     Qualified(String),
@@ -54,9 +53,9 @@ pub struct Assignment {
     pub name: String,
     /// Its value, of the type that YAML gives it.
     pub value: ParameterValue,
-    /// Where this was written.
+    /// Where it comes from.
     pub origin: Origin,
-    /// Whether it names this node, rather than all or some.
+    /// Whether it names one node, rather than all or some.
     pub names_node: bool,
 }
 
@@ -67,45 +66,75 @@ pub struct ParameterAssignments(Vec<Assignment>);
 impl ParameterAssignments {
     /// Adds `[node:]name:=value`.
     pub(super) fn add_argument(&mut self, argument: &str) -> Result<(), String> {
-        let wrong = |reason: &str| format!("parameter assignment `{argument}`: {reason}");
-        let (name, value) = argument
-            .split_once(":=")
-            .ok_or_else(|| wrong("must have the form `name:=value`"))?;
-        let (node, name) = split_node(name).map_err(|reason| wrong(&reason))?;
-        check_name(name).map_err(|reason| wrong(&reason))?;
-        let yaml: Yaml = serde_yaml::from_str(value)
-            .map_err(|error| wrong(&format!("the value is no YAML: {error}")))?;
-        let value =
-            parameter_value(&yaml).map_err(|reason| wrong(&format!("the value {reason}")))?;
-        self.0.push(Assignment {
-            names_node: node.is_some(),
-            target: node.map_or(Target::Every, Target::Named),
-            name: name.to_owned(),
-            value,
-            origin: Origin::CommandLine,
-        });
+        let assignment = parse_argument(argument)
+            .map_err(|reason| format!("parameter assignment `{argument}`: {reason}"))?;
+        self.0.push(assignment);
         Ok(())
     }
 
-    /// Adds what a parameter file says.
-    pub(super) fn add_file(&mut self, path: PathBuf, text: &str) -> Result<(), String> {
-        let wrong =
-            |reason: &dyn fmt::Display| format!("parameter file {}: {reason}", path.display());
-        let yaml: Yaml = serde_yaml::from_str(text).map_err(|error| wrong(&error))?;
-        let mut found = Vec::new();
-        read_nodes("", yaml, &mut found).map_err(|reason| wrong(&reason))?;
+    /// Adds the assignments of a parameter file.
+    pub(super) fn add_file(&mut self, path: &Path, text: &str) -> Result<(), String> {
         let origin = Origin::File(path.into());
-        for (node, name, value) in found {
-            let pattern = Pattern::parse(&node, &anybody())
-                .map_err(|reason| format!("parameter file {origin}: node `{node}`: {reason}"))?;
-            self.0.push(Assignment {
-                names_node: !pattern.has_wildcard(),
-                target: Target::Qualified(node),
-                name,
-                value,
-                origin: origin.clone(),
-            });
+        let yaml = serde_yaml::from_str(text).map_err(|error| error.to_string());
+        yaml.and_then(|yaml| self.add_nodes("", yaml, &origin))
+            .map_err(|reason| format!("parameter file {origin}: {reason}"))
+    }
+
+    /// Descends through namespaces and nodes to `ros__parameters`. The parser bounds the nesting of a file.
+    fn add_nodes(&mut self, node: &str, yaml: Yaml, origin: &Origin) -> Result<(), String> {
+        let entries = match yaml {
+            Yaml::Mapping(entries) => entries,
+            Yaml::Null if node.is_empty() => return Ok(()),
+            _ => {
+                return Err(format!(
+                    "`{node}` must have parameters below `{PARAMETERS_KEY}`"
+                ));
+            }
+        };
+        for (key, value) in entries {
+            if key != PARAMETERS_KEY {
+                let name = format!("{node}/{}", key.trim_matches('/'));
+                self.add_nodes(&name, value, origin)?;
+                continue;
+            }
+            if node.is_empty() {
+                return Err(format!(
+                    "`{PARAMETERS_KEY}` must stand below a node, or below `/**` for all nodes"
+                ));
+            }
+            check_pattern(node).map_err(|reason| format!("node `{node}`: {reason}"))?;
+            match value {
+                Yaml::Null => {}
+                Yaml::Mapping(_) => self.add_parameters(node, "", value, origin)?,
+                _ => return Err(format!("`{PARAMETERS_KEY}` of `{node}` must be a mapping")),
+            }
         }
+        Ok(())
+    }
+
+    /// Descends through the parts of a parameter's name.
+    fn add_parameters(
+        &mut self,
+        node: &str,
+        name: &str,
+        yaml: Yaml,
+        origin: &Origin,
+    ) -> Result<(), String> {
+        if let Yaml::Mapping(entries) = yaml {
+            for (key, value) in entries {
+                let name = [name, &key].join(if name.is_empty() { "" } else { "." });
+                self.add_parameters(node, &name, value, origin)?;
+            }
+            return Ok(());
+        }
+        let value = check_name(name).and_then(|()| parameter_value(yaml));
+        self.0.push(Assignment {
+            names_node: !node.contains('*'),
+            target: Target::Qualified(node.to_owned()),
+            name: name.to_owned(),
+            value: value.map_err(|reason| format!("parameter `{name}` of `{node}` {reason}"))?,
+            origin: origin.clone(),
+        });
         Ok(())
     }
 
@@ -114,17 +143,15 @@ impl ParameterAssignments {
     pub fn of_node(&self, node: &NodeIdentity) -> BTreeMap<&str, &Assignment> {
         let mut holding: BTreeMap<&str, &Assignment> = BTreeMap::new();
         for assignment in self.0.iter().filter(|assignment| assignment.is_for(node)) {
-            match holding.get(assignment.name.as_str()) {
-                Some(earlier) if earlier.names_node && !assignment.names_node => {}
-                _ => {
-                    holding.insert(&assignment.name, assignment);
-                }
+            let earlier = holding.get(assignment.name.as_str());
+            if !earlier.is_some_and(|earlier| earlier.names_node && !assignment.names_node) {
+                holding.insert(&assignment.name, assignment);
             }
         }
         holding
     }
 
-    /// The parameter files of which nothing is for this node.
+    /// The parameter files that assign nothing to this node.
     #[must_use]
     pub fn files_without(&self, node: &NodeIdentity) -> Vec<&Path> {
         let mut files: BTreeMap<&Path, bool> = BTreeMap::new();
@@ -133,12 +160,26 @@ impl ParameterAssignments {
                 *files.entry(path).or_default() |= assignment.is_for(node);
             }
         }
-        files
-            .into_iter()
-            .filter(|(_, has_some)| !has_some)
-            .map(|(path, _)| path)
-            .collect()
+        files.retain(|_, assigns| !*assigns);
+        files.into_keys().collect()
     }
+}
+
+fn parse_argument(argument: &str) -> Result<Assignment, String> {
+    let (name, value) = argument
+        .split_once(":=")
+        .ok_or("must have the form `name:=value`")?;
+    let (node, name) = split_node(name)?;
+    check_name(name)?;
+    let yaml = serde_yaml::from_str(value);
+    let yaml = yaml.map_err(|error| format!("the value is not YAML: {error}"))?;
+    Ok(Assignment {
+        names_node: node.is_some(),
+        target: node.map_or(Target::Every, Target::Named),
+        name: name.to_owned(),
+        value: parameter_value(yaml).map_err(|reason| format!("the value {reason}"))?,
+        origin: Origin::CommandLine,
+    })
 }
 
 impl Assignment {
@@ -146,84 +187,47 @@ impl Assignment {
         match &self.target {
             Target::Every => true,
             Target::Named(name) => *name == node.name,
-            Target::Qualified(pattern) => {
-                Pattern::parse(pattern, node).is_ok_and(|parsed| {
-                    let name = node.fully_qualified();
-                    // Unlike in names, `/a/**` means `/a` as well.
-                    parsed.captures(&name).is_some()
-                        || pattern.strip_suffix("/**") == Some(name.as_str())
-                })
+            Target::Qualified(pattern) => is_match(pattern, &node.fully_qualified()),
+        }
+    }
+}
+
+/// Checks the name of a node in which `*` stands for one part between slashes, and `**` for any number of parts.
+fn check_pattern(pattern: &str) -> Result<(), String> {
+    let parts = pattern.split('/').map(|part| match part {
+        "*" | "**" => "any",
+        part => part,
+    });
+    names::validate(&parts.collect::<Vec<_>>().join("/"))
+}
+
+/// Whether a name matches a pattern: like a glob, whose characters are the parts between slashes.
+fn is_match(pattern: &str, name: &str) -> bool {
+    let (pattern, name): (Vec<&str>, Vec<&str>) =
+        (pattern.split('/').collect(), name.split('/').collect());
+    let (mut at, mut part) = (0, 0);
+    // Where the last `**` stands, and the part up to which it matches.
+    let mut last: Option<(usize, usize)> = None;
+    while part < name.len() {
+        match pattern.get(at) {
+            Some(&"**") => {
+                last = Some((at, part));
+                at += 1;
             }
-        }
-    }
-}
-
-/// Patterns of parameter files are fully qualified, so it does not matter who reads them.
-fn anybody() -> NodeIdentity {
-    NodeIdentity {
-        namespace: Namespace::default(),
-        name: "node".to_owned(),
-    }
-}
-
-/// Goes down through namespaces and nodes to `ros__parameters`. The parser bounds how deep a file can nest.
-fn read_nodes(
-    node: &str,
-    yaml: Yaml,
-    found: &mut Vec<(String, String, ParameterValue)>,
-) -> Result<(), String> {
-    let entries = match yaml {
-        Yaml::Mapping(entries) => entries,
-        Yaml::Null if node.is_empty() => return Ok(()),
-        _ => {
-            return Err(format!(
-                "`{node}` must have parameters below `{PARAMETERS_KEY}`"
-            ));
-        }
-    };
-    for (key, value) in entries {
-        if key == PARAMETERS_KEY {
-            if node.is_empty() {
-                return Err(format!(
-                    "`{PARAMETERS_KEY}` must stand below a node, or below `/**` for all nodes"
-                ));
+            Some(&token) if token == "*" || token == name[part] => {
+                at += 1;
+                part += 1;
             }
-            read_parameters(node, "", value, found)?;
-        } else {
-            let name = format!("{node}/{}", key.trim_matches('/'));
-            read_nodes(&name, value, found)?;
+            _ => match &mut last {
+                Some((many, matched)) => {
+                    *matched += 1;
+                    (at, part) = (*many + 1, *matched);
+                }
+                None => return false,
+            },
         }
     }
-    Ok(())
-}
-
-fn read_parameters(
-    node: &str,
-    prefix: &str,
-    yaml: Yaml,
-    found: &mut Vec<(String, String, ParameterValue)>,
-) -> Result<(), String> {
-    let entries = match yaml {
-        Yaml::Mapping(entries) => entries,
-        Yaml::Null => return Ok(()),
-        _ => return Err(format!("`{PARAMETERS_KEY}` of `{node}` must be a mapping")),
-    };
-    for (key, value) in entries {
-        let name = if prefix.is_empty() {
-            key
-        } else {
-            format!("{prefix}.{key}")
-        };
-        if let Yaml::Mapping(_) = value {
-            read_parameters(node, &name, value, found)?;
-            continue;
-        }
-        let wrong = |reason: String| format!("parameter `{name}` of `{node}` {reason}");
-        check_name(&name).map_err(wrong)?;
-        let value = parameter_value(&value).map_err(wrong)?;
-        found.push((node.to_owned(), name, value));
-    }
-    Ok(())
+    pattern[at..].iter().all(|token| *token == "**")
 }
 
 fn check_name(name: &str) -> Result<(), String> {
@@ -237,7 +241,7 @@ fn check_name(name: &str) -> Result<(), String> {
         Ok(())
     } else {
         Err(format!(
-            "`{name}` is no name of a parameter: it must consist of words separated by `.`"
+            "`{name}` is not the name of a parameter: it must consist of words separated by `.`"
         ))
     }
 }

@@ -1,53 +1,34 @@
 //! What is logged, and where to.
 
-use std::str::FromStr;
-
-use clap::ValueEnum;
-
-use super::nearest::suggestion;
+use crate::words::{Words, by_words};
 
 /// The levels of ROS 2.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, ValueEnum)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum LogLevel {
     /// Everything.
     Debug,
-    /// The course of things.
+    /// The course of events.
     #[default]
     Info,
-    /// What the suite can deal with by itself.
+    /// Faults that the suite tolerates.
     Warn,
-    /// What a person has to mend.
+    /// Faults on which a person has to act.
     Error,
-    /// The same as `error`: whatever is fatal ends the process and is told last.
+    /// The same as `Error`: a fatal fault ends the process and is its last line.
     Fatal,
 }
 
-const LEVELS: [(&str, LogLevel); 5] = [
-    ("DEBUG", LogLevel::Debug),
-    ("INFO", LogLevel::Info),
-    ("WARN", LogLevel::Warn),
-    ("ERROR", LogLevel::Error),
-    ("FATAL", LogLevel::Fatal),
-];
-
-impl FromStr for LogLevel {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        LEVELS
-            .into_iter()
-            .find(|(name, _)| name.eq_ignore_ascii_case(text))
-            .map(|(_, level)| level)
-            .ok_or_else(|| {
-                let names = LEVELS.map(|(name, _)| name);
-                format!(
-                    "log level `{text}` must be one of {}{}",
-                    names.join(", "),
-                    suggestion(text, names)
-                )
-            })
-    }
+impl Words for LogLevel {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("DEBUG", Self::Debug),
+        ("INFO", Self::Info),
+        ("WARN", Self::Warn),
+        ("ERROR", Self::Error),
+        ("FATAL", Self::Fatal),
+    ];
 }
+
+by_words!(LogLevel);
 
 /// What the arguments for ROS 2 say of logging.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -76,22 +57,29 @@ impl Default for LogArguments {
 impl LogArguments {
     /// Adds `LEVEL` or `logger:=LEVEL`.
     pub(super) fn add(&mut self, value: &str) -> Result<(), String> {
-        match value.split_once(":=") {
+        let (logger, level) = match value.split_once(":=") {
             Some(("", _)) => return Err(format!("`{value}` must name a logger before `:=`")),
-            Some((logger, level)) => self.loggers.push((logger.to_owned(), level.parse()?)),
-            None => self.level = Some(value.parse()?),
+            Some((logger, level)) => (Some(logger), level),
+            None => (None, value),
+        };
+        let level = level
+            .parse()
+            .map_err(|reason| format!("log level: {reason}"))?;
+        match logger {
+            Some(logger) => self.loggers.push((logger.to_owned(), level)),
+            None => self.level = Some(level),
         }
         Ok(())
     }
 
-    /// Takes a switch, if it is one of its own.
+    /// Takes a switch, if it is one of logging.
     pub(super) fn switch(&mut self, flag: &str) -> bool {
         match flag {
             "--enable-rosout-logs" => self.rosout = true,
             "--disable-rosout-logs" => self.rosout = false,
             "--enable-stdout-logs" => self.console = true,
             "--disable-stdout-logs" => self.console = false,
-            // There is no other library that logs, so there is nothing to turn on or off.
+            // No other library logs, so there is nothing to turn on or off.
             "--enable-external-lib-logs" | "--disable-external-lib-logs" => {}
             _ => return false,
         }
@@ -101,16 +89,12 @@ impl LogArguments {
     /// The least level for a logger, where given: that of the longest name that is the logger's or above it.
     #[must_use]
     pub fn level_of(&self, logger: &str) -> Option<LogLevel> {
-        self.loggers
-            .iter()
-            .filter(|(name, _)| {
-                logger
-                    .strip_prefix(name.as_str())
-                    .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
-            })
-            // Of two that are equally long the later one holds.
-            .max_by_key(|(name, _)| name.len())
-            .map(|(_, level)| *level)
-            .or(self.level)
+        let matching = self.loggers.iter().filter(|(name, _)| {
+            let below = logger.strip_prefix(name.as_str());
+            below.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        });
+        // Of two that are equally long the later one holds.
+        let longest = matching.max_by_key(|(name, _)| name.len());
+        longest.map(|(_, level)| *level).or(self.level)
     }
 }

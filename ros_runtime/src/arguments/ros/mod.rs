@@ -1,48 +1,37 @@
 //! The arguments between `--ros-args` and `--`, which all ROS 2 nodes take.
 //!
-//! After the design articles "ROS Command Line Arguments" and "Remapping Names". Nothing here touches the network or
-//! a file, except that parameter files are read by a function that the caller gives.
+//! After the design articles "ROS Command Line Arguments" and "Remapping Names". Nothing here touches the network; the
+//! caller gives the function that reads parameter files.
 
 mod assignments;
 mod log_levels;
 mod names;
-mod nearest;
 mod remapping;
 #[cfg(test)]
 mod table;
 mod yaml;
 
-use std::collections::BTreeMap;
 use std::ffi::OsString;
 use std::io;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
-use ros2_client::ParameterValue;
-use thiserror::Error;
-
-use crate::environment::Namespace;
+use crate::words::suggestion;
 
 pub use assignments::{Assignment, Origin, ParameterAssignments};
 pub use log_levels::{LogArguments, LogLevel};
-pub use names::{NameError, NodeIdentity};
-pub use nearest::suggestion;
-pub use remapping::{RemapError, RemapRule, RemapRules, Resource};
+pub use names::NodeIdentity;
+pub use remapping::{RemapRule, RemapRules, Resource};
 
-/// What the arguments for ROS 2 say.
+/// The arguments for ROS 2.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct RosArguments {
-    /// Which names are used instead of others.
+    /// The remapping rules.
     pub remaps: RemapRules,
     /// The values of parameters.
     pub parameters: ParameterAssignments,
     /// What is logged, and where to.
     pub log: LogArguments,
 }
-
-/// An argument that cannot be used; says which, why, and what may have been meant.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("{0}")]
-pub struct ArgumentError(String);
 
 const REMAP: &str = "--remap";
 const PARAMETER: &str = "--param";
@@ -70,20 +59,6 @@ const SWITCHES: [&str; 6] = [
     "--disable-external-lib-logs",
 ];
 
-/// What a parameter file assigns to a node that it does not name.
-///
-/// # Errors
-/// Says what is wrong with the file.
-pub fn assigned_in(text: &str) -> Result<BTreeMap<String, ParameterValue>, ArgumentError> {
-    let words = ["", "--ros-args", PARAMETER_FILE, ""].map(OsString::from);
-    let (_, ros) = RosArguments::extract(words, |_| Ok(text.to_owned()))?;
-    let node = ros.remaps.identity("node", &Namespace::default());
-    let assigned = ros.parameters.of_node(&node).into_iter();
-    Ok(assigned
-        .map(|(name, assignment)| (name.to_owned(), assignment.value.clone()))
-        .collect())
-}
-
 impl RosArguments {
     /// Takes the arguments for ROS 2 out of a command line, and leaves the program's own.
     ///
@@ -94,7 +69,7 @@ impl RosArguments {
     pub fn extract(
         arguments: impl IntoIterator<Item = OsString>,
         read: impl Fn(&Path) -> io::Result<String>,
-    ) -> Result<(Vec<OsString>, Self), ArgumentError> {
+    ) -> Result<(Vec<OsString>, Self), String> {
         let mut own = Vec::new();
         let mut found = Self::default();
         let mut arguments = arguments.into_iter();
@@ -111,10 +86,10 @@ impl RosArguments {
                 && text.contains(":=")
                 && !text.starts_with('-')
             {
-                return Err(ArgumentError(format!(
+                return Err(format!(
                     "`{text}` must stand behind `--ros-args -r` if it is a remapping rule, and behind \
                      `--ros-args -p` if it assigns a parameter"
-                )));
+                ));
             }
             own.push(argument);
         }
@@ -126,7 +101,7 @@ impl RosArguments {
         argument: &OsString,
         rest: &mut impl Iterator<Item = OsString>,
         read: &impl Fn(&Path) -> io::Result<String>,
-    ) -> Result<(), ArgumentError> {
+    ) -> Result<(), String> {
         let argument = text(argument)?;
         let (flag, attached) = match argument.split_once('=') {
             Some((flag, value)) if flag.starts_with("--") => (flag, Some(value)),
@@ -145,11 +120,11 @@ impl RosArguments {
                 None => {
                     let value = rest
                         .next()
-                        .ok_or_else(|| ArgumentError(format!("`{argument}` needs a value")))?;
+                        .ok_or_else(|| format!("`{argument}` needs a value"))?;
                     text(&value)?.to_owned()
                 }
             };
-            return self.take_value(long, &value, read).map_err(ArgumentError);
+            return self.take_value(long, &value, read);
         }
         if attached.is_none() && self.log.switch(flag) {
             return Ok(());
@@ -158,10 +133,10 @@ impl RosArguments {
             .into_iter()
             .flat_map(|(long, short)| [long, short]);
         let flags = flags.chain(SWITCHES).filter(|flag| !flag.is_empty());
-        Err(ArgumentError(format!(
-            "unknown argument `{argument}` after `--ros-args`{}",
-            suggestion(flag, flags)
-        )))
+        let nearest = suggestion(flag, flags);
+        Err(format!(
+            "unknown argument `{argument}` after `--ros-args`{nearest}"
+        ))
     }
 
     fn take_value(
@@ -171,18 +146,12 @@ impl RosArguments {
         read: &impl Fn(&Path) -> io::Result<String>,
     ) -> Result<(), String> {
         match flag {
-            REMAP => {
-                let rule = value
-                    .parse()
-                    .map_err(|error: RemapError| error.to_string())?;
-                self.remaps.0.push(rule);
-            }
+            REMAP => self.remaps.0.push(value.parse()?),
             PARAMETER => self.parameters.add_argument(value)?,
             PARAMETER_FILE => {
-                let path = PathBuf::from(value);
-                let text = read(&path)
-                    .map_err(|error| format!("parameter file {}: {error}", path.display()))?;
-                self.parameters.add_file(path, &text)?;
+                let text = read(Path::new(value))
+                    .map_err(|error| format!("parameter file {value}: {error}"))?;
+                self.parameters.add_file(Path::new(value), &text)?;
             }
             LOG_LEVEL => self.log.add(value)?,
             LOG_CONFIGURATION | LOG_FILE_NAME => {
@@ -191,7 +160,7 @@ impl RosArguments {
                      no log file"
                 ));
             }
-            // Anyone who asks for security must not get a node without it.
+            // A user who asks for security must not get a node without it.
             _ => {
                 return Err(format!(
                     "`{flag} {value}`: security enclaves are not supported; leave it out to run without security"
@@ -202,8 +171,8 @@ impl RosArguments {
     }
 }
 
-fn text(argument: &OsString) -> Result<&str, ArgumentError> {
+fn text(argument: &OsString) -> Result<&str, String> {
     argument
         .to_str()
-        .ok_or_else(|| ArgumentError(format!("{argument:?} is not UTF-8")))
+        .ok_or_else(|| format!("{argument:?} is not UTF-8"))
 }

@@ -2,14 +2,12 @@
 //!
 //! After the design article "Topic and Service name mapping to DDS" of ROS 2.
 
-use thiserror::Error;
-
 use crate::environment::Namespace;
 
 /// The longest fully qualified name: DDS allows 255 characters, and ROS 2 puts up to eight before and behind.
 const NAME_LENGTH_MAX: usize = 247;
 
-/// Whose names these are: a node's base name and the namespace that it is in.
+/// A node's base name and its namespace.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct NodeIdentity {
     /// The namespace.
@@ -19,105 +17,67 @@ pub struct NodeIdentity {
 }
 
 impl NodeIdentity {
-    /// The fully qualified name, such as `/formation/module_4`.
+    /// The fully qualified name, such as `/fleet/camera`.
     #[must_use]
     pub fn fully_qualified(&self) -> String {
         join(self.namespace.as_str(), &self.name)
     }
 
-    /// The name of its logger, such as `formation.module_4`.
+    /// The name of its logger, such as `fleet.camera`.
     #[must_use]
     pub fn logger(&self) -> String {
-        self.fully_qualified()
-            .trim_start_matches('/')
-            .replace('/', ".")
+        let name = self.fully_qualified();
+        name.trim_start_matches('/').replace('/', ".")
     }
 }
 
-/// What is wrong with a name.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-pub enum NameError {
-    /// There is nothing.
-    #[error("must not be empty")]
-    Empty,
-    /// Only letters, digits, underscores and slashes can stand in a name.
-    #[error("must consist of letters, digits, underscores and `/`, but has `{0}`")]
-    Character(char),
-    /// No token begins with a digit.
-    #[error("no part of it may begin with a digit, but `{0}` does")]
-    LeadingDigit(String),
-    /// Two underscores are reserved.
-    #[error("must not have two underscores in a row")]
-    RepeatedUnderscore,
-    /// Two slashes have nothing between them.
-    #[error("must not have two slashes in a row")]
-    RepeatedSlash,
-    /// A name ends with a token.
-    #[error("must not end with `/`")]
-    TrailingSlash,
-    /// `~` is the whole first token.
-    #[error("`~` must come first and be followed by `/`, as in `~/status`")]
-    Tilde,
-    /// Braces come in pairs and are not nested.
-    #[error("has a `{{` or `}}` without its counterpart")]
-    Brace,
-    /// Only some words can stand in braces.
-    #[error("knows no `{{{0}}}`; there are `{{node}}`, `{{ns}}` and `{{namespace}}`")]
-    Substitution(String),
-    /// DDS has a limit.
-    #[error("must not be longer than {NAME_LENGTH_MAX} characters, but has {0}")]
-    TooLong(usize),
-}
-
 /// Makes a name fully qualified: `/a` stays, `~/a` is private to the node, `a` is relative to its namespace, and
-/// `{node}`, `{ns}` and `{namespace}` stand for what they say.
-///
-/// # Errors
-/// Says what is wrong with the name.
-pub fn expand(name: &str, node: &NodeIdentity) -> Result<String, NameError> {
+/// `{node}`, `{ns}` and `{namespace}` are replaced by the node's name and namespace.
+pub(super) fn expand(name: &str, node: &NodeIdentity) -> Result<String, String> {
     let expanded = absolute(&substitute(name, node)?, node)?;
     validate(&expanded)?;
     Ok(expanded)
 }
 
-/// Replaces what stands in braces.
-pub(super) fn substitute(name: &str, node: &NodeIdentity) -> Result<String, NameError> {
+/// Replaces the words in braces.
+fn substitute(name: &str, node: &NodeIdentity) -> Result<String, String> {
+    let unpaired = || "has a `{` or `}` without its counterpart".to_owned();
     let mut result = String::new();
     let mut rest = name;
     while let Some(brace) = rest.find(['{', '}']) {
         let (before, after) = rest.split_at(brace);
         result.push_str(before);
-        let inner = after.strip_prefix('{').ok_or(NameError::Brace)?;
-        let end = inner.find(['{', '}']).ok_or(NameError::Brace)?;
-        if inner[end..].starts_with('{') {
-            return Err(NameError::Brace);
-        }
-        match &inner[..end] {
+        let inner = after.strip_prefix('{').ok_or_else(unpaired)?;
+        let end = inner.find(['{', '}']).ok_or_else(unpaired)?;
+        let (word, closed) = inner.split_at(end);
+        rest = closed.strip_prefix('}').ok_or_else(unpaired)?;
+        match word {
             "node" => result.push_str(&node.name),
             // The root namespace with its slash would double the one that follows.
             "ns" | "namespace" => result.push_str(node.namespace.as_str().trim_end_matches('/')),
-            unknown => return Err(NameError::Substitution(unknown.to_owned())),
+            word => {
+                return Err(format!(
+                    "knows no `{{{word}}}`; there are `{{node}}`, `{{ns}}` and `{{namespace}}`"
+                ));
+            }
         }
-        rest = &inner[end + 1..];
     }
     result.push_str(rest);
     Ok(result)
 }
 
 /// Puts the namespace, and for a private name the node, before a name that does not begin with `/`.
-pub(super) fn absolute(name: &str, node: &NodeIdentity) -> Result<String, NameError> {
+fn absolute(name: &str, node: &NodeIdentity) -> Result<String, String> {
     if name.is_empty() {
-        return Err(NameError::Empty);
+        return Err("must not be empty".to_owned());
     }
     let expanded = match name.strip_prefix('~') {
-        Some("") => node.fully_qualified(),
-        Some(rest) if rest.starts_with('/') => format!("{}{rest}", node.fully_qualified()),
-        Some(_) => return Err(NameError::Tilde),
+        Some(rest) if rest.is_empty() || rest.starts_with('/') => node.fully_qualified() + rest,
         None if name.starts_with('/') => name.to_owned(),
-        None => join(node.namespace.as_str(), name),
+        _ => join(node.namespace.as_str(), name),
     };
     if expanded.contains('~') {
-        return Err(NameError::Tilde);
+        return Err("`~` must come first and be followed by `/`, as in `~/status`".to_owned());
     }
     Ok(expanded)
 }
@@ -127,46 +87,51 @@ fn join(namespace: &str, name: &str) -> String {
 }
 
 /// Checks a fully qualified name.
-pub(super) fn validate(name: &str) -> Result<(), NameError> {
+pub(super) fn validate(name: &str) -> Result<(), String> {
     let tokens = name.strip_prefix('/').unwrap_or(name);
     if tokens.is_empty() {
-        return Err(NameError::Empty);
+        return Err("must not be empty".to_owned());
     }
     if tokens.ends_with('/') {
-        return Err(NameError::TrailingSlash);
+        return Err("must not end with `/`".to_owned());
     }
     for token in tokens.split('/') {
         validate_token(token)?;
     }
-    match name.chars().count() {
-        length if length > NAME_LENGTH_MAX => Err(NameError::TooLong(length)),
-        _ => Ok(()),
+    let length = name.chars().count();
+    if length > NAME_LENGTH_MAX {
+        return Err(format!(
+            "must not be longer than {NAME_LENGTH_MAX} characters, but has {length}"
+        ));
     }
+    Ok(())
 }
 
-fn validate_token(token: &str) -> Result<(), NameError> {
+fn validate_token(token: &str) -> Result<(), String> {
     if token.is_empty() {
-        return Err(NameError::RepeatedSlash);
+        return Err("must not have two slashes in a row".to_owned());
     }
-    if let Some(other) = token
-        .chars()
-        .find(|character| !character.is_ascii_alphanumeric() && *character != '_')
-    {
-        return Err(NameError::Character(other));
+    let is_other = |character: &char| !character.is_ascii_alphanumeric() && *character != '_';
+    if let Some(other) = token.chars().find(is_other) {
+        return Err(format!(
+            "must consist of letters, digits, underscores and `/`, but has `{other}`"
+        ));
     }
     if token.starts_with(|first: char| first.is_ascii_digit()) {
-        return Err(NameError::LeadingDigit(token.to_owned()));
+        return Err(format!(
+            "no part of it may begin with a digit, but `{token}` does"
+        ));
     }
     if token.contains("__") {
-        return Err(NameError::RepeatedUnderscore);
+        return Err("must not have two underscores in a row".to_owned());
     }
     Ok(())
 }
 
 /// Checks the base name of a node.
-pub(super) fn validate_node_name(name: &str) -> Result<(), NameError> {
+pub(super) fn validate_node_name(name: &str) -> Result<(), String> {
     if name.is_empty() {
-        return Err(NameError::Empty);
+        return Err("must not be empty".to_owned());
     }
     validate_token(name)
 }

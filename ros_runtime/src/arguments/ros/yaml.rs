@@ -3,16 +3,13 @@
 use std::fmt;
 
 use ros2_client::ParameterValue;
-use serde::de::{Deserialize, Deserializer, MapAccess, SeqAccess, Visitor};
+use serde::de::{Deserialize, Deserializer, Error, MapAccess, SeqAccess, Visitor};
 
-/// A YAML value whose mappings may name a key twice, as parameter files may: the last one holds.
+/// A YAML value whose mappings may have a key twice, as parameter files may: the last entry holds.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Yaml {
     Null,
-    Boolean(bool),
-    Integer(i64),
-    Double(f64),
-    String(String),
+    Scalar(ParameterValue),
     Sequence(Vec<Yaml>),
     Mapping(Vec<(String, Yaml)>),
 }
@@ -41,25 +38,25 @@ impl<'de> Visitor<'de> for YamlVisitor {
     }
 
     fn visit_bool<E>(self, value: bool) -> Result<Yaml, E> {
-        Ok(Yaml::Boolean(value))
+        Ok(Yaml::Scalar(ParameterValue::Boolean(value)))
     }
 
     fn visit_i64<E>(self, value: i64) -> Result<Yaml, E> {
-        Ok(Yaml::Integer(value))
+        Ok(Yaml::Scalar(ParameterValue::Integer(value)))
     }
 
-    fn visit_u64<E: serde::de::Error>(self, value: u64) -> Result<Yaml, E> {
-        i64::try_from(value)
-            .map(Yaml::Integer)
-            .map_err(|_| E::custom(format!("{value} is too large for an integer")))
+    fn visit_u64<E: Error>(self, value: u64) -> Result<Yaml, E> {
+        let number = i64::try_from(value);
+        let number = number.map_err(|_| E::custom(format!("{value} is too large for an integer")));
+        self.visit_i64(number?)
     }
 
     fn visit_f64<E>(self, value: f64) -> Result<Yaml, E> {
-        Ok(Yaml::Double(value))
+        Ok(Yaml::Scalar(ParameterValue::Double(value)))
     }
 
     fn visit_str<E>(self, value: &str) -> Result<Yaml, E> {
-        Ok(Yaml::String(value.to_owned()))
+        Ok(Yaml::Scalar(ParameterValue::String(value.to_owned())))
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut sequence: A) -> Result<Yaml, A::Error> {
@@ -74,10 +71,10 @@ impl<'de> Visitor<'de> for YamlVisitor {
         let mut entries = Vec::new();
         while let Some(key) = mapping.next_key::<Yaml>()? {
             let key = match key {
-                Yaml::String(text) => text,
-                Yaml::Integer(number) => number.to_string(),
-                Yaml::Boolean(value) => value.to_string(),
-                _ => return Err(serde::de::Error::custom("a name must be a word")),
+                Yaml::Scalar(ParameterValue::String(text)) => text,
+                Yaml::Scalar(ParameterValue::Integer(number)) => number.to_string(),
+                Yaml::Scalar(ParameterValue::Boolean(value)) => value.to_string(),
+                _ => return Err(A::Error::custom("a name must be a word")),
             };
             entries.push((key, mapping.next_value()?));
         }
@@ -86,51 +83,39 @@ impl<'de> Visitor<'de> for YamlVisitor {
 }
 
 /// The value of a parameter, with the type that YAML gives it.
-pub(super) fn parameter_value(yaml: &Yaml) -> Result<ParameterValue, String> {
-    Ok(match yaml {
-        Yaml::Null => return Err("has no value".to_owned()),
-        Yaml::Boolean(value) => ParameterValue::Boolean(*value),
-        Yaml::Integer(value) => ParameterValue::Integer(*value),
-        Yaml::Double(value) => ParameterValue::Double(*value),
-        Yaml::String(value) => ParameterValue::String(value.clone()),
-        Yaml::Sequence(values) => array(values)?,
-        Yaml::Mapping(_) => return Err("must be one value, not a mapping".to_owned()),
-    })
+pub(super) fn parameter_value(yaml: Yaml) -> Result<ParameterValue, String> {
+    match yaml {
+        Yaml::Null => Err("has no value".to_owned()),
+        Yaml::Scalar(value) => Ok(value),
+        Yaml::Sequence(values) => {
+            array(&values).ok_or_else(|| "must be a list of values of one type".to_owned())
+        }
+        Yaml::Mapping(_) => Err("must be one value, not a mapping".to_owned()),
+    }
 }
 
-/// An array, whose elements are all of one type; whole numbers among others count as such.
-fn array(values: &[Yaml]) -> Result<ParameterValue, String> {
-    fn all<T>(values: &[Yaml], pick: impl Fn(&Yaml) -> Option<T>) -> Option<Vec<T>> {
-        values.iter().map(pick).collect()
+/// An array, whose elements are all of one type; a whole number counts as a number among numbers. An empty list is one of
+/// strings.
+fn array(values: &[Yaml]) -> Option<ParameterValue> {
+    macro_rules! all {
+        ($($scalar:ident($value:ident) => $element:expr),+) => {
+            values
+                .iter()
+                .map(|value| match value {
+                    $(Yaml::Scalar(ParameterValue::$scalar($value)) => Some($element),)+
+                    _ => None,
+                })
+                .collect::<Option<Vec<_>>>()
+        };
     }
-    let strings = all(values, |value| match value {
-        Yaml::String(text) => Some(text.clone()),
-        _ => None,
-    });
-    let booleans = || {
-        all(values, |value| match value {
-            Yaml::Boolean(value) => Some(*value),
-            _ => None,
-        })
-    };
-    let integers = || {
-        all(values, |value| match value {
-            Yaml::Integer(value) => Some(*value),
-            _ => None,
-        })
-    };
-    let doubles = || {
-        all(values, |value| match value {
-            Yaml::Double(value) => Some(*value),
-            #[expect(clippy::cast_precision_loss, reason = "a double is what was asked for")]
-            Yaml::Integer(value) => Some(*value as f64),
-            _ => None,
-        })
-    };
-    strings
+    #[expect(
+        clippy::cast_precision_loss,
+        reason = "a number is what the others are"
+    )]
+    let numbers = || all!(Double(value) => *value, Integer(value) => *value as f64);
+    all!(String(value) => value.clone())
         .map(ParameterValue::StringArray)
-        .or_else(|| booleans().map(ParameterValue::BooleanArray))
-        .or_else(|| integers().map(ParameterValue::IntegerArray))
-        .or_else(|| doubles().map(ParameterValue::DoubleArray))
-        .ok_or_else(|| "must be a list of values of one type".to_owned())
+        .or_else(|| all!(Boolean(value) => *value).map(ParameterValue::BooleanArray))
+        .or_else(|| all!(Integer(value) => *value).map(ParameterValue::IntegerArray))
+        .or_else(|| numbers().map(ParameterValue::DoubleArray))
 }

@@ -1,0 +1,288 @@
+//! The node of a process that hosts modules.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use async_channel::Receiver;
+use formation::model::{ModuleId, Service};
+use formation::protocol::Identity;
+use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim};
+use formation_node::messages::{Received, source_id, subscribe_all};
+use formation_node::{stamp, topics};
+use ros_runtime::PublisherQueue;
+use ros_runtime::diagnostics::Report;
+use ros_runtime::event_loop::{Inputs, Node};
+use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::settings::Settings;
+use ros_runtime::topic::Topic;
+use serde::Serialize;
+
+use crate::arguments::{Motion, MotionMode, Timing};
+use crate::drivers::{self, DriverMessage, DriverPublishers};
+use crate::host::{Host, Outgoing};
+use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
+
+/// A process that hosts modules.
+#[derive(Clone, Debug)]
+pub struct ModuleProcess {
+    /// Its place in the ROS 2 graph.
+    pub settings: Settings,
+    /// What each hosted module knows of itself; at least one.
+    pub modules: Vec<Identity>,
+    /// How long the agents wait.
+    pub timing: Timing,
+    /// How the modules move.
+    pub motion: Motion,
+    /// The frame of all poses (REP-105).
+    pub frame_id: String,
+}
+
+impl ModuleProcess {
+    /// Hosts the modules until `stop` yields, then leaves the graph.
+    ///
+    /// When the DDS library no longer receives, the modules restart where they stand, as if the process had; those that
+    /// were added and those out of service as well.
+    ///
+    /// # Errors
+    /// The ROS 2 graph could not be joined, or no driver sent a pose.
+    pub fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
+        let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
+        let name = node_name(&ids);
+        let active = |module: &Identity| (module.clone(), Service::Active);
+        let mut modules = self.modules.iter().map(active).collect();
+        rejoining(|| self.take_part(&name, &mut modules, stop))
+    }
+
+    /// Takes part with these modules until `stop` yields or the library no longer receives, and leaves them as they are
+    /// then.
+    fn take_part(
+        &self,
+        name: &str,
+        modules: &mut Vec<(Identity, Service)>,
+        stop: &Receiver<()>,
+    ) -> Result<(), SessionError> {
+        let mut declarations = self.timing.declarations();
+        declarations.extend(self.motion.declarations());
+        let parameters = self.settings.declare(name, declarations)?;
+        let timing = self.timing.read(parameters.values())?;
+        let motion = self.motion.clone().read(parameters.values())?;
+        let mut session = Session::join(&self.settings, name, parameters)?;
+        let mut inputs = Inputs::default();
+        let mut drivers = None;
+        if motion.mode == MotionMode::External {
+            let ids = modules.iter().map(|(identity, _)| identity.module);
+            let frame_id = motion.frame_id.as_deref().unwrap_or(&self.frame_id);
+            let (mut messages, publishers) =
+                drivers::open(&mut session, ids, motion.pose_source, frame_id)?;
+            if !drivers::wait_for_poses(&mut messages, modules, &motion, &session, stop)? {
+                return Ok(());
+            }
+            inputs.append(messages, |(module, message)| Input::Driver(module, message));
+            drivers = Some(publishers);
+        }
+        for messages in subscribe_all(&mut session, modules.len())? {
+            inputs.add(messages, Input::Messages);
+        }
+        // Left out where the node serves no tools, as discovery grows with the number of endpoints.
+        if session.node_parameters().start_parameter_services {
+            let (add, retire) = (session.serve(&ADD_MODULE)?, session.serve(&RETIRE_MODULE)?);
+            inputs.add(add, |call| Input::Membership(MembershipRequest::Add(call)));
+            inputs.add(retire, |call| {
+                Input::Membership(MembershipRequest::Retire(call))
+            });
+        }
+        let source = source_id(session.participant());
+        let mut node = ModuleNode {
+            start: Instant::now(),
+            publishers: Publishers {
+                states: session.publisher(&topics::MODULE_STATES)?,
+                claims: session.publisher(&topics::claims(modules.len()))?,
+                heartbeats: session.publisher(&topics::HEARTBEATS)?,
+                roster: None,
+                evictions: None,
+                drivers,
+            },
+            host: Host::new(source, modules.iter().cloned(), timing.0, &motion),
+            frame_id: self.frame_id.clone(),
+        };
+        let ended = session.run(&mut node, inputs, stop);
+        for (module, refusals) in node.host.refusals() {
+            if refusals.total() > 0 {
+                tracing::info!(module = module.0, "refused: {refusals}");
+            }
+        }
+        *modules = node.host.modules();
+        for (identity, _) in modules {
+            identity.incarnation = stamp::incarnation();
+        }
+        ended
+    }
+}
+
+enum Input {
+    Messages(Received),
+    Driver(ModuleId, DriverMessage),
+    Membership(MembershipRequest),
+}
+
+struct Publishers {
+    states: PublisherQueue<ModuleStates>,
+    claims: PublisherQueue<SpotClaim>,
+    heartbeats: PublisherQueue<Heartbeat>,
+    /// Created when first needed, as few processes ever convene or evict, and reliable writers are expensive.
+    roster: Option<PublisherQueue<Roster>>,
+    evictions: Option<PublisherQueue<Eviction>>,
+    drivers: Option<DriverPublishers>,
+}
+
+struct ModuleNode {
+    start: Instant,
+    publishers: Publishers,
+    host: Host,
+    frame_id: String,
+}
+
+impl Node for ModuleNode {
+    type Input = Input;
+
+    fn handle(&mut self, input: Input) {
+        let now = self.start.elapsed();
+        match input {
+            Input::Messages(Received {
+                source, messages, ..
+            }) => {
+                for message in &messages {
+                    self.host.handle_message(now, source, message);
+                }
+            }
+            Input::Driver(module, message) => self.host.handle_driver(now, module, message),
+            Input::Membership(request) => request.carry_out(&mut self.host, now),
+        }
+    }
+
+    fn advance(&mut self, session: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        self.host.advance(self.start.elapsed());
+        for outgoing in self.host.take_outgoing() {
+            self.publish(session, outgoing)?;
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn due(&self) -> Option<Instant> {
+        self.host.due().map(|due| self.start + due)
+    }
+
+    fn set_parameters(&mut self, values: &Values) -> Result<(), ParameterError> {
+        let (timing, motion) = (
+            Timing::default().read(values)?,
+            Motion::default().read(values)?,
+        );
+        self.host
+            .set_parameters(self.start.elapsed(), timing.0, motion);
+        Ok(())
+    }
+
+    fn reports(&self) -> Vec<Report> {
+        self.host.reports(self.start.elapsed())
+    }
+}
+
+impl ModuleNode {
+    fn publish(&mut self, session: &mut Session, outgoing: Outgoing) -> Result<(), SessionError> {
+        let publishers = &mut self.publishers;
+        match outgoing {
+            Outgoing::ModuleStates(states) => {
+                let header = stamp::header(&self.frame_id);
+                let states = states.iter().map(AsRef::as_ref);
+                publishers.states.publish(ModuleStates::new(header, states));
+            }
+            Outgoing::Heartbeats(heartbeats) => {
+                publishers.heartbeats.publish(Heartbeat::new(&heartbeats));
+            }
+            Outgoing::Claim(claim) => publishers.claims.publish(claim.as_ref().into()),
+            Outgoing::Roster(roster) => {
+                let queue = created(&mut publishers.roster, session, &topics::ROSTER)?;
+                queue.publish((&roster).into());
+            }
+            Outgoing::Eviction(notice) => {
+                let queue = created(&mut publishers.evictions, session, &topics::EVICTIONS)?;
+                queue.publish((&notice).into());
+            }
+            Outgoing::Drive(module, command) => {
+                if let Some(drivers) = &publishers.drivers {
+                    drivers.publish(module, command);
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// A queue that is created when it is first used.
+fn created<'a, M: Serialize + 'static>(
+    queue: &'a mut Option<PublisherQueue<M>>,
+    session: &mut Session,
+    topic: &Topic<M>,
+) -> Result<&'a PublisherQueue<M>, SessionError> {
+    Ok(match queue {
+        Some(queue) => queue,
+        none => none.insert(session.publisher(topic)?),
+    })
+}
+
+/// The name of the node of a process that hosts these modules, in ascending order.
+fn node_name(modules: &[u32]) -> String {
+    match modules {
+        [] => "modules".to_owned(),
+        [module] => format!("module_{module}"),
+        [first, .., last] => {
+            let count = u32::try_from(modules.len()).unwrap_or(u32::MAX);
+            if last.checked_sub(*first) == Some(count - 1) {
+                format!("modules_{first}_to_{last}")
+            } else {
+                format!("modules_{first}_and_{}_more", count - 1)
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::ffi::OsString;
+
+    use formation_tests::parameter_section;
+    use ros_runtime::arguments::RosArguments;
+
+    use super::*;
+
+    #[test]
+    fn a_node_is_named_after_the_modules_that_it_hosts() {
+        assert_eq!(node_name(&[4]), "module_4");
+        assert_eq!(node_name(&[1, 2, 3]), "modules_1_to_3");
+        assert_eq!(node_name(&[1, 2, 9]), "modules_1_and_2_more");
+        assert_eq!(node_name(&[7, 3]), "modules_7_and_1_more");
+    }
+
+    #[test]
+    fn the_shipped_file_lists_every_parameter_with_its_default() {
+        let words = ["", "--ros-args", "--params-file", ""].map(OsString::from);
+        let sections = parameter_section(&["Every node", "Agents", "Drives"]);
+        let (_, ros) = RosArguments::extract(words, |_| Ok(sections.clone())).unwrap();
+        let settings = Settings::default();
+        let shipped = ros
+            .parameters
+            .of_node(&settings.identity("module_4"))
+            .into_iter();
+        let shipped = shipped.map(|(name, assignment)| (name, &assignment.value));
+        let mut declarations = Timing::default().declarations();
+        declarations.extend(Motion::default().declarations());
+        let parameters = settings.declare("module_4", declarations).unwrap();
+        let declared = parameters
+            .values()
+            .iter()
+            .map(|(name, value)| (*name, value));
+        assert_eq!(shipped.collect::<BTreeMap<_, _>>(), declared.collect());
+    }
+}

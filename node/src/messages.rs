@@ -1,0 +1,140 @@
+//! Samples of the protocol's topics as messages of the core.
+
+use std::sync::Arc;
+
+use formation::model::Message;
+use formation::protocol::SourceId;
+use formation_msgs::{
+    Eviction, Heartbeat, MessageError, ModuleStates, Roster, SpotClaim, TargetConfiguration,
+};
+use futures::stream::LocalBoxStream;
+use ros_runtime::session::{ParticipantId, Session, SessionError};
+use ros_runtime::topic::Topic;
+use serde::de::DeserializeOwned;
+
+use crate::topics;
+
+/// The messages of one sample.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Received {
+    /// The name under which the topic's samples are counted.
+    pub topic: &'static str,
+    /// The participant that sent it.
+    pub source: SourceId,
+    /// The messages, one for each module that the sample lists.
+    pub messages: Vec<Message>,
+}
+
+/// A sample type whose samples carry messages of the core.
+pub trait Sample: DeserializeOwned + 'static {
+    /// The messages of one sample, or what is wrong with it; a sample is accepted whole or not at all.
+    ///
+    /// # Errors
+    /// Names the field that is wrong.
+    fn into_messages(self) -> Result<Vec<Message>, MessageError>;
+}
+
+macro_rules! samples {
+    ($($sample:ty => |$raw:ident| $convert:expr;)+) => {
+        $(impl Sample for $sample {
+            fn into_messages(self) -> Result<Vec<Message>, MessageError> {
+                let $raw = self;
+                $convert
+            }
+        })+
+    };
+}
+
+samples! {
+    TargetConfiguration => |raw| Ok(vec![Message::Target(Arc::new(raw.try_into()?))]);
+    Roster => |raw| Ok(vec![Message::Roster(raw.try_into()?)]);
+    SpotClaim => |raw| Ok(vec![Message::Claim(Arc::new(raw.try_into()?))]);
+    Eviction => |raw| Ok(vec![Message::Eviction(raw.try_into()?)]);
+    ModuleStates => |raw| {
+        let states = Vec::try_from(raw)?.into_iter();
+        Ok(states.map(|state| Message::ModuleState(Arc::new(state))).collect())
+    };
+    Heartbeat => |raw| Ok(Vec::try_from(raw)?.into_iter().map(Message::Heartbeat).collect());
+}
+
+/// A participant, as the core knows it.
+#[must_use]
+pub fn source_id(participant: ParticipantId) -> SourceId {
+    SourceId(participant.0)
+}
+
+/// Subscribes one topic of the protocol.
+///
+/// # Errors
+/// The name cannot be used, or the library refuses.
+pub fn subscribe<M: Sample>(
+    session: &mut Session,
+    topic: &Topic<M>,
+) -> Result<LocalBoxStream<'static, Received>, SessionError> {
+    let name = topic.name();
+    session.subscription(topic, move |sender, sample: M| {
+        let messages = sample.into_messages().map_err(|error| error.to_string())?;
+        Ok(Received {
+            topic: name,
+            source: source_id(sender),
+            messages,
+        })
+    })
+}
+
+/// Subscribes the topics that the protocol needs: target, states, rosters, claims and heartbeats. The process hosts
+/// `modules` modules.
+///
+/// # Errors
+/// A name cannot be used, or the library refuses.
+pub fn subscribe_all(
+    session: &mut Session,
+    modules: usize,
+) -> Result<[LocalBoxStream<'static, Received>; 5], SessionError> {
+    Ok([
+        subscribe(session, &topics::TARGET)?,
+        subscribe(session, &topics::MODULE_STATES)?,
+        subscribe(session, &topics::ROSTER)?,
+        subscribe(session, &topics::claims(modules))?,
+        subscribe(session, &topics::HEARTBEATS)?,
+    ])
+}
+
+#[cfg(test)]
+mod tests {
+    use std::time::Duration;
+
+    use formation::model::{Incarnation, ModuleId, ModulePhase};
+
+    use super::*;
+
+    fn heartbeat(module: u32) -> formation::model::Heartbeat {
+        formation::model::Heartbeat {
+            module: ModuleId(module),
+            incarnation: Incarnation(1),
+            sequence: 1,
+            uptime: Duration::from_secs(1),
+            epoch: None,
+            digest: None,
+            digest_since: 0,
+            applied_turns: 0,
+            phase: ModulePhase::Listening,
+        }
+    }
+
+    #[test]
+    fn a_sample_carries_one_message_for_each_module() {
+        let (one, two) = (heartbeat(1), heartbeat(2));
+        let messages = Heartbeat::new([&one, &two]).into_messages();
+        assert_eq!(
+            messages,
+            Ok(vec![Message::Heartbeat(one), Message::Heartbeat(two)])
+        );
+    }
+
+    #[test]
+    fn a_contradictory_sample_is_refused_whole() {
+        let one = heartbeat(1);
+        assert!(Heartbeat::new([&one, &one]).into_messages().is_err());
+    }
+}

@@ -1,0 +1,170 @@
+//! How a process ends: when it is asked to, with which status, and with which message.
+
+use std::io;
+use std::panic;
+use std::process::{self, ExitCode};
+use std::thread;
+use std::time::Duration;
+
+use async_channel::{Receiver, bounded};
+use rustix::process::{Signal, getppid, set_parent_process_death_signal};
+use signal_hook::consts::{SIGINT, SIGTERM};
+use signal_hook::iterator::Signals;
+
+use crate::environment::EnvironmentError;
+use crate::session::SessionError;
+
+/// The process has done its work.
+pub const STATUS_DONE: u8 = 0;
+/// The work of the process failed, or what it judged is wrong.
+pub const STATUS_FAILED: u8 = 1;
+/// The arguments, files or environment of the process cannot be used.
+pub const STATUS_BAD_INPUT: u8 = 2;
+
+/// How long a process that was asked to end has to leave the graph.
+pub const EXIT_GRACE: Duration = Duration::from_millis(1_500);
+
+/// The longest error message, in characters: a parser may quote a whole file.
+const CHARACTERS_MAX: usize = 1_000;
+
+/// Why a process could not do its work.
+#[derive(Debug)]
+pub enum Failure {
+    /// Files, arguments or the environment are wrong; nothing was started.
+    BadInput(anyhow::Error),
+    /// Something failed later.
+    Failed(anyhow::Error),
+}
+
+impl Failure {
+    /// Input that is wrong, in one line.
+    pub fn bad_input(what: impl std::fmt::Display) -> Self {
+        Self::BadInput(anyhow::anyhow!("{what}"))
+    }
+
+    /// What failed, in one line.
+    pub fn failed(what: impl std::fmt::Display) -> Self {
+        Self::Failed(anyhow::anyhow!("{what}"))
+    }
+}
+
+impl std::fmt::Display for Failure {
+    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let (Self::BadInput(error) | Self::Failed(error)) = self;
+        write!(formatter, "{error:#}")
+    }
+}
+
+impl From<EnvironmentError> for Failure {
+    fn from(error: EnvironmentError) -> Self {
+        Self::BadInput(error.into())
+    }
+}
+
+impl From<SessionError> for Failure {
+    fn from(error: SessionError) -> Self {
+        match error {
+            SessionError::BadInput(_) => Self::BadInput(error.into()),
+            SessionError::Failed(_) | SessionError::NotReceiving => Self::Failed(error.into()),
+        }
+    }
+}
+
+impl From<io::Error> for Failure {
+    fn from(error: io::Error) -> Self {
+        Self::Failed(error.into())
+    }
+}
+
+/// Ends a `main`: reports a failure in one line on the standard error stream.
+#[must_use]
+pub fn conclude(result: Result<u8, Failure>) -> ExitCode {
+    let failure = match result {
+        Ok(status) => return status.into(),
+        Err(failure) => failure,
+    };
+    eprintln!("error: {}", one_line(&failure.to_string()));
+    let status = match failure {
+        Failure::BadInput(_) => STATUS_BAD_INPUT,
+        Failure::Failed(_) => STATUS_FAILED,
+    };
+    status.into()
+}
+
+fn one_line(message: &str) -> String {
+    let words: Vec<&str> = message.split_whitespace().collect();
+    let line = words.join(" ");
+    match line.char_indices().nth(CHARACTERS_MAX) {
+        Some((end, _)) => format!("{} ...", &line[..end]),
+        None => line,
+    }
+}
+
+/// The request to end; yields once, on the first SIGINT or SIGTERM.
+///
+/// The process then has [`EXIT_GRACE`] to end by itself; a second signal ends it at once.
+///
+/// # Errors
+/// The operating system did not let the signals be caught.
+pub fn stop_requested() -> io::Result<Receiver<()>> {
+    let (sender, receiver) = bounded(1);
+    let mut signals = Signals::new([SIGINT, SIGTERM])?;
+    thread::Builder::new()
+        .name("signals".to_owned())
+        .spawn(move || {
+            for (count, _) in signals.forever().enumerate() {
+                if count > 0 {
+                    process::exit(STATUS_FAILED.into());
+                }
+                // A full channel means that the request is there already.
+                let _ = sender.try_send(());
+                limit_exit(EXIT_GRACE, STATUS_FAILED);
+            }
+        })?;
+    Ok(receiver)
+}
+
+/// Ends the process with `status` after this time if it has not ended by then, even while the libraries below wait.
+pub fn limit_exit(after: Duration, status: u8) {
+    let end = move || {
+        thread::sleep(after);
+        tracing::warn!("could not leave the ROS 2 graph in time; ending without");
+        process::exit(status.into());
+    };
+    // Without a thread there is no limit, which is no reason not to end.
+    let _ = thread::Builder::new()
+        .name("exit limit".to_owned())
+        .spawn(end);
+}
+
+/// From now on a panic in any thread, also of the DDS library, ends the process: without that thread it could no longer
+/// send or receive.
+pub(crate) fn end_on_panic() {
+    let report = panic::take_hook();
+    panic::set_hook(Box::new(move |panic| {
+        report(panic);
+        process::exit(STATUS_FAILED.into());
+    }));
+}
+
+/// From now on the process is asked to end when the one that started it ends, for whatever reason.
+pub(crate) fn end_with_parent() -> io::Result<()> {
+    let parent = getppid();
+    set_parent_process_death_signal(Some(Signal::TERM))?;
+    if getppid() != parent {
+        process::exit(STATUS_FAILED.into());
+    }
+    Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn an_error_is_reported_in_one_bounded_line() {
+        assert_eq!(one_line("a:\n  b\tc\n"), "a: b c");
+        let long = one_line(&"\u{e4}".repeat(5_000));
+        assert_eq!(long.chars().count(), CHARACTERS_MAX + 4);
+    }
+}

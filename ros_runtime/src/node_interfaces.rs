@@ -1,0 +1,120 @@
+//! What every ROS 2 node offers besides its work: its parameters, its log and its diagnostics.
+
+use std::time::{Duration, Instant};
+
+use ros2_client::log::Log;
+
+use crate::diagnostics::{DiagnosticArray, Report};
+use crate::event_loop::{Inputs, Node};
+use crate::parameters::{self, ParameterRequest};
+use crate::publisher_queue::PublisherQueue;
+use crate::session::{Session, SessionError};
+use crate::stamp::Header;
+use crate::topic;
+
+/// The endpoints of a node that are not its own.
+pub(crate) struct NodeInterfaces {
+    /// The node's name as loggers are called.
+    logger: String,
+    rosout: Option<PublisherQueue<Log>>,
+    /// Created when the first report is due.
+    diagnostics: Option<PublisherQueue<DiagnosticArray>>,
+    /// Between two reports; 0 for none.
+    period: Duration,
+    report_due: Instant,
+}
+
+/// An input for the interfaces of a node.
+pub(crate) enum InterfaceInput {
+    /// A request to a parameter service.
+    Parameters(ParameterRequest),
+    /// A line for `/rosout`.
+    Log(Log),
+}
+
+impl NodeInterfaces {
+    /// Creates the endpoints that the settings and the node's parameters ask for.
+    pub(crate) fn open(
+        session: &mut Session,
+        inputs: &mut Inputs<InterfaceInput>,
+    ) -> Result<Self, SessionError> {
+        if session.node_parameters().start_parameter_services {
+            for requests in parameters::serve(session)? {
+                inputs.add(requests, InterfaceInput::Parameters);
+            }
+        }
+        let rosout = match session.log.clone() {
+            Some(lines) => {
+                inputs.add(lines, InterfaceInput::Log);
+                Some(session.publisher(&topic::ROSOUT)?)
+            }
+            None => None,
+        };
+        Ok(Self {
+            logger: session.identity().logger(),
+            rosout,
+            diagnostics: None,
+            period: session.node_parameters().diagnostics_period,
+            report_due: Instant::now(),
+        })
+    }
+
+    pub(crate) fn handle(
+        &mut self,
+        input: InterfaceInput,
+        session: &mut Session,
+        node: &mut impl Node,
+    ) {
+        match input {
+            InterfaceInput::Log(mut line) => {
+                if let Some(rosout) = &self.rosout {
+                    line.name.clone_from(&self.logger);
+                    rosout.publish(line);
+                }
+            }
+            InterfaceInput::Parameters(request) => {
+                let apply = &mut |values: &_| {
+                    node.set_parameters(values)
+                        .map_err(|error| error.to_string())
+                };
+                for (name, value) in request.answer(&mut session.parameters, apply) {
+                    session.announce_parameter(name, value);
+                }
+                let period = session.node_parameters().diagnostics_period;
+                if period != self.period {
+                    self.period = period;
+                    self.report_due = Instant::now();
+                }
+            }
+        }
+    }
+
+    /// When the next report is due.
+    pub(crate) fn due(&self) -> Option<Instant> {
+        (!self.period.is_zero()).then_some(self.report_due)
+    }
+
+    /// Publishes the status of the node, if that is due.
+    pub(crate) fn report(
+        &mut self,
+        session: &mut Session,
+        reports: impl FnOnce() -> Vec<Report>,
+    ) -> Result<(), SessionError> {
+        if self.due().is_none_or(|due| due > Instant::now()) {
+            return Ok(());
+        }
+        self.report_due = Instant::now() + self.period;
+        let diagnostics = match &mut self.diagnostics {
+            Some(diagnostics) => diagnostics,
+            none => none.insert(session.publisher(&topic::DIAGNOSTICS)?),
+        };
+        let node = session.identity().fully_qualified();
+        let statistics = session.statistics().borrow().report();
+        let status = reports().into_iter().chain([statistics]);
+        diagnostics.publish(DiagnosticArray {
+            header: Header::now(),
+            status: status.map(|report| report.into_status(&node)).collect(),
+        });
+        Ok(())
+    }
+}

@@ -1,0 +1,78 @@
+//! The parameters that every node has.
+
+use std::time::Duration;
+
+use super::tunable::{Tunable, Tunables, choice, seconds_in, switch};
+use crate::service_mapping::ServiceMapping;
+use crate::words::Words;
+
+/// The parameters that every node has.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct NodeParameters {
+    /// Whether the node serves its parameters, and offers its other services.
+    pub start_parameter_services: bool,
+    /// How its services are mapped; `None` for what the middleware's name says.
+    pub service_mapping: Option<ServiceMapping>,
+    /// Between two reports on `/diagnostics`; 0 for none.
+    pub diagnostics_period: Duration,
+    /// Whether `/clock` gives the time, which is not supported.
+    pub use_sim_time: bool,
+}
+
+impl Default for NodeParameters {
+    fn default() -> Self {
+        Self {
+            start_parameter_services: true,
+            service_mapping: None,
+            diagnostics_period: Duration::from_secs(1),
+            use_sim_time: false,
+        }
+    }
+}
+
+impl Words for Option<ServiceMapping> {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("auto", None),
+        ("cyclone", Some(ServiceMapping::Cyclone)),
+        ("enhanced", Some(ServiceMapping::Enhanced)),
+    ];
+}
+
+const ENDPOINTS: &str = "it says which endpoints the node has";
+
+impl Tunables for NodeParameters {
+    const HEADING: &'static str = "Node";
+
+    fn table() -> Vec<Tunable<Self>> {
+        vec![
+            Tunable::new(
+                "start_parameter_services",
+                switch(),
+                |node: &mut Self| &mut node.start_parameter_services,
+                "Whether the node serves its parameters, which takes 12 endpoints, and offers its other services",
+            )
+            .at_start(ENDPOINTS),
+            Tunable::new(
+                "service_mapping",
+                choice("MAPPING"),
+                |node: &mut Self| &mut node.service_mapping,
+                "How services are mapped: as RMW_IMPLEMENTATION needs it, as CycloneDDS does, or as Fast DDS and \
+                 Connext do",
+            )
+            .at_start(ENDPOINTS),
+            Tunable::new(
+                "diagnostics_period_s",
+                seconds_in(0.0, 3_600.0),
+                |node: &mut Self| &mut node.diagnostics_period,
+                "Time between two reports on /diagnostics, in seconds; 0 for none",
+            ),
+            Tunable::new(
+                "use_sim_time",
+                switch(),
+                |node: &mut Self| &mut node.use_sim_time,
+                "Whether /clock gives the time; durations are measured on each process' own clock, so it must be false",
+            )
+            .at_start("simulated time is not supported"),
+        ]
+    }
+}

@@ -1,0 +1,218 @@
+//! The node of the process that announces the target, and pursues the goals of clients.
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::{Duration, Instant};
+
+use async_channel::Receiver;
+use formation::model::TargetAnnouncement;
+use formation_msgs::{TargetConfiguration, WithdrawTargetResponse, bounds};
+use formation_node::messages::Received;
+use formation_node::{stamp, topics};
+use ros_runtime::PublisherQueue;
+use ros_runtime::action::ActionRequest;
+use ros_runtime::event_loop::{Inputs, Node};
+use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::service::{Call, RequestId};
+use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::settings::Settings;
+use ros2_client::builtin_interfaces::Time;
+
+use crate::endpoints::{self, FormConfigurationServer, Input};
+use crate::goal_resolver::GoalResolver;
+use crate::goal_tracker::GoalTracker;
+use crate::parameters::PublisherParameters;
+
+const NODE_NAME: &str = "target_publisher";
+
+/// A process that announces a target, keeps it for late subscribers, and announces the targets of goals.
+pub(crate) struct TargetPublisher {
+    /// Its place in the ROS 2 graph.
+    pub settings: Settings,
+    /// What it announces at its start, if anything.
+    pub announcement: Option<TargetAnnouncement>,
+    /// Its parameters, unless ROS 2 assigns others.
+    pub parameters: PublisherParameters,
+}
+
+impl TargetPublisher {
+    /// Announces the target, and those of goals, until `stop` yields, then leaves the graph.
+    ///
+    /// When the DDS library no longer receives, it rejoins, announces its latest target again, and continues its goal.
+    pub(crate) fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
+        let start = Instant::now();
+        let mut tracker = GoalTracker::default();
+        rejoining(|| self.announce(start, &mut tracker, stop))
+    }
+
+    fn announce(
+        &self,
+        start: Instant,
+        tracker: &mut GoalTracker<RequestId>,
+        stop: &Receiver<()>,
+    ) -> Result<(), SessionError> {
+        let declared = self
+            .settings
+            .declare(NODE_NAME, self.parameters.declarations())?;
+        let parameters = self.parameters.clone().read(declared.values())?;
+        if let Some(announcement) = &self.announcement
+            && tracker.status.own().is_none()
+        {
+            let announcement = TargetAnnouncement {
+                expected_modules: parameters.expected_modules,
+                ..announcement.clone()
+            };
+            tracker.status.announce(start.elapsed(), announcement);
+        }
+        let mut session = Session::join(&self.settings, NODE_NAME, declared)?;
+        let target = session.publisher(&topics::TARGET)?;
+        let mut inputs = Inputs::default();
+        let mut action = None;
+        // Where the node serves no tools it serves no client, as discovery grows with the number of endpoints.
+        if session.node_parameters().start_parameter_services {
+            action = Some(endpoints::open(&mut session, &mut inputs)?);
+        } else if self.announcement.is_none() {
+            tracing::warn!(
+                "announces nothing and serves no goals, as start_parameter_services is false"
+            );
+        }
+        tracker.renew_goal_states();
+        let mut announcer = Announcer {
+            start,
+            tracker,
+            resolver: GoalResolver {
+                folder: parameters.scenario_folder.clone().map(PathBuf::from),
+                expected_modules: parameters.expected_modules,
+            },
+            parameters,
+            announced: None,
+            target,
+            action,
+        };
+        session.run(&mut announcer, inputs, stop)
+    }
+}
+
+struct Announcer<'a> {
+    start: Instant,
+    tracker: &'a mut GoalTracker<RequestId>,
+    resolver: GoalResolver,
+    parameters: PublisherParameters,
+    /// The revision that was published last.
+    announced: Option<u64>,
+    target: PublisherQueue<TargetConfiguration>,
+    action: Option<FormConfigurationServer>,
+}
+
+impl Node for Announcer<'_> {
+    type Input = Input;
+
+    fn handle(&mut self, input: Input) {
+        let now = self.start.elapsed();
+        match input {
+            Input::Messages(Received { messages, .. }) => {
+                for message in messages {
+                    self.tracker.handle_message(now, &message);
+                }
+            }
+            Input::Verdict(verdict) => self.tracker.status.handle_verdict(now, verdict),
+            Input::QueryStatus(Call { request, reply }) => {
+                reply(self.tracker.status.answer(request));
+            }
+            Input::WithdrawTarget(Call { request, reply }) => {
+                let status = &mut self.tracker.status;
+                let outcome = status.withdraw(now, stamp::revision(), request.revision);
+                // The answer must be true when it is sent.
+                self.publish_target();
+                let success = outcome.is_ok();
+                let message = outcome.unwrap_or_else(|reason| reason);
+                let message = bounds::shortened(message, bounds::ANSWER_BYTES_MAX);
+                reply(WithdrawTargetResponse { success, message });
+            }
+            Input::Action(request) => self.handle_action(now, request),
+        }
+    }
+
+    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        let now = self.start.elapsed();
+        self.tracker.advance(now, &self.parameters);
+        self.publish_target();
+        if let Some(action) = &self.action {
+            if let Some((goal, feedback)) = self.tracker.take_feedback(now) {
+                action.publish_feedback(goal, feedback);
+            }
+            if let Some(states) = self.tracker.take_goal_states() {
+                action.status.publish(states);
+            }
+            for (id, status, result) in self.tracker.take_answers() {
+                action.answer_result(id, status, result);
+            }
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn due(&self) -> Option<Instant> {
+        let due = self.tracker.due(&self.parameters);
+        due.map(|due| self.start + due)
+    }
+
+    fn set_parameters(&mut self, values: &Values) -> Result<(), ParameterError> {
+        self.parameters = self.parameters.clone().read(values)?;
+        Ok(())
+    }
+}
+
+impl Announcer<'_> {
+    fn handle_action(
+        &mut self,
+        now: Duration,
+        request: ActionRequest<formation_msgs::FormConfigurationGoal>,
+    ) {
+        let fresh = stamp::revision();
+        match request {
+            ActionRequest::SendGoal(id, goal, content) => {
+                let stamp = Time::now();
+                let target = self.resolver.resolve(content);
+                let accepted = self.tracker.begin(now, stamp, goal, fresh, target);
+                if let Some(action) = &self.action {
+                    action.answer_goal(id, accepted, stamp);
+                }
+            }
+            ActionRequest::CancelGoal(id, meant) => {
+                let response = self.tracker.cancel(now, fresh, &meant);
+                // Modules must see the withdrawal also when another goal came in at the same time, or would not replan.
+                self.publish_target();
+                if let Some(action) = &self.action {
+                    action.answer_cancellation(id, response);
+                }
+            }
+            ActionRequest::GetResult(id, goal) => self.tracker.ask(goal, id),
+        }
+    }
+
+    /// Publishes what the process has to announce, unless it has done so.
+    fn publish_target(&mut self) {
+        let Some(own) = self.tracker.status.own() else {
+            return;
+        };
+        if self.announced == Some(own.revision) {
+            return;
+        }
+        self.announced = Some(own.revision);
+        let mut sample = TargetConfiguration::from(own.as_ref());
+        sample.header.stamp = stamp::header("").stamp;
+        self.target.publish(sample);
+        let (revision, name) = (own.revision, &own.name);
+        match &own.target {
+            Some(target) => {
+                tracing::info!(
+                    revision,
+                    name,
+                    spots = target.spots().len(),
+                    "announced the target"
+                );
+            }
+            None => tracing::info!(revision, name, "withdrew the target"),
+        }
+    }
+}

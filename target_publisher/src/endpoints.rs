@@ -1,0 +1,64 @@
+//! The services and the action of the target publisher, and the topics whose samples it needs to answer.
+
+use formation_msgs::{
+    FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult, QueryStatusRequest,
+    QueryStatusResponse, Verdict, WithdrawTargetRequest, WithdrawTargetResponse,
+};
+use formation_node::messages::{Received, subscribe_all};
+use formation_node::topics;
+use ros_runtime::action::{Action, ActionRequest, ActionServer};
+use ros_runtime::event_loop::Inputs;
+use ros_runtime::service::{Call, Service};
+use ros_runtime::session::{Session, SessionError};
+
+const QUERY_STATUS: Service<QueryStatusRequest, QueryStatusResponse> =
+    Service::new("query_status", "formation_msgs", "QueryStatus");
+const WITHDRAW_TARGET: Service<WithdrawTargetRequest, WithdrawTargetResponse> =
+    Service::new("withdraw_target", "formation_msgs", "WithdrawTarget");
+const FORM_CONFIGURATION: Action<
+    FormConfigurationGoal,
+    FormConfigurationResult,
+    FormConfigurationFeedback,
+> = Action::new("form_configuration", "formation_msgs", "FormConfiguration");
+
+/// Serves the action `FormConfiguration`.
+pub(crate) type FormConfigurationServer =
+    ActionServer<FormConfigurationGoal, FormConfigurationResult, FormConfigurationFeedback>;
+
+/// What the process receives.
+pub(crate) enum Input {
+    Messages(Received),
+    Verdict(Verdict),
+    QueryStatus(Call<QueryStatusRequest, QueryStatusResponse>),
+    WithdrawTarget(Call<WithdrawTargetRequest, WithdrawTargetResponse>),
+    Action(ActionRequest<FormConfigurationGoal>),
+}
+
+/// Creates the endpoints.
+pub(crate) fn open(
+    session: &mut Session,
+    inputs: &mut Inputs<Input>,
+) -> Result<FormConfigurationServer, SessionError> {
+    inputs.add(session.serve(&QUERY_STATUS)?, Input::QueryStatus);
+    inputs.add(session.serve(&WITHDRAW_TARGET)?, Input::WithdrawTarget);
+    let (action, requests) = session.serve_action(&FORM_CONFIGURATION)?;
+    inputs.add(requests, Input::Action);
+    for messages in subscribe_all(session, 1)? {
+        inputs.add(messages, Input::Messages);
+    }
+    let verdicts = session.subscription(&topics::VERDICT, |_, verdict| checked(verdict))?;
+    inputs.add(verdicts, Input::Verdict);
+    Ok(action)
+}
+
+/// A verdict with a known outcome.
+fn checked(verdict: Verdict) -> Result<Verdict, String> {
+    match verdict.outcome {
+        Verdict::OUTCOME_COMPLETE | Verdict::OUTCOME_PARTIAL | Verdict::OUTCOME_FAILED => {
+            Ok(verdict)
+        }
+        unknown => Err(format!(
+            "outcome: {unknown} is unknown; known are COMPLETE 1, PARTIAL 2, FAILED 3"
+        )),
+    }
+}

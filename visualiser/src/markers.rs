@@ -1,0 +1,393 @@
+//! The shapes of a picture.
+
+use std::collections::BTreeMap;
+
+use formation::model::{ModuleId, ModulePhase, Pose};
+use formation_msgs::Header;
+use formation_msgs::external::geometry_msgs::{self, Point, Vector3};
+use formation_msgs::external::std_msgs::ColorRGBA;
+use formation_msgs::external::visualization_msgs::{Marker, MarkerArray};
+
+use crate::scene::{DrawnScene, Figure};
+
+/// A module is a unit wide; a little less shows the gap between two.
+const MODULE_SIZE: f64 = 0.9;
+const MODULE_HEIGHT: f64 = 0.3;
+const LABEL_HEIGHT: f64 = 0.35;
+const LINE_WIDTH: f64 = 0.05;
+/// Links are drawn thicker than what is only meant to be.
+const LINK_WIDTH: f64 = 0.15;
+
+const GREY: ColorRGBA = ColorRGBA {
+    r: 0.5,
+    g: 0.5,
+    b: 0.5,
+    a: 0.6,
+};
+const WHITE: ColorRGBA = ColorRGBA {
+    r: 1.0,
+    g: 1.0,
+    b: 1.0,
+    a: 1.0,
+};
+
+/// A picture of the whole scene; it replaces the one before.
+pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArray {
+    let mut picture = Picture {
+        header,
+        markers: vec![Marker {
+            header: header.clone(),
+            action: Marker::DELETEALL,
+            ..Marker::default()
+        }],
+    };
+    picture.draw_target(scene, labels);
+    picture.draw_links(scene);
+    picture.draw_claims(scene);
+    for (module, figure) in scene.figures() {
+        picture.draw_trail(module, &figure);
+        picture.draw_module(module, &figure, labels);
+    }
+    MarkerArray {
+        markers: picture.markers,
+    }
+}
+
+struct Picture<'a> {
+    header: &'a Header,
+    markers: Vec<Marker>,
+}
+
+impl Picture<'_> {
+    fn add(&mut self, ns: &str, id: u32, marker: Marker) {
+        self.markers.push(Marker {
+            header: self.header.clone(),
+            ns: ns.to_owned(),
+            // Markers count in signed numbers; wrapping keeps different ones different.
+            id: i32::from_ne_bytes(id.to_ne_bytes()),
+            action: Marker::ADD,
+            ..marker
+        });
+    }
+
+    /// Lines of one width, each with a colour of its own.
+    fn add_lines(&mut self, ns: &str, width: f64, lines: &[([Point; 2], ColorRGBA)]) {
+        if lines.is_empty() {
+            return;
+        }
+        self.add(
+            ns,
+            0,
+            Marker {
+                r#type: Marker::LINE_LIST,
+                scale: Vector3 {
+                    x: width,
+                    ..Vector3::default()
+                },
+                color: WHITE,
+                points: lines.iter().flat_map(|(ends, _)| *ends).collect(),
+                colors: lines.iter().flat_map(|(_, colour)| [*colour; 2]).collect(),
+                ..Marker::default()
+            },
+        );
+    }
+
+    fn add_label(&mut self, ns: &str, id: u32, pose: &Pose, height: f64, colour: ColorRGBA) {
+        let mut pose = geometry_msgs::Pose::from(pose);
+        pose.position.z = height;
+        self.add(
+            ns,
+            id,
+            Marker {
+                r#type: Marker::TEXT_VIEW_FACING,
+                pose,
+                scale: Vector3 {
+                    z: LABEL_HEIGHT,
+                    ..Vector3::default()
+                },
+                color: colour,
+                text: id.to_string(),
+                ..Marker::default()
+            },
+        );
+    }
+
+    /// The outline of each spot, in the colour of its holder, and the edges between them.
+    fn draw_target(&mut self, scene: &DrawnScene, labels: bool) {
+        let Some(target) = scene.target() else {
+            return;
+        };
+        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
+        let mut outlines = Vec::new();
+        let mut edges = Vec::new();
+        for spot in target.spots() {
+            let holder = scene.holders().get(&spot.id);
+            let holder = holder.and_then(|module| figures.get(module));
+            let colour = holder.map_or(GREY, colour_of);
+            let corners = corners_of(&spot.pose);
+            for (index, corner) in corners.iter().enumerate() {
+                outlines.push(([*corner, corners[(index + 1) % 4]], colour));
+            }
+            for other in target
+                .neighbours_of(spot.id)
+                .filter(|&other| other > spot.id)
+            {
+                if let Some(other) = target.spot(other) {
+                    edges.push(([point(&spot.pose, 0.0), point(&other.pose, 0.0)], GREY));
+                }
+            }
+            if labels {
+                self.add_label("spot_labels", spot.id.0, &spot.pose, 0.0, GREY);
+            }
+        }
+        self.add_lines("target_spots", LINE_WIDTH, &outlines);
+        self.add_lines("target_edges", LINE_WIDTH, &edges);
+    }
+
+    /// A line between two docked modules; pale while only one of them says so.
+    fn draw_links(&mut self, scene: &DrawnScene) {
+        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
+        let mut links = Vec::new();
+        for (&module, figure) in &figures {
+            for &other in &figure.snapshot.links {
+                let Some(end) = figures.get(&other) else {
+                    continue;
+                };
+                let mutual = end.snapshot.links.contains(&module);
+                if mutual && other < module {
+                    continue;
+                }
+                let ends = [
+                    point(&figure.snapshot.pose, MODULE_HEIGHT),
+                    point(&end.snapshot.pose, MODULE_HEIGHT),
+                ];
+                links.push((ends, if mutual { WHITE } else { GREY }));
+            }
+        }
+        self.add_lines("links", LINK_WIDTH, &links);
+    }
+
+    /// A line from each module to the spot that it claims and does not stand on yet.
+    fn draw_claims(&mut self, scene: &DrawnScene) {
+        let Some(target) = scene.target() else {
+            return;
+        };
+        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
+        let lines: Vec<_> = scene
+            .holders()
+            .iter()
+            .filter_map(|(&spot, module)| {
+                let figure = figures.get(module)?;
+                if figure.snapshot.phase == ModulePhase::Settled {
+                    return None;
+                }
+                let colour = ColorRGBA {
+                    a: 0.5,
+                    ..colour_of(figure)
+                };
+                let spot = target.spot(spot)?;
+                Some((
+                    [point(&figure.snapshot.pose, 0.0), point(&spot.pose, 0.0)],
+                    colour,
+                ))
+            })
+            .collect();
+        self.add_lines("claims", LINE_WIDTH, &lines);
+    }
+
+    fn draw_trail(&mut self, module: ModuleId, figure: &Figure) {
+        if figure.trail.len() < 2 {
+            return;
+        }
+        let colour = ColorRGBA {
+            a: 0.4,
+            ..colour_of(figure)
+        };
+        self.add(
+            "trails",
+            module.0,
+            Marker {
+                r#type: Marker::LINE_STRIP,
+                scale: Vector3 {
+                    x: LINE_WIDTH,
+                    ..Vector3::default()
+                },
+                color: colour,
+                points: figure.trail.iter().map(|pose| point(pose, 0.0)).collect(),
+                ..Marker::default()
+            },
+        );
+    }
+
+    fn draw_module(&mut self, module: ModuleId, figure: &Figure, labels: bool) {
+        let mut pose = geometry_msgs::Pose::from(&figure.snapshot.pose);
+        pose.position.z = MODULE_HEIGHT / 2.0;
+        self.add(
+            "modules",
+            module.0,
+            Marker {
+                r#type: Marker::CUBE,
+                pose,
+                scale: Vector3 {
+                    x: MODULE_SIZE,
+                    y: MODULE_SIZE,
+                    z: MODULE_HEIGHT,
+                },
+                color: colour_of(figure),
+                ..Marker::default()
+            },
+        );
+        if labels {
+            let height = MODULE_HEIGHT + LABEL_HEIGHT;
+            self.add_label(
+                "module_labels",
+                module.0,
+                &figure.snapshot.pose,
+                height,
+                WHITE,
+            );
+        }
+    }
+}
+
+fn point(pose: &Pose, z: f64) -> Point {
+    Point {
+        x: pose.x.to_units(),
+        y: pose.y.to_units(),
+        z,
+    }
+}
+
+/// The corners of a module that stands there, in their order around it.
+fn corners_of(pose: &Pose) -> [Point; 4] {
+    let (sine, cosine) = pose.theta.to_units().sin_cos();
+    let half = MODULE_SIZE / 2.0;
+    [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(ahead, left)| Point {
+        x: pose.x.to_units() + half * (ahead * cosine - left * sine),
+        y: pose.y.to_units() + half * (ahead * sine + left * cosine),
+        z: 0.0,
+    })
+}
+
+/// Modules of one configuration share a colour, single ones are pale blue, and those that fell silent grey.
+fn colour_of(figure: &Figure) -> ColorRGBA {
+    if !figure.is_live {
+        return GREY;
+    }
+    match figure.configuration {
+        Some(configuration) => {
+            // The golden angle keeps colours that follow each other far apart.
+            let turn = f64::from(configuration.0) * 0.618_033_988_749_895;
+            hue(turn.fract())
+        }
+        None => ColorRGBA {
+            r: 0.7,
+            g: 0.8,
+            b: 1.0,
+            a: 1.0,
+        },
+    }
+}
+
+/// A bright colour from its place on the colour circle, 0 to 1.
+fn hue(turn: f64) -> ColorRGBA {
+    let part = |offset: f64| {
+        let distance = ((turn + offset).fract() * 6.0 - 3.0).abs();
+        #[expect(
+            clippy::cast_possible_truncation,
+            reason = "a colour needs no more precision"
+        )]
+        let bright = (distance - 1.0).clamp(0.0, 1.0) as f32;
+        0.2 + 0.75 * bright
+    };
+    ColorRGBA {
+        r: part(0.0),
+        g: part(2.0 / 3.0),
+        b: part(1.0 / 3.0),
+        a: 1.0,
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+    use std::time::Duration;
+
+    use formation::model::Message;
+
+    use super::*;
+    use crate::scene::tests::{pose, scene, state};
+
+    fn drawn(scene: &DrawnScene) -> Vec<Marker> {
+        of(scene, &Header::default(), true).markers
+    }
+
+    fn named<'a>(markers: &'a [Marker], ns: &str) -> Vec<&'a Marker> {
+        markers.iter().filter(|marker| marker.ns == ns).collect()
+    }
+
+    #[test]
+    fn everything_that_is_known_is_drawn() {
+        let markers = drawn(&scene());
+        assert_eq!(markers[0].action, Marker::DELETEALL);
+        let modules = named(&markers, "modules");
+        assert_eq!(
+            modules.iter().map(|marker| marker.id).collect::<Vec<_>>(),
+            [2, 3]
+        );
+        assert_eq!(
+            modules[0].color, modules[1].color,
+            "they are one configuration"
+        );
+        assert_eq!(named(&markers, "links")[0].points.len(), 2, "drawn once");
+        assert_eq!(named(&markers, "target_spots")[0].points.len(), 16);
+        assert_eq!(named(&markers, "target_edges")[0].points.len(), 2);
+        let claims = named(&markers, "claims");
+        assert_eq!(
+            claims[0].points,
+            [point(&pose(0.0, 0.0), 0.0), point(&pose(5.0, 5.0), 0.0)]
+        );
+        assert_eq!(named(&markers, "spot_labels")[1].text, "2");
+        assert!(named(&markers, "trails").is_empty(), "nothing has moved");
+        for list in &markers {
+            assert!(list.colors.is_empty() || list.colors.len() == list.points.len());
+        }
+    }
+
+    #[test]
+    fn no_two_markers_share_a_name() {
+        let mut scene = scene();
+        let moved = state(2, 2, pose(1.0, 1.0));
+        scene.handle(Duration::ZERO, &Message::ModuleState(Arc::new(moved)));
+        let markers = drawn(&scene);
+        let names: std::collections::BTreeSet<_> = markers
+            .iter()
+            .map(|marker| (&marker.ns, marker.id))
+            .collect();
+        assert_eq!(names.len(), markers.len());
+        assert_eq!(named(&markers, "trails")[0].points.len(), 2);
+    }
+
+    #[test]
+    fn colours_tell_configurations_apart_and_silence_is_grey() {
+        let mut scene = scene();
+        scene.advance(Duration::from_secs(9));
+        assert_eq!(named(&drawn(&scene), "modules")[0].color, GREY);
+        let distinct: Vec<ColorRGBA> = (0..6).map(|turn| hue(f64::from(turn) / 6.0)).collect();
+        for (index, one) in distinct.iter().enumerate() {
+            for other in &distinct[index + 1..] {
+                assert_ne!(one, other);
+            }
+            for part in [one.r, one.g, one.b, one.a] {
+                assert!((0.0..=1.0).contains(&part));
+            }
+        }
+    }
+
+    #[test]
+    fn an_outline_turns_with_its_spot() {
+        let turned = Pose::from_units(1.0, 1.0, std::f64::consts::FRAC_PI_2).unwrap();
+        let corner = corners_of(&turned)[0];
+        assert!((corner.x - 0.55).abs() < 1e-6 && (corner.y - 1.45).abs() < 1e-6);
+    }
+}
