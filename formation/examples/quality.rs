@@ -226,14 +226,14 @@ fn configurations(
             ..GeneratorParameters::new(100, 100, seed).grouped(grouping)
         };
         let (_, statistics, time) = timed(&problem(&generator, parameters)?);
-        let counts = statistics.disconnected;
+        let counts = statistics.changes.disconnected;
         let all = [
             counts.broken_links,
             counts.outside_largest_piece,
             counts.alone,
             counts.unmatched_on_empty_target,
-            statistics.port_changes,
-            statistics.evictions,
+            statistics.changes.port_changes,
+            statistics.changes.evictions,
         ];
         for (sum, count) in sums.iter_mut().zip(all) {
             *sum += count;

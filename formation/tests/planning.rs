@@ -92,7 +92,10 @@ fn the_statistics_account_for_every_module_and_link() {
     let problem = problem(60, 60, Grouping::Configurations(12), 5, size_first());
     let outcome = plan(Arc::clone(&problem));
     let statistics = Statistics::of(&problem, &outcome);
-    assert_eq!(statistics.kept_links + statistics.broken_links, 55);
+    assert_eq!(
+        statistics.changes.kept_links + statistics.changes.broken_links,
+        55
+    );
     assert_eq!(statistics.messages.samples, outcome.decisions.len());
     assert_eq!(
         statistics.messages.deliveries,
@@ -102,10 +105,10 @@ fn the_statistics_account_for_every_module_and_link() {
     assert_eq!(statistics.assembly_order.len(), 60);
     assert_eq!(statistics.assignments.len(), 60);
     // Modules that do not fit an empty target do not fit one with other modules.
-    let disconnected = statistics.disconnected;
+    let disconnected = statistics.changes.disconnected;
     assert!(disconnected.unmatched_on_empty_target <= disconnected.outside_largest_piece);
-    assert!(disconnected.outside_largest_piece <= statistics.detached_modules);
-    assert!(disconnected.alone <= statistics.detached_modules);
+    assert!(disconnected.outside_largest_piece <= statistics.changes.detached_modules);
+    assert!(disconnected.alone <= statistics.changes.detached_modules);
     // Each module that leaves breaks at least one link and at most all of its links.
     assert!(disconnected.broken_links >= disconnected.outside_largest_piece.div_ceil(2));
 }

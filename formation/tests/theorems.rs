@@ -78,8 +78,8 @@ fn faults_along(target: &Target, order: &[SpotId]) -> (usize, usize) {
     let (mut placed, mut taken) = (BTreeSet::new(), BTreeSet::new());
     let (mut lonely, mut walled_in) = (0, 0);
     for &spot in order {
-        let beside_a_placed_one = target.neighbours_of(spot).any(|one| placed.contains(&one));
-        lonely += usize::from(!placed.is_empty() && !beside_a_placed_one);
+        let has_placed_neighbour = target.neighbours_of(spot).any(|one| placed.contains(&one));
+        lonely += usize::from(!placed.is_empty() && !has_placed_neighbour);
         walled_in += usize::from(!can_be_reached(cells[&spot], &taken, bounds));
         placed.insert(spot);
         taken.insert(cells[&spot]);
@@ -212,19 +212,19 @@ fn could_all_gain(problem: &Arc<PlanningProblem>, outcome: &PlanOutcome) -> bool
         free.is_some_and(|free| placed.iter().any(|&one| gains(one, free)))
     });
     // The modules whose spots each module prefers; a cycle of preferences is an exchange.
-    let mut wishes: Vec<Vec<bool>> = placed
+    let mut prefers: Vec<Vec<bool>> = placed
         .iter()
         .map(|&one| placed.iter().map(|&(_, spot)| gains(one, spot)).collect())
         .collect();
     for via in 0..placed.len() {
-        let onward = wishes[via].clone();
-        for row in wishes.iter_mut().filter(|row| row[via]) {
-            for (wish, &further) in row.iter_mut().zip(&onward) {
-                *wish |= further;
+        let onward = prefers[via].clone();
+        for row in prefers.iter_mut().filter(|row| row[via]) {
+            for (reached, &further) in row.iter_mut().zip(&onward) {
+                *reached |= further;
             }
         }
     }
-    prefers_a_free_one || (0..placed.len()).any(|one| wishes[one][one])
+    prefers_a_free_one || (0..placed.len()).any(|one| prefers[one][one])
 }
 
 /// The paper's Theorem 2, "spotAllocation algorithm returns a Pareto-optimal allocation between modules and spots". In this

@@ -110,11 +110,11 @@ impl CheckedPlan {
         }
         parts.push(format!(
             "{} kept, {} broken; {} detached; {}; {}",
-            counted(statistics.kept_links, "link"),
-            statistics.broken_links,
-            counted(statistics.detached_modules, "module"),
-            counted(statistics.port_changes, "port change"),
-            counted(statistics.evictions, "eviction"),
+            counted(statistics.changes.kept_links, "link"),
+            statistics.changes.broken_links,
+            counted(statistics.changes.detached_modules, "module"),
+            counted(statistics.changes.port_changes, "port change"),
+            counted(statistics.changes.evictions, "eviction"),
         ));
         parts.push(format!(
             "total utility {:.3}, total distance {:.3} units",
@@ -173,11 +173,11 @@ impl CheckedPlan {
             Fact::new("spots", self.problem.target().spots().len()),
             Fact::new("spots left open", statistics.open_spots.len()),
             Fact::new("turns", self.outcome.decisions.len()),
-            Fact::new("evictions", statistics.evictions),
-            Fact::new("links kept", statistics.kept_links),
-            Fact::new("links broken", statistics.broken_links),
-            Fact::new("modules detached", statistics.detached_modules),
-            Fact::new("port changes", statistics.port_changes),
+            Fact::new("evictions", statistics.changes.evictions),
+            Fact::new("links kept", statistics.changes.kept_links),
+            Fact::new("links broken", statistics.changes.broken_links),
+            Fact::new("modules detached", statistics.changes.detached_modules),
+            Fact::new("port changes", statistics.changes.port_changes),
             Fact::new("total utility", format!("{:.3}", statistics.total_utility)),
             Fact::new(
                 "total distance",

@@ -120,12 +120,12 @@ fn links_are_there_as_long_as_they_hold() {
     let links = film["links"].as_array().unwrap();
     let of = |fate: &'static str| links.iter().filter(move |link| link[2] == fate);
     let statistics = formed.statistics();
-    assert_eq!(of("kept").count(), statistics.kept_links);
+    assert_eq!(of("kept").count(), statistics.changes.kept_links);
     assert!(of("kept").all(|link| link[4].is_null()), "kept to the end");
-    assert_eq!(of("broken").count(), statistics.broken_links);
+    assert_eq!(of("broken").count(), statistics.changes.broken_links);
     assert!(of("broken").all(|link| link[4].as_f64() > link[3].as_f64()));
     let edges = formed.problem().target().topology().edges().len();
-    assert_eq!(of("new").count(), edges - statistics.kept_links);
+    assert_eq!(of("new").count(), edges - statistics.changes.kept_links);
 }
 
 fn told(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> Event {

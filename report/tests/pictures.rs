@@ -37,12 +37,12 @@ fn every_module_spot_and_link_is_drawn_as_what_it_is() {
             let with_legend = |number: usize| number + usize::from(number > 0);
             assert_eq!(
                 count(picture, "class=\"link kept\""),
-                with_legend(statistics.kept_links),
+                with_legend(statistics.changes.kept_links),
                 "{name}"
             );
             assert_eq!(
                 count(picture, "class=\"cross\""),
-                with_legend(statistics.broken_links),
+                with_legend(statistics.changes.broken_links),
                 "{name}"
             );
         }

@@ -83,10 +83,10 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasu
     let outcome = planning.outcome(decisions);
     let statistics = Statistics::of(problem, &outcome);
     let of_detached = match problem.parameters().policy {
-        Policy::Paper => statistics.detached_modules,
+        Policy::Paper => statistics.changes.detached_modules,
         _ => 0,
     };
-    let disconnected = statistics.disconnected;
+    let disconnected = statistics.changes.disconnected;
     PlanMeasurement {
         planning_us,
         turns,
@@ -95,13 +95,13 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasu
         spots: problem.target().spots().len(),
         utility: statistics.total_utility,
         distance: statistics.total_distance,
-        initial_links: statistics.kept_links + statistics.broken_links,
-        broken_links: statistics.broken_links,
-        port_changes: statistics.port_changes,
+        initial_links: statistics.changes.kept_links + statistics.changes.broken_links,
+        broken_links: statistics.changes.broken_links,
+        port_changes: statistics.changes.port_changes,
         unmatched_on_empty_target: disconnected.unmatched_on_empty_target,
         outside_largest_piece: disconnected.outside_largest_piece,
         alone: disconnected.alone,
-        evictions: statistics.evictions,
+        evictions: statistics.changes.evictions,
         broadcasts: statistics.messages.samples + of_detached,
         claims: outcome.decisions.len(),
         pairs_delivered: statistics.messages.pairs,

@@ -129,7 +129,7 @@ pub struct ModuleState {
     /// The lead of its acting unit; itself when it moves alone.
     pub unit: Option<ModuleId>,
     /// The sequence number of the first state that showed it settled in this epoch; 0 before. A reader that keeps one
-    /// sample can miss that state, and this tells whether a mark is later.
+    /// sample can miss that state, and this shows whether a mark is later.
     pub settled_since: u64,
     /// In MOVING and SETTLED: the settled states for which it waited. They prove the order to observers.
     pub waited_for: Vec<CausalMark>,

@@ -13,6 +13,6 @@ mod statistics;
 mod turns;
 mod value;
 
-pub use statistics::{Disconnected, MessageCounts, Statistics};
+pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{ClaimRefused, PlanOutcome, Planning, Turn, plan};
 pub use value::{Utilities, betweenness};

@@ -35,17 +35,9 @@ pub struct Disconnected {
     pub alone: usize,
 }
 
-/// The statistics of a plan. Lengths are in units, utilities in units of utility.
-#[derive(Clone, Debug, PartialEq, Serialize)]
-pub struct Statistics {
-    /// The spot of each placed module, in ascending order of modules.
-    pub assignments: Vec<Assignment>,
-    /// The modules without a spot.
-    pub unassigned: Vec<ModuleId>,
-    /// The spots that no module takes, with those trimmed.
-    pub open_spots: Vec<SpotId>,
-    /// The spots that were left out because there are too few modules.
-    pub trimmed_spots: Vec<SpotId>,
+/// The changes that a plan makes to the initial configurations and in its turns.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize)]
+pub struct Changes {
     /// The links whose ends are in one block, or both pinned, and on adjacent spots.
     pub kept_links: usize,
     /// The initial links that are not kept.
@@ -58,6 +50,22 @@ pub struct Statistics {
     pub evictions: usize,
     /// How far the initial configurations were taken apart.
     pub disconnected: Disconnected,
+}
+
+/// The statistics of a plan. Lengths are in units, utilities in units of utility.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Statistics {
+    /// The spot of each placed module, in ascending order of modules.
+    pub assignments: Vec<Assignment>,
+    /// The modules without a spot.
+    pub unassigned: Vec<ModuleId>,
+    /// The spots that no module takes, with those trimmed.
+    pub open_spots: Vec<SpotId>,
+    /// The spots that were left out because there are too few modules.
+    pub trimmed_spots: Vec<SpotId>,
+    /// The changes to the initial configurations and in the turns.
+    #[serde(flatten)]
+    pub changes: Changes,
     /// The sum of all utilities.
     pub total_utility: f64,
     /// The sum of the distances of all placed modules to their spots.
@@ -81,40 +89,20 @@ impl Statistics {
             .auction
             .map_or(0, |counts| counts.bids + counts.price_updates);
         let samples = outcome.decisions.len() + auction;
-        let claimed_pairs: usize = outcome
-            .decisions
-            .iter()
-            .map(|(_, decision)| decision.selections.len())
-            .sum();
-        let links = problem.links();
-        let detached: BTreeSet<ModuleId> = outcome
-            .decisions
-            .iter()
-            .flat_map(|(_, decision)| decision.detached.iter().copied())
-            .collect();
-        let broken_links = links.edges().len() - plan.kept_links.len();
+        let decisions = outcome.decisions.iter().map(|(_, decision)| decision);
+        let claimed_pairs = decisions
+            .clone()
+            .map(|decision| decision.selections.len())
+            .sum::<usize>();
+        let assignments = plan.assignments.iter();
         Self {
-            assignments: plan
-                .assignments
-                .iter()
+            assignments: assignments
                 .map(|(&module, &spot)| Assignment { module, spot })
                 .collect(),
             unassigned: outcome.unassigned.clone(),
             open_spots: outcome.open_spots.clone(),
             trimmed_spots: outcome.trimmed_spots.clone(),
-            kept_links: plan.kept_links.len(),
-            broken_links,
-            detached_modules: detached.len(),
-            port_changes: port_changes(problem, outcome),
-            evictions: outcome
-                .decisions
-                .iter()
-                .map(|(_, decision)| decision.evictions.len())
-                .sum(),
-            disconnected: Disconnected {
-                broken_links,
-                ..disconnected(problem, &links, outcome)
-            },
+            changes: Changes::of(problem, outcome),
             total_utility: outcome.total_utility.to_units(),
             total_distance: outcome.total_distance.to_units(),
             proven: outcome.proven,
@@ -129,6 +117,30 @@ impl Statistics {
                 samples,
                 deliveries: samples * receivers,
                 pairs: (claimed_pairs + auction) * receivers,
+            },
+        }
+    }
+}
+
+impl Changes {
+    fn of(problem: &PlanningProblem, outcome: &PlanOutcome) -> Self {
+        let links = problem.links();
+        let kept_links = outcome.plan.kept_links.len();
+        let broken_links = links.edges().len() - kept_links;
+        let decisions = outcome.decisions.iter().map(|(_, decision)| decision);
+        let detached: BTreeSet<ModuleId> = decisions
+            .clone()
+            .flat_map(|decision| decision.detached.iter().copied())
+            .collect();
+        Self {
+            kept_links,
+            broken_links,
+            detached_modules: detached.len(),
+            port_changes: port_changes(problem, outcome),
+            evictions: decisions.map(|decision| decision.evictions.len()).sum(),
+            disconnected: Disconnected {
+                broken_links,
+                ..disconnected(problem, &links, outcome)
             },
         }
     }
