@@ -98,7 +98,7 @@ impl Agent {
         if reports_link == is_linked {
             return;
         }
-        let is_wanted = held.wants_link_to(other);
+        let is_wanted = held.ends_linked_to(other);
         let has_settled = state.phase == ModulePhase::Settled;
         let is_settled = matches!(&self.stage, Stage::Acting(acting) if acting.is_settled());
         if is_linked && !is_wanted && (has_settled || state.phase == ModulePhase::Moving) {

@@ -1,4 +1,4 @@
-//! What an agent has to send: outputs for its host, numbered heartbeats and states, and when it wants to be woken.
+//! The outputs of an agent, the numbers of its heartbeats and states, and the time of its next time-out.
 
 use std::collections::VecDeque;
 use std::hash::{Hash, Hasher};
