@@ -219,11 +219,11 @@ impl Context {
     }
 
     pub fn publish(&mut self, message: Message) {
-        self.outbox.publish(message);
+        self.outbox.push(Output::Publish(message));
     }
 
     pub fn emit(&mut self, event: Event) {
-        self.outbox.emit(event);
+        self.outbox.push(Output::Event(event));
     }
 
     pub fn refuse(&mut self, module: Option<ModuleId>, reason: Refusal) {

@@ -31,7 +31,7 @@ impl Agent {
         }
         let own = context.own.run;
         let delay = (live.iter().take_while(|&&run| run < own)).fold(Duration::ZERO, |delay, _| {
-            delay + context.parameters.convene
+            delay.saturating_add(context.parameters.convene)
         });
         let due = context.pacing.due(context.now, delay);
         if context.now < due {

@@ -72,15 +72,6 @@ pub struct Agent {
     early_roster: Option<EarlyRoster>,
 }
 
-/// Whether an input may change what is due.
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Effect {
-    /// It may.
-    Step,
-    /// It does not: a heartbeat that shows nothing new.
-    Nothing,
-}
-
 impl Agent {
     /// An agent for one module, started at `now`.
     #[must_use]
@@ -111,13 +102,19 @@ impl Agent {
     /// Handles one input at the time `now`, which must not run backwards.
     pub fn handle(&mut self, now: Duration, input: Input) {
         self.context.now = self.context.now.max(now);
-        let effect = match input {
+        let may_change_what_is_due = match input {
             Input::Message { source, message } => self.handle_message(source, message),
-            Input::Motion(report) => self.handle_motion(report),
-            Input::Command(command) => self.handle_command(command),
-            Input::Timeout => Effect::Step,
+            Input::Motion(report) => {
+                self.handle_motion(report);
+                true
+            }
+            Input::Command(command) => {
+                self.handle_command(command);
+                true
+            }
+            Input::Timeout => true,
         };
-        if effect == Effect::Step {
+        if may_change_what_is_due {
             self.step();
         }
     }
@@ -250,7 +247,8 @@ impl Agent {
         self.stage = Stage::Listening(self.stage.epoch());
     }
 
-    fn handle_message(&mut self, source: Option<SourceId>, message: Message) -> Effect {
+    /// Handles a message; returns whether it may change what is due.
+    fn handle_message(&mut self, source: Option<SourceId>, message: Message) -> bool {
         match message {
             Message::Target(announcement) => self.handle_target(announcement),
             Message::ModuleState(state) => self.handle_state(source, state),
@@ -260,7 +258,7 @@ impl Agent {
             // A claim contains its evictions.
             Message::Eviction(_) => {}
         }
-        Effect::Step
+        true
     }
 
     fn handle_target(&mut self, announcement: Arc<TargetAnnouncement>) {
@@ -299,27 +297,25 @@ impl Agent {
         }
     }
 
-    fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> Effect {
+    /// Handles a heartbeat; one that shows nothing new changes nothing that is due.
+    fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
         let (module, incarnation) = (heartbeat.module, heartbeat.incarnation);
         if module == self.module() {
             self.handle_duplicate(incarnation);
-            return Effect::Step;
+            return true;
         }
         let context = &mut self.context;
         let liveness = context.liveness();
         match context.peers.handle_heartbeat(liveness, heartbeat, source) {
-            Ok(HeartbeatNews::Old) => return Effect::Nothing,
-            Ok(HeartbeatNews::StillLive { age }) if age <= context.parameters.lease => {
-                return Effect::Nothing;
-            }
-            Ok(HeartbeatNews::StillLive { .. }) => {}
+            Ok(HeartbeatNews::Old) => return false,
+            Ok(HeartbeatNews::StillLive { age }) => return age > context.parameters.lease,
             Ok(HeartbeatNews::New) => {
                 self.note_shown(&heartbeat);
                 self.handle_early_roster(module);
             }
             Err(refusal) => self.refuse_run(module, incarnation, refusal),
         }
-        Effect::Step
+        true
     }
 
     /// Records the epoch that a heartbeat shows. With a digest, its roster may have been agreed on.

@@ -4,20 +4,20 @@ use std::sync::Arc;
 
 use crate::model::{ModuleId, ModulePhase, Service};
 
+use super::Agent;
 use super::event::Event;
 use super::io::{Command, MotionReport};
 use super::stage::Stage;
-use super::{Agent, Effect};
 
 impl Agent {
-    pub(super) fn handle_motion(&mut self, report: MotionReport) -> Effect {
+    pub(super) fn handle_motion(&mut self, report: MotionReport) {
         let body = &mut self.context.body;
         match report {
             MotionReport::Pose(pose) => {
                 body.pose = pose;
                 let published = self.context.outbox.states.pose_at;
                 if self.context.now < published + self.context.parameters.pose_interval {
-                    return Effect::Step;
+                    return;
                 }
             }
             MotionReport::Arrived(pose) => {
@@ -41,11 +41,10 @@ impl Agent {
             }
             MotionReport::Failed => {
                 self.handle_failure();
-                return Effect::Step;
+                return;
             }
         }
         self.context.mark_state_changed();
-        Effect::Step
     }
 
     fn handle_failure(&mut self) {
@@ -63,13 +62,13 @@ impl Agent {
     /// A module that is out of service stays a member: it freezes, computes and agrees like any other, and so counts
     /// towards the majority of earlier rosters. Later rosters need no majority that includes it. Only the plan passes it
     /// over: a spare takes its spot, or the spot is reported open. It undocks from all modules and stays where it is.
-    pub(super) fn handle_command(&mut self, command: Command) -> Effect {
+    pub(super) fn handle_command(&mut self, command: Command) {
         let (service, event) = match command {
             Command::Retire => (Service::Retired, Event::Retired),
             Command::Rejoin => (Service::Active, Event::Rejoined),
         };
         if self.context.body.service == service {
-            return Effect::Step;
+            return;
         }
         self.context.body.service = service;
         self.context.mark_state_changed();
@@ -80,7 +79,6 @@ impl Agent {
                 acting.abandon();
             }
         }
-        Effect::Step
     }
 
     /// Follows the links that another module reports: it docked to this one, or undocked from it.
@@ -100,7 +98,7 @@ impl Agent {
         if reports_link == is_linked {
             return;
         }
-        let is_wanted = held.wants_link_to(other);
+        let is_wanted = held.ends_linked_to(other);
         let has_settled = state.phase == ModulePhase::Settled;
         let is_settled = matches!(&self.stage, Stage::Acting(acting) if acting.is_settled());
         if is_linked && !is_wanted && (has_settled || state.phase == ModulePhase::Moving) {

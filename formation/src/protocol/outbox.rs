@@ -1,10 +1,10 @@
-//! What an agent has to send: outputs for its host, numbered heartbeats and states, and when it wants to be woken.
+//! The outputs of an agent, the numbers of its heartbeats and states, and the time of its next time-out.
 
 use std::collections::VecDeque;
 use std::hash::{Hash, Hasher};
 use std::time::Duration;
 
-use crate::model::{Digest, Epoch, Message, ModulePhase};
+use crate::model::{Digest, Epoch, ModuleId, ModulePhase};
 
 use super::event::Event;
 use super::io::Output;
@@ -73,14 +73,6 @@ impl Outbox {
         self.outputs.push_back(output);
     }
 
-    pub fn publish(&mut self, message: Message) {
-        self.push(Output::Publish(message));
-    }
-
-    pub fn emit(&mut self, event: Event) {
-        self.push(Output::Event(event));
-    }
-
     pub fn pop(&mut self) -> Option<Output> {
         self.outputs.pop_front()
     }
@@ -92,10 +84,10 @@ impl Outbox {
     }
 
     /// Counts a refusal, and reports it unless it is the ordinary lateness of a network.
-    pub fn refuse(&mut self, module: Option<crate::model::ModuleId>, reason: Refusal) {
+    pub fn refuse(&mut self, module: Option<ModuleId>, reason: Refusal) {
         self.refusals.add(reason);
         if !reason.is_ordinary() {
-            self.emit(Event::Refused { module, reason });
+            self.push(Output::Event(Event::Refused { module, reason }));
         }
     }
 

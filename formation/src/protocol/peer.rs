@@ -67,7 +67,7 @@ impl Peer {
     /// Estimates when a heartbeat was sent, by this module's clock.
     ///
     /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift. A
-    /// heartbeat that lay in a buffer while this process or the network stood still is thus recognised as old.
+    /// heartbeat that lay in a buffer while this process or the network stood still is recognised as old in this way.
     pub fn sent_at(&mut self, now: Duration, uptime: Duration) -> Duration {
         let micros = |duration: Duration| i128::try_from(duration.as_micros()).unwrap_or(i128::MAX);
         let sample = micros(now) - micros(uptime).min(i128::MAX / 4);

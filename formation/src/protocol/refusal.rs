@@ -3,99 +3,69 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
-/// Why a message was refused.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub enum Refusal {
+/// Declares the kinds of refusals, each with its name in counters and its text in logs.
+macro_rules! refusals {
+    ($($(#[$documentation:meta])* $kind:ident = $name:literal: $text:literal,)*) => {
+        /// Why a message was refused.
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        pub enum Refusal {
+            $($(#[$documentation])* $kind,)*
+        }
+
+        impl Refusal {
+            /// The kind in one word, as in counters and logs.
+            #[must_use]
+            pub fn name(self) -> &'static str {
+                match self {
+                    $(Self::$kind => $name,)*
+                }
+            }
+        }
+
+        impl fmt::Display for Refusal {
+            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+                formatter.write_str(match self {
+                    $(Self::$kind => $text,)*
+                })
+            }
+        }
+    };
+}
+
+refusals! {
     /// It belongs to an epoch that is over.
-    StaleEpoch,
+    StaleEpoch = "stale_epoch": "its epoch is over",
     /// It comes from a run of the process that is over, or repeats an older state.
-    StaleIncarnation,
+    StaleIncarnation = "stale_incarnation": "it is older than what is known of that module",
     /// It names a live module but comes from another process.
-    WrongSource,
+    WrongSource = "wrong_source": "it comes from another process than the module's own",
     /// It comes from a second process under a live module's identifier.
-    DuplicateModule,
+    DuplicateModule = "duplicate_module": "a second process runs under a live module's identifier",
     /// Its sender is not a member of the roster.
-    UnknownModule,
+    UnknownModule = "unknown_module": "its sender is not a member of the roster",
     /// It claims a turn that is another unit's.
-    WrongClaimant,
+    WrongClaimant = "wrong_claimant": "the turn is another unit's",
     /// Its decision differs from this module's own recomputation.
-    DifferentDecision,
+    DifferentDecision = "different_decision": "its decision differs from our own recomputation",
     /// It announces another target under a known revision.
-    ContradictingTarget,
+    ContradictingTarget = "contradicting_target": "it announces another target under a known revision",
     /// Its roster contradicts itself or this module's announced state.
-    BadRoster,
+    BadRoster = "bad_roster": "its roster contradicts itself or our announced state",
     /// Its roster lacks a majority of an earlier one.
-    NoQuorum,
+    NoQuorum = "no_quorum": "its roster lacks a majority of an earlier one",
     /// Its epoch is too far ahead of every known epoch.
-    ImplausibleEpoch,
+    ImplausibleEpoch = "implausible_epoch": "its epoch is too far ahead of every known epoch",
     /// It came before its turn, and the buffer for early claims is full.
-    BufferFull,
+    BufferFull = "buffer_full": "it came before its turn, and the buffer for early claims is full",
     /// It names more modules than a formation may have.
-    TooManyModules,
+    TooManyModules = "too_many_modules": "it names more modules than a formation may have",
 }
 
 impl Refusal {
-    /// Every kind, for reports.
-    pub const ALL: [Self; 13] = [
-        Self::StaleEpoch,
-        Self::StaleIncarnation,
-        Self::WrongSource,
-        Self::DuplicateModule,
-        Self::UnknownModule,
-        Self::WrongClaimant,
-        Self::DifferentDecision,
-        Self::ContradictingTarget,
-        Self::BadRoster,
-        Self::NoQuorum,
-        Self::ImplausibleEpoch,
-        Self::BufferFull,
-        Self::TooManyModules,
-    ];
-
-    /// The kind in one word, as in counters and logs.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::StaleEpoch => "stale_epoch",
-            Self::StaleIncarnation => "stale_incarnation",
-            Self::WrongSource => "wrong_source",
-            Self::DuplicateModule => "duplicate_module",
-            Self::UnknownModule => "unknown_module",
-            Self::WrongClaimant => "wrong_claimant",
-            Self::DifferentDecision => "different_decision",
-            Self::ContradictingTarget => "contradicting_target",
-            Self::BadRoster => "bad_roster",
-            Self::NoQuorum => "no_quorum",
-            Self::ImplausibleEpoch => "implausible_epoch",
-            Self::BufferFull => "buffer_full",
-            Self::TooManyModules => "too_many_modules",
-        }
-    }
-
     /// Whether it is the ordinary lateness of a network, which is counted but not logged.
     #[must_use]
     pub fn is_ordinary(self) -> bool {
         matches!(self, Self::StaleEpoch | Self::StaleIncarnation)
-    }
-}
-
-impl fmt::Display for Refusal {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::StaleEpoch => "its epoch is over",
-            Self::StaleIncarnation => "it is older than what is known of that module",
-            Self::WrongSource => "it comes from another process than the module's own",
-            Self::DuplicateModule => "a second process runs under a live module's identifier",
-            Self::UnknownModule => "its sender is not a member of the roster",
-            Self::WrongClaimant => "the turn is another unit's",
-            Self::DifferentDecision => "its decision differs from our own recomputation",
-            Self::ContradictingTarget => "it announces another target under a known revision",
-            Self::BadRoster => "its roster contradicts itself or our announced state",
-            Self::NoQuorum => "its roster lacks a majority of an earlier one",
-            Self::ImplausibleEpoch => "its epoch is too far ahead of every known epoch",
-            Self::BufferFull => "it came before its turn, and the buffer for early claims is full",
-            Self::TooManyModules => "it names more modules than a formation may have",
-        })
     }
 }
 

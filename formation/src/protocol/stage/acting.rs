@@ -20,7 +20,7 @@ enum Task {
     Spare,
     /// Its unit's turn has not come.
     Waiting,
-    /// It undocks from the links that the plan breaks.
+    /// It undocks the links that the plan breaks.
     Undocking,
     /// It moves since `since`; `held` while it is halted because agreement lapsed.
     Moving { since: Duration, held: bool },
@@ -239,7 +239,7 @@ impl Acting {
 
     /// Stays on its spot, and undocks from modules that the target does not have there, such as a failed neighbour.
     fn stay(&mut self, lagging: &[ModuleId], context: &mut Context) {
-        let unwanted = context.links_except(|link| self.held.wants_link_to(link));
+        let unwanted = context.links_except(|link| self.held.ends_linked_to(link));
         if unwanted.is_empty() {
             self.task = Task::Settled;
             context.mark_state_changed();
@@ -248,7 +248,7 @@ impl Acting {
         }
     }
 
-    /// Undocks from the links that the plan breaks.
+    /// Begins to undock the links that the plan breaks.
     fn set_off(&mut self, place: Place, context: &mut Context) {
         self.proofs = Proofs::of_departure(&self.held, place, context);
         self.task = Task::Undocking;

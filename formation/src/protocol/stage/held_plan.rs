@@ -77,7 +77,7 @@ impl HeldPlan {
         self.roster.epoch
     }
 
-    /// Adds to a state what the plan says of this module.
+    /// Adds to a state the spot and the unit of this module.
     pub(super) fn describe(&self, state: &mut ModuleState) {
         if let Some(place) = self.place {
             state.spot = Some(place.spot);
@@ -233,7 +233,7 @@ impl HeldPlan {
     }
 
     /// Whether the two modules are docked at the end of the plan.
-    pub fn wants_link_to(&self, other: ModuleId) -> bool {
+    pub fn ends_linked_to(&self, other: ModuleId) -> bool {
         self.keeps_link_to(other)
             || self.place.is_some_and(|place| {
                 let mut holders = self.adjacent_holders(place.spot);
