@@ -106,7 +106,11 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
             "{id: 2, x: 3.0, y: 0.0}",
             "target.spots[3].id: spot 2 is used twice",
         ),
-        ("[3, 4]]", "[3, 9]]", "target.edges[2]: spot 9 is not in the target"),
+        (
+            "[3, 4]]",
+            "[3, 9]]",
+            "target.edges[2]: spot 9 is not in the target",
+        ),
         (
             "[3, 4]]",
             "[4, 4]]",
@@ -291,7 +295,10 @@ fn whole_files_that_are_no_scenario_are_refused() {
     for (text, expected) in [
         ("", "line 1 column 1: missing field `target`"),
         ("just some prose", "line 1 column 1: invalid type: string"),
-        ("target: {spots: []}", "target.spots: the target needs at least one spot"),
+        (
+            "target: {spots: []}",
+            "target.spots: the target needs at least one spot",
+        ),
         (
             "target: {spots: [{id: 1, x: 0, y: 0}]}",
             "modules: there is no module to plan for",
