@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 use serde_json::Value;
 
 use crate::python::Python;
-use crate::transcript::Transcript;
+use crate::transcript::{Line, Transcript};
 
 /// A peer that waits longer than this for a sample waits for nothing.
 const PATIENCE: Duration = Duration::from_secs(60);
@@ -102,16 +102,21 @@ impl Peer {
     /// Every pose of a module among the samples of `module_states` so far, and when it came.
     #[must_use]
     pub fn poses_of(&self, module: u32) -> Vec<(Instant, (f64, f64))> {
-        let mut poses = Vec::new();
-        for line in self.output.since(0) {
-            let sample: Value = serde_json::from_str(&line.text).unwrap();
-            let states = sample["modules"].as_array().unwrap().iter();
-            for state in states.filter(|state| state["module_id"] == module) {
-                let coordinate = |name: &str| state[name].as_f64().unwrap();
-                poses.push((line.at, (coordinate("x"), coordinate("y"))));
-            }
-        }
-        poses
+        let samples = self.output.since(0);
+        let poses = samples.iter().filter_map(|line| pose_in(line, module));
+        poses.collect()
+    }
+
+    /// Waits for a pose of a module that came after `since`, among the samples of `module_states`.
+    pub fn await_pose_of(&self, module: u32, since: Instant) {
+        let came = self.output.wait_for(0, PATIENCE, |line| {
+            pose_in(line, module).filter(|(at, _)| *at >= since)
+        });
+        assert!(
+            came.is_some(),
+            "no pose of module {module} came; {}",
+            self.missing_package()
+        );
     }
 
     fn missing_package(&self) -> String {
@@ -120,6 +125,15 @@ impl Peer {
             self.python.advice()
         )
     }
+}
+
+/// The pose of a module in a sample of `module_states`, and when it came.
+fn pose_in(line: &Line, module: u32) -> Option<(Instant, (f64, f64))> {
+    let sample: Value = serde_json::from_str(&line.text).unwrap();
+    let mut states = sample["modules"].as_array()?.iter();
+    let state = states.find(|state| state["module_id"] == module)?;
+    let coordinate = |name: &str| state[name].as_f64().unwrap();
+    Some((line.at, (coordinate("x"), coordinate("y"))))
 }
 
 impl Drop for Peer {

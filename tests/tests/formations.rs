@@ -1,6 +1,4 @@
 //! Formations of real processes on real DDS, over loopback, each on a domain of its own.
-//!
-//! All of them stand in this one binary and take turns, since heavy process tests must not run beside each other.
 
 #![allow(
     clippy::unwrap_used,

@@ -436,11 +436,6 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
         traffic["claims.sent"].parse::<u64>().unwrap() >= 10,
         "{traffic:?}"
     );
-    // More where another publisher speaks in this domain, as when two of these tests run on one machine.
-    assert!(
-        traffic["target.received"].parse::<u64>().unwrap() >= 1,
-        "{traffic:?}"
-    );
 
     let line = std::iter::from_fn(|| Some(log.next_line()))
         .find(|line| line["msg"].as_str().unwrap().starts_with("settled on"))
@@ -449,7 +444,13 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
         (&line["level"], &line["name"]),
         (&json!(20), &json!("formation.modules_1_to_10"))
     );
-    assert_eq!(publisher.stop().status, 0);
+    let publisher = publisher.stop();
+    assert_eq!(publisher.status, 0);
+    // RustDDS delivers each sample of a writer once, so the module counts one announcement of each writer: one, unless the
+    // publisher had to rejoin the graph with a new writer.
+    let announced = publisher.stderr.matches("announced the target").count();
+    let received: usize = traffic["target.received"].parse().unwrap();
+    assert!((1..=announced).contains(&received), "{traffic:?}");
     assert_eq!(modules.stop().status, 0);
 }
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use formation::model::Scenario;
 use formation::planner;
@@ -149,13 +149,7 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     assert!(moving.is_some(), "{}", fleet.story());
     // Where another vendor's DDS is there to see it, only once it is on its way.
     if let Some(states) = &states {
-        while states
-            .poses_of(sleeper)
-            .iter()
-            .all(|(at, _)| *at < moving.unwrap())
-        {
-            states.await_more(1);
-        }
+        states.await_pose_of(sleeper, moving.unwrap());
     }
     fleet.agent(sleeper).signal(Signal::STOP);
     let stopped = Instant::now();
@@ -179,12 +173,8 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     assert_eq!(judge.verdicts().len(), verdicts, "the formation stands");
     // Where it stood and stands, as another vendor's DDS heard it.
     if let Some(states) = states {
-        // Until its new participant is found, which takes as long as it takes.
-        let is_heard = || states.poses_of(sleeper).iter().any(|(at, _)| *at >= woken);
-        while !is_heard() {
-            assert!(woken.elapsed() < PATIENCE, "it was never heard again");
-            thread::sleep(Duration::from_millis(100));
-        }
+        // Discovery of its new participant takes as long as it takes.
+        states.await_pose_of(sleeper, woken);
         let poses = states.poses_of(sleeper);
         let (before, after): (Vec<_>, Vec<_>) = poses.iter().partition(|(at, _)| *at < woken);
         let &(_, (x, y)) = before.last().unwrap();
