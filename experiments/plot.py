@@ -221,7 +221,7 @@ def compared(results, name, title, x_label, quantity, y_label, y_kind="log"):
 
 
 MODULES, SINGLETONS = "modules (as many spots)", "singletons (as many spots)"
-TIME, DISTANCE = "planning time (ms)", "sum of all ways (units)"
+TIME, DISTANCE = "planning time (ms)", "sum of all distances (units)"
 
 
 def matching_time(results, name):
