@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::contender::Contender;
 use crate::error::CellError;
-use crate::instance::{Docked, Instance};
+use crate::instance::{Docked, Draw, Instance};
 use crate::measure::matching::{self, MatchingMeasurement};
 use crate::measure::plan::{self, PlanMeasurement};
 use crate::measure::processes::{self, ProcessMeasurement};
@@ -105,18 +105,19 @@ impl Cell {
         };
         match self.instance {
             Instance::CaseStudy(number) => format!("{what}, case {number}"),
-            Instance::Generated {
-                modules,
-                spots,
-                docked,
-                seed,
-            } => {
-                let docked = match docked {
+            Instance::Generated(draw) => {
+                let docked = match draw.docked {
                     Docked::Singletons => "singletons".to_owned(),
                     Docked::Mixed => "mixed".to_owned(),
                     Docked::Lattice(size) => format!("of {size}"),
                     Docked::Labelled(size) => format!("labelled of {size}"),
                 };
+                let Draw {
+                    modules,
+                    spots,
+                    seed,
+                    ..
+                } = draw;
                 format!("{what}, {modules} modules, {spots} spots, {docked}, seed {seed}")
             }
         }

@@ -37,9 +37,6 @@ use std::path::Path;
 
 pub use error::{CellError, ExperimentError};
 use figures::{Data, FIGURES, Figure};
-pub use instance::InstanceError;
-pub use measure::processes::ProcessError;
-pub use measure::protocol::ProtocolError;
 pub use settings::{Scale, Settings};
 use store::{Store, at};
 

@@ -12,7 +12,7 @@ use std::iter;
 
 use crate::cell::{Cell, Kind, Measurement};
 use crate::contender::Contender;
-use crate::instance::{Docked, Instance};
+use crate::instance::{Docked, Draw, Instance};
 use crate::measure::matching::MatchingMeasurement;
 use crate::measure::plan::PlanMeasurement;
 use crate::measure::processes::ProcessMeasurement;
@@ -152,12 +152,12 @@ impl Group {
 pub(crate) type Family = fn(&Settings, usize, u64) -> Instance;
 
 fn generated(modules: usize, spots: usize, docked: Docked, seed: u64) -> Instance {
-    Instance::Generated {
+    Instance::Generated(Draw {
         modules,
         spots,
         docked,
         seed,
-    }
+    })
 }
 
 /// Mixed instances with a spot for each module.

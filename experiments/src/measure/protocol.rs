@@ -11,35 +11,16 @@ use formation::model::{Decision, Message, ModuleId, PlanningProblem, RosterMessa
 use formation::planner;
 use formation::protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
-use thiserror::Error;
 
 use super::spot_table::SpotTable;
 use super::talk::{Moment, Talk};
+use crate::error::CellError;
 
 /// Planning that takes longer than this in the simulator has failed.
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// Why a planning could not be recorded.
-#[derive(Debug, Error)]
-pub enum ProtocolError {
-    /// Some agents did not finish planning.
-    #[error("only {planned} of {modules} modules had planned after {} s of simulated time", LIMIT.as_secs())]
-    StandsStill {
-        /// The number of modules that finished.
-        planned: usize,
-        /// The number of members.
-        modules: usize,
-    },
-    /// More than one epoch was opened, although nothing failed.
-    #[error("a second epoch was opened while planning")]
-    SecondEpoch,
-    /// The agents' plan differs from the offline planner's.
-    #[error("the agents' plan differs from the offline one")]
-    DifferentPlan,
-}
-
 /// Plans an instance in the simulator.
-pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk, ProtocolError> {
+pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk, CellError> {
     let parameters = ClusterParameters {
         agent: AgentParameters {
             plan_only: true,
@@ -57,10 +38,11 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
             recorder.record(time, &observation)?;
         }
         if !goes_on && recorder.planned < modules {
-            return Err(ProtocolError::StandsStill {
-                planned: recorder.planned,
-                modules,
-            });
+            return Err(CellError::Planning(format!(
+                "only {} of {modules} modules had planned after {} s of simulated time",
+                recorder.planned,
+                LIMIT.as_secs()
+            )));
         }
     }
     let offline = planner::plan(Arc::clone(problem)).plan;
@@ -69,7 +51,8 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
         agent.and_then(|agent| agent.plan()) == Some(&offline)
     };
     if recorder.table.spot_of != offline.assignments || !cluster.running().into_iter().all(agrees) {
-        return Err(ProtocolError::DifferentPlan);
+        let reason = "the agents' plan differs from the offline one";
+        return Err(CellError::Planning(reason.to_owned()));
     }
     Ok(recorder.finish(problem))
 }
@@ -85,12 +68,13 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn record(&mut self, time: Duration, observation: &Observation) -> Result<(), ProtocolError> {
+    fn record(&mut self, time: Duration, observation: &Observation) -> Result<(), CellError> {
         match observation {
             Observation::Published(_, message) => match message {
                 Message::Roster(RosterMessage::Plan(_)) => {
                     if self.roster_at.replace(time).is_some() {
-                        return Err(ProtocolError::SecondEpoch);
+                        let reason = "a second epoch was opened while planning";
+                        return Err(CellError::Planning(reason.to_owned()));
                     }
                 }
                 Message::Claim(claim) => {
