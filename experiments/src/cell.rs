@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::contender::Contender;
 use crate::error::CellError;
-use crate::instance::{Docked, Draw, Instance};
+use crate::instance::{Docked, Instance};
 use crate::measure::matching::{self, MatchingMeasurement};
 use crate::measure::plan::{self, PlanMeasurement};
 use crate::measure::processes::{self, ProcessMeasurement};
@@ -112,13 +112,11 @@ impl Cell {
                     Docked::Lattice(size) => format!("of {size}"),
                     Docked::Labelled(size) => format!("labelled of {size}"),
                 };
-                let Draw {
-                    modules,
-                    spots,
-                    seed,
-                    ..
-                } = draw;
-                format!("{what}, {modules} modules, {spots} spots, {docked}, seed {seed}")
+                let (modules, spots) = (draw.modules, draw.spots);
+                format!(
+                    "{what}, {modules} modules, {spots} spots, {docked}, seed {}",
+                    draw.seed
+                )
             }
         }
     }

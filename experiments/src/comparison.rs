@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use crate::case_studies::CASES;
-use crate::contender::Contender;
+use crate::contender::PAPER_AND_OURS;
 use crate::figures::{Data, Family, Group, Value, labelled, lattice, mixed, singletons, surplus};
 use crate::instance::Instance;
 use crate::measure::plan::PlanMeasurement;
@@ -17,8 +17,6 @@ struct Row {
     /// The groups of the paper policy and of ours.
     groups: [Group; 2],
 }
-
-const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
 
 /// One number by which both are compared.
 struct Metric {
@@ -315,7 +313,7 @@ impl Metric {
 fn rows(settings: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |name: String, family: Family, size: usize| {
-        let groups = CONTENDERS.map(|contender| Group::of(settings, family, size, contender));
+        let groups = PAPER_AND_OURS.map(|contender| Group::of(settings, family, size, contender));
         rows.push(Row { name, groups });
     };
     for &size in settings.sizes() {
@@ -337,7 +335,7 @@ fn rows(settings: &Settings) -> Vec<Row> {
         let group = |contender| Group::new(contender, vec![Instance::CaseStudy(number)]);
         rows.push(Row {
             name: format!("case {number}, {}", case.name),
-            groups: CONTENDERS.map(group),
+            groups: PAPER_AND_OURS.map(group),
         });
     }
     rows

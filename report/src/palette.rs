@@ -1,4 +1,4 @@
-//! Colours that can be told apart with any colour vision, and patterns for further configurations.
+//! Colours that differ for any colour vision, and patterns for further configurations.
 //!
 //! Seven of the eight colours of M. Okabe and K. Ito, "Color Universal Design" (2008): six for configurations and
 //! vermilion for broken links. No meaning depends on colour alone: modules show their number, broken links are dashed.

@@ -35,7 +35,7 @@ pub(crate) struct Figure {
     /// The columns of the CSV file after the keys.
     columns: &'static [Column],
     /// The CSV files by name; [`averages`] for all figures that need no other.
-    tables: fn(&Figure, &Data<'_>) -> Vec<(&'static str, Table)>,
+    pub tables: fn(&Figure, &Data<'_>) -> Vec<(&'static str, Table)>,
     /// The results that the summary shows below the figure.
     pub results: fn(&Data<'_>) -> Table,
 }
@@ -72,11 +72,6 @@ impl Figure {
             }
         }
         cells
-    }
-
-    /// The CSV files by name.
-    pub(crate) fn tables(&self, data: &Data<'_>) -> Vec<(&'static str, Table)> {
-        (self.tables)(self, data)
     }
 }
 
@@ -331,7 +326,7 @@ fn rows(
     family: Family,
     sizes: &[usize],
     contenders: &[Contender],
-    keys: impl Fn(usize, &'static str) -> Vec<String>,
+    keys: impl Fn(usize, String) -> Vec<String>,
 ) -> Vec<Row> {
     let mut rows = Vec::new();
     for &size in sizes {

@@ -35,7 +35,7 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
     while recorder.planned < modules {
         let goes_on = cluster.step(LIMIT);
         for (time, observation) in cluster.take_observations() {
-            recorder.record(time, &observation)?;
+            recorder.record(time, &observation);
         }
         if !goes_on && recorder.planned < modules {
             return Err(CellError::Planning(format!(
@@ -50,16 +50,22 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
         let agent = cluster.agent(module);
         agent.and_then(|agent| agent.plan()) == Some(&offline)
     };
-    if recorder.table.spot_of != offline.assignments || !cluster.running().into_iter().all(agrees) {
-        let reason = "the agents' plan differs from the offline one";
-        return Err(CellError::Planning(reason.to_owned()));
-    }
-    Ok(recorder.finish(problem))
+    let reason = if recorder.rosters.len() > 1 {
+        "a second epoch was opened while planning"
+    } else if recorder.table.spot_of != offline.assignments
+        || !cluster.running().into_iter().all(agrees)
+    {
+        "the agents' plan differs from the offline one"
+    } else {
+        return Ok(recorder.finish(problem));
+    };
+    Err(CellError::Planning(reason.to_owned()))
 }
 
 #[derive(Default)]
 struct Recorder {
-    roster_at: Option<Duration>,
+    /// The times of all rosters; an epoch publishes one.
+    rosters: Vec<Duration>,
     ended_at: Duration,
     planned: usize,
     claims: Vec<(Duration, Decision)>,
@@ -68,39 +74,26 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn record(&mut self, time: Duration, observation: &Observation) -> Result<(), CellError> {
+    fn record(&mut self, time: Duration, observation: &Observation) {
         match observation {
-            Observation::Published(_, message) => match message {
-                Message::Roster(RosterMessage::Plan(_)) => {
-                    if self.roster_at.replace(time).is_some() {
-                        let reason = "a second epoch was opened while planning";
-                        return Err(CellError::Planning(reason.to_owned()));
-                    }
-                }
-                Message::Claim(claim) => {
-                    self.table.apply(&claim.decision);
-                    self.claims.push((time, claim.decision.clone()));
-                }
-                Message::Eviction(_) => self.notices += 1,
-                Message::Roster(_)
-                | Message::Target(_)
-                | Message::Heartbeat(_)
-                | Message::ModuleState(_) => {}
-            },
+            Observation::Published(_, Message::Roster(RosterMessage::Plan(_))) => {
+                self.rosters.push(time);
+            }
+            Observation::Published(_, Message::Claim(claim)) => {
+                self.table.apply(&claim.decision);
+                self.claims.push((time, claim.decision.clone()));
+            }
+            Observation::Published(_, Message::Eviction(_)) => self.notices += 1,
             Observation::Noted(_, Event::Planned { .. }) => {
                 self.planned += 1;
                 self.ended_at = time;
             }
-            Observation::Noted(..)
-            | Observation::SetOff(..)
-            | Observation::Announced(_)
-            | Observation::Fault(_) => {}
+            _ => {}
         }
-        Ok(())
     }
 
     fn finish(self, problem: &PlanningProblem) -> Talk {
-        let begin = self.roster_at.unwrap_or_default();
+        let begin = self.rosters.first().copied().unwrap_or_default();
         let micros = |time: Duration| {
             u64::try_from(time.saturating_sub(begin).as_micros()).unwrap_or(u64::MAX)
         };
