@@ -1,13 +1,13 @@
 #!/usr/bin/env python3
-"""Puts public solvers beside ours on the same instances in one run, and prints how many times slower they are.
+"""Runs public solvers and ours on the same instances, and prints how many times slower the public solvers are.
 
     python3 -m venv .venv && .venv/bin/pip install -r experiments/requirements.txt
     .venv/bin/python experiments/compare_peers.py [--seed 1] [--timeout 60] [--json FILE]
 
-Our part is the release build of `formation/examples/peer_instances.rs`. Every peer gets the instance in its own form
-for nothing: only the solving is timed, on one thread, and the median of several runs counts. All times are processor
-times, which other work on the machine does not stretch. Where an answer can be
-compared, it is, and a difference ends the run with an error.
+Our part is the release build of `formation/examples/peer_instances.rs`. The conversion of an instance into a peer's own
+form is not timed: only the solving is, on one thread, and the median of several runs counts. All times are processor
+times, which other work on the machine does not lengthen. Answers are compared where possible, and a difference ends the
+run with an error.
 """
 
 import argparse
@@ -20,7 +20,7 @@ import sys
 import time
 from pathlib import Path
 
-# One thread each, as ours; read by the libraries when they are loaded.
+# One thread each, like ours; the libraries read these variables when they are loaded.
 for variable in ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS"):
     os.environ[variable] = "1"
 
@@ -81,7 +81,7 @@ def timed(run):
 
 
 def within(timeout_s, run):
-    """The answer of `run`, None if it takes too long, and its time. Runs in a process that can be ended."""
+    """The answer of `run`, None if it exceeds the timeout, and its time. Runs in a process that can be ended."""
 
     def child(sending):
         start = time.thread_time()

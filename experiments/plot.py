@@ -192,7 +192,7 @@ class Panel:
         # Matplotlib omits points on straight parts of a line by itself only if the line has many points.
         line.get_path().should_simplify = True
         if any(deviations):
-            # Bars of neighbouring series stand next to each other, as they would hide each other.
+            # Bars of several series are drawn side by side, because they would hide each other.
             aside = (self.bars + 1) // 2 * (1.5 if self.bars % 2 else -1.5)
             self.bars += 1
             self.axes.errorbar(
@@ -221,7 +221,7 @@ def compared(results, name, title, x_label, quantity, y_label, y_kind="log"):
 
 
 MODULES, SINGLETONS = "modules (as many spots)", "singletons (as many spots)"
-TIME, DISTANCE = "planning time (ms)", "sum of all ways (units)"
+TIME, DISTANCE = "planning time (ms)", "sum of all distances (units)"
 
 
 def matching_time(results, name):
@@ -414,8 +414,8 @@ def disconnected(results, name):
 
 def case_studies(results, name):
     figure = Figure("Eight case studies", 2)
-    # Markers of one case stand next to each other, as equal values would hide each other.
-    beside = 0.2
+    # Markers of one case are drawn side by side, because equal values would hide each other.
+    step = 0.2
     for panel, title, quantity, stated, label, kind, what in zip(
         figure.panels,
         ["planning time", "what is taken apart"],
@@ -434,7 +434,7 @@ def case_studies(results, name):
             look = Look("ours: port changes", SKY, "^", "none")
             series.append((look, results.rows(name, contender="ours"), "case", "port_changes", 1.5))
         for look, rows, x, y, aside in series:
-            panel.draw(look, [(row[x] + beside * aside, row[y]) for row in rows])
+            panel.draw(look, [(row[x] + step * aside, row[y]) for row in rows])
         panel.axis("x", "case", "data")
         panel.axes.set_xticks(results.values(name, "case"))
         panel.axis("y", label, kind)

@@ -105,19 +105,18 @@ impl Cell {
         };
         match self.instance {
             Instance::CaseStudy(number) => format!("{what}, case {number}"),
-            Instance::Generated {
-                modules,
-                spots,
-                docked,
-                seed,
-            } => {
-                let docked = match docked {
+            Instance::Generated(draw) => {
+                let docked = match draw.docked {
                     Docked::Singletons => "singletons".to_owned(),
                     Docked::Mixed => "mixed".to_owned(),
                     Docked::Lattice(size) => format!("of {size}"),
                     Docked::Labelled(size) => format!("labelled of {size}"),
                 };
-                format!("{what}, {modules} modules, {spots} spots, {docked}, seed {seed}")
+                let (modules, spots) = (draw.modules, draw.spots);
+                format!(
+                    "{what}, {modules} modules, {spots} spots, {docked}, seed {}",
+                    draw.seed
+                )
             }
         }
     }

@@ -3,7 +3,7 @@
 use std::cmp::Ordering;
 
 use crate::case_studies::CASES;
-use crate::contender::Contender;
+use crate::contender::PAPER_AND_OURS;
 use crate::figures::{Data, Family, Group, Value, labelled, lattice, mixed, singletons, surplus};
 use crate::instance::Instance;
 use crate::measure::plan::PlanMeasurement;
@@ -17,8 +17,6 @@ struct Row {
     /// The groups of the paper policy and of ours.
     groups: [Group; 2],
 }
-
-const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
 
 /// One number by which both are compared.
 struct Metric {
@@ -50,10 +48,10 @@ impl Metric {
     }
 }
 
-const NOTICES: &str = "an eviction notice tells the evicted module and whoever watches, once for each eviction, and \
-                       changes nothing; optimal chains make more evictions than the paper policy, which has no notices";
-const PIECES: &str = "each piece of two or more modules that breaks off looks for a place again, in a turn of its own, \
-                      before its modules go alone";
+const NOTICES: &str = "each eviction publishes one notice, which changes no decision; optimal chains make more \
+             evictions than the paper policy, which has no notices";
+const PIECES: &str = "each piece of two or more modules that breaks off takes a turn of its own before its modules \
+             are placed one by one";
 
 const METRICS: [Metric; 9] = [
     Metric::same(
@@ -68,22 +66,23 @@ const METRICS: [Metric; 9] = [
             "utility",
             "utility",
             |plan| plan.utility,
-            "a configuration first keeps as many modules together as can be and only then looks at utility; the paper \
-             policy breaks more links, and single modules find nearer spots",
+            "a configuration first maximises the number of modules that stay together, then utility; the \
+             paper policy breaks more links, and single modules find nearer spots",
         )
     },
     Metric::same(
         "distance, units",
         "distance_units",
         |plan| plan.distance,
-        "modules that stay together go where they fit together; the paper policy breaks more links, and single modules \
-         find nearer spots",
+        "modules that stay together move to where they fit together; the paper policy breaks more links, \
+             and single modules find nearer spots",
     ),
     Metric::same(
         "broken links",
         "broken_links",
         |plan| plan.broken_links as f64,
-        "units choose one after another, so a larger fit of an earlier one can cost a later one more",
+        "units decide one after another, and a larger fit of an earlier unit can cost a later unit more \
+             links",
     ),
     Metric::same(
         "decisions",
@@ -107,7 +106,7 @@ const METRICS: [Metric; 9] = [
         ours: |plan| plan.pairs_delivered as f64,
         higher_is_better: false,
         is_shown: true,
-        reason: "chains tell every spot that changes hands",
+        reason: "claims list every spot whose module changes in a chain",
     },
     Metric {
         is_shown: false,
@@ -115,8 +114,8 @@ const METRICS: [Metric; 9] = [
             "samples, both by our protocol",
             "samples_same_protocol",
             |plan| (plan.claims + plan.evictions) as f64,
-            "optimal chains make more evictions, and pieces take turns of their own; our protocol carries all that a \
-             configuration of the paper policy decides in one claim",
+            "optimal chains make more evictions, and pieces take turns of their own; our protocol publishes \
+             the whole decision of a configuration of the paper policy in one claim",
         )
     },
     Metric {
@@ -125,7 +124,7 @@ const METRICS: [Metric; 9] = [
             "pairs delivered, both by our protocol",
             "pairs_same_protocol",
             |plan| plan.pairs_delivered as f64,
-            "chains tell every spot that changes hands",
+            "claims list every spot whose module changes in a chain",
         )
     },
 ];
@@ -301,7 +300,7 @@ impl Metric {
         let shares = [means[0] / filled[0], means[1] / filled[1]];
         let [paper, ours] = shares;
         let left = format!(
-            "the paper policy leaves {} spots empty; a filled spot {paper:.3} / {ours:.3}",
+            "the paper policy leaves {} spots empty; per filled spot {paper:.3} / {ours:.3}",
             short(holes)
         );
         Some(match self.standing(shares) {
@@ -314,7 +313,7 @@ impl Metric {
 fn rows(settings: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |name: String, family: Family, size: usize| {
-        let groups = CONTENDERS.map(|contender| Group::of(settings, family, size, contender));
+        let groups = PAPER_AND_OURS.map(|contender| Group::of(settings, family, size, contender));
         rows.push(Row { name, groups });
     };
     for &size in settings.sizes() {
@@ -336,7 +335,7 @@ fn rows(settings: &Settings) -> Vec<Row> {
         let group = |contender| Group::new(contender, vec![Instance::CaseStudy(number)]);
         rows.push(Row {
             name: format!("case {number}, {}", case.name),
-            groups: CONTENDERS.map(group),
+            groups: PAPER_AND_OURS.map(group),
         });
     }
     rows

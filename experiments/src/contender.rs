@@ -19,6 +19,12 @@ pub enum Contender {
     Hungarian,
 }
 
+use Contender::{Auction, Ours, OursSizeFirst, PaperPolicy};
+
+pub(crate) const PAPER_AND_OURS: [Contender; 2] = [PaperPolicy, Ours];
+pub(crate) const WITH_SIZE_FIRST: [Contender; 3] = [PaperPolicy, Ours, OursSizeFirst];
+pub(crate) const WITH_AUCTION: [Contender; 3] = [PaperPolicy, Ours, Auction];
+
 impl Contender {
     /// The planner's parameters; all others have their defaults.
     #[must_use]
@@ -50,15 +56,10 @@ impl Contender {
         }
     }
 
-    /// The name in CSV files.
+    /// The name in CSV files: the label in small letters with underscores.
     #[must_use]
-    pub fn key(self) -> &'static str {
-        match self {
-            Self::PaperPolicy => "paper_policy",
-            Self::Ours => "ours",
-            Self::OursSizeFirst => "ours_size_first",
-            Self::Auction => "auction",
-            Self::Hungarian => "hungarian",
-        }
+    pub fn key(self) -> String {
+        let label = self.label().to_lowercase();
+        label.replace(", ", "_").replace(' ', "_")
     }
 }

@@ -4,24 +4,30 @@ use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 
+use formation::generate::GenerateError;
+use formation::model::ScenarioError;
 use thiserror::Error;
-
-use crate::instance::InstanceError;
-use crate::measure::processes::ProcessError;
-use crate::measure::protocol::ProtocolError;
 
 /// Why one cell could not be measured.
 #[derive(Debug, Error)]
 pub enum CellError {
-    /// The instance does not exist.
+    /// The generator failed.
     #[error(transparent)]
-    Instance(#[from] InstanceError),
-    /// The agents in the simulator did not plan.
+    Generate(#[from] GenerateError),
+    /// The scenario is not valid.
     #[error(transparent)]
-    Protocol(#[from] ProtocolError),
-    /// The processes did not plan.
-    #[error(transparent)]
-    Processes(#[from] ProcessError),
+    Scenario(#[from] ScenarioError),
+    /// A file cannot be written, or the launcher cannot be started.
+    #[error("{what}")]
+    Io {
+        /// The failed operation.
+        what: &'static str,
+        /// The cause.
+        source: io::Error,
+    },
+    /// The agents in the simulator, or the processes, did not plan as expected.
+    #[error("{0}")]
+    Planning(String),
 }
 
 /// Why experiments cannot be run, or not be finished.

@@ -5,10 +5,10 @@ use std::sync::Arc;
 use formation::generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
 use formation::model::{PlanningProblem, RawScenario, Scenario, ScenarioError};
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
 
-use crate::case_studies;
+use crate::case_studies::CASES;
 use crate::contender::Contender;
+use crate::error::CellError;
 
 /// "The initial positions [...] are drawn uniformly from U[(0, 15), (0, 15)]"; modules are one unit wide.
 const START_SIDE_UNITS: u32 = 15;
@@ -21,14 +21,19 @@ const STAND_IN_OFFSET: u64 = 1_000_000;
 #[serde(rename_all = "snake_case")]
 pub(crate) enum Instance {
     /// Random trees and poses.
-    Generated {
-        modules: usize,
-        spots: usize,
-        docked: Docked,
-        seed: u64,
-    },
+    Generated(Draw),
     /// One of the case studies, from 1.
     CaseStudy(usize),
+}
+
+/// The parameters of a random instance.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct Draw {
+    pub modules: usize,
+    pub spots: usize,
+    pub docked: Docked,
+    pub seed: u64,
 }
 
 /// How modules are docked at the start, and on which trees.
@@ -45,25 +50,11 @@ pub(crate) enum Docked {
     Labelled(usize),
 }
 
-/// Why an instance cannot be made.
-#[derive(Debug, Error)]
-pub enum InstanceError {
-    /// No case study has this number.
-    #[error("there is no case study {0}")]
-    NoSuchCase(usize),
-    /// The generator failed.
-    #[error(transparent)]
-    Generate(#[from] GenerateError),
-    /// The scenario is not valid.
-    #[error(transparent)]
-    Scenario(#[from] ScenarioError),
-}
-
 impl Instance {
     /// The number of modules; of a case study, the greatest number.
     pub(crate) fn modules(self) -> usize {
         match self {
-            Self::Generated { modules, .. } => modules,
+            Self::Generated(draw) => draw.modules,
             Self::CaseStudy(_) => 17,
         }
     }
@@ -71,25 +62,18 @@ impl Instance {
     /// The seed of the simulated network.
     pub(crate) fn seed(self) -> u64 {
         match self {
-            Self::Generated { seed, .. } => seed,
+            Self::Generated(draw) => draw.seed,
             Self::CaseStudy(number) => number as u64,
         }
     }
 
     /// The scenario with a contender's planner parameters.
-    pub(crate) fn scenario(self, contender: Contender) -> Result<RawScenario, InstanceError> {
+    pub(crate) fn scenario(self, contender: Contender) -> Result<RawScenario, CellError> {
         let mut scenario = match self {
-            Self::Generated {
-                modules,
-                spots,
-                docked,
-                seed,
-            } => generated(modules, spots, docked, seed)?,
+            Self::Generated(draw) => draw.generate()?,
             Self::CaseStudy(number) => {
-                let text = case_studies::CASES
-                    .get(number.wrapping_sub(1))
-                    .ok_or(InstanceError::NoSuchCase(number))?
-                    .scenario;
+                let case = CASES.get(number.wrapping_sub(1));
+                let text = case.map_or("", |case| case.scenario);
                 serde_yaml::from_str(text).map_err(ScenarioError::from)?
             }
         };
@@ -98,39 +82,35 @@ impl Instance {
     }
 
     /// The planning problem with a contender's planner parameters.
-    pub(crate) fn problem(
-        self,
-        contender: Contender,
-    ) -> Result<Arc<PlanningProblem>, InstanceError> {
+    pub(crate) fn problem(self, contender: Contender) -> Result<Arc<PlanningProblem>, CellError> {
         let scenario = Scenario::try_from(self.scenario(contender)?)?;
         Ok(Arc::new(scenario.problem().clone()))
     }
 }
 
-fn generated(
-    modules: usize,
-    spots: usize,
-    docked: Docked,
-    seed: u64,
-) -> Result<RawScenario, GenerateError> {
-    let (tree, degree_max, grouping) = match docked {
-        Docked::Singletons => (TreeKind::Lattice, 3, Grouping::Singletons),
-        Docked::Mixed => (TreeKind::Lattice, 3, Grouping::Mixed),
-        Docked::Lattice(size) => (TreeKind::Lattice, 3, Grouping::Configurations(size)),
-        Docked::Labelled(size) => (TreeKind::UniformLabelled, 4, Grouping::Configurations(size)),
-    };
-    let parameters = GeneratorParameters {
-        tree,
-        degree_max,
-        start_side_units: START_SIDE_UNITS,
-        ..GeneratorParameters::new(modules, spots, seed).grouped(grouping)
-    };
-    match generate(&parameters) {
-        Err(GenerateError::NoTreeFound { .. }) => generate(&GeneratorParameters {
-            seed: seed + STAND_IN_OFFSET,
-            ..parameters
-        }),
-        other => other,
+impl Draw {
+    fn generate(self) -> Result<RawScenario, GenerateError> {
+        let (tree, degree_max, grouping) = match self.docked {
+            Docked::Singletons => (TreeKind::Lattice, 3, Grouping::Singletons),
+            Docked::Mixed => (TreeKind::Lattice, 3, Grouping::Mixed),
+            Docked::Lattice(size) => (TreeKind::Lattice, 3, Grouping::Configurations(size)),
+            Docked::Labelled(size) => {
+                (TreeKind::UniformLabelled, 4, Grouping::Configurations(size))
+            }
+        };
+        let parameters = GeneratorParameters {
+            tree,
+            degree_max,
+            start_side_units: START_SIDE_UNITS,
+            ..GeneratorParameters::new(self.modules, self.spots, self.seed).grouped(grouping)
+        };
+        match generate(&parameters) {
+            Err(GenerateError::NoTreeFound { .. }) => generate(&GeneratorParameters {
+                seed: self.seed + STAND_IN_OFFSET,
+                ..parameters
+            }),
+            other => other,
+        }
     }
 }
 
@@ -140,12 +120,12 @@ mod tests {
 
     #[test]
     fn starts_are_the_papers() {
-        let instance = Instance::Generated {
+        let instance = Instance::Generated(Draw {
             modules: 4_000,
             spots: 10,
             docked: Docked::Singletons,
             seed: 1,
-        };
+        });
         let scenario = instance.scenario(Contender::PaperPolicy).unwrap();
         let greatest = scenario
             .singletons
@@ -158,12 +138,12 @@ mod tests {
 
     #[test]
     fn all_contenders_get_the_same_instance() {
-        let instance = Instance::Generated {
+        let instance = Instance::Generated(Draw {
             modules: 30,
             spots: 20,
             docked: Docked::Mixed,
             seed: 9,
-        };
+        });
         let ours = instance.problem(Contender::Ours).unwrap();
         let paper = instance.problem(Contender::PaperPolicy).unwrap();
         assert_eq!(ours.modules(), paper.modules());

@@ -37,9 +37,6 @@ use std::path::Path;
 
 pub use error::{CellError, ExperimentError};
 use figures::{Data, FIGURES, Figure};
-pub use instance::InstanceError;
-pub use measure::processes::ProcessError;
-pub use measure::protocol::ProtocolError;
 pub use settings::{Scale, Settings};
 use store::{Store, at};
 
@@ -89,7 +86,7 @@ pub fn run(
     settings: &Settings,
     only: &[String],
     launcher: &Path,
-    progress: &mut dyn Progress,
+    progress: &mut (dyn Progress + Send),
 ) -> Result<(), ExperimentError> {
     if !(1..=RUNS_MAX).contains(&settings.runs) {
         let given = settings.runs;
@@ -126,7 +123,7 @@ fn write_all(directory: &Path, settings: &Settings, store: &Store) -> Result<(),
     };
     let figures: Vec<&Figure> = FIGURES.iter().filter(is_finished).collect();
     for figure in &figures {
-        for (name, table) in figure.tables(&data) {
+        for (name, table) in (figure.tables)(figure, &data) {
             write(&format!("{name}.csv"), &table.to_csv())?;
         }
     }

@@ -3,8 +3,8 @@
 use std::collections::BTreeSet;
 use std::num::NonZero;
 use std::path::Path;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
-use std::sync::mpsc::{self, SyncSender};
+use std::slice::Iter;
+use std::sync::{Mutex, PoisonError};
 use std::thread;
 
 use crate::cell::{Cell, Measurement};
@@ -23,7 +23,7 @@ pub(crate) fn measure_all(
     chosen: &[&Figure],
     launcher: &Path,
     store: &mut Store,
-    progress: &mut dyn Progress,
+    progress: &mut (dyn Progress + Send),
 ) -> Result<(), ExperimentError> {
     let mut seen = BTreeSet::new();
     let cells: Vec<Cell> = chosen
@@ -50,10 +50,12 @@ pub(crate) fn measure_all(
     measure_with(1, &timed, measure, store, progress)
 }
 
-/// A message from a worker.
-enum News {
-    Begun(Cell),
-    Finished(Cell, Box<Result<Measurement, CellError>>),
+/// The state that workers share.
+struct Shared<'a> {
+    left: Iter<'a, Cell>,
+    store: &'a mut Store,
+    progress: &'a mut (dyn Progress + Send),
+    outcome: Result<(), ExperimentError>,
 }
 
 /// Measures cells with this number of workers, and stores each as soon as it is finished.
@@ -62,67 +64,62 @@ fn measure_with(
     cells: &[Cell],
     measure: impl Fn(Cell) -> Result<Measurement, CellError> + Sync,
     store: &mut Store,
-    progress: &mut dyn Progress,
+    progress: &mut (dyn Progress + Send),
 ) -> Result<(), ExperimentError> {
-    let next = AtomicUsize::new(0);
-    let stopped = AtomicBool::new(false);
-    let work = |sender: &SyncSender<News>| {
-        while !stopped.load(Ordering::Relaxed) {
-            let Some(&cell) = cells.get(next.fetch_add(1, Ordering::Relaxed)) else {
-                return;
-            };
-            // The receiver exists until all workers have ended.
-            let _ = sender.send(News::Begun(cell));
-            let _ = sender.send(News::Finished(cell, Box::new(measure(cell))));
+    let shared = Mutex::new(Shared {
+        left: cells.iter(),
+        store,
+        progress,
+        outcome: Ok(()),
+    });
+    let lock = || shared.lock().unwrap_or_else(PoisonError::into_inner);
+    // The lock is released before a cell is measured.
+    let next = || lock().next();
+    let work = || {
+        // After an error or an interruption, workers finish their current cells, which are stored.
+        while let Some(cell) = next() {
+            let measured = measure(cell);
+            lock().keep(cell, measured);
         }
     };
-    let (sender, receiver) = mpsc::sync_channel(workers);
     thread::scope(|scope| {
         for _ in 0..workers {
-            let sender = sender.clone();
-            scope.spawn(|| {
-                let sender = sender;
-                work(&sender);
-            });
+            scope.spawn(work);
         }
-        drop(sender);
-        let mut outcome = Ok(());
-        for news in receiver {
-            // After an error or an interruption, the workers finish their current cells, which are stored.
-            outcome = outcome.and(handle(news, store, progress));
-            stopped.store(outcome.is_err() || !progress.goes_on(), Ordering::Relaxed);
-        }
-        outcome
-    })?;
-    if progress.goes_on() {
+    });
+    let shared = shared.into_inner().unwrap_or_else(PoisonError::into_inner);
+    shared.outcome?;
+    if shared.progress.goes_on() {
         Ok(())
     } else {
         Err(ExperimentError::Interrupted)
     }
 }
 
-fn handle(
-    news: News,
-    store: &mut Store,
-    progress: &mut dyn Progress,
-) -> Result<(), ExperimentError> {
-    match news {
-        News::Begun(cell) => progress.cell(&cell.label()),
-        News::Finished(cell, measured) => {
-            let measurement = measured.map_err(|source| {
-                // An interruption from the keyboard also ends the processes of a cell.
-                if progress.goes_on() {
-                    ExperimentError::Cell {
-                        label: cell.label(),
-                        source,
-                    }
-                } else {
-                    ExperimentError::Interrupted
-                }
-            })?;
-            store.keep(cell, measurement)?;
-            progress.finished(cell.cost());
+impl Shared<'_> {
+    fn next(&mut self) -> Option<Cell> {
+        if self.outcome.is_err() || !self.progress.goes_on() {
+            return None;
+        }
+        let cell = *self.left.next()?;
+        self.progress.cell(&cell.label());
+        Some(cell)
+    }
+
+    fn keep(&mut self, cell: Cell, measured: Result<Measurement, CellError>) {
+        let kept = match measured {
+            Ok(measurement) => self.store.keep(cell, measurement),
+            Err(source) if self.progress.goes_on() => Err(ExperimentError::Cell {
+                label: cell.label(),
+                source,
+            }),
+            // An interruption from the keyboard also ends the processes of a cell.
+            Err(_) => Err(ExperimentError::Interrupted),
+        };
+        if kept.is_ok() {
+            self.progress.finished(cell.cost());
+        } else if self.outcome.is_ok() {
+            self.outcome = kept;
         }
     }
-    Ok(())
 }

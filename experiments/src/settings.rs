@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The maximum number of runs of real processes for each cell: each run takes seconds, mostly for discovery.
-const PROCESS_RUNS_MAX: u64 = 10;
+const PROCESS_RUNS_MAX: usize = 10;
 
 /// The settings determine every number except times; a directory of results belongs to one set of settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,25 +34,9 @@ pub enum Scale {
 }
 
 impl Settings {
-    /// The paper's settings, averaged over `runs` instances.
+    /// Settings of this version of the program.
     #[must_use]
-    pub fn paper(runs: u64, seed: u64) -> Self {
-        Self::new(Scale::Paper, runs, seed)
-    }
-
-    /// The same figures at fewer sizes.
-    #[must_use]
-    pub fn quick(runs: u64, seed: u64) -> Self {
-        Self::new(Scale::Quick, runs, seed)
-    }
-
-    /// The same figures with a handful of modules, for tests.
-    #[must_use]
-    pub fn tiny(runs: u64, seed: u64) -> Self {
-        Self::new(Scale::Tiny, runs, seed)
-    }
-
-    fn new(scale: Scale, runs: u64, seed: u64) -> Self {
+    pub fn new(scale: Scale, runs: u64, seed: u64) -> Self {
         Self {
             version: env!("CARGO_PKG_VERSION").to_owned(),
             scale,
@@ -69,11 +53,11 @@ impl Settings {
 
     /// The seeds of the instances that real processes plan.
     pub(crate) fn process_seeds(&self) -> Vec<u64> {
-        let runs = match self.scale {
-            Scale::Paper => self.runs.min(PROCESS_RUNS_MAX),
+        let most = match self.scale {
+            Scale::Paper => PROCESS_RUNS_MAX,
             Scale::Quick | Scale::Tiny => 1,
         };
-        (self.seed..self.seed.saturating_add(runs)).collect()
+        self.seeds().into_iter().take(most).collect()
     }
 
     /// The numbers of modules where there is a spot for each: "target configurations with between 10 and 100 spots".
@@ -136,7 +120,7 @@ mod tests {
 
     #[test]
     fn the_papers_settings_are_the_papers() {
-        let settings = Settings::paper(50, 1);
+        let settings = Settings::new(Scale::Paper, 50, 1);
         assert_eq!(settings.seeds().len(), 50);
         assert_eq!(settings.sizes(), [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]);
         assert_eq!(settings.full_size(), 100);
@@ -145,6 +129,6 @@ mod tests {
         assert_eq!(settings.equal_sizes(), [10, 20, 25, 50]);
         assert!((2..=10).all(|size| settings.configuration_sizes().contains(&size)));
         assert_eq!(settings.process_seeds().len(), 10);
-        assert_eq!(Settings::paper(2, 1).process_seeds(), [1, 2]);
+        assert_eq!(Settings::new(Scale::Paper, 2, 1).process_seeds(), [1, 2]);
     }
 }

@@ -11,7 +11,7 @@ mod support;
 use std::fs;
 use std::path::Path;
 
-use formation_experiments::{ExperimentError, Settings, names, run};
+use formation_experiments::{ExperimentError, Scale, Settings, names, run};
 use support::{Stopwatch, finish, launcher};
 
 /// The fields of a line of CSV; commas within quotation marks separate nothing.
@@ -41,7 +41,7 @@ fn rows(path: &Path) -> Vec<Vec<String>> {
 #[test]
 fn every_experiment_has_its_table_and_its_section() {
     let out = tempfile::tempdir().unwrap();
-    finish(out.path(), &Settings::tiny(2, 1), &[]).unwrap();
+    finish(out.path(), &Settings::new(Scale::Tiny, 2, 1), &[]).unwrap();
     let summary = fs::read_to_string(out.path().join("summary.md")).unwrap();
     assert_eq!(names().len(), 15);
     for name in names() {
@@ -69,7 +69,7 @@ fn every_experiment_has_its_table_and_its_section() {
 
 #[test]
 fn an_interrupted_run_goes_on_where_it_stopped() {
-    let settings = Settings::tiny(2, 1);
+    let settings = Settings::new(Scale::Tiny, 2, 1);
     let only = ["messages", "case_studies"];
     let whole = tempfile::tempdir().unwrap();
     let cells = finish(whole.path(), &settings, &only).unwrap().measured;
@@ -131,7 +131,7 @@ fn timeless(path: &Path) -> Vec<Vec<String>> {
 fn the_seed_decides_everything_but_the_times() {
     let outs = [1, 1, 2].map(|seed| {
         let out = tempfile::tempdir().unwrap();
-        finish(out.path(), &Settings::tiny(2, seed), &[]).unwrap();
+        finish(out.path(), &Settings::new(Scale::Tiny, 2, seed), &[]).unwrap();
         out
     });
     let mut differing = 0;
@@ -151,8 +151,17 @@ fn the_seed_decides_everything_but_the_times() {
 #[test]
 fn a_changed_setting_is_noticed() {
     let out = tempfile::tempdir().unwrap();
-    finish(out.path(), &Settings::tiny(1, 1), &["case_studies"]).unwrap();
-    let Err(error) = finish(out.path(), &Settings::tiny(3, 1), &["case_studies"]) else {
+    finish(
+        out.path(),
+        &Settings::new(Scale::Tiny, 1, 1),
+        &["case_studies"],
+    )
+    .unwrap();
+    let Err(error) = finish(
+        out.path(),
+        &Settings::new(Scale::Tiny, 3, 1),
+        &["case_studies"],
+    ) else {
         panic!("the number of runs has changed");
     };
     assert!(matches!(error, ExperimentError::BadInput(_)));
@@ -164,7 +173,11 @@ fn a_changed_setting_is_noticed() {
 #[test]
 fn an_unknown_name_is_an_error_that_lists_the_names() {
     let out = tempfile::tempdir().unwrap();
-    let Err(error) = finish(out.path(), &Settings::tiny(1, 1), &["distance", "nonsense"]) else {
+    let Err(error) = finish(
+        out.path(),
+        &Settings::new(Scale::Tiny, 1, 1),
+        &["distance", "nonsense"],
+    ) else {
         panic!("there is no such experiment");
     };
     let message = error.to_string();
@@ -178,7 +191,7 @@ fn an_unknown_name_is_an_error_that_lists_the_names() {
 #[test]
 fn what_is_no_result_is_named_with_its_line() {
     let out = tempfile::tempdir().unwrap();
-    let settings = Settings::tiny(1, 1);
+    let settings = Settings::new(Scale::Tiny, 1, 1);
     finish(out.path(), &settings, &["case_studies"]).unwrap();
     let path = out.path().join("cells.jsonl");
     let text = fs::read_to_string(&path).unwrap();
@@ -197,7 +210,7 @@ fn what_is_no_result_is_named_with_its_line() {
 fn processes_that_fail_are_an_error_and_the_rest_is_kept() {
     let home = tempfile::tempdir().unwrap();
     let out = tempfile::tempdir().unwrap();
-    let settings = Settings::tiny(1, 1);
+    let settings = Settings::new(Scale::Tiny, 1, 1);
     for (script, words) in [
         ("echo 'error: no room' >&2; exit 2", "no room"),
         ("echo '{}'", "verdict"),
@@ -223,7 +236,7 @@ fn processes_that_fail_are_an_error_and_the_rest_is_kept() {
 #[test]
 fn an_average_over_nothing_is_refused() {
     let out = tempfile::tempdir().unwrap();
-    let Err(error) = finish(out.path(), &Settings::tiny(0, 1), &[]) else {
+    let Err(error) = finish(out.path(), &Settings::new(Scale::Tiny, 0, 1), &[]) else {
         panic!("no runs make no average");
     };
     assert_eq!(error.to_string(), "runs must be 1 to 100000, got 0");

@@ -9,7 +9,7 @@ use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
-use formation_experiments::{Settings, names};
+use formation_experiments::{Scale, Settings, names};
 use formation_tests::{Python, Tool, root, tool_or_skip};
 use support::finish;
 
@@ -44,7 +44,7 @@ fn texts(plot: &str) -> Vec<&str> {
 #[test]
 fn every_experiment_has_a_plot_for_light_and_dark_surroundings() {
     let out = tempfile::tempdir().unwrap();
-    finish(out.path(), &Settings::tiny(2, 1), &[]).unwrap();
+    finish(out.path(), &Settings::new(Scale::Tiny, 2, 1), &[]).unwrap();
     if !draw(out.path(), out.path()) {
         return;
     }

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use formation_experiments::{ExperimentError, Progress, Settings, Work};
+use formation_experiments::{ExperimentError, Progress, Scale, Settings, Work};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
@@ -28,11 +28,12 @@ const LINE_INTERVAL: Duration = Duration::from_secs(10);
 /// # Errors
 /// Fails if the choice or the directory is not valid, or if a cell cannot be measured.
 pub fn run(arguments: &ExperimentsArguments) -> Result<(), Failure> {
-    let settings = if arguments.quick {
-        Settings::quick(arguments.runs.unwrap_or(QUICK_RUNS), arguments.seed)
+    let (scale, runs) = if arguments.quick {
+        (Scale::Quick, QUICK_RUNS)
     } else {
-        Settings::paper(arguments.runs.unwrap_or(RUNS), arguments.seed)
+        (Scale::Paper, RUNS)
     };
+    let settings = Settings::new(scale, arguments.runs.unwrap_or(runs), arguments.seed);
     let launcher = env::current_exe()
         .context("cannot find the launcher's own program")
         .map_err(Failure::BadInput)?;

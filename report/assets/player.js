@@ -1,6 +1,6 @@
 "use strict";
-// Plays the film that stands in the page. All that is shown follows from one number, the time in the film, so that
-// playing, stepping and scrubbing show the same.
+// Plays the film in the page. Everything shown is a function of one number, the time in the film, so that playing,
+// stepping and scrubbing show the same.
 (() => {
   const SVG = "http://www.w3.org/2000/svg";
   const byId = (id) => document.getElementById(id);
@@ -10,7 +10,7 @@
   const speed = byId("speed");
 
   const PHASES = {
-    ABSENT: "not heard yet", LISTENING: "listening", GATHERED: "gathered", PLANNING: "planning", AGREEING: "agreeing",
+    ABSENT: "not joined yet", LISTENING: "listening", GATHERED: "gathered", PLANNING: "planning", AGREEING: "agreeing",
     WAITING: "waiting", MOVING: "moving", SETTLED: "settled", SPARE: "spare", WAITING_FOR_QUORUM: "waiting for quorum",
   };
 
@@ -40,7 +40,7 @@
   };
 
   const between = (from, to, share) => from + (to - from) * share;
-  // By the shorter way around.
+  // In the direction of the smaller angle.
   const angleBetween = (from, to, share) => from + ((((to - from) % 360) + 540) % 360 - 180) * share;
 
   const poseAt = (track, time) => {
@@ -59,7 +59,7 @@
     return next ? between(ms0, next[1], (time - t0) / (next[0] - t0)) : ms0;
   };
 
-  // What is drawn, by position.
+  // The drawn elements, by position.
   const moduleElements = film.modules.map(({ id }) => document.querySelector(`#modules [data-module="${id}"]`));
   const bodies = moduleElements.map((element) => element.querySelector(".body"));
   const phaseCells = film.modules.map(({ id }) => document.querySelector(`[data-row="${id}"] .phase`));
@@ -90,7 +90,7 @@
     line.setAttribute("y2", y2);
   };
 
-  // Up to the edge of the spot, so that its number can be read.
+  // The line ends at the edge of the spot, so that the number stays legible.
   const drawGoal = (line, [x, y], spot) => {
     const length = Math.hypot(spot.x - x, spot.y - y);
     const share = Math.max(length - film.side * 0.6, 0) / Math.max(length, 1e-9);
@@ -180,7 +180,7 @@
     player.dataset.time = time;
   };
 
-  // Scrolls the list of steps and nothing else.
+  // Scrolls only the list of steps.
   const reveal = (button) => {
     if (!button) return;
     const list = byId("steps");
@@ -194,7 +194,7 @@
     playing = wanted;
     document.body.classList.toggle("playing", playing);
     byId("play").setAttribute("aria-label", playing ? "Pause" : "Play");
-    // A voice that reads every step would never come to an end while the film runs.
+    // While the film runs, a screen reader could not read every step in time.
     byId("now").setAttribute("aria-live", playing ? "off" : "polite");
     if (playing) {
       if (time >= film.length) time = 0;
@@ -206,7 +206,7 @@
   let previous;
   const tick = (now) => {
     if (!playing) return;
-    // After a pause of the browser, the film goes on where it was.
+    // After a pause of the browser, the film continues where it stopped.
     const passed = previous === undefined ? 0 : Math.min((now - previous) / 1000, 0.25);
     previous = now;
     time = Math.min(time + passed * Number(speed.value), film.length);
@@ -251,7 +251,7 @@
   document.addEventListener("keydown", (event) => {
     if (event.ctrlKey || event.metaKey || event.altKey) return;
     const target = event.target;
-    // Keys that a control under the focus has a use for are its own.
+    // A control that has the focus handles its own keys.
     const pressesButton = target.closest("button, summary, a");
     const scrolls = target.closest("select, .scroll, #steps");
     if (event.key === " " && !pressesButton && !target.closest("select")) setPlaying(!playing);

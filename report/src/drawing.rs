@@ -1,4 +1,4 @@
-//! How spots, links and modules look; shared by the pictures and the page's player.
+//! The drawings of spots, links and modules, for the pictures and for the page's player.
 
 use formation::model::Pose;
 
@@ -7,11 +7,11 @@ use crate::frame::Frame;
 use crate::palette::{Look, look};
 use crate::subject::{Module, Spot, Subject};
 
-/// What the grid's numbers need beside and below the ground.
+/// The space for the grid's numbers to the left of and below the ground.
 pub(crate) const LEFT: f64 = 46.0;
 pub(crate) const BELOW: f64 = 40.0;
 
-/// Below this, digits cannot be read.
+/// The minimum size of legible digits.
 const LABEL_MIN: f64 = 6.0;
 
 /// The patterns that palettes name, for one picture.
@@ -19,53 +19,48 @@ pub(crate) fn patterns() -> Element {
     let pattern = |id: &str, size: f64| {
         Element::new("pattern")
             .with("id", id)
-            .with("width", size)
-            .with("height", size)
+            .lengths([("width", size), ("height", size)])
             .with("patternUnits", "userSpaceOnUse")
     };
     let ink = |element: Element| element.with("fill", "#000").with("fill-opacity", "0.3");
-    let square = |x: f64, y: f64| {
-        ink(Element::new("rect")
-            .with("x", x)
-            .with("y", y)
-            .with("width", 4)
-            .with("height", 4))
+    let square = |at: f64| {
+        let lengths = [("x", at), ("y", at), ("width", 4.0), ("height", 4.0)];
+        ink(Element::new("rect").lengths(lengths))
     };
+    let stripe = Element::new("rect").lengths([("width", 2.5), ("height", 7.0)]);
+    let dot = Element::new("circle").lengths([("cx", 3.5), ("cy", 3.5), ("r", 1.6)]);
+    let stripes = pattern("stripes", 7.0).with("patternTransform", "rotate(45)");
+    let checks = pattern("checks", 8.0).containing(square(0.0));
     Element::new("defs")
-        .containing(
-            pattern("stripes", 7.0)
-                .with("patternTransform", "rotate(45)")
-                .containing(ink(Element::new("rect")
-                    .with("width", 2.5)
-                    .with("height", 7))),
-        )
-        .containing(
-            pattern("dots", 7.0).containing(ink(Element::new("circle")
-                .with("cx", 3.5)
-                .with("cy", 3.5)
-                .with("r", 1.6))),
-        )
-        .containing(
-            pattern("checks", 8.0)
-                .containing(square(0.0, 0.0))
-                .containing(square(4.0, 4.0)),
-        )
+        .containing(stripes.containing(ink(stripe)))
+        .containing(pattern("dots", 7.0).containing(ink(dot)))
+        .containing(checks.containing(square(4.0)))
 }
 
-/// The grid, with its numbers and what they count.
-pub(crate) fn grid(frame: &Frame) -> Element {
+/// A rectangle of a class.
+pub(crate) fn rectangle(class: &str, width: f64, height: f64) -> Element {
+    Element::new("rect")
+        .with("class", class)
+        .lengths([("width", width), ("height", height)])
+}
+
+/// The ground with its grid, without anything on it.
+pub(crate) fn ground(frame: &Frame, (left, top): (f64, f64)) -> Element {
+    Element::group("ground")
+        .with("transform", format!("translate({left} {top})"))
+        .containing(rectangle("floor", frame.width, frame.height))
+        .containing(grid(frame))
+}
+
+/// The grid, with its numbers and their unit.
+fn grid(frame: &Frame) -> Element {
     let mut grid = Element::group("grid");
     let line = |x1: f64, y1: f64, x2: f64, y2: f64| {
-        Element::new("line")
-            .with("x1", Short(x1))
-            .with("y1", Short(y1))
-            .with("x2", Short(x2))
-            .with("y2", Short(y2))
+        Element::new("line").lengths([("x1", x1), ("y1", y1), ("x2", x2), ("y2", y2)])
     };
     let text = |x: f64, y: f64, anchor: &str| {
         Element::new("text")
-            .with("x", Short(x))
-            .with("y", Short(y))
+            .lengths([("x", x), ("y", y)])
             .with("text-anchor", anchor)
     };
     let (width, height) = (frame.width, frame.height);
@@ -93,21 +88,21 @@ pub(crate) fn grid(frame: &Frame) -> Element {
 
 /// A line between two poses.
 pub(crate) fn line(frame: &Frame, class: &str, from: &Pose, to: &Pose) -> Element {
-    Element::new("line")
-        .with("class", class)
-        .with("x1", Short(frame.x(from)))
-        .with("y1", Short(frame.y(from)))
-        .with("x2", Short(frame.x(to)))
-        .with("y2", Short(frame.y(to)))
+    Element::new("line").with("class", class).lengths([
+        ("x1", frame.x(from)),
+        ("y1", frame.y(from)),
+        ("x2", frame.x(to)),
+        ("y2", frame.y(to)),
+    ])
 }
 
-/// A link that breaks: a dashed bow and the cross on it, so that it does not hide behind what lies between its ends.
+/// A link that breaks: a cross on a dashed bow, which modules between its ends do not hide.
 pub(crate) fn broken(frame: &Frame, from: &Pose, to: &Pose) -> (Element, Element) {
     let (x1, y1) = (frame.x(from), frame.y(from));
     let (x2, y2) = (frame.x(to), frame.y(to));
     let (dx, dy) = (x2 - x1, y2 - y1);
     let length = dx.hypot(dy).max(1.0);
-    // Neighbours are joined straight; the further apart, the wider the bow, up to some modules' width.
+    // The link between neighbours is straight. The greater the distance, the wider the bow, up to three modules.
     let side = frame.module_side();
     let bow = if length < 1.6 * side {
         0.0
@@ -174,14 +169,14 @@ pub(crate) fn target(
                     .with("rx", Short(side * 0.18)),
             );
         if let Some(label) = label(side, spot.id.0) {
-            drawn.push(label.with("x", Short(x)).with("y", Short(y)));
+            drawn.push(label.lengths([("x", x), ("y", y)]));
         }
         group.push(drawn);
     }
     group
 }
 
-/// A module that stands at a pose.
+/// A module at a pose.
 pub(crate) fn module_at(frame: &Frame, module: &Module, pose: &Pose) -> Element {
     let side = frame.module_side();
     let look = look(module.configuration);
@@ -237,11 +232,8 @@ pub(crate) fn body(side: f64, look: &Look, turn: f64) -> Element {
 }
 
 fn square(side: f64) -> Element {
-    Element::new("rect")
-        .with("x", Short(-side / 2.0))
-        .with("y", Short(-side / 2.0))
-        .with("width", Short(side))
-        .with("height", Short(side))
+    let half = -side / 2.0;
+    Element::new("rect").lengths([("x", half), ("y", half), ("width", side), ("height", side)])
 }
 
 fn placed(x: f64, y: f64, turn: f64) -> String {
@@ -253,7 +245,7 @@ fn placed(x: f64, y: f64, turn: f64) -> String {
     )
 }
 
-/// A number in the middle of a square, as large as fits; `None` where it could not be read.
+/// A number in the middle of a square, as large as possible; `None` if it would not be legible.
 fn label(side: f64, number: u32) -> Option<Element> {
     let digits = number.checked_ilog10().unwrap_or(0) + 1;
     let size = (side * 0.46).min(side * 0.8 / (0.6 * f64::from(digits)));

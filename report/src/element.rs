@@ -1,8 +1,8 @@
-//! A tree of SVG or HTML elements; whatever goes in as text comes out as text.
+//! A tree of SVG or HTML elements. Text is escaped, so no text can become markup.
 
 use std::fmt::{self, Display, Write};
 
-/// An element with its attributes and what is in it.
+/// An element with its attributes and children.
 #[derive(Clone, Debug)]
 pub(crate) struct Element {
     name: &'static str,
@@ -25,7 +25,7 @@ impl Element {
         }
     }
 
-    /// A group of elements that look alike.
+    /// A group of elements of one class.
     pub(crate) fn group(class: &str) -> Self {
         Self::new("g").with("class", class)
     }
@@ -33,6 +33,12 @@ impl Element {
     pub(crate) fn with(mut self, name: &'static str, value: impl Display) -> Self {
         self.attributes.push((name, value.to_string()));
         self
+    }
+
+    /// Adds attributes that are lengths in pixels.
+    pub(crate) fn lengths<const N: usize>(self, lengths: [(&'static str, f64); N]) -> Self {
+        let add = |element: Self, (name, length)| element.with(name, Short(length));
+        lengths.into_iter().fold(self, add)
     }
 
     pub(crate) fn containing(mut self, child: Self) -> Self {
@@ -75,8 +81,8 @@ impl Display for Element {
     }
 }
 
-/// Text as it stands in XML and HTML, between tags and in quoted attributes. Characters that XML cannot hold, or that
-/// turn the direction of what follows, are replaced.
+/// Text escaped for XML and HTML, between tags and in quoted attributes. Characters that XML does not allow, or that change
+/// the writing direction, are replaced.
 pub(crate) struct Escaped<'a>(pub &'a str);
 
 impl Display for Escaped<'_> {
@@ -102,7 +108,7 @@ fn is_unprintable(character: char) -> bool {
             '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}' | '\u{fffe}' | '\u{ffff}')
 }
 
-/// A length or an angle with as many digits as a picture needs.
+/// A length or an angle with at most one decimal.
 pub(crate) struct Short(pub f64);
 
 impl Display for Short {

@@ -2,19 +2,19 @@
 
 use formation::model::Pose;
 
-/// A unit is drawn this long, unless the picture would become too large.
+/// The length of a unit, unless the picture would become too large.
 const PIXELS_PER_UNIT_MAX: f64 = 48.0;
-/// So long is the longer side of the ground at most.
+/// The maximum length of the longer side of the ground.
 const GROUND_MAX: f64 = 1_000.0;
-/// Around the outermost poses, in units.
+/// The minimum margin around the outermost poses, in units.
 const MARGIN_UNITS: f64 = 1.0;
-/// Grid lines are no closer than this, and numbers stand at those that are further apart than the second.
+/// The minimum distances of grid lines and of their numbers.
 const GRID_GAP_MIN: f64 = 20.0;
 const NUMBER_GAP_MIN: f64 = 44.0;
 
 /// The side of a module's square, in units.
 const MODULE_UNITS: f64 = 0.72;
-/// A module is drawn no smaller than this, however far things are apart.
+/// The minimum side of a module's square.
 const MODULE_MIN: f64 = 7.0;
 
 /// The part of the plane that a picture shows. The y axis points upwards on the ground and downwards in pixels.
@@ -28,7 +28,7 @@ pub(crate) struct Frame {
     pub(crate) height: f64,
 }
 
-/// A line of the grid: its place in pixels, and its number where there is room for it.
+/// A line of the grid: its position in pixels, and its number if there is room for it.
 pub(crate) struct GridLine {
     pub(crate) at: f64,
     pub(crate) number: Option<f64>,
@@ -59,7 +59,7 @@ impl Frame {
         }
     }
 
-    /// Widens the ground on both sides to at least so many pixels.
+    /// Widens the ground on both sides to at least this width in pixels.
     pub(crate) fn at_least(mut self, width: f64) -> Self {
         let missing = (width - self.width).max(0.0);
         self.left_units -= missing / 2.0 / self.scale;
@@ -75,7 +75,7 @@ impl Frame {
         (self.top_units - pose.y.to_units()) * self.scale
     }
 
-    /// The angle by which a picture of a module at this pose is turned: clockwise, in degrees.
+    /// The clockwise angle of a module at this pose in the picture, in degrees.
     pub(crate) fn turn(pose: &Pose) -> f64 {
         -pose.theta.to_units().to_degrees()
     }
@@ -85,7 +85,7 @@ impl Frame {
         (MODULE_UNITS * self.scale).max(MODULE_MIN)
     }
 
-    /// Whether modules are drawn in their true size.
+    /// Whether modules are drawn to scale.
     pub(crate) fn is_to_scale(&self) -> bool {
         MODULE_UNITS * self.scale >= MODULE_MIN
     }
@@ -110,12 +110,12 @@ impl Frame {
         let mut lines = Vec::new();
         let mut index = (from / step).ceil();
         while index * step <= to {
-            // Adding zero keeps the sign off it.
+            // Adding zero turns -0 into 0.
             let place = index * step + 0.0;
-            let beside = (place / number_step).round() * number_step;
+            let nearest = (place / number_step).round() * number_step;
             lines.push(GridLine {
                 at: at(place),
-                number: ((place - beside).abs() < step / 1_000.0).then_some(place),
+                number: ((place - nearest).abs() < step / 1_000.0).then_some(place),
             });
             index += 1.0;
         }
@@ -123,7 +123,7 @@ impl Frame {
     }
 }
 
-/// The lowest of 1, 2, 5, 10, 20, 50 and so on that is not below `at_least`.
+/// The least of 1, 2, 5, 10, 20, 50 and so on that is at least `at_least`.
 fn round_step(at_least: f64) -> f64 {
     let mut step = 1.0;
     loop {

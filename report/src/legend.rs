@@ -1,21 +1,22 @@
-//! What the signs in a picture mean.
+//! The legend: the signs in a picture and their meaning.
+
+use formation::model::text::counted;
 
 use crate::drawing::{self, body};
 use crate::element::{Element, Short};
 use crate::frame::Frame;
 use crate::palette::{Look, look};
-use crate::pictures::counted;
 use crate::subject::Subject;
 
-/// Around the legend and the title.
+/// The margin around the legend and the title.
 pub(crate) const INSET: f64 = 18.0;
 
 const ROW: f64 = 26.0;
 const SIGN: f64 = 34.0;
 const GAP: f64 = 22.0;
-/// The width of a letter, on average; a little too much rather than too little.
+/// An upper estimate of the mean width of a letter.
 const LETTER: f64 = 7.3;
-/// More configurations than these are counted, not listed.
+/// Further configurations are counted and not listed.
 const CONFIGURATIONS_MAX: usize = 12;
 
 /// A sign.
@@ -33,7 +34,7 @@ pub(crate) enum Mark {
     None,
 }
 
-/// A sign and what it means.
+/// A sign and its meaning.
 #[derive(Clone, Debug)]
 pub(crate) struct Entry {
     pub(crate) mark: Mark,
@@ -49,52 +50,38 @@ impl Entry {
     }
 }
 
-/// The looks of the modules that there are.
+/// The entries for the looks of modules.
 pub(crate) fn of_modules(subject: &Subject) -> Vec<Entry> {
-    let shown = subject.configurations.len().min(CONFIGURATIONS_MAX);
-    let mut entries: Vec<Entry> = subject.configurations[..shown]
-        .iter()
-        .enumerate()
+    let module = |configuration, leads| Mark::Module(look(configuration), leads);
+    let configurations = subject.configurations.iter().enumerate();
+    let mut entries: Vec<Entry> = configurations
+        .take(CONFIGURATIONS_MAX)
         .map(|(position, configuration)| {
-            Entry::new(
-                Mark::Module(look(Some(position)), false),
-                format!(
-                    "{}, {}",
-                    configuration.label,
-                    counted(configuration.size, "module")
-                ),
-            )
+            let size = counted(configuration.size, "module");
+            let text = format!("{}, {size}", configuration.label);
+            Entry::new(module(Some(position), false), text)
         })
         .collect();
-    let more = subject.configurations.len() - shown;
+    let more = subject.configurations.len() - entries.len();
     if more > 0 {
-        entries.push(Entry::new(
-            Mark::None,
-            format!("and {more} more configurations"),
-        ));
+        let text = format!("and {more} more configurations");
+        entries.push(Entry::new(Mark::None, text));
     }
-    let singles = subject
-        .modules
-        .iter()
-        .filter(|module| module.configuration.is_none())
-        .count();
+    let modules = subject.modules.iter();
+    let singles = modules.filter(|module| module.configuration.is_none());
+    let singles = singles.count();
     if singles > 0 {
-        entries.push(Entry::new(
-            Mark::Module(look(None), false),
-            counted(singles, "single module"),
-        ));
+        let text = counted(singles, "single module");
+        entries.push(Entry::new(module(None, false), text));
     }
     if !subject.configurations.is_empty() {
-        entries.push(Entry::new(
-            Mark::Module(look(Some(0)), true),
-            "leads its configuration",
-        ));
+        let mark = module(Some(0), true);
+        entries.push(Entry::new(mark, "leads its configuration"));
     }
     entries
 }
 
-/// Draws entries in columns that together are no wider than `width`, and a note below; returns the drawing and its
-/// height.
+/// Draws entries in columns with a total width of at most `width`, and a note below; returns the drawing and its height.
 #[expect(clippy::cast_precision_loss, reason = "a few entries of a few letters")]
 pub(crate) fn draw(entries: &[Entry], frame: &Frame, width: f64) -> (Element, f64) {
     let needed = |entry: &Entry| SIGN + entry.text.chars().count() as f64 * LETTER;
@@ -130,59 +117,50 @@ fn row(index: usize) -> f64 {
 
 fn text(x: f64, y: f64, text: &str) -> Element {
     Element::new("text")
-        .with("x", Short(x))
-        .with("y", Short(y + 4.5))
+        .lengths([("x", x), ("y", y + 4.5)])
         .saying(text)
 }
 
-/// A sign, as high as a row of text, from the origin to the right.
+/// A sign as high as a row of text, from the origin to the right.
 pub(crate) fn drawn(mark: Mark) -> Element {
+    let sign = Element::group("sign");
     let side = 17.0;
-    let square = |class: &str| {
-        Element::group(class).containing(
-            Element::new("rect")
-                .with("x", 4)
-                .with("y", -side / 2.0)
-                .with("width", side)
-                .with("height", side)
-                .with("rx", 3),
-        )
+    let centre = 4.0 + side / 2.0;
+    let line = |class| {
+        Element::new("line")
+            .with("class", class)
+            .lengths([("x1", 0.0), ("x2", 26.0)])
+    };
+    let square = |group: Element| {
+        let lengths = [
+            ("x", 4.0),
+            ("y", -side / 2.0),
+            ("width", side),
+            ("height", side),
+        ];
+        group.containing(Element::new("rect").lengths(lengths).with("rx", 3))
     };
     match mark {
         Mark::Module(look, leads) => {
             let class = if leads { "module leader" } else { "module" };
-            Element::group("sign").containing(
-                Element::group(class)
-                    .with("transform", format!("translate({} 0)", 4.0 + side / 2.0))
-                    .containing(body(side, &look, 0.0)),
-            )
+            let module = Element::group(class).with("transform", format!("translate({centre} 0)"));
+            sign.containing(module.containing(body(side, &look, 0.0)))
         }
-        Mark::Line(class) => Element::group("sign").containing(
-            Element::new("line")
-                .with("class", class)
-                .with("x1", 0)
-                .with("x2", 26),
-        ),
-        Mark::Ring(class) => Element::group("sign").containing(
+        Mark::Line(class) => sign.containing(line(class)),
+        Mark::Ring(class) => sign.containing(
             Element::new("circle")
                 .with("class", class)
-                .with("cx", 4.0 + side / 2.0)
-                .with("r", 9),
+                .lengths([("cx", centre), ("r", 9.0)]),
         ),
-        Mark::Break => {
-            let line = Element::new("line")
-                .with("class", "link broken")
-                .with("x1", 0)
-                .with("x2", 26);
-            Element::group("sign")
-                .containing(line)
-                .containing(drawing::cross(13.0, 0.0, 4.5))
-        }
-        Mark::Spot => Element::group("sign").containing(square("spot")),
-        Mark::OpenSpot => Element::group("sign").containing(square("spot open")),
+        Mark::Break => sign
+            .containing(line("link broken"))
+            .containing(drawing::cross(13.0, 0.0, 4.5)),
+        Mark::Spot => sign.containing(square(Element::group("spot"))),
+        Mark::OpenSpot => sign.containing(square(Element::group("spot open"))),
         Mark::ClaimedSpot => {
-            Element::group("sign").containing(square("spot").with("data-state", "claimed"))
+            let spot = Element::group("spot").with("data-state", "claimed");
+            sign.containing(square(spot))
         }
-        Mark::None => Element::group("sign"),
+        Mark::None => sign,
     }
 }

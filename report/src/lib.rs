@@ -1,7 +1,7 @@
 //! Pictures of formations, and a page that plays one.
 //!
-//! Everything here turns data into text: a [`Subject`] into the pictures [`before`] and [`after`], and a subject and its
-//! course, planned ([`course_of_plan`]) or recorded, into a [`page`]. Nothing is read or written.
+//! All functions turn data into text and do no I/O: a [`Subject`] becomes the pictures [`before`] and [`after`]; a subject
+//! and its course, planned ([`course_of_plan`]) or recorded, become a [`page`].
 
 mod drawing;
 mod element;

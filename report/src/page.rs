@@ -6,6 +6,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use formation::event_log::{Entry, Event};
 use formation::model::Pose;
+use formation::model::text::counted;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
@@ -13,7 +14,7 @@ use crate::drawing::{self, BELOW, LEFT};
 use crate::element::{Element, Escaped, Short};
 use crate::frame::Frame;
 use crate::legend::{self, Mark};
-use crate::pictures::{STYLE, counted};
+use crate::pictures::STYLE;
 use crate::playback::Film;
 use crate::subject::{Module, Subject};
 
@@ -21,17 +22,17 @@ const TEMPLATE: &str = include_str!("../assets/page.html");
 const PAGE_STYLE: &str = include_str!("../assets/page.css");
 const PLAYER: &str = include_str!("../assets/player.js");
 
-/// The ground is at least so wide, so that small formations do not look lost.
+/// The minimum width of the ground, for small formations.
 const GROUND_WIDTH_MIN: f64 = 300.0;
 const ABOVE: f64 = 10.0;
 const RIGHT: f64 = 12.0;
 
-/// Whether a formation did what it was to do.
+/// How a page presents the outcome.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Tone {
-    /// It did.
+    /// The formation did what it was to do.
     Good,
-    /// Something is wrong.
+    /// The formation failed, or was found wrong.
     Bad,
     /// Nothing was carried out.
     Neutral,
@@ -40,14 +41,14 @@ pub enum Tone {
 /// A number with its name and its unit.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Fact {
-    /// What was counted or measured.
+    /// The quantity.
     pub name: &'static str,
-    /// How much, with its unit.
+    /// The number with its unit.
     pub value: String,
 }
 
 impl Fact {
-    /// A number; `value` carries its unit.
+    /// A number; `value` includes its unit.
     #[must_use]
     pub fn new(name: &'static str, value: impl Display) -> Self {
         Self {
@@ -57,18 +58,18 @@ impl Fact {
     }
 }
 
-/// What a page says besides the film.
+/// The content of a page other than the film.
 #[derive(Clone, Debug)]
 pub struct Summary {
     /// One sentence on the outcome, such as the verdict.
     pub outcome: String,
-    /// Whether that is good.
+    /// The presentation of the outcome.
     pub tone: Tone,
-    /// Where the film comes from: planned or recorded, and how its time is to be read.
+    /// The origin of the film, planned or recorded, and the meaning of its time.
     pub source: String,
     /// The numbers.
     pub facts: Vec<Fact>,
-    /// What people should know besides, such as warnings and violations.
+    /// Further notes, such as warnings and violations.
     pub notes: Vec<String>,
 }
 
@@ -91,27 +92,29 @@ pub fn page(subject: &Subject, course: &[Entry], summary: &Summary) -> String {
         "outcome" => Escaped(&summary.outcome).to_string(),
         "source" => Escaped(&summary.source).to_string(),
         "picture" => stage(subject, &frame).to_string(),
-        "legend" => legend_of(subject).iter().map(ToString::to_string).collect(),
+        "legend" => all(legend_of(subject)),
         "step-count" => steps.to_string(),
-        "facts" => summary
-            .facts
-            .iter()
-            .map(|fact| row_of(fact).to_string())
-            .collect(),
+        "facts" => all(summary.facts.iter().map(row_of)),
         "notes" => notes(&summary.notes),
-        "modules" => subject
+        "modules" => all(subject
             .modules
             .iter()
-            .map(|module| row_of_module(subject, module).to_string())
-            .collect(),
+            .map(|module| row_of_module(subject, module))),
         "film" => embedded(&film),
         "player" => PLAYER.to_owned(),
-        // The template is ours; a test holds it to these.
+        // A test checks that the template has no other markers.
         _ => String::new(),
     })
 }
 
-/// Replaces each `{{marker}}` of a template once; what is put in is not looked at again.
+fn all(elements: impl IntoIterator<Item = Element>) -> String {
+    elements
+        .into_iter()
+        .map(|element| element.to_string())
+        .collect()
+}
+
+/// Replaces each `{{marker}}` of a template once; markers in inserted content are not replaced.
 fn fill(template: &str, content: impl Fn(&str) -> String) -> String {
     let mut page = String::with_capacity(template.len());
     let mut rest = template;
@@ -127,7 +130,7 @@ fn fill(template: &str, content: impl Fn(&str) -> String) -> String {
     page
 }
 
-/// The page may run its own script and no other, and load nothing.
+/// The content security policy: the page runs only its own script and loads nothing.
 fn policy() -> String {
     let hash = BASE64_STANDARD.encode(Sha256::digest(PLAYER.as_bytes()));
     format!(
@@ -135,7 +138,7 @@ fn policy() -> String {
     )
 }
 
-/// JSON as it may stand in a script element: nothing in it can end that.
+/// JSON for a script element, with all characters escaped that could end the element.
 fn embedded(value: &impl Serialize) -> String {
     let json = serde_json::to_string(value).unwrap_or_else(|_| "null".to_owned());
     let mut safe = String::with_capacity(json.len());
@@ -152,14 +155,14 @@ fn embedded(value: &impl Serialize) -> String {
     safe
 }
 
-/// Every pose that the film shows.
+/// All poses in the film.
 fn places<'a>(subject: &'a Subject, course: &'a [Entry]) -> impl Iterator<Item = Pose> + 'a {
-    let told = course.iter().filter_map(|entry| match &entry.event {
-        Event::State(told) => Some((told.module, told.pose)),
+    let observed = course.iter().filter_map(|entry| match &entry.event {
+        Event::State(state) => Some((state.module, state.pose)),
         Event::Pose { module, pose } => Some((*module, *pose)),
         _ => None,
     });
-    let known = told.filter(|&(module, _)| subject.position_of(module).is_some());
+    let known = observed.filter(|&(module, _)| subject.position_of(module).is_some());
     let ends = subject
         .modules
         .iter()
@@ -168,32 +171,17 @@ fn places<'a>(subject: &'a Subject, course: &'a [Entry]) -> impl Iterator<Item =
         .chain(known.map(|(_, pose)| pose))
 }
 
-/// The ground at the start of the film; the player moves what is on it.
+/// The ground at the start of the film; the player moves the elements on it.
 fn stage(subject: &Subject, frame: &Frame) -> Element {
     let (width, height) = (LEFT + frame.width + RIGHT, ABOVE + frame.height + BELOW);
-    let mut ground = Element::group("ground")
-        .with("transform", format!("translate({LEFT} {ABOVE})"))
-        .containing(
-            Element::new("rect")
-                .with("class", "floor")
-                .with("width", Short(frame.width))
-                .with("height", Short(frame.height)),
-        )
-        .containing(drawing::grid(frame))
-        .containing(drawing::target(frame, subject, |_| "spot"))
-        .containing(Element::new("g").with("id", "goals"))
-        .containing(Element::new("g").with("id", "links"));
-    let mut modules = Element::new("g").with("id", "modules");
-    modules.extend(
-        subject
-            .modules
-            .iter()
-            .map(|module| drawing::module_at(frame, module, &module.start)),
-    );
-    ground.push(modules);
-    for id in ["crosses", "marks"] {
-        ground.push(Element::new("g").with("id", id));
-    }
+    let layer = |id| Element::new("g").with("id", id);
+    let mut modules = layer("modules");
+    let drawn = |module| drawing::module_at(frame, module, &module.start);
+    modules.extend(subject.modules.iter().map(drawn));
+    let mut ground = drawing::ground(frame, (LEFT, ABOVE));
+    ground.push(drawing::target(frame, subject, |_| "spot"));
+    ground.extend([layer("goals"), layer("links"), modules]);
+    ground.extend([layer("crosses"), layer("marks")]);
     Element::new("svg")
         .with("id", "picture")
         .with("viewBox", format!("0 0 {} {}", Short(width), Short(height)))
@@ -209,7 +197,7 @@ fn legend_of(subject: &Subject) -> Vec<Element> {
         (Mark::Line("link kept"), "link that is kept"),
         (Mark::Break, "link that breaks"),
         (Mark::Line("link new"), "new link"),
-        (Mark::Line("goal"), "way to the claimed spot"),
+        (Mark::Line("goal"), "path to the claimed spot"),
         (Mark::Ring("ring acting"), "acts in this step"),
         (Mark::Ring("ring evicted"), "loses its spot in this step"),
         (Mark::Spot, "free spot"),
@@ -252,51 +240,39 @@ fn notes(notes: &[String]) -> String {
 
 fn row_of_module(subject: &Subject, module: &Module) -> Element {
     let spot = module.spot.map(|spot| &subject.spots[spot]);
-    let way = spot.map(|spot| format!("{:.2}", module.start.distance_to(&spot.pose).to_units()));
+    let distance = spot.map(|spot| module.start.distance_to(&spot.pose).to_units());
     let or_dash = |text: Option<String>| text.unwrap_or_else(|| "–".to_owned());
-    let group = match module.configuration {
+    let mut group = match module.configuration {
         Some(configuration) => subject.configurations[configuration].label.clone(),
         None => "single".to_owned(),
     };
-    let broken = subject
-        .links
-        .iter()
-        .filter(|link| {
-            !link.kept
-                && (subject.modules[link.ends.0].id == module.id
-                    || subject.modules[link.ends.1].id == module.id)
-        })
-        .count();
-    let mut row = Element::new("tr").with("data-row", module.id.0).containing(
-        Element::new("th").with("scope", "row").containing(
-            Element::new("button")
-                .with("type", "button")
-                .with("class", "pick")
-                .with("aria-pressed", "false")
-                .with(
-                    "aria-label",
-                    format!("Point out module {} in the picture", module.id.0),
-                )
-                .saying(module.id.0),
-        ),
-    );
+    if module.leads {
+        group.push_str(", leads it");
+    }
+    let is_own = |end: usize| subject.modules[end].id == module.id;
+    let broken = subject.links.iter().filter(|link| !link.kept);
+    let broken = broken.filter(|link| is_own(link.ends.0) || is_own(link.ends.1));
+    let start = (module.start.x.to_units(), module.start.y.to_units());
+    let button = Element::new("button")
+        .with("type", "button")
+        .with("class", "pick")
+        .with("aria-pressed", "false")
+        .with(
+            "aria-label",
+            format!("Point out {} in the picture", module.id),
+        )
+        .saying(module.id.0);
+    let mut row = Element::new("tr").with("data-row", module.id.0);
+    row.push(Element::new("th").with("scope", "row").containing(button));
     row.extend(
         [
-            if module.leads {
-                format!("{group}, leads it")
-            } else {
-                group
-            },
-            format!(
-                "{:.1}, {:.1}",
-                module.start.x.to_units(),
-                module.start.y.to_units()
-            ),
+            group,
+            format!("{:.1}, {:.1}", start.0, start.1),
             or_dash(spot.map(|spot| spot.id.0.to_string())),
-            or_dash(way),
+            or_dash(distance.map(|distance| format!("{distance:.2}"))),
             or_dash(module.order.map(|order| order.to_string())),
             or_dash(module.moves_with.map(|lead| lead.0.to_string())),
-            counted(broken, "link"),
+            counted(broken.count(), "link"),
         ]
         .map(|cell| Element::new("td").saying(cell)),
     );

@@ -1,35 +1,35 @@
-//! Colours that stay apart for people with any colour vision, and patterns for when the colours run out.
+//! Colours that differ for any colour vision, and patterns for further configurations.
 //!
 //! Seven of the eight colours of M. Okabe and K. Ito, "Color Universal Design" (2008): six for configurations and
-//! vermilion for what breaks. No meaning hangs on colour alone: modules carry their number, broken links are dashed.
+//! vermilion for broken links. No meaning depends on colour alone: modules show their number, broken links are dashed.
 
 /// A colour as `#rrggbb`.
 pub type Colour = &'static str;
 
-/// What breaks.
+/// Broken links.
 pub const BROKEN: Colour = "#d55e00";
-/// Modules that stand alone at the start.
+/// Modules that belong to no configuration at the start.
 pub const SINGLE: Colour = "#d4d4d4";
-/// Configurations, in the order in which they are given out.
+/// Configurations, in order.
 pub const CONFIGURATIONS: [Colour; 6] = [
     "#56b4e9", "#e69f00", "#009e73", "#f0e442", "#0072b2", "#cc79a7",
 ];
-/// Patterns upon the colours, each for one round through them; the first round is plain.
+/// Patterns on the colours, each for one round through the colours; the first round is plain.
 pub const PATTERNS: [Option<&str>; 4] = [None, Some("stripes"), Some("dots"), Some("checks")];
 
-/// How the modules of a configuration look.
+/// The look of the modules of a configuration.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Look {
     /// The colour of the body.
     pub fill: Colour,
-    /// The colour of what is written on it.
+    /// The colour of the number.
     pub ink: Colour,
-    /// The pattern upon it, if any.
+    /// The pattern on the body, if any.
     pub pattern: Option<&'static str>,
 }
 
-/// The look of the modules of the configuration at this position, or of those that stand alone. After 24 configurations
-/// looks repeat.
+/// The look of the modules of the configuration at this position, or of single modules. Looks repeat after 24
+/// configurations.
 #[must_use]
 pub fn look(configuration: Option<usize>) -> Look {
     let (fill, pattern) = match configuration {
@@ -118,7 +118,7 @@ mod tests {
     ];
 
     #[test]
-    fn colours_stay_apart_for_every_colour_vision() {
+    fn colours_differ_for_every_colour_vision() {
         let colours: Vec<Colour> = CONFIGURATIONS.into_iter().chain([SINGLE, BROKEN]).collect();
         let unchanged = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
         for deficiency in DEFICIENCIES.into_iter().chain([unchanged]) {
@@ -146,7 +146,7 @@ mod tests {
     }
 
     #[test]
-    fn what_is_written_on_a_module_can_be_read() {
+    fn numbers_on_modules_are_legible() {
         let luminance = |colour| {
             let [red, green, blue] = linear(colour);
             0.2126 * red + 0.7152 * green + 0.0722 * blue

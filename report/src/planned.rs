@@ -1,4 +1,4 @@
-//! What carrying out a plan would look like: its turns, then one unit after another on straight ways.
+//! The course of a plan: its turns, then the motions of one unit after another on straight paths.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
@@ -51,7 +51,7 @@ struct Course<'a> {
     outcome: &'a PlanOutcome,
     now: Duration,
     modules: BTreeMap<ModuleId, ModuleSnapshot>,
-    /// Who takes which spot.
+    /// The module of each spot.
     holders: BTreeMap<SpotId, ModuleId>,
     entries: Vec<Entry>,
 }
@@ -72,7 +72,7 @@ impl<'a> Course<'a> {
             entries: Vec::new(),
         };
         for module in problem.modules() {
-            course.tell(ModuleSnapshot {
+            course.publish(ModuleSnapshot {
                 module: module.id,
                 phase: ModulePhase::Gathered,
                 pose: module.pose,
@@ -95,23 +95,23 @@ impl<'a> Course<'a> {
         });
     }
 
-    fn tell(&mut self, told: ModuleSnapshot) {
-        self.modules.insert(told.module, told.clone());
-        self.note(Event::State(told));
+    fn publish(&mut self, state: ModuleSnapshot) {
+        self.modules.insert(state.module, state.clone());
+        self.note(Event::State(state));
     }
 
-    /// Lets a module tell that something about it has changed.
+    /// Changes the state of a module, and publishes it if it differs.
     fn change(&mut self, module: ModuleId, change: impl FnOnce(&mut ModuleSnapshot)) {
         if let Some(known) = self.modules.get(&module) {
-            let mut told = known.clone();
-            change(&mut told);
-            if told != *known {
-                self.tell(told);
+            let mut state = known.clone();
+            change(&mut state);
+            if state != *known {
+                self.publish(state);
             }
         }
     }
 
-    /// All have agreed; those with a spot wait for their unit's turn.
+    /// All members have agreed; those with a spot wait for the turn of their unit.
     fn wait_for_turns(&mut self) {
         let plan = &self.outcome.plan;
         let units: BTreeMap<ModuleId, &ActingUnit> = plan
@@ -125,11 +125,11 @@ impl<'a> Course<'a> {
             })
             .collect();
         for module in self.problem.modules() {
-            self.change(module.id, |told| {
-                told.spot = plan.assignments.get(&module.id).copied();
+            self.change(module.id, |state| {
+                state.spot = plan.assignments.get(&module.id).copied();
                 let unit = units.get(&module.id);
-                told.unit = unit.map(|unit| unit.lead);
-                told.phase = match unit {
+                state.unit = unit.map(|unit| unit.lead);
+                state.phase = match unit {
                     Some(unit) if unit.pinned => ModulePhase::Settled,
                     Some(_) => ModulePhase::Waiting,
                     None => ModulePhase::Spare,
@@ -138,14 +138,14 @@ impl<'a> Course<'a> {
         }
     }
 
-    /// A unit lets go of what the plan breaks, goes and docks.
+    /// A unit undocks from the links that the plan breaks, moves and docks.
     fn act(&mut self, unit: &ActingUnit, speed_units_per_s: f64) {
-        let ways: Vec<(ModuleId, SpotId)> = unit.placements.clone();
-        for &(module, _) in &ways {
+        let placements = &unit.placements;
+        for &(module, _) in placements {
             self.undock(module);
-            self.change(module, |told| told.phase = ModulePhase::Moving);
+            self.change(module, |state| state.phase = ModulePhase::Moving);
         }
-        let longest = ways
+        let longest = placements
             .iter()
             .filter_map(|&(module, spot)| {
                 let spot = self.problem.target().spot(spot)?;
@@ -154,25 +154,25 @@ impl<'a> Course<'a> {
             .max()
             .unwrap_or_default();
         self.now += self.travel_time(unit, longest, speed_units_per_s);
-        for &(module, spot) in &ways {
+        for &(module, spot) in placements {
             let Some(spot) = self.problem.target().spot(spot).copied() else {
                 continue;
             };
             let docked = self.docked_at(spot.id);
             for &other in &docked {
-                self.change(other, |told| {
-                    told.links.insert(module);
+                self.change(other, |state| {
+                    state.links.insert(module);
                 });
             }
-            self.change(module, |told| {
-                told.pose = spot.pose;
-                told.phase = ModulePhase::Settled;
-                told.links.extend(docked);
+            self.change(module, |state| {
+                state.pose = spot.pose;
+                state.phase = ModulePhase::Settled;
+                state.links.extend(docked);
             });
         }
     }
 
-    /// How long the drives of a unit take, which all take equally long.
+    /// The travel time of a unit; all its drives take the same time.
     fn travel_time(
         &self,
         unit: &ActingUnit,
@@ -193,33 +193,33 @@ impl<'a> Course<'a> {
         journeys.max().unwrap_or_default()
     }
 
-    /// Lets go of the links that the plan does not keep.
+    /// Undocks from the links that the plan does not keep.
     fn undock(&mut self, module: ModuleId) {
         let kept = &self.outcome.plan.kept_links;
         let broken: BTreeSet<ModuleId> = self
             .modules
             .get(&module)
             .into_iter()
-            .flat_map(|told| told.links.iter().copied())
+            .flat_map(|state| state.links.iter().copied())
             .filter(|&other| !kept.contains(&(module.min(other), module.max(other))))
             .collect();
         for other in &broken {
-            self.change(*other, |told| {
-                told.links.remove(&module);
+            self.change(*other, |state| {
+                state.links.remove(&module);
             });
         }
-        self.change(module, |told| {
-            told.links.retain(|other| !broken.contains(other));
+        self.change(module, |state| {
+            state.links.retain(|other| !broken.contains(other));
         });
     }
 
-    /// The settled modules beside a spot.
+    /// The settled modules on the neighbours of a spot.
     fn docked_at(&self, spot: SpotId) -> BTreeSet<ModuleId> {
-        let beside = self.problem.target().neighbours_of(spot);
-        beside
+        let neighbours = self.problem.target().neighbours_of(spot);
+        neighbours
             .filter_map(|spot| self.modules.get(self.holders.get(&spot)?))
-            .filter(|told| told.phase == ModulePhase::Settled)
-            .map(|told| told.module)
+            .filter(|state| state.phase == ModulePhase::Settled)
+            .map(|state| state.module)
             .collect()
     }
 }

@@ -1,11 +1,13 @@
-//! What a picture shows: modules from where they start to where they end, spots, and the links between modules.
+//! The content of a picture: modules with their starts and ends, spots, and the links between modules.
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::model::{ConfigurationId, ModuleId, PlanningProblem, Pose, SpotId};
+use formation::model::{
+    self, ConfigurationId, ModuleId, PlanningModule, PlanningProblem, Pose, SpotId,
+};
 use formation::planner::PlanOutcome;
 
-/// A formation from its start to its end. Modules, spots and configurations are named by their positions in the lists.
+/// A formation from its start to its end. Indices of modules, spots and configurations are positions in these lists.
 #[derive(Clone, Debug)]
 pub struct Subject {
     pub(crate) name: String,
@@ -35,11 +37,11 @@ pub(crate) struct Module {
     pub(crate) leads: bool,
     pub(crate) start: Pose,
     pub(crate) end: Pose,
-    /// The spot that it takes.
+    /// The spot on which it ends.
     pub(crate) spot: Option<usize>,
-    /// Its place in the order of filling, from 1.
+    /// The place of its spot in the assembly order, from 1.
     pub(crate) order: Option<usize>,
-    /// The module that names its acting unit, if it moves with others.
+    /// The lead of its acting unit, if the unit has several modules.
     pub(crate) moves_with: Option<ModuleId>,
 }
 
@@ -57,10 +59,10 @@ pub(crate) struct Link {
     pub(crate) kept: bool,
 }
 
-/// Where a module was last seen.
+/// The last observed state of a module.
 #[derive(Clone, Debug)]
 pub struct Ending {
-    /// Where it stands.
+    /// Its pose.
     pub pose: Pose,
     /// The spot on which it has settled.
     pub spot: Option<SpotId>,
@@ -72,34 +74,30 @@ impl Subject {
     /// A formation as it is planned.
     #[must_use]
     pub fn planned(name: &str, problem: &PlanningProblem, outcome: &PlanOutcome) -> Self {
-        let plan = &outcome.plan;
-        let spots: BTreeMap<ModuleId, SpotId> = plan.assignments.clone();
-        let holders: BTreeMap<SpotId, ModuleId> = spots
-            .iter()
-            .map(|(&module, &spot)| (spot, module))
-            .collect();
+        let (plan, target) = (&outcome.plan, problem.target());
+        let placed = plan.assignments.iter();
+        let holders: BTreeMap<SpotId, ModuleId> =
+            placed.map(|(&module, &spot)| (spot, module)).collect();
         let endings = problem.modules().iter().map(|module| {
-            let spot = spots.get(&module.id).copied();
-            let standing = spot.and_then(|spot| problem.target().spot(spot));
-            let beside = spot
-                .into_iter()
-                .flat_map(|spot| problem.target().neighbours_of(spot))
-                .filter_map(|spot| holders.get(&spot).copied());
+            let spot = plan.assignments.get(&module.id).copied();
+            let neighbours = spot.into_iter().flat_map(|spot| target.neighbours_of(spot));
+            let neighbours = neighbours.filter_map(|spot| holders.get(&spot).copied());
             let kept = module.links.iter().copied().filter(|&other| {
                 plan.kept_links
                     .contains(&(module.id.min(other), module.id.max(other)))
             });
+            let standing = spot.and_then(|spot| target.spot(spot));
             let ending = Ending {
                 pose: standing.map_or(module.pose, |spot| spot.pose),
                 spot,
-                links: beside.chain(kept).collect(),
+                links: neighbours.chain(kept).collect(),
             };
             (module.id, ending)
         });
         Self::seen(name, problem, outcome, &endings.collect())
     }
 
-    /// A formation as it was seen to end; modules that were never seen stay where they start.
+    /// A formation as it was observed to end; modules without an ending stay where they start.
     #[must_use]
     pub fn seen(
         name: &str,
@@ -107,64 +105,7 @@ impl Subject {
         outcome: &PlanOutcome,
         endings: &BTreeMap<ModuleId, Ending>,
     ) -> Self {
-        let plan = &outcome.plan;
-        let groups = problem.configurations();
-        let configuration_of: BTreeMap<ModuleId, usize> = groups
-            .iter()
-            .enumerate()
-            .flat_map(|(position, group)| {
-                group.modules.iter().map(move |&module| (module, position))
-            })
-            .collect();
-        let leaders: BTreeSet<ModuleId> = groups.iter().map(|group| group.leader).collect();
-        let order: BTreeMap<SpotId, usize> = plan.assembly.spots().zip(1..).collect();
-        let units: BTreeMap<ModuleId, ModuleId> = plan
-            .assembly
-            .units
-            .iter()
-            .filter(|unit| unit.placements.len() > 1)
-            .flat_map(|unit| {
-                unit.placements
-                    .iter()
-                    .map(|&(module, _)| (module, unit.lead))
-            })
-            .collect();
-        let target = problem.target();
-        let modules: Vec<Module> = problem
-            .modules()
-            .iter()
-            .map(|module| {
-                let ending = endings.get(&module.id);
-                let spot = ending.and_then(|ending| ending.spot);
-                let is_as_planned = spot == plan.assignments.get(&module.id).copied();
-                Module {
-                    id: module.id,
-                    configuration: configuration_of.get(&module.id).copied(),
-                    leads: leaders.contains(&module.id),
-                    start: module.pose,
-                    end: ending.map_or(module.pose, |ending| ending.pose),
-                    spot: spot.and_then(|spot| target.position_of(spot)),
-                    order: spot
-                        .filter(|_| is_as_planned)
-                        .and_then(|spot| order.get(&spot).copied()),
-                    moves_with: units.get(&module.id).copied().filter(|_| is_as_planned),
-                }
-            })
-            .collect();
-        let mut spots: Vec<Spot> = target
-            .spots()
-            .iter()
-            .map(|spot| Spot {
-                id: spot.id,
-                pose: spot.pose,
-                holder: None,
-            })
-            .collect();
-        for (position, module) in modules.iter().enumerate() {
-            if let Some(spot) = module.spot {
-                spots[spot].holder = Some(position);
-            }
-        }
+        let modules = modules(problem, outcome, endings);
         let initial = pairs(problem, |module| {
             problem.module(module).map(|module| &module.links)
         });
@@ -173,33 +114,25 @@ impl Subject {
         });
         let is_kept = |ends: (usize, usize)| {
             let ids = (modules[ends.0].id, modules[ends.1].id);
-            last.contains(&ends) && plan.kept_links.contains(&ids)
+            last.contains(&ends) && outcome.plan.kept_links.contains(&ids)
         };
-        let links: Vec<Link> = initial
-            .iter()
-            .map(|&ends| Link {
-                ends,
-                kept: is_kept(ends),
-            })
-            .collect();
+        let link = |&ends: &(usize, usize)| Link {
+            ends,
+            kept: is_kept(ends),
+        };
+        let is_new = |ends: &(usize, usize)| !(initial.contains(ends) && is_kept(*ends));
+        let configuration = |group: &model::Configuration| Configuration {
+            label: label(problem, group.leader),
+            size: group.modules.len(),
+        };
         Self {
             name: name.to_owned(),
-            configurations: groups
-                .iter()
-                .map(|group| Configuration {
-                    label: label(problem, group.leader),
-                    size: group.modules.len(),
-                })
-                .collect(),
-            new_links: last
-                .iter()
-                .copied()
-                .filter(|&ends| !(initial.contains(&ends) && is_kept(ends)))
-                .collect(),
+            configurations: problem.configurations().iter().map(configuration).collect(),
+            links: initial.iter().map(link).collect(),
+            new_links: last.iter().copied().filter(is_new).collect(),
+            spots: spots(problem, &modules),
+            edges: problem.target().topology().edges().to_vec(),
             modules,
-            spots,
-            edges: target.topology().edges().to_vec(),
-            links,
         }
     }
 
@@ -209,7 +142,7 @@ impl Subject {
             .ok()
     }
 
-    /// What the formation is called, for people.
+    /// The title of pictures and pages.
     pub(crate) fn title(&self) -> &str {
         if self.name.trim().is_empty() {
             "Formation"
@@ -228,6 +161,61 @@ impl Subject {
             .filter(|spot| spot.holder.is_some())
             .count()
     }
+}
+
+fn modules(
+    problem: &PlanningProblem,
+    outcome: &PlanOutcome,
+    endings: &BTreeMap<ModuleId, Ending>,
+) -> Vec<Module> {
+    let (plan, groups) = (&outcome.plan, problem.configurations());
+    let order: BTreeMap<SpotId, usize> = plan.assembly.spots().zip(1..).collect();
+    let units = plan.assembly.units.iter();
+    let units: BTreeMap<ModuleId, ModuleId> = units
+        .filter(|unit| unit.placements.len() > 1)
+        .flat_map(|unit| {
+            unit.placements
+                .iter()
+                .map(|(module, _)| (*module, unit.lead))
+        })
+        .collect();
+    let module = |module: &PlanningModule| {
+        let ending = endings.get(&module.id);
+        let spot = ending.and_then(|ending| ending.spot);
+        let is_as_planned = spot == plan.assignments.get(&module.id).copied();
+        let planned_spot = spot.filter(|_| is_as_planned);
+        let unit = units.get(&module.id).copied();
+        Module {
+            id: module.id,
+            configuration: groups
+                .iter()
+                .position(|group| group.modules.binary_search(&module.id).is_ok()),
+            leads: groups.iter().any(|group| group.leader == module.id),
+            start: module.pose,
+            end: ending.map_or(module.pose, |ending| ending.pose),
+            spot: spot.and_then(|spot| problem.target().position_of(spot)),
+            order: planned_spot.and_then(|spot| order.get(&spot).copied()),
+            moves_with: unit.filter(|_| is_as_planned),
+        }
+    };
+    problem.modules().iter().map(module).collect()
+}
+
+fn spots(problem: &PlanningProblem, modules: &[Module]) -> Vec<Spot> {
+    let spots = problem.target().spots().iter();
+    let mut spots: Vec<Spot> = spots
+        .map(|spot| Spot {
+            id: spot.id,
+            pose: spot.pose,
+            holder: None,
+        })
+        .collect();
+    for (position, module) in modules.iter().enumerate() {
+        if let Some(spot) = module.spot {
+            spots[spot].holder = Some(position);
+        }
+    }
+    spots
 }
 
 /// The pairs of modules that name each other, by position, the lower first.

@@ -128,7 +128,7 @@ fn links_are_there_as_long_as_they_hold() {
     assert_eq!(of("new").count(), edges - statistics.changes.kept_links);
 }
 
-fn told(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> Event {
+fn state(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> Event {
     Event::State(ModuleSnapshot {
         module: ModuleId(module),
         phase,
@@ -154,7 +154,7 @@ fn claim(epoch: Epoch, module: u32) -> Event {
     }
 }
 
-/// A run that is broken off by a restart and begins anew: what the first epoch decided no longer shows.
+/// A restart opens a second epoch, in which the decisions of the first are not shown.
 #[test]
 fn a_new_epoch_begins_with_free_spots() {
     use ModulePhase::{Listening, Moving, Settled, Waiting};
@@ -169,8 +169,8 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
         convener: ModuleId(7),
     };
     let events = [
-        (0, told(7, Listening, 0.0, &[])),
-        (900, told(8, Listening, 1.0, &[])),
+        (0, state(7, Listening, 0.0, &[])),
+        (900, state(8, Listening, 1.0, &[])),
         (1_000, Event::Gathering(epoch(1))),
         (
             1_010,
@@ -180,8 +180,8 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             },
         ),
         (1_020, claim(epoch(1), 7)),
-        (1_030, told(7, Waiting, 0.0, &[])),
-        (1_040, told(7, Moving, 0.0, &[])),
+        (1_030, state(7, Waiting, 0.0, &[])),
+        (1_040, state(7, Moving, 0.0, &[])),
         (
             1_500,
             Event::Pose {
@@ -189,7 +189,7 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
                 pose: Pose::from_units(-9.0, 1.0, 0.0).unwrap(),
             },
         ),
-        (1_600, told(7, Listening, 0.0, &[])),
+        (1_600, state(7, Listening, 0.0, &[])),
         (9_000, Event::Gathering(epoch(2))),
         (
             9_010,
@@ -199,9 +199,9 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             },
         ),
         (9_020, claim(epoch(2), 8)),
-        (9_030, told(8, Moving, 1.0, &[])),
-        (9_930, told(8, Settled, 0.0, &[])),
-        (9_940, told(99, Settled, 0.0, &[])),
+        (9_030, state(8, Moving, 1.0, &[])),
+        (9_930, state(8, Settled, 0.0, &[])),
+        (9_940, state(99, Settled, 0.0, &[])),
     ];
     let course: Vec<Entry> = events
         .into_iter()

@@ -5,7 +5,7 @@ use super::{
     UTILITY, Value, averages, texts,
 };
 use crate::case_studies::CASES;
-use crate::contender::Contender;
+use crate::contender::{Contender, PAPER_AND_OURS};
 use crate::instance::Instance;
 use crate::paper;
 use crate::sample::short;
@@ -38,8 +38,6 @@ pub(super) const CASE_STUDIES: Figure = Figure {
     results,
 };
 
-const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
-
 fn group(number: usize, contender: Contender) -> Group {
     Group::new(contender, vec![Instance::CaseStudy(number)])
 }
@@ -47,7 +45,7 @@ fn group(number: usize, contender: Contender) -> Group {
 fn rows(_: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();
     for (number, case) in (1..).zip(&CASES) {
-        rows.extend(CONTENDERS.map(|contender| Row {
+        rows.extend(PAPER_AND_OURS.map(|contender| Row {
             keys: texts(&[&number, &case.name, &contender.key()]),
             group: group(number, contender),
         }));
@@ -69,7 +67,7 @@ fn results(data: &Data<'_>) -> Table {
             &modules,
             &format!("{}, {}", time.value, count.value),
         ]);
-        row.extend(CONTENDERS.map(|contender| {
+        row.extend(PAPER_AND_OURS.map(|contender| {
             let mean = |value| data.sample(&group(number, contender), value).mean;
             let holes = match mean(HOLES) {
                 none if none < 0.5 => String::new(),

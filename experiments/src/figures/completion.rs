@@ -4,13 +4,11 @@ use super::{
     Column, Data, Family, Figure, Group, Kind, Row, Value, averages, mixed, rows, singletons,
     surplus, texts,
 };
-use crate::contender::Contender;
+use crate::contender::{Contender, PAPER_AND_OURS, WITH_AUCTION};
 use crate::measure::plan::PlanMeasurement;
 use crate::paper;
 use crate::settings::Settings;
 use crate::table::Table;
-
-const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
 
 const SELECTED: Value = Value::TalkCurve(|talk, percent| talk.selected_after(percent));
 const SETTLED: Value = Value::TalkCurve(|talk, percent| talk.settled_after(percent));
@@ -89,7 +87,7 @@ fn results(data: &Data<'_>, family: Family, sizes: &[usize], name: &str) -> Tabl
         let (size, time, done) = (stated.at, stated.time_percent, stated.value);
         let mut row = vec![size.to_string(), format!("{time} %"), format!("{done} %")];
         for value in [SELECTED, COMPUTED] {
-            row.extend(CONTENDERS.map(|contender| {
+            row.extend(PAPER_AND_OURS.map(|contender| {
                 let group = Group::of(data.settings, family, size, contender).at(time);
                 format!("{} %", data.sample(&group, value).with_deviation())
             }));
@@ -97,8 +95,6 @@ fn results(data: &Data<'_>, family: Family, sizes: &[usize], name: &str) -> Tabl
         row
     })
 }
-
-const WITH_AUCTION: [Contender; 3] = [Contender::PaperPolicy, Contender::Ours, Contender::Auction];
 
 fn auction_rows(settings: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();

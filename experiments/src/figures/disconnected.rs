@@ -4,7 +4,7 @@ use super::{
     BROKEN_LINKS, Column, Data, Family, Figure, Group, Kind, PLANNING_MS, Row, Value, averages,
     labelled, lattice, rows, texts,
 };
-use crate::contender::Contender;
+use crate::contender::WITH_SIZE_FIRST;
 use crate::paper;
 use crate::settings::Settings;
 use crate::table::Table;
@@ -30,12 +30,6 @@ pub(super) const DISCONNECTED: Figure = Figure {
     results,
 };
 
-const CONTENDERS: [Contender; 3] = [
-    Contender::PaperPolicy,
-    Contender::Ours,
-    Contender::OursSizeFirst,
-];
-
 /// The paper does not say how it draws trees; these two kinds bracket the possible ones.
 const TREES: [(&str, Family); 2] = [
     ("lattice trees, degree 3", lattice),
@@ -45,7 +39,13 @@ const TREES: [(&str, Family); 2] = [
 fn all_rows(settings: &Settings) -> Vec<Row> {
     let of_trees = TREES.into_iter().map(|(trees, family)| {
         let keys = |size, contender| texts(&[&trees, &size, &contender]);
-        rows(settings, family, settings.equal_sizes(), &CONTENDERS, keys)
+        rows(
+            settings,
+            family,
+            settings.equal_sizes(),
+            &WITH_SIZE_FIRST,
+            keys,
+        )
     });
     of_trees.flatten().collect()
 }
@@ -76,7 +76,7 @@ fn results(data: &Data<'_>) -> Table {
     }
     for (trees, family) in TREES {
         for &size in data.settings.equal_sizes() {
-            for contender in CONTENDERS {
+            for contender in WITH_SIZE_FIRST {
                 let group = Group::of(data.settings, family, size, contender);
                 let numbers = [PLANNING_MS, UNMATCHED, BROKEN_LINKS, OUTSIDE, ALONE]
                     .map(|value| data.sample(&group, value).with_deviation());

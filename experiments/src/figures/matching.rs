@@ -1,6 +1,8 @@
 //! Figure 4(a): the time to find the maximum common subtree, or the isomorphic subtree, of one configuration.
 
-use super::{Column, Data, FIGURE_ONLY, Figure, Group, Kind, Value, averages, rows, texts};
+use super::{
+    Column, Data, FIGURE_ONLY, Figure, Group, Kind, Value, averages, generated, rows, texts,
+};
 use crate::contender::Contender;
 use crate::instance::{Docked, Instance};
 use crate::sample::short;
@@ -42,12 +44,7 @@ pub(super) const TIME: Figure = Figure {
 
 /// One configuration and a target of the full size.
 fn alone(settings: &Settings, size: usize, seed: u64) -> Instance {
-    Instance::Generated {
-        modules: size,
-        spots: settings.full_size(),
-        docked: Docked::Lattice(size),
-        seed,
-    }
+    generated(size, settings.full_size(), Docked::Lattice(size), seed)
 }
 
 fn results(data: &Data<'_>) -> Table {

@@ -5,15 +5,12 @@ use super::{
     singletons, surplus, texts,
 };
 use crate::cell::Measurement;
-use crate::contender::Contender;
+use crate::contender::{Contender, PAPER_AND_OURS, WITH_AUCTION};
 use crate::measure::talk::Talk;
 use crate::paper;
 use crate::sample::{Sample, exact, short};
 use crate::settings::Settings;
 use crate::table::Table;
-
-const CONTENDERS: [Contender; 2] = [Contender::PaperPolicy, Contender::Ours];
-const WITH_AUCTION: [Contender; 3] = [Contender::PaperPolicy, Contender::Ours, Contender::Auction];
 
 const SAMPLES: Value = Value::Talk(|talk| talk.samples as f64);
 const DELIVERIES: Value = Value::Talk(|talk| talk.deliveries() as f64);
@@ -27,7 +24,7 @@ pub(super) const MESSAGES: Figure = Figure {
     keys: "modules | spots | contender",
     rows: |settings| {
         let keys = |size, contender| texts(&[&size, &size, &contender]);
-        rows(settings, mixed, settings.sizes(), &CONTENDERS, keys)
+        rows(settings, mixed, settings.sizes(), &PAPER_AND_OURS, keys)
     },
     columns: &[
         Column::Runs,
@@ -46,7 +43,7 @@ pub(super) const OVER_TIME: Figure = Figure {
     keys: "",
     rows: |settings| {
         let group = |contender| full_size(settings, contender);
-        let groups = CONTENDERS.into_iter().map(group);
+        let groups = PAPER_AND_OURS.into_iter().map(group);
         let row = |group| Row {
             keys: Vec::new(),
             group,
@@ -64,7 +61,7 @@ pub(super) const FEW_SPOTS: Figure = Figure {
         let families = few_and_as_many(settings).into_iter();
         let of_family = |(size, spots, family): (usize, usize, Family)| {
             let keys = |_, contender| texts(&[&size, &spots, &contender]);
-            rows(settings, family, &[size], &CONTENDERS, keys)
+            rows(settings, family, &[size], &PAPER_AND_OURS, keys)
         };
         families.flat_map(of_family).collect()
     },
@@ -119,10 +116,10 @@ fn counts(data: &Data<'_>, family: Family, modules: usize, spots: usize) -> Vec<
     let stated = stated.map_or(FIGURE_ONLY.to_owned(), |stated| {
         format!("{} x 10^5", stated.value / 1e5)
     });
-    let [of_sets, _] = data.samples(family, modules, CONTENDERS, WHOLE_SETS);
+    let [of_sets, _] = data.samples(family, modules, PAPER_AND_OURS, WHOLE_SETS);
     let mut counts = vec![stated, of_sets.short()];
     for value in [PAIRS, DELIVERIES] {
-        let samples = data.samples(family, modules, CONTENDERS, value);
+        let samples = data.samples(family, modules, PAPER_AND_OURS, value);
         counts.extend(samples.map(Sample::short));
     }
     counts
@@ -167,7 +164,7 @@ fn each_claim(data: &Data<'_>) -> Table {
     let mut table = Table::new(
         "contender | seed | claim | time_ms | completion_percent | samples | pairs_delivered",
     );
-    for contender in CONTENDERS {
+    for contender in PAPER_AND_OURS {
         let group = full_size(data.settings, contender);
         for (seed, cell) in data
             .settings
@@ -198,7 +195,7 @@ fn each_claim(data: &Data<'_>) -> Table {
 fn over_time_results(data: &Data<'_>) -> Table {
     let heads = "contender | planning, ms of simulated time | claims | pairs delivered | correlation \
         of pairs and completion";
-    Table::of(heads, CONTENDERS, |contender| {
+    Table::of(heads, PAPER_AND_OURS, |contender| {
         let group = full_size(data.settings, contender);
         let mut row = texts(&[&contender.label()]);
         row.extend(

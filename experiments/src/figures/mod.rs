@@ -12,7 +12,7 @@ use std::iter;
 
 use crate::cell::{Cell, Kind, Measurement};
 use crate::contender::Contender;
-use crate::instance::{Docked, Instance};
+use crate::instance::{Docked, Draw, Instance};
 use crate::measure::matching::MatchingMeasurement;
 use crate::measure::plan::PlanMeasurement;
 use crate::measure::processes::ProcessMeasurement;
@@ -35,7 +35,7 @@ pub(crate) struct Figure {
     /// The columns of the CSV file after the keys.
     columns: &'static [Column],
     /// The CSV files by name; [`averages`] for all figures that need no other.
-    tables: fn(&Figure, &Data<'_>) -> Vec<(&'static str, Table)>,
+    pub tables: fn(&Figure, &Data<'_>) -> Vec<(&'static str, Table)>,
     /// The results that the summary shows below the figure.
     pub results: fn(&Data<'_>) -> Table,
 }
@@ -72,11 +72,6 @@ impl Figure {
             }
         }
         cells
-    }
-
-    /// The CSV files by name.
-    pub(crate) fn tables(&self, data: &Data<'_>) -> Vec<(&'static str, Table)> {
-        (self.tables)(self, data)
     }
 }
 
@@ -152,12 +147,12 @@ impl Group {
 pub(crate) type Family = fn(&Settings, usize, u64) -> Instance;
 
 fn generated(modules: usize, spots: usize, docked: Docked, seed: u64) -> Instance {
-    Instance::Generated {
+    Instance::Generated(Draw {
         modules,
         spots,
         docked,
         seed,
-    }
+    })
 }
 
 /// Mixed instances with a spot for each module.
@@ -331,7 +326,7 @@ fn rows(
     family: Family,
     sizes: &[usize],
     contenders: &[Contender],
-    keys: impl Fn(usize, &'static str) -> Vec<String>,
+    keys: impl Fn(usize, String) -> Vec<String>,
 ) -> Vec<Row> {
     let mut rows = Vec::new();
     for &size in sizes {

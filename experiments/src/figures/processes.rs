@@ -29,38 +29,31 @@ pub(super) const PROCESSES: Figure = Figure {
     results,
 };
 
-/// Groups of ours by modules and processes. The paper policy is left out, because some of its plans have holes, and the
-/// launcher starts no processes for a plan with a hole.
-fn groups(settings: &Settings) -> Vec<([usize; 2], Group)> {
+/// Ours by modules and processes. The paper policy is left out, because some of its plans have holes, and the launcher
+/// starts no processes for a plan with a hole.
+fn rows(settings: &Settings) -> Vec<Row> {
     let sizes = settings.process_sizes().iter();
-    let group = |&(modules, modules_per_process): &(usize, usize)| {
+    let row = |&(modules, modules_per_process): &(usize, usize)| {
         let seeds = settings.process_seeds().into_iter();
         let instances = seeds.map(|seed| mixed(settings, modules, seed)).collect();
-        let group = Group {
-            modules_per_process,
-            ..Group::new(Contender::Ours, instances)
-        };
-        ([modules, modules.div_ceil(modules_per_process)], group)
+        Row {
+            keys: texts(&[&modules, &modules.div_ceil(modules_per_process)]),
+            group: Group {
+                modules_per_process,
+                ..Group::new(Contender::Ours, instances)
+            },
+        }
     };
-    sizes.map(group).collect()
-}
-
-fn rows(settings: &Settings) -> Vec<Row> {
-    let groups = groups(settings).into_iter();
-    let row = |([modules, processes], group): ([usize; 2], Group)| Row {
-        keys: texts(&[&modules, &processes]),
-        group,
-    };
-    groups.map(row).collect()
+    sizes.map(row).collect()
 }
 
 /// One line for each run.
 fn each_run(data: &Data<'_>) -> Table {
     let mut table = Table::new("modules | processes | seed | planning_ms");
-    for ([modules, processes], group) in groups(data.settings) {
+    for Row { keys, group } in rows(data.settings) {
         let seeds = data.settings.process_seeds().into_iter();
         for (seed, planning_ms) in seeds.zip(data.values(&group, PLANNING_MS)) {
-            table.row(texts(&[&modules, &processes, &seed, &planning_ms]));
+            table.row([&keys[..], &texts(&[&seed, &planning_ms])].concat());
         }
     }
     table
@@ -69,18 +62,13 @@ fn each_run(data: &Data<'_>) -> Table {
 fn results(data: &Data<'_>) -> Table {
     let heads =
         "modules | processes | runs | planning over DDS, ms | core alone, ms | discovery, ms";
-    Table::of(
-        heads,
-        groups(data.settings),
-        |([modules, processes], group)| {
-            vec![
-                modules.to_string(),
-                processes.to_string(),
-                data.runs(&group, Kind::Processes).to_string(),
-                data.spread(&group, PLANNING_MS).with_range(),
-                short(data.spread(&group, CORE_MS).median),
-                data.spread(&group, DISCOVERY_MS).with_range(),
-            ]
-        },
-    )
+    Table::of(heads, rows(data.settings), |Row { mut keys, group }| {
+        keys.extend([
+            data.runs(&group, Kind::Processes).to_string(),
+            data.spread(&group, PLANNING_MS).with_range(),
+            short(data.spread(&group, CORE_MS).median),
+            data.spread(&group, DISCOVERY_MS).with_range(),
+        ]);
+        keys
+    })
 }

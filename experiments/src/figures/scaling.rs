@@ -4,15 +4,9 @@ use super::{
     Column, DISTANCE as DISTANCE_UNITS, Data, FIGURE_ONLY, FILLED_SPOTS, Figure, Kind, PLANNING_MS,
     UTILITY, Value, averages, mixed, rows, singletons, texts,
 };
-use crate::contender::Contender;
+use crate::contender::{Contender, WITH_SIZE_FIRST};
 use crate::sample::Sample;
 use crate::table::Table;
-
-const MIXED: [Contender; 3] = [
-    Contender::PaperPolicy,
-    Contender::Ours,
-    Contender::OursSizeFirst,
-];
 
 const SINGLE: [Contender; 4] = [
     Contender::PaperPolicy,
@@ -28,7 +22,7 @@ const OF_MIXED: Figure = Figure {
     keys: "modules | spots | contender",
     rows: |settings| {
         let keys = |size, contender| texts(&[&size, &size, &contender]);
-        rows(settings, mixed, settings.sizes(), &MIXED, keys)
+        rows(settings, mixed, settings.sizes(), &WITH_SIZE_FIRST, keys)
     },
     columns: &[],
     tables: averages,
@@ -95,8 +89,8 @@ fn of_mixed(data: &Data<'_>, value: Value) -> Table {
     let heads = "modules | paper | paper policy | ours | ours, size first | a filled spot: paper \
         policy / ours";
     Table::of(heads, data.settings.sizes(), |&size| {
-        let [paper, ours, size_first] = data.samples(mixed, size, MIXED, value);
-        let [of_paper, of_ours, _] = data.samples(mixed, size, MIXED, FILLED_SPOTS);
+        let [paper, ours, size_first] = data.samples(mixed, size, WITH_SIZE_FIRST, value);
+        let [of_paper, of_ours, _] = data.samples(mixed, size, WITH_SIZE_FIRST, FILLED_SPOTS);
         vec![
             size.to_string(),
             FIGURE_ONLY.to_owned(),

@@ -65,16 +65,16 @@ fn course(bids: &[Bid], assignment: &[Option<usize>]) -> Vec<Moment> {
 mod tests {
     use super::*;
     use crate::contender::Contender;
-    use crate::instance::{Docked, Instance as Spec};
+    use crate::instance::{Docked, Draw, Instance as Spec};
 
     #[test]
     fn curves_end_with_every_module_on_its_final_spot() {
-        let spec = Spec::Generated {
+        let spec = Spec::Generated(Draw {
             modules: 9,
             spots: 9,
             docked: Docked::Singletons,
             seed: 3,
-        };
+        });
         let measured = measure(&spec.problem(Contender::Auction).unwrap());
         assert_eq!(measured.course.len(), POINTS);
         let last = measured.course.last().unwrap();

@@ -27,18 +27,18 @@ pub(crate) fn least_us(times: u32, mut work: impl FnMut()) -> f64 {
 mod tests {
     use super::{plan, protocol};
     use crate::contender::Contender;
-    use crate::instance::{Docked, Instance};
+    use crate::instance::{Docked, Draw, Instance};
 
     /// The counts of a plan equal the messages that the agents publish.
     #[test]
     fn the_protocol_publishes_what_the_plan_counts() {
         for seed in 1..=4 {
-            let instance = Instance::Generated {
+            let instance = Instance::Generated(Draw {
                 modules: 14,
                 spots: 12,
                 docked: Docked::Mixed,
                 seed,
-            };
+            });
             for contender in [Contender::PaperPolicy, Contender::Ours, Contender::Auction] {
                 let problem = instance.problem(contender).unwrap();
                 let planned = plan::measure(&problem, 1);
@@ -62,12 +62,12 @@ mod tests {
 
     #[test]
     fn the_papers_algorithms_broadcast_whole_sets() {
-        let instance = Instance::Generated {
+        let instance = Instance::Generated(Draw {
             modules: 8,
             spots: 8,
             docked: Docked::Singletons,
             seed: 1,
-        };
+        });
         let paper = plan::measure(&instance.problem(Contender::PaperPolicy).unwrap(), 1);
         assert_eq!(paper.broadcasts, 8);
         assert_eq!(paper.whole_set_pairs(), 8 * 8 * 7);

@@ -7,7 +7,8 @@ use std::process::{Command, Stdio};
 
 use formation::model::RawScenario;
 use serde::{Deserialize, Serialize};
-use thiserror::Error;
+
+use crate::error::CellError;
 
 /// The launcher ends a run after this many seconds.
 const TIMEOUT_S: u32 = 240;
@@ -23,33 +24,6 @@ pub struct ProcessMeasurement {
     pub core_us: u64,
 }
 
-/// Why the processes did not plan.
-#[derive(Debug, Error)]
-pub enum ProcessError {
-    /// A file cannot be written, or the launcher cannot be started.
-    #[error("{what}")]
-    Io {
-        /// The failed operation.
-        what: String,
-        /// The cause.
-        source: io::Error,
-    },
-    /// The scenario cannot be written.
-    #[error("the scenario cannot be written")]
-    Scenario(#[from] serde_json::Error),
-    /// The launcher failed.
-    #[error("`formation run` ended with {status}: {words}")]
-    Failed {
-        /// Its exit status.
-        status: String,
-        /// Its last line on the standard error output.
-        words: String,
-    },
-    /// The launcher's report cannot be used.
-    #[error("the report of `formation run` cannot be read: {0}")]
-    Report(String),
-}
-
 #[derive(Deserialize)]
 struct Report {
     verdict: String,
@@ -63,15 +37,13 @@ pub(crate) fn measure(
     launcher: &Path,
     scenario: &RawScenario,
     modules_per_process: usize,
-) -> Result<ProcessMeasurement, ProcessError> {
-    let io = |what: &str| {
-        let what = what.to_owned();
-        move |source| ProcessError::Io { what, source }
-    };
+) -> Result<ProcessMeasurement, CellError> {
+    let io = |what: &'static str| move |source| CellError::Io { what, source };
     let directory = tempfile::tempdir().map_err(io("cannot make a temporary directory"))?;
     let path = directory.path().join("scenario.yaml");
     // JSON is YAML.
-    fs::write(&path, serde_json::to_string(scenario)?)
+    let text = serde_json::to_string(scenario).map_err(io::Error::from);
+    text.and_then(|text| fs::write(&path, text))
         .map_err(io("cannot write a scenario file"))?;
     let output = Command::new(launcher)
         .arg("run")
@@ -83,19 +55,27 @@ pub(crate) fn measure(
         .output()
         .map_err(io("cannot start `formation run`"))?;
     if !output.status.success() {
-        let words = String::from_utf8_lossy(&output.stderr);
-        return Err(ProcessError::Failed {
-            status: output.status.to_string(),
-            words: words.lines().last().unwrap_or("no output").to_owned(),
-        });
+        let errors = String::from_utf8_lossy(&output.stderr);
+        let last = errors.lines().last().unwrap_or("no output");
+        return Err(CellError::Planning(format!(
+            "`formation run` ended with {}: {last}",
+            output.status
+        )));
     }
-    let report: Report = serde_json::from_slice(&output.stdout)
-        .map_err(|error| ProcessError::Report(error.to_string()))?;
+    let unusable = |reason: String| {
+        CellError::Planning(format!(
+            "the report of `formation run` cannot be used: {reason}"
+        ))
+    };
+    let report: Report =
+        serde_json::from_slice(&output.stdout).map_err(|error| unusable(error.to_string()))?;
     if report.verdict != "AGREED" {
-        let words = format!("the verdict is {} instead of AGREED", report.verdict);
-        return Err(ProcessError::Report(words));
+        let verdict = report.verdict;
+        return Err(unusable(format!(
+            "the verdict is {verdict} instead of AGREED"
+        )));
     }
-    let missing = |name: &str| ProcessError::Report(format!("{name} is missing"));
+    let missing = |name: &str| unusable(format!("{name} is missing"));
     Ok(ProcessMeasurement {
         planning_ms: report.planning_ms.ok_or_else(|| missing("planning_ms"))?,
         discovery_ms: report.discovery_ms.ok_or_else(|| missing("discovery_ms"))?,

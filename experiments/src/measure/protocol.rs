@@ -11,35 +11,16 @@ use formation::model::{Decision, Message, ModuleId, PlanningProblem, RosterMessa
 use formation::planner;
 use formation::protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
-use thiserror::Error;
 
 use super::spot_table::SpotTable;
 use super::talk::{Moment, Talk};
+use crate::error::CellError;
 
 /// Planning that takes longer than this in the simulator has failed.
 const LIMIT: Duration = Duration::from_secs(300);
 
-/// Why a planning could not be recorded.
-#[derive(Debug, Error)]
-pub enum ProtocolError {
-    /// Some agents did not finish planning.
-    #[error("only {planned} of {modules} modules had planned after {} s of simulated time", LIMIT.as_secs())]
-    StandsStill {
-        /// The number of modules that finished.
-        planned: usize,
-        /// The number of members.
-        modules: usize,
-    },
-    /// More than one epoch was opened, although nothing failed.
-    #[error("a second epoch was opened while planning")]
-    SecondEpoch,
-    /// The agents' plan differs from the offline planner's.
-    #[error("the agents' plan differs from the offline one")]
-    DifferentPlan,
-}
-
 /// Plans an instance in the simulator.
-pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk, ProtocolError> {
+pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk, CellError> {
     let parameters = ClusterParameters {
         agent: AgentParameters {
             plan_only: true,
@@ -54,13 +35,14 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
     while recorder.planned < modules {
         let goes_on = cluster.step(LIMIT);
         for (time, observation) in cluster.take_observations() {
-            recorder.record(time, &observation)?;
+            recorder.record(time, &observation);
         }
         if !goes_on && recorder.planned < modules {
-            return Err(ProtocolError::StandsStill {
-                planned: recorder.planned,
-                modules,
-            });
+            return Err(CellError::Planning(format!(
+                "only {} of {modules} modules had planned after {} s of simulated time",
+                recorder.planned,
+                LIMIT.as_secs()
+            )));
         }
     }
     let offline = planner::plan(Arc::clone(problem)).plan;
@@ -68,15 +50,22 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
         let agent = cluster.agent(module);
         agent.and_then(|agent| agent.plan()) == Some(&offline)
     };
-    if recorder.table.spot_of != offline.assignments || !cluster.running().into_iter().all(agrees) {
-        return Err(ProtocolError::DifferentPlan);
-    }
-    Ok(recorder.finish(problem))
+    let reason = if recorder.rosters.len() > 1 {
+        "a second epoch was opened while planning"
+    } else if recorder.table.spot_of != offline.assignments
+        || !cluster.running().into_iter().all(agrees)
+    {
+        "the agents' plan differs from the offline one"
+    } else {
+        return Ok(recorder.finish(problem));
+    };
+    Err(CellError::Planning(reason.to_owned()))
 }
 
 #[derive(Default)]
 struct Recorder {
-    roster_at: Option<Duration>,
+    /// The times of all rosters; an epoch publishes one.
+    rosters: Vec<Duration>,
     ended_at: Duration,
     planned: usize,
     claims: Vec<(Duration, Decision)>,
@@ -85,38 +74,26 @@ struct Recorder {
 }
 
 impl Recorder {
-    fn record(&mut self, time: Duration, observation: &Observation) -> Result<(), ProtocolError> {
+    fn record(&mut self, time: Duration, observation: &Observation) {
         match observation {
-            Observation::Published(_, message) => match message {
-                Message::Roster(RosterMessage::Plan(_)) => {
-                    if self.roster_at.replace(time).is_some() {
-                        return Err(ProtocolError::SecondEpoch);
-                    }
-                }
-                Message::Claim(claim) => {
-                    self.table.apply(&claim.decision);
-                    self.claims.push((time, claim.decision.clone()));
-                }
-                Message::Eviction(_) => self.notices += 1,
-                Message::Roster(_)
-                | Message::Target(_)
-                | Message::Heartbeat(_)
-                | Message::ModuleState(_) => {}
-            },
+            Observation::Published(_, Message::Roster(RosterMessage::Plan(_))) => {
+                self.rosters.push(time);
+            }
+            Observation::Published(_, Message::Claim(claim)) => {
+                self.table.apply(&claim.decision);
+                self.claims.push((time, claim.decision.clone()));
+            }
+            Observation::Published(_, Message::Eviction(_)) => self.notices += 1,
             Observation::Noted(_, Event::Planned { .. }) => {
                 self.planned += 1;
                 self.ended_at = time;
             }
-            Observation::Noted(..)
-            | Observation::SetOff(..)
-            | Observation::Announced(_)
-            | Observation::Fault(_) => {}
+            _ => {}
         }
-        Ok(())
     }
 
     fn finish(self, problem: &PlanningProblem) -> Talk {
-        let begin = self.roster_at.unwrap_or_default();
+        let begin = self.rosters.first().copied().unwrap_or_default();
         let micros = |time: Duration| {
             u64::try_from(time.saturating_sub(begin).as_micros()).unwrap_or(u64::MAX)
         };

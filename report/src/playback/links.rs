@@ -1,4 +1,4 @@
-//! From when until when two modules are docked. Only links that both ends name count.
+//! The times during which modules are docked. Only links that both ends name count.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,7 +12,7 @@ use crate::subject::Subject;
 /// More spans than these are not shown; only ports that dock and undock without end have more.
 const SPANS_MAX: usize = 60_000;
 
-/// What becomes of a link.
+/// The kind of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
 enum Fate {
@@ -21,7 +21,7 @@ enum Fate {
     New,
 }
 
-/// Two modules, what becomes of their link, and from when until when it is there.
+/// Two modules, the kind of their link, and the times at which it begins and ends.
 #[derive(Clone, Debug, Serialize)]
 pub(super) struct Span(usize, usize, Fate, f64, Option<f64>);
 
@@ -29,7 +29,7 @@ pub(super) struct Span(usize, usize, Fate, f64, Option<f64>);
 pub(super) struct Links {
     fates: BTreeMap<(usize, usize), Fate>,
     docked: BTreeMap<(usize, usize), f64>,
-    /// The links that were broken once; docked again, they are new.
+    /// Links that have been broken; docked again, they are new.
     broken: BTreeSet<(usize, usize)>,
     spans: Vec<Span>,
 }
@@ -68,7 +68,7 @@ impl Links {
         }
     }
 
-    /// A module names links; those that the other end names as well are there from now on.
+    /// A module names links; those that the other end names too exist from now on.
     pub(super) fn meet(
         &mut self,
         now: f64,

@@ -1,8 +1,7 @@
-//! What the page's player needs: where everything is at any moment of the film.
+//! The data of the page's player: the state of all modules, spots and links at every time of the film.
 //!
-//! The film is not in real time. Turns take microseconds and motions take minutes, so turns are stretched, motions
-//! shortened where they would take too long, and waits in which nothing can be seen cut; the clock next to the film
-//! shows the recorded time.
+//! The film is not in real time, because turns take microseconds and motions take minutes: turns are lengthened, long
+//! motions shortened, and waits in which nothing moves cut. The clock next to the film shows the recorded time.
 
 mod links;
 mod pace;
@@ -20,29 +19,29 @@ use links::Links;
 use pace::Pace;
 use track::Track;
 
-/// Keyframes of all modules together, about; more would show nothing more and make the page large.
+/// The approximate maximum of keyframes of all modules; more make the page large without visible effect.
 const KEYFRAMES_MAX: usize = 40_000;
-/// Keyframes of one module at least, so that the last ones are always among them.
+/// The minimum limit of keyframes of one module, which keeps the last ones.
 const KEYFRAMES_MIN: usize = 16;
-/// Steps of the film; the last ones beyond are left out.
+/// The maximum number of steps; further steps are left out.
 const STEPS_MAX: usize = 30_000;
 
 /// A film: times are seconds from its beginning, places are pixels on the ground.
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Film {
-    /// How long it is.
+    /// The length in seconds.
     length: f64,
     /// The side of a module's square.
     side: f64,
-    /// The recorded milliseconds at some times; straight between them.
+    /// The recorded milliseconds at some times, between which the player interpolates.
     clock: Vec<(f64, u64)>,
-    /// Which part of the work begins when.
+    /// The stages, each with the time at which it begins.
     stages: Vec<(f64, FormationStage)>,
-    /// What happens, one sentence each.
+    /// The steps, each a sentence.
     steps: Vec<FilmStep>,
     modules: Vec<ModuleFilm>,
     spots: Vec<SpotFilm>,
-    /// From when until when two modules are docked, and what sort of link that is.
+    /// The links, each with the times at which it begins and ends.
     links: Vec<links::Span>,
 }
 
@@ -60,7 +59,7 @@ struct FilmStep {
 #[derive(Clone, Debug, Serialize)]
 struct ModuleFilm {
     id: u32,
-    /// Where its path bends or its pace changes.
+    /// The keyframes of its path.
     track: Track,
     /// Its phases, each with the time at which it begins.
     phases: Vec<(f64, ModulePhase)>,
@@ -85,7 +84,7 @@ impl Film {
         cutting.finish(end)
     }
 
-    /// How many steps it has.
+    /// The number of steps.
     pub(crate) fn step_count(&self) -> usize {
         self.steps.len()
     }
@@ -139,7 +138,7 @@ impl<'a> Cutting<'a> {
 
     fn take(&mut self, entry: &Entry) {
         self.now = track::time(self.pace.advance(entry, self.scene.is_moving()));
-        // A module that is no part of the subject is not shown.
+        // Modules that are not part of the subject are not shown.
         match &entry.event {
             Event::State(snapshot) => match self.subject.position_of(snapshot.module) {
                 Some(module) => self.show_state(module, snapshot),

@@ -11,14 +11,14 @@ const TURN_MIN_S: f64 = 0.1;
 const TURN_MAX_S: f64 = 1.0;
 /// All motions together take at most this long, seconds; faster ones keep their own time.
 const MOTIONS_MAX_S: f64 = 60.0;
-/// While nothing moves, a wait is cut to this, seconds.
+/// The maximum of a wait during which nothing moves, seconds.
 const WAIT_MAX_S: f64 = 0.4;
-/// How long the first and the last picture stand, seconds.
+/// The time of the first and the last picture, seconds.
 const STAND_S: f64 = 0.6;
-/// Entries of the clock are no closer than this, seconds.
+/// The minimum distance of clock entries, seconds.
 const CLOCK_GAP_S: f64 = 0.05;
 
-/// How fast the film goes.
+/// The pace of the film.
 pub(super) struct Pace {
     turn_s: f64,
     motion_scale: f64,
@@ -85,7 +85,7 @@ impl Pace {
     }
 }
 
-/// For how long anything moved, at least one module at a time.
+/// The time during which at least one module moved, milliseconds.
 fn moving_ms(course: &[Entry]) -> u64 {
     let mut scene = Scene::default();
     let mut last_ms = 0;

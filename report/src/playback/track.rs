@@ -5,7 +5,7 @@ use serde::Serialize;
 
 use crate::frame::Frame;
 
-/// A keyframe between two others is left out if it lies no further off the straight line than this, in pixels.
+/// A keyframe between two others is left out if its distance from the straight line is at most this, in pixels.
 const STRAIGHT: f64 = 0.5;
 /// A module whose pose changes although it reported no motion stood still until this long ago, seconds.
 const JUMP_S: f64 = 0.3;
@@ -95,7 +95,7 @@ fn is_same_place(one: &Keyframe, other: &Keyframe) -> bool {
     (one.1 - other.1).abs().max((one.2 - other.2).abs()) < 0.05 && (one.3 - other.3).abs() < 0.05
 }
 
-/// Whether a keyframe says nothing that those around it do not.
+/// Whether a keyframe can be interpolated from its neighbours.
 fn is_between(before: &Keyframe, middle: &Keyframe, after: &Keyframe) -> bool {
     let whole = after.0 - before.0;
     if whole <= 0.0 {
@@ -108,13 +108,13 @@ fn is_between(before: &Keyframe, middle: &Keyframe, after: &Keyframe) -> bool {
         && off(before.3, middle.3, after.3) <= 2.0
 }
 
-/// A time with as many digits as a film needs.
+/// A time, rounded to milliseconds.
 pub(super) fn time(seconds: f64) -> f64 {
     (seconds * 1_000.0).round() / 1_000.0
 }
 
-/// A place or an angle with as many digits as a picture needs.
+/// A position or an angle, rounded to one decimal.
 pub(super) fn pixel(pixels: f64) -> f64 {
-    // Adding zero keeps the sign off it.
+    // Adding zero turns -0 into 0.
     (pixels * 10.0).round() / 10.0 + 0.0
 }
