@@ -1,10 +1,11 @@
 //! What the signs in a picture mean.
 
+use formation::model::text::counted;
+
 use crate::drawing::{self, body};
 use crate::element::{Element, Short};
 use crate::frame::Frame;
 use crate::palette::{Look, look};
-use crate::pictures::counted;
 use crate::subject::Subject;
 
 /// Around the legend and the title.

@@ -6,6 +6,7 @@ use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
 use formation::event_log::{Entry, Event};
 use formation::model::Pose;
+use formation::model::text::counted;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
@@ -13,7 +14,7 @@ use crate::drawing::{self, BELOW, LEFT};
 use crate::element::{Element, Escaped, Short};
 use crate::frame::Frame;
 use crate::legend::{self, Mark};
-use crate::pictures::{STYLE, counted};
+use crate::pictures::STYLE;
 use crate::playback::Film;
 use crate::subject::{Module, Subject};
 

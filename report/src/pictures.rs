@@ -3,6 +3,7 @@
 use std::fmt::Write;
 
 use formation::model::Pose;
+use formation::model::text::counted;
 
 use crate::drawing::{self, BELOW, LEFT};
 use crate::element::{Element, Short};
@@ -221,10 +222,4 @@ fn cut(text: &str, width: f64, size: f64) -> String {
     } else {
         format!("{}…", &text[..end])
     }
-}
-
-/// A number with its noun, in the plural where English wants it.
-pub(crate) fn counted(count: usize, noun: &str) -> String {
-    let ending = if count == 1 { "" } else { "s" };
-    format!("{count} {noun}{ending}")
 }
