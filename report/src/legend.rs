@@ -2,6 +2,8 @@
 
 use formation::model::text::counted;
 
+use formation::model::text::counted;
+
 use crate::drawing::{self, body};
 use crate::element::{Element, Short};
 use crate::frame::Frame;
