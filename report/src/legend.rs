@@ -2,8 +2,6 @@
 
 use formation::model::text::counted;
 
-use formation::model::text::counted;
-
 use crate::drawing::{self, body};
 use crate::element::{Element, Short};
 use crate::frame::Frame;
