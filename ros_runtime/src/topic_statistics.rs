@@ -126,7 +126,7 @@ impl TopicStatistics {
             counts.map(move |(name, count)| (format!("{topic}.{name}"), count.to_string()))
         });
         Report {
-            part: "traffic".to_owned(),
+            part: "topic statistics".to_owned(),
             hardware_id: String::new(),
             level,
             message,
@@ -171,7 +171,7 @@ mod tests {
         let status = statistics.report().into_status("/fleet/camera");
         assert_eq!(
             (status.level, status.name.as_str()),
-            (2, "/fleet/camera: traffic")
+            (2, "/fleet/camera: topic statistics")
         );
         assert_eq!(
             statistics.to_string(),

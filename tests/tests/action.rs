@@ -38,7 +38,7 @@ fn start(domain: &str, speed: &str) -> [Running; 3] {
 
 /// Sends a goal; returns its identifier.
 fn send(client: &mut RosTool, goal: &Value) -> String {
-    client.tell(&json!({"goal": goal}));
+    client.write_line(&json!({"goal": goal}));
     let answer = client.next_with("accepted");
     assert_eq!(answer["accepted"], true);
     answer["goal"].as_str().unwrap().to_owned()
@@ -63,9 +63,9 @@ fn a_goal_names_a_scenario_is_followed_and_ends_with_the_verdict() {
     };
     let [publisher, verifier, agents] = start(domain, "50");
     let goal = send(&mut client, &json!({"scenario": "singletons"}));
-    let (status, told) = result(&mut client, &goal);
+    let (status, answer) = result(&mut client, &goal);
     assert_eq!(status, ABORTED);
-    assert!(text(&told).contains("singletons_10"), "{told}");
+    assert!(text(&answer).contains("singletons_10"), "{answer}");
 
     let wanted = json!({"scenario": "singletons_10", "expected_modules": 10});
     let goal = send(&mut client, &wanted);
@@ -97,7 +97,7 @@ fn a_goal_names_a_scenario_is_followed_and_ends_with_the_verdict() {
     );
     assert!(
         stages.contains(&2),
-        "it was told while they gathered: {stages:?}"
+        "feedback came while they gathered: {stages:?}"
     );
     assert_eq!(
         (&last["joined"], &last["planned"]),
@@ -179,20 +179,20 @@ fn a_goal_names_a_scenario_is_followed_and_ends_with_the_verdict() {
     }
     assert_eq!(graph["ownerless"], json!([]), "all belong to the node");
 
-    // Whoever asks late is told the same, and that other goals are unknown.
-    client.tell(&json!({"result": goal}));
+    // A late request returns the same result; other goals are unknown.
+    client.write_line(&json!({"result": goal}));
     assert_eq!(
         result(&mut client, &goal),
         (SUCCEEDED, ended["result"].clone())
     );
     let unknown = "00112233445566778899aabbccddeeff";
-    client.tell(&json!({"result": unknown}));
+    client.write_line(&json!({"result": unknown}));
     assert_eq!(result(&mut client, unknown).0, 0);
-    client.tell(&json!({"cancel": goal}));
+    client.write_line(&json!({"cancel": goal}));
     let terminated = json!({"cancelled": [], "return_code": 3});
     assert_eq!(client.next_with("cancelled"), terminated);
 
-    // The same once more is done already, as nobody needs to move.
+    // The same goal once more is done already, because no module needs to move.
     let again = send(&mut client, &wanted);
     assert_eq!(result(&mut client, &again).0, SUCCEEDED);
     for process in [publisher, agents] {
@@ -226,24 +226,24 @@ fn a_newer_goal_takes_the_place_of_one_and_a_cancelled_one_leaves_the_modules_st
     let [publisher, _verifier, agents] = start(domain, "0.5");
     let first = send(&mut client, &row("first", 10));
     let second = send(&mut client, &row("second", 9));
-    let (status, told) = result(&mut client, &first);
+    let (status, answer) = result(&mut client, &first);
     assert_eq!(
-        (status, text(&told)),
+        (status, text(&answer)),
         (ABORTED, "a newer goal took its place")
     );
-    assert_eq!(told["verdict"]["outcome"], 0);
+    assert_eq!(answer["verdict"]["outcome"], 0);
 
     let states = Peer::start("take", "module_states", domain).unwrap();
     let heartbeats = Peer::start("take", "heartbeats", domain).unwrap();
     let moving = agents.wait_for_log(0, "moving to", Duration::from_secs(60));
-    assert!(moving.is_some(), "nobody set off");
-    client.tell(&json!({"cancel": ""}));
+    assert!(moving.is_some(), "no module moved");
+    client.write_line(&json!({"cancel": ""}));
     let answer = client.next_with("cancelled");
     assert_eq!(answer, json!({"cancelled": [second], "return_code": 0}));
-    let (status, told) = result(&mut client, &second);
+    let (status, answer) = result(&mut client, &second);
     assert_eq!(status, CANCELED);
-    let stand = "the target is withdrawn, and the 10 modules that were heard stand still";
-    assert_eq!(text(&told), stand);
+    let stand = "the target is withdrawn, and the 10 live modules stand still";
+    assert_eq!(text(&answer), stand);
     // States from before the cancellation may arrive late; after that, no module moves.
     heartbeats.await_more(2);
     let places = || -> Vec<_> {

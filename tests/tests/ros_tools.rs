@@ -283,7 +283,7 @@ fn parameters_are_listed_described_read_and_changed() {
     assert_eq!(values, [3.5, 1.5, 40.0]);
     tool.finish();
 
-    // What changed is told, and what was refused is not.
+    // Changes are published, refused changes are not.
     let mut next_change = || {
         loop {
             let event = events.next_line();
@@ -345,7 +345,7 @@ fn a_node_without_parameter_services_has_none_of_them() {
 }
 
 #[test]
-fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
+fn a_formation_reports_its_state_on_rosout_and_diagnostics() {
     let domain = &*Domain::shared();
     let scenario = scenario_path("singletons_10");
     let scenario = scenario.to_str().unwrap();
@@ -431,10 +431,10 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
     for key in ["evictions", "evicted", "time_in_phase_s", "spot"] {
         assert!(module.contains_key(key), "{key}: {module:?}");
     }
-    let traffic = values("traffic");
+    let statistics = values("topic statistics");
     assert!(
-        traffic["claims.sent"].parse::<u64>().unwrap() >= 10,
-        "{traffic:?}"
+        statistics["claims.sent"].parse::<u64>().unwrap() >= 10,
+        "{statistics:?}"
     );
 
     let line = std::iter::from_fn(|| Some(log.next_line()))
@@ -449,13 +449,13 @@ fn a_formation_tells_of_itself_on_rosout_and_diagnostics() {
     // RustDDS delivers each sample of a writer once, so the module counts one announcement of each writer: one, unless the
     // publisher had to rejoin the graph with a new writer.
     let announced = publisher.stderr.matches("announced the target").count();
-    let received: usize = traffic["target.received"].parse().unwrap();
-    assert!((1..=announced).contains(&received), "{traffic:?}");
+    let received: usize = statistics["target.received"].parse().unwrap();
+    assert!((1..=announced).contains(&received), "{statistics:?}");
     assert_eq!(modules.stop().status, 0);
 }
 
 #[test]
-fn a_node_that_is_told_to_end_leaves_the_graph_at_once() {
+fn a_node_leaves_the_graph_at_once_on_a_signal_to_end() {
     for signal in [Signal::INT, Signal::TERM] {
         let domain = &*Domain::shared();
         let module = module(domain, &[]);
@@ -483,9 +483,9 @@ fn a_node_that_is_told_to_end_leaves_the_graph_at_once() {
 }
 
 #[test]
-fn arguments_that_nobody_knows_are_refused_with_what_may_have_been_meant() {
+fn unknown_arguments_are_refused_with_what_may_have_been_meant() {
     let domain = &*Domain::shared();
-    for (arguments, told) in [
+    for (arguments, error) in [
         (
             ["--ros-args", "--remp", "a:=b"].as_slice(),
             "did you mean `--remap`?",
@@ -511,7 +511,7 @@ fn arguments_that_nobody_knows_are_refused_with_what_may_have_been_meant() {
         let finished = module.finish(Duration::from_secs(20));
         assert_eq!(finished.status, 2, "{arguments:?}: {}", finished.stderr);
         assert!(
-            finished.stderr.contains(told),
+            finished.stderr.contains(error),
             "{arguments:?}: {}",
             finished.stderr
         );

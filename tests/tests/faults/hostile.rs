@@ -1,4 +1,4 @@
-//! A peer of another vendor that lies and floods.
+//! A peer of another vendor that sends false messages, and many of them.
 
 use std::collections::BTreeMap;
 use std::process::Stdio;
@@ -16,9 +16,8 @@ struct Outcome {
     lies: Value,
 }
 
-/// Forms with two processes of four modules each and a peer among them, who begins once he has heard who lives: to lie,
-/// unless he is told to be silent.
-fn form(python: &Python, manner: &[&str]) -> Outcome {
+/// Forms with two processes of four modules each and the hostile peer, which begins when it has observed the formation.
+fn form(python: &Python, options: &[&str]) -> Outcome {
     let domain = &*Domain::alone();
     let file = ScenarioFile::new("lied-to", EIGHT);
     // Slow enough that the modules are on their way while the lies come.
@@ -32,12 +31,12 @@ fn form(python: &Python, manner: &[&str]) -> Outcome {
     let judge = ["--json", "--time-limit-s", "80"];
     let verifier = Running::start("verifier", domain, &judge);
     let mut arguments = vec!["--domain", domain, "--messages", "10000", "--rate", "1000"];
-    arguments.extend(manner);
+    arguments.extend(options);
     let mut peer = python.start("tests/python/hostile_peer.py", &arguments, Stdio::inherit());
     let said = Transcript::of(peer.stdout.take().unwrap());
     let lies = said.wait_for(0, PATIENCE, |line| {
-        let told: Value = serde_json::from_str(&line.text).unwrap();
-        told.get("sent").is_some().then_some(told)
+        let report: Value = serde_json::from_str(&line.text).unwrap();
+        report.get("sent").is_some().then_some(report)
     });
     let _ = peer.wait();
     let lies =
@@ -55,24 +54,23 @@ fn form(python: &Python, manner: &[&str]) -> Outcome {
     }
 }
 
-/// How often each kind of refusal was counted, over all modules; what the log tells at the end of a process.
+/// How often each kind of refusal was counted, over all modules, by the log lines at the end of each process.
 fn refusals(agents: &[Finished]) -> BTreeMap<String, u64> {
     let mut counts: BTreeMap<String, u64> = BTreeMap::new();
     for agent in agents {
-        let told = agent.stderr.lines().filter_map(|line| {
+        let counted = agent.stderr.lines().filter_map(|line| {
             let counts = line.split_once("refused: ").map(|(_, counts)| counts);
-            counts.or_else(|| line.split_once("traffic: ").map(|(_, counts)| counts))
+            counts.or_else(|| {
+                line.split_once("topic statistics: ")
+                    .map(|(_, counts)| counts)
+            })
         });
-        for entry in told.flat_map(|counts| counts.split([',', ';', ':'])) {
+        for entry in counted.flat_map(|counts| counts.split([',', ';', ':'])) {
             let words: Vec<&str> = entry.split_whitespace().collect();
-            // Kinds stand before their counts where an agent refused, and behind them where the border did.
-            let pair = match words[..] {
-                [kind, count, ..] if count.parse::<u64>().is_ok() => Some((kind, count)),
-                [count, kind, ..] if count.parse::<u64>().is_ok() => Some((kind, count)),
-                _ => None,
-            };
-            if let Some((kind, count)) = pair {
-                *counts.entry(kind.to_owned()).or_default() += count.parse::<u64>().unwrap();
+            if let [kind, count, ..] = words[..]
+                && let Ok(count) = count.parse::<u64>()
+            {
+                *counts.entry(kind.to_owned()).or_default() += count;
             }
         }
     }
@@ -84,7 +82,7 @@ fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
     let Some(python) = Python::find() else {
         return;
     };
-    // What the third participant costs by being there is no matter of what he says.
+    // The memory that a third participant costs by itself.
     let quiet = form(&python, &["--silent"]);
     assert_eq!(quiet.lies["total"], 0, "{}", quiet.lies);
     let lied_to = form(&python, &[]);
@@ -106,7 +104,7 @@ fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
         // Another target under a known revision.
         "contradicting_target",
         // Lists too long, and poses that are no number.
-        "invalid",
+        "refused.invalid",
     ] {
         assert!(counts.contains_key(kind), "{kind} is not in {counts:?}");
     }
