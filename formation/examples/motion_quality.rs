@@ -179,7 +179,7 @@ fn instance(setting: &Setting, seed: u64) -> Result<(Arc<PlanningProblem>, PlanO
 }
 
 #[derive(Default)]
-struct Tally {
+struct Totals {
     solved: usize,
     by_bound: Vec<f64>,
     by_path: Vec<f64>,
@@ -194,7 +194,7 @@ struct Tally {
 }
 
 fn run(setting: &Setting, instances: u64) {
-    let mut tally = Tally::default();
+    let mut totals = Totals::default();
     for seed in 0..instances {
         let (problem, outcome) = match instance(setting, seed) {
             Ok(instance) => instance,
@@ -210,19 +210,19 @@ fn run(setting: &Setting, instances: u64) {
             walls: None,
             parameters: MotionParameters::default(),
         };
-        tally.blocks += outcome.plan.blocks.len();
+        totals.blocks += outcome.plan.blocks.len();
         let before = cpu_time();
         let planned = plan_motion(&request);
         let elapsed = cpu_time().saturating_sub(before);
         match planned {
-            Ok(motion) => tally.add(&problem, &outcome, &motion, elapsed),
+            Ok(motion) => totals.add(&problem, &outcome, &motion, elapsed),
             Err(error) => println!("  seed {seed}: {error}"),
         }
     }
-    tally.print(setting, instances);
+    totals.print(setting, instances);
 }
 
-impl Tally {
+impl Totals {
     #[expect(clippy::cast_precision_loss, reason = "for people")]
     fn add(
         &mut self,
@@ -316,7 +316,7 @@ fn serial(problem: &PlanningProblem, outcome: &PlanOutcome) -> f64 {
         .sum()
 }
 
-/// The smallest entry that so many percent do not exceed.
+/// The smallest entry that `percent` of the entries do not exceed.
 fn quantile(sorted: &[f64], percent: usize) -> f64 {
     let rank = (sorted.len() * percent).div_ceil(100).max(1) - 1;
     sorted.get(rank).copied().unwrap_or(f64::NAN)

@@ -173,13 +173,13 @@ fn assert_next_to_parents(
     };
     for unit in &plan.units {
         let Some(parent) = unit.parent else { continue };
-        let beside = unit.modules.iter().flat_map(|one| {
+        let pairs = unit.modules.iter().flat_map(|one| {
             modules(parent)
                 .modules
                 .iter()
                 .map(move |other| (one, other))
         });
-        let docks = beside.into_iter().any(|(one, other)| match plan.order {
+        let docks = pairs.into_iter().any(|(one, other)| match plan.order {
             OrderKind::Adjacency => {
                 let distance = ends[&one.module]
                     .distance_to(&ends[&other.module])

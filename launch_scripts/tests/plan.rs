@@ -91,11 +91,11 @@ fn the_json_has_every_promised_key() {
 #[test]
 fn figure_1_fills_the_ladder_and_breaks_only_the_block_that_cannot_fit() {
     let report = json("figure1_ladder17");
-    let everyone: BTreeSet<u64> = (1..=17).collect();
-    assert_eq!(distinct(&report["assignments"], "module"), everyone);
-    assert_eq!(distinct(&report["assignments"], "spot"), everyone);
+    let all_ids: BTreeSet<u64> = (1..=17).collect();
+    assert_eq!(distinct(&report["assignments"], "module"), all_ids);
+    assert_eq!(distinct(&report["assignments"], "spot"), all_ids);
     let order = ids(&report["assembly_order"]);
-    assert_eq!(order.into_iter().collect::<BTreeSet<_>>(), everyone);
+    assert_eq!(order.into_iter().collect::<BTreeSet<_>>(), all_ids);
     // Thirteen links at the start; the hub with four neighbours must lose one, and only one.
     assert_eq!(report["kept_links"], 12);
     assert_eq!(report["broken_links"], 1);

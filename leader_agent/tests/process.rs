@@ -26,9 +26,9 @@ fn only_the_leader_of_a_configuration_is_taken() {
             .args(["--discovery-range", "LOCALHOST", "--domain", "74"])
             .output()
             .unwrap();
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert_eq!(output.status.code(), Some(2), "{told}");
-        assert!(told.contains(expected), "{told}");
-        assert!(told.contains(scenario), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert_eq!(output.status.code(), Some(2), "{stderr}");
+        assert!(stderr.contains(expected), "{stderr}");
+        assert!(stderr.contains(scenario), "{stderr}");
     }
 }

@@ -28,7 +28,7 @@ use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
 pub struct ModuleProcess {
     /// Its place in the ROS 2 graph.
     pub settings: Settings,
-    /// What each hosted module knows of itself; at least one.
+    /// Identity and initial state of each hosted module; at least one.
     pub modules: Vec<Identity>,
     /// How long the agents wait.
     pub timing: Timing,

@@ -1,5 +1,5 @@
-//! The parameter services by the mapping of Fast DDS and Connext. CycloneDDS for Python cannot put a request's identity
-//! beside the data, so the other side here is the client of the library, which answers to both mappings alike.
+//! The parameter services by the mapping of Fast DDS and Connext. CycloneDDS for Python cannot send a request's identity
+//! as inline QoS, so the other side here is the client of the library, which supports both mappings.
 
 #![allow(
     clippy::unwrap_used,

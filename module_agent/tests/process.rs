@@ -1,4 +1,4 @@
-//! How the process takes bad input, and how it ends.
+//! How the process reports bad input, and how it ends.
 
 #![allow(
     clippy::unwrap_used,
@@ -23,12 +23,12 @@ fn agent(domain: &str, arguments: &str) -> Command {
     command
 }
 
-fn told(output: &Output) -> String {
+fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
 #[test]
-fn bad_input_is_told_in_one_line_before_anything_starts() {
+fn bad_input_is_reported_in_one_line_before_anything_starts() {
     let scenario = concat!(
         env!("CARGO_MANIFEST_DIR"),
         "/../launch_scripts/scenarios/figure1_ladder17.yaml"
@@ -52,26 +52,30 @@ fn bad_input_is_told_in_one_line_before_anything_starts() {
         ),
     ] {
         let output = agent("1", &arguments).output().unwrap();
-        let told = told(&output);
-        assert_eq!(output.status.code(), Some(2), "{arguments}: {told}");
-        assert!(told.starts_with("error: "), "{told}");
-        assert!(told.contains(expected), "{told}");
-        assert_eq!(told.lines().count(), 1, "{told}");
+        let stderr = stderr(&output);
+        assert_eq!(output.status.code(), Some(2), "{arguments}: {stderr}");
+        assert!(stderr.starts_with("error: "), "{stderr}");
+        assert!(stderr.contains(expected), "{stderr}");
+        assert_eq!(stderr.lines().count(), 1, "{stderr}");
     }
 }
 
 #[test]
-fn a_broken_environment_is_told_unless_an_argument_outweighs_it() {
+fn a_broken_environment_is_reported_unless_an_argument_overrides_it() {
     let broken = |arguments: &str| agent("many", arguments).output().unwrap();
     let output = broken("--module 1 --x 0 --y 0");
     assert_eq!(output.status.code(), Some(2));
-    assert!(told(&output).contains("environment variable ROS_DOMAIN_ID"));
+    assert!(stderr(&output).contains("environment variable ROS_DOMAIN_ID"));
     let output = broken("--module 1 --x nowhere --y 0 --domain 1");
-    assert!(told(&output).contains("'--x <UNITS>'"), "{}", told(&output));
+    assert!(
+        stderr(&output).contains("'--x <UNITS>'"),
+        "{}",
+        stderr(&output)
+    );
 }
 
 #[test]
-fn the_process_leaves_when_it_is_told_to_end() {
+fn the_process_leaves_on_a_signal_to_end() {
     let domain = Domain::shared();
     for signal in [Signal::TERM, Signal::INT] {
         let mut child = agent(&domain, "--module 4 --x 0 --y 0")

@@ -21,7 +21,7 @@ pub const REASON_BYTES_MAX: usize = 1024;
 /// Bytes of what an answer says to people.
 pub const ANSWER_BYTES_MAX: usize = 1024;
 
-/// A text as far as it fits into so many bytes.
+/// The longest beginning of the text that fits into `bytes_max` bytes of UTF-8.
 #[must_use]
 pub fn shortened(mut text: String, bytes_max: usize) -> String {
     let end = (0..=bytes_max.min(text.len()))

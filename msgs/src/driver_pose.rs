@@ -1,4 +1,4 @@
-//! The poses that drivers tell, in either of two message types.
+//! The poses that drivers publish, in either of two message types.
 
 use formation::model;
 
@@ -9,7 +9,7 @@ use crate::external::nav_msgs::Odometry;
 use crate::standard::Header;
 use crate::topic;
 
-/// A message that tells where a module stands.
+/// A message with the pose of a module.
 pub trait DriverPose {
     /// The pose in the plane, given in `frame_id`.
     ///

@@ -73,7 +73,7 @@ impl From<&verify::Verdict> for Verdict {
     }
 }
 
-/// As many sentences as the message takes, each as far as it fits; the last one tells how many were left out.
+/// At most `VIOLATIONS_MAX` sentences, each cut to its bound; if there are more, the last one gives the number left out.
 fn bounded(sentences: impl Iterator<Item = String>) -> Vec<String> {
     let mut sentences = sentences.map(|sentence| shortened(sentence, VIOLATION_BYTES_MAX));
     let mut kept: Vec<String> = sentences.by_ref().take(VIOLATIONS_MAX).collect();

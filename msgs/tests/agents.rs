@@ -1,4 +1,4 @@
-//! Everything that agents say while they form, lose members and start again passes the border unchanged.
+//! Everything that agents publish while they form, lose members and restart is unchanged after a round trip as messages.
 
 use std::collections::BTreeMap;
 use std::time::Duration;
@@ -9,9 +9,9 @@ use formation::model::{self, Message, ModuleId, RosterMessage, Scenario};
 use formation_msgs as wire;
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters, Observation};
 
-/// How much of what was said exercises which part of the messages.
+/// How many messages exercise which part of the message types.
 #[derive(Debug, Default)]
-struct Heard {
+struct Coverage {
     messages: usize,
     plans: usize,
     claims_with_evictions: usize,
@@ -22,8 +22,8 @@ struct Heard {
 }
 
 /// Sends one message over the wire and expects it back as it was.
-fn check(said: &Message, heard: &mut Heard) {
-    heard.messages += 1;
+fn check(said: &Message, coverage: &mut Coverage) {
+    coverage.messages += 1;
     match said {
         Message::Target(announcement) => {
             let sent = over_the_wire(wire::TargetConfiguration::from(&**announcement));
@@ -34,19 +34,19 @@ fn check(said: &Message, heard: &mut Heard) {
             let states = [(**state).clone()];
             let sent = over_the_wire(wire::ModuleStates::new(wire::Header::default(), &states));
             assert_eq!(Vec::try_from(sent), Ok(states.to_vec()));
-            heard.states_with_marks += usize::from(!state.waited_for.is_empty());
-            heard.states_with_bases += usize::from(!state.quorum_bases.is_empty());
+            coverage.states_with_marks += usize::from(!state.waited_for.is_empty());
+            coverage.states_with_bases += usize::from(!state.quorum_bases.is_empty());
         }
         Message::Roster(roster) => {
             let sent = over_the_wire(wire::Roster::from(roster));
             assert_eq!(RosterMessage::try_from(sent).as_ref(), Ok(roster));
-            heard.plans += usize::from(matches!(roster, RosterMessage::Plan(_)));
+            coverage.plans += usize::from(matches!(roster, RosterMessage::Plan(_)));
         }
         Message::Claim(claim) => {
             let sent = over_the_wire(wire::SpotClaim::from(&**claim));
             assert_eq!(model::SpotClaim::try_from(sent).as_ref(), Ok(&**claim));
-            heard.claims_with_evictions += usize::from(!claim.decision.evictions.is_empty());
-            heard.claims_with_detached += usize::from(!claim.decision.detached.is_empty());
+            coverage.claims_with_evictions += usize::from(!claim.decision.evictions.is_empty());
+            coverage.claims_with_detached += usize::from(!claim.decision.detached.is_empty());
         }
         Message::Eviction(notice) => {
             let sent = over_the_wire(wire::Eviction::from(notice));
@@ -55,14 +55,14 @@ fn check(said: &Message, heard: &mut Heard) {
         Message::Heartbeat(heartbeat) => {
             let sent = over_the_wire(wire::Heartbeat::new([heartbeat]));
             assert_eq!(Vec::try_from(sent), Ok(vec![*heartbeat]));
-            heard.heartbeats_with_digest += usize::from(heartbeat.digest.is_some());
+            coverage.heartbeats_with_digest += usize::from(heartbeat.digest.is_some());
         }
     }
 }
 
 #[test]
 fn what_agents_say_passes_the_border_unchanged() {
-    let mut heard = Heard::default();
+    let mut coverage = Coverage::default();
     for seed in 0..12 {
         let generated = GeneratorParameters::new(12, 12, seed).grouped(Grouping::Mixed);
         let scenario = Scenario::try_from(generate(&generated).unwrap()).unwrap();
@@ -94,18 +94,21 @@ fn what_agents_say_passes_the_border_unchanged() {
         );
         for (_, observation) in cluster.take_observations() {
             if let Observation::Published(_, said) = observation {
-                check(&said, &mut heard);
+                check(&said, &mut coverage);
             }
         }
     }
-    // Silence would pass as well; each kind of content must have been heard.
+    // A run without messages would pass as well: each kind of content must have occurred.
     let kinds = BTreeMap::from([
-        ("plans", heard.plans),
-        ("claims with evictions", heard.claims_with_evictions),
-        ("claims with detached modules", heard.claims_with_detached),
-        ("states with marks", heard.states_with_marks),
-        ("states with quorum bases", heard.states_with_bases),
-        ("heartbeats with a digest", heard.heartbeats_with_digest),
+        ("plans", coverage.plans),
+        ("claims with evictions", coverage.claims_with_evictions),
+        (
+            "claims with detached modules",
+            coverage.claims_with_detached,
+        ),
+        ("states with marks", coverage.states_with_marks),
+        ("states with quorum bases", coverage.states_with_bases),
+        ("heartbeats with a digest", coverage.heartbeats_with_digest),
     ]);
-    assert!(kinds.values().all(|&count| count > 0), "{heard:?}");
+    assert!(kinds.values().all(|&count| count > 0), "{coverage:?}");
 }

@@ -141,8 +141,8 @@ proptest! {
         }
     }
 
-    /// Two agents and an observer hear a long talk of such messages, from three processes, with each other's words and
-    /// the time between.
+    /// Two agents and an observer receive many such messages from three processes, mixed with each other's messages and
+    /// with passing time.
     #[test]
     fn agents_and_observers_bear_whatever_passes_the_border(seed in any::<u64>()) {
         let codecs = codecs();
@@ -150,14 +150,14 @@ proptest! {
         let mut agents = [agent(1), agent(2)];
         let mut observer = Observer::new(ObserverParameters::default());
         let mut now = Duration::ZERO;
-        let mut heard: Vec<(SourceId, Message)> = vec![(SourceId(9), target())];
+        let mut queued: Vec<(SourceId, Message)> = vec![(SourceId(9), target())];
         for _ in 0..40 {
             now += Duration::from_millis(random.below(2_000));
             let (codec, registry) = &codecs[random.index(codecs.len())];
             let (payload, _) = Writer::payload(registry, codec.name, random.below(u64::MAX), false);
             let source = SourceId(u128::from(random.below(3)) + 10);
-            heard.extend(messages(codec.name, &payload).into_iter().map(|message| (source, message)));
-            for (source, message) in std::mem::take(&mut heard) {
+            queued.extend(messages(codec.name, &payload).into_iter().map(|message| (source, message)));
+            for (source, message) in std::mem::take(&mut queued) {
                 observer.handle(now, &message);
                 for (index, agent) in agents.iter_mut().enumerate() {
                     if source == SourceId(index as u128) {
@@ -166,14 +166,14 @@ proptest! {
                     agent.handle(now, Input::Message { source: Some(source), message: message.clone() });
                     let mut said = Vec::new();
                     drain(agent, now, &mut said);
-                    heard.extend(said.into_iter().map(|message| (SourceId(index as u128), message)));
+                    queued.extend(said.into_iter().map(|message| (SourceId(index as u128), message)));
                 }
             }
             for (index, agent) in agents.iter_mut().enumerate() {
                 agent.handle(now, Input::Timeout);
                 let mut said = Vec::new();
                 drain(agent, now, &mut said);
-                heard.extend(said.into_iter().map(|message| (SourceId(index as u128), message)));
+                queued.extend(said.into_iter().map(|message| (SourceId(index as u128), message)));
             }
             let _ = observer.progress();
             let _ = observer.agreement();

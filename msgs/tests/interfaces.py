@@ -1,4 +1,4 @@
-"""Reads the interface files with rosbags and speaks CDR for the test beside this file.
+"""Reads the interface files with rosbags, and reads and writes CDR, for the tests in this folder.
 
 The sections of a service or an action count as messages of their own, such as QueryStatus_Request.
 

@@ -38,7 +38,7 @@ fn check_memory(codec: &Codec, bytes: &[u8], what: &str) -> usize {
     used
 }
 
-/// The only test of this program, for another one beside it would count into the same peak.
+/// The only test of this program, because a concurrent one would count into the same peak.
 #[test]
 fn memory_stays_in_proportion_to_what_arrived() {
     let all = samples(20);

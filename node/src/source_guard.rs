@@ -1,4 +1,4 @@
-//! Which process speaks for which module, as far as an observer can tell.
+//! Which process speaks for which module, as an observer determines it.
 //!
 //! The first process that speaks for a run of a module is taken to be that module's own; another vendor's peer may write
 //! whatever it likes, but not under that process's participant.
@@ -18,7 +18,7 @@ pub struct SourceGuard {
 }
 
 impl SourceGuard {
-    /// Whether the process may say so: nobody else speaks for the module that it speaks for.
+    /// Whether the message may be accepted: no other process speaks for the module that it comes from.
     pub fn admit(&mut self, source: SourceId, message: &Message) -> bool {
         let run = match message {
             Message::ModuleState(state) => (state.module, state.incarnation),
@@ -27,7 +27,7 @@ impl SourceGuard {
             Message::Roster(RosterMessage::Plan(roster)) => {
                 return self.may_speak_for(source, roster.epoch.convener);
             }
-            // These decide nothing for an observer, or anyone may say them.
+            // These decide nothing for an observer, or any process may publish them.
             Message::Roster(RosterMessage::Gather { .. })
             | Message::Eviction(_)
             | Message::Target(_) => return true,

@@ -101,7 +101,7 @@ impl<G: ActionData, R: ActionData, F: ActionData> ActionServer<G, R, F> {
     }
 }
 
-/// An action that is served, and every request of its clients, for ever.
+/// An action that is served, and the stream of the requests of its clients.
 pub type ServedAction<G, R, F> = (
     ActionServer<G, R, F>,
     LocalBoxStream<'static, ActionRequest<G>>,

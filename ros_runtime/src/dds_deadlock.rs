@@ -45,7 +45,7 @@ impl DeadlockWatchdog {
                 let Some(steps) = watched.upgrade() else {
                     return;
                 };
-                // A call that the library's threads cannot answer any more waits for ever, whatever the others do.
+                // A call that the library's threads cannot answer any more never returns, whatever the others do.
                 let activity = || {
                     if threads.all_run() {
                         activity()

@@ -14,7 +14,7 @@ use crate::parameters::{ParameterError, Values};
 use crate::session::{Session, SessionError};
 
 /// Even when something is due already, the processor is left to other processes for this long: a mistake that makes
-/// something due for ever costs time, but not the whole machine.
+/// something always due costs time, but not the whole machine.
 const PAUSE_MIN: Duration = Duration::from_millis(1);
 
 /// After this many inputs the node acts on them before more are taken in.

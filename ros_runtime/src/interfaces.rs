@@ -6,8 +6,8 @@ use crate::environment::DiscoveryRange;
 /// participants 0 to 11 of the same host.
 const SOUGHT_WITHOUT_MULTICAST: u16 = 12;
 
-/// So many participants of one host and domain find each other when no interface takes multicast: twelve that
-/// everyone seeks, and one more that seeks them.
+/// The most participants of one host and domain that discover each other without multicast: twelve that every
+/// participant seeks, and one more that seeks them.
 pub const PARTICIPANTS_WITHOUT_MULTICAST: u16 = SOUGHT_WITHOUT_MULTICAST + 1;
 
 /// One network interface of this machine, as far as discovery is concerned.
@@ -23,7 +23,7 @@ pub struct Interface {
 
 /// The interfaces of this process's network namespace, as the DDS library sees them too.
 ///
-/// `/sys/class/net` would not do: it shows the namespace of whoever mounted it.
+/// `/sys/class/net` does not serve: it shows the network namespace of the process that mounted it.
 #[must_use]
 pub fn interfaces() -> Vec<Interface> {
     netdev::get_interfaces()
@@ -100,9 +100,12 @@ mod tests {
             discovery_obstacle(DiscoveryRange::Localhost, &[LOOPBACK], 13),
             None
         );
-        let told = discovery_obstacle(DiscoveryRange::Localhost, &[LOOPBACK], 14).unwrap();
-        assert!(told.contains("ip link set lo multicast on"), "{told}");
-        assert!(told.contains("--modules"), "{told}");
+        let obstacle = discovery_obstacle(DiscoveryRange::Localhost, &[LOOPBACK], 14).unwrap();
+        assert!(
+            obstacle.contains("ip link set lo multicast on"),
+            "{obstacle}"
+        );
+        assert!(obstacle.contains("--modules"), "{obstacle}");
         let multicast = Interface {
             takes_multicast: true,
             ..LOOPBACK
@@ -126,13 +129,13 @@ mod tests {
     }
 
     #[test]
-    fn a_loopback_that_is_down_is_told_at_once() {
+    fn a_loopback_that_is_down_is_reported_at_once() {
         let down = Interface {
             is_up: false,
             ..LOOPBACK
         };
-        let told = discovery_obstacle(DiscoveryRange::Localhost, &[down], 1).unwrap();
-        assert!(told.contains("ip link set lo up"), "{told}");
+        let obstacle = discovery_obstacle(DiscoveryRange::Localhost, &[down], 1).unwrap();
+        assert!(obstacle.contains("ip link set lo up"), "{obstacle}");
         assert_eq!(discovery_obstacle(DiscoveryRange::Off, &[down], 50), None);
         assert_eq!(
             discovery_obstacle(DiscoveryRange::Localhost, &[], 50),

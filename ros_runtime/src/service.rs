@@ -74,7 +74,7 @@ const CLIENT_INTERVAL: Duration = Duration::from_millis(10);
 const CLIENT_BYTES: usize = 8;
 
 impl Session {
-    /// Serves a service: every request that decodes, for ever.
+    /// Serves a service: the stream of the requests that decode.
     ///
     /// # Errors
     /// The name cannot be used, or the library refuses.

@@ -63,8 +63,8 @@ mod tests {
         ] {
             assert_eq!(ServiceMapping::of_middleware(name), Ok(mapping));
         }
-        let told = ServiceMapping::of_middleware(Some("rmw_zenoh_cpp")).unwrap_err();
-        assert!(told.contains("--service-mapping"), "{told}");
+        let error = ServiceMapping::of_middleware(Some("rmw_zenoh_cpp")).unwrap_err();
+        assert!(error.contains("--service-mapping"), "{error}");
         assert_eq!("Cyclone".parse(), Ok(ServiceMapping::Cyclone));
         assert!("basic".parse::<ServiceMapping>().is_err());
     }

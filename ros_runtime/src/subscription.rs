@@ -12,7 +12,7 @@ use crate::topic::Topic;
 use crate::topic_statistics::{RefusalKind, TopicStatistics};
 
 impl Session {
-    /// Subscribes a topic: every sample of other participants that decodes and that `convert` accepts, for ever. Samples
+    /// Subscribes a topic: every sample of other participants that decodes and that `convert` accepts. Samples
     /// that are refused are counted and logged.
     ///
     /// # Errors

@@ -1,5 +1,5 @@
-//! The action `FormConfiguration` by the mapping of Fast DDS and Connext. CycloneDDS for Python cannot put a request's
-//! identity beside the data, so the other side here is the client of the library.
+//! The action `FormConfiguration` by the mapping of Fast DDS and Connext. CycloneDDS for Python cannot send a request's
+//! identity as inline QoS, so the other side here is the client of the library.
 
 #![allow(
     clippy::unwrap_used,
@@ -102,8 +102,8 @@ async fn drive(client: &FormConfiguration, node: &Node) {
     let (goal, response) = client.async_send_goal(Carried(pair())).await.unwrap();
     assert!(response.accepted);
     let mut feedback = Box::pin(client.feedback_stream(goal));
-    let told = feedback.next().await.unwrap().unwrap();
-    assert_eq!(told.0.progress.stage, 2, "modules are awaited");
+    let first = feedback.next().await.unwrap().unwrap();
+    assert_eq!(first.0.progress.stage, 2, "modules are awaited");
     let result = client.async_request_result(goal);
     let cancel = async {
         let response = client.async_cancel_goal(goal, Time::ZERO).await.unwrap();
@@ -120,7 +120,7 @@ async fn drive(client: &FormConfiguration, node: &Node) {
 }
 
 #[test]
-fn a_goal_is_sent_followed_and_cancelled_where_identities_stand_beside_the_data() {
+fn a_goal_is_sent_followed_and_cancelled_where_identities_are_inline_qos() {
     let domain = Domain::shared();
     let mapping = ["--service-mapping", "enhanced"];
     let publisher = Running::start("target_publisher", &domain, &mapping);

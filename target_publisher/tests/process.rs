@@ -1,4 +1,4 @@
-//! What the process does with bad input, and when it is told to end.
+//! What the process does with bad input.
 
 #![allow(
     clippy::unwrap_used,
@@ -19,17 +19,17 @@ fn publisher(arguments: &[&str]) -> Output {
 fn a_missing_scenario_is_one_line_and_status_2() {
     let output = publisher(&["--scenario", "no/such/file.yaml"]);
     assert_eq!(output.status.code(), Some(2));
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert_eq!(told.trim_end().lines().count(), 1, "{told}");
-    assert!(told.contains("no/such/file.yaml"), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(stderr.trim_end().lines().count(), 1, "{stderr}");
+    assert!(stderr.contains("no/such/file.yaml"), "{stderr}");
 }
 
 #[test]
 fn a_number_of_modules_that_cannot_be_is_bad_usage() {
     let output = publisher(&["--scenario", "x.yaml", "--expected-modules", "0"]);
     assert_eq!(output.status.code(), Some(2));
-    let told = String::from_utf8(output.stderr).unwrap();
-    assert!(told.contains("--expected-modules"), "{told}");
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("--expected-modules"), "{stderr}");
 }
 
 #[test]
@@ -37,7 +37,7 @@ fn what_belongs_to_a_scenario_needs_one() {
     for argument in [["--revision", "3"].as_slice(), &["--withdraw"]] {
         let output = publisher(argument);
         assert_eq!(output.status.code(), Some(2));
-        let told = String::from_utf8(output.stderr).unwrap();
-        assert!(told.contains("--scenario"), "{told}");
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        assert!(stderr.contains("--scenario"), "{stderr}");
     }
 }

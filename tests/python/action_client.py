@@ -50,7 +50,7 @@ def text_id(goal_id):
     return bytes(goal_id["uuid"]).hex()
 
 
-def tell(**content):
+def report(**content):
     print(json.dumps(content), flush=True)
 
 
@@ -81,7 +81,7 @@ class ActionClient:
     def is_served(self, known):
         return all(client.is_served(known) for client in (self.goals, self.cancellations, self.results))
 
-    def obey(self, order):
+    def execute(self, order):
         if "goal" in order:
             goal = uuid.uuid4().hex
             self.asked["goal", self.goals.send({"goal_id": raw_id(goal), "goal": order["goal"]})] = goal
@@ -96,22 +96,22 @@ class ActionClient:
     def listen(self):
         for number, reply in self.goals.taken():
             goal = self.asked.pop(("goal", number))
-            tell(accepted=reply["accepted"], goal=goal)
+            report(accepted=reply["accepted"], goal=goal)
             if reply["accepted"]:
                 self.ask_for_result(goal)
         for _, reply in self.cancellations.taken():
             cancelled = [text_id(info["goal_id"]) for info in reply["goals_canceling"]]
-            tell(cancelled=cancelled, return_code=reply["return_code"])
+            report(cancelled=cancelled, return_code=reply["return_code"])
         for sample in self.feedback.take(N=100):
             if sample.sample_info.valid_data:
-                told = dataclasses.asdict(sample)
-                tell(feedback=told["feedback"], goal=text_id(told["goal_id"]))
+                feedback = dataclasses.asdict(sample)
+                report(feedback=feedback["feedback"], goal=text_id(feedback["goal_id"]))
         for sample in self.statuses.take(N=100):
             if sample.sample_info.valid_data:
                 statuses = dataclasses.asdict(sample)["status_list"]
-                tell(statuses={text_id(one["goal_info"]["goal_id"]): one["status"] for one in statuses})
+                report(statuses={text_id(one["goal_info"]["goal_id"]): one["status"] for one in statuses})
         for number, reply in self.results.taken():
-            tell(result=reply["result"], status=reply["status"], goal=self.asked.pop(("result", number)))
+            report(result=reply["result"], status=reply["status"], goal=self.asked.pop(("result", number)))
 
 
 def main():
@@ -136,7 +136,7 @@ def main():
             order = orders.get()
             if order is None:
                 return 0
-            client.obey(order)
+            client.execute(order)
         client.listen()
         time.sleep(INTERVAL_S)
 

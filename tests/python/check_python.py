@@ -337,7 +337,7 @@ MISTAKES = {
     "launch_scripts/examples/echo_claims.py": [
         ("pair.module_id", "pair.module", "has no field `module`"),
         ("eviction.to_spot_id", "eviction.to_spot", "has no field `to_spot`"),
-        ("EvictionRecord.NONE", "EvictionRecord.NOBODY", "has no constant `NOBODY`"),
+        ("EvictionRecord.NONE", "EvictionRecord.NOTHING", "has no constant `NOTHING`"),
         ('"claims"', '"verdict"', "carries formation_msgs/msg/Verdict"),
     ],
     "launch_scripts/examples/follow_progress.py": [

@@ -4,7 +4,7 @@ Usage:
     drive_modules.py --scenario FILE [--domain D] [--pose-source pose|odom] [--speed UNITS_PER_S]
                      [--deaf MODULE...] [--undockable MODULE...]
 
-A deaf module tells its pose and never goes anywhere; an undockable one never answers docking requests.
+A deaf module publishes its pose and never moves; an undockable one never answers docking requests.
 """
 
 import argparse
@@ -46,7 +46,7 @@ class Driver:
                 answer = {"module_id": self.module, "request": request.request, "success": True}
                 self.results.write(self.session.types.value("formation_msgs/msg/DockingResult", answer))
 
-    def tell(self):
+    def publish_pose(self):
         pose = {
             "position": {"x": self.robot.pose.x, "y": self.robot.pose.y},
             "orientation": {
@@ -81,7 +81,7 @@ def main():
         for driver in drivers:
             driver.listen(now, driver.module in options.deaf, driver.module in options.undockable)
             driver.robot.step(now, now - last)
-            driver.tell()
+            driver.publish_pose()
         last = now
 
 

@@ -1,11 +1,11 @@
-"""A peer that lies to a formation, through CycloneDDS: it listens who lives, and then speaks for them.
+"""A peer that sends false messages to a formation, through CycloneDDS, in the names of the live modules that it observes.
 
-It publishes so many MESSAGES, RATE of them a second, of every kind that it knows in turn: claims out of turn, claims for other
-modules and for modules that there are not, identifiers that nobody has, lists longer than any formation, poses that are no
-number, epochs that are over or far away, and signs of life in the name of the living. Last it prints, as one line of JSON,
-how many of each kind it sent.
+It publishes MESSAGES messages, RATE of them a second, of each kind in turn: claims out of turn, claims for other modules and
+for modules that do not exist, identifiers that no module has, lists longer than any formation, poses that are no number,
+epochs that are over or far away, and heartbeats in the names of live modules. At the end it prints one line of JSON: how
+many of each kind it sent.
 
-With --silent it takes part as long, and says nothing: what a peer costs that does no harm.
+With --silent it takes part for the same time and publishes nothing, to measure what a harmless peer costs.
 
 Usage:
     hostile_peer.py [--domain D] [--messages M] [--rate R] [--silent]
@@ -29,7 +29,7 @@ HUGE_MAX = 10
 
 
 class Liar:
-    """What was overheard, and what is made of it."""
+    """The formation that the peer observes, and the false messages that it makes from that."""
 
     def __init__(self, session):
         self.session = session
@@ -40,8 +40,8 @@ class Liar:
         self.epoch = {"number": 1, "convener": 1}
         self.target = None
 
-    def overhear(self, patience):
-        """Learns who lives, in which epoch, and what is to be formed."""
+    def observe(self, patience):
+        """Learns which modules are live, the epoch, and the target."""
         for sample in samples(self.session.reader("module_states"), patience):
             for state in sample.modules:
                 self.living[state.module_id] = state.incarnation
@@ -99,7 +99,7 @@ class Liar:
         return {"modules": [state | changes]}
 
     def lies(self):
-        """Every kind of lie in turn, for ever: its name, its topic and its content by number."""
+        """Every kind of false message in turn, without end: its name, its topic, and its content."""
         marks = [{"module_id": module, "sequence": 1} for module in range(MANY)]
         selections = [{"spot_id": spot, "module_id": spot} for spot in range(TOO_MANY)]
         beats = self.heartbeat(0)["modules"] * TOO_MANY
@@ -108,7 +108,7 @@ class Liar:
             ("claim_for_others", "claims", lambda n: self.claim(
                 n, evictions=[{"evicted_module_id": 2, "by_module_id": 1, "from_spot_id": 1, "to_spot_id": NONE}],
                 detached=sorted(self.living))),
-            ("claim_of_nobody", "claims", lambda n: self.claim(n, claimant_id=9_000 + n % 50)),
+            ("claim_of_no_module", "claims", lambda n: self.claim(n, claimant_id=9_000 + n % 50)),
             ("claim_of_an_old_epoch", "claims", lambda n: self.claim(
                 n, claimant_id=9_000 + n % 50, epoch={"number": 1, "convener": 0})),
             ("claim_of_a_far_epoch", "claims", lambda n: self.claim(
@@ -116,10 +116,10 @@ class Liar:
             ("heartbeat_of_the_living", "heartbeats", lambda n: self.heartbeat(n)),
             ("heartbeat_of_a_later_run", "heartbeats", lambda n: self.heartbeat(n, incarnation=2**63)),
             ("heartbeat_of_an_earlier_run", "heartbeats", lambda n: self.heartbeat(n, incarnation=1)),
-            ("heartbeat_of_nobody", "heartbeats", lambda n: self.heartbeat(
+            ("heartbeat_of_no_module", "heartbeats", lambda n: self.heartbeat(
                 n, module_id=100_000 + n, epoch={"number": 0, "convener": 0})),
             ("state_of_the_living", "module_states", lambda n: self.state(n)),
-            ("state_of_nobody", "module_states", lambda n: self.state(n, module_id=100_000 + n, phase=1)),
+            ("state_of_no_module", "module_states", lambda n: self.state(n, module_id=100_000 + n, phase=1)),
             ("pose_that_is_no_number", "module_states", lambda n: self.state(n, x=math.nan)),
             ("pose_without_end", "module_states", lambda n: self.state(n, y=math.inf)),
             ("roster_of_an_old_epoch", "roster", lambda n: {"epoch": {"number": 1, "convener": 0}, "stage": 1}),
@@ -132,7 +132,7 @@ class Liar:
         ]
         huge = [
             ("huge_claim", "claims", lambda n: self.claim(n, selections=selections)),
-            ("huge_state_of_nobody", "module_states", lambda n: self.state(
+            ("huge_state_of_no_module", "module_states", lambda n: self.state(
                 n, module_id=200_000 + n, waited_for=marks, agreed_on=marks)),
             ("huge_heartbeat", "heartbeats", lambda n: {"modules": beats}),
         ]
@@ -152,11 +152,11 @@ def main():
     liar = Liar(Session(arguments.domain))
     deadline = time.monotonic() + 20
     while not (liar.living and liar.target) and time.monotonic() < deadline:
-        liar.overhear(0.5)
+        liar.observe(0.5)
     if not (liar.living and liar.target):
-        print("nobody was heard", file=sys.stderr)
+        print("no formation was observed", file=sys.stderr)
         return 1
-    print(json.dumps({"overheard": sorted(liar.living)}), flush=True)
+    print(json.dumps({"observed": sorted(liar.living)}), flush=True)
     began = time.monotonic()
     for count, (kind, topic, raw) in enumerate(itertools.islice(liar.lies(), arguments.messages)):
         due = began + count / arguments.rate

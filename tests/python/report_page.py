@@ -18,7 +18,7 @@ from browser import Browser, Missing
 DESKTOP = (1280, 1500)
 PHONE = (360, 740)
 PATIENCE_S = 60
-# Pixels are told apart one by one, so a screenshot is taken at half its size.
+# Every pixel is classified, so a screenshot is taken at half its size.
 SHRUNK = 0.5
 
 STATES = """
@@ -184,7 +184,7 @@ class Page:
         check(abs(self.time() - self.length()) < 0.01, "the film stops before its end")
 
     def ends_with_every_spot_filled(self):
-        """Not by what the page says of itself alone: by where squares are, and by what colour the screen has there."""
+        """Checks the states in the page, where the squares are, and which colour the screen has there."""
         states = self.browser.run(STATES)
         check(len(states) == self.case["spots"], f"{len(states)} spots are drawn")
         check(states.count("filled") == self.case["filled"], f"in the end the spots are {states}")

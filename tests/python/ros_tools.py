@@ -84,7 +84,7 @@ class Graph:
             kind: (reader, ReadCondition(reader, ViewState.Any | InstanceState.Alive | SampleState.Any))
             for kind, reader in readers.items()
         }
-        self.nodes_told = {}
+        self.nodes_by_participant = {}
 
     def alive(self, kind):
         reader, condition = self.readers[kind]
@@ -93,7 +93,7 @@ class Graph:
     def nodes(self):
         for sample in self.discovery.take(N=1000):
             if sample.sample_info.valid_data:
-                self.nodes_told[bytes(sample.gid.data)] = sample.node_entities_info_seq
+                self.nodes_by_participant[bytes(sample.gid.data)] = sample.node_entities_info_seq
         # As in ROS 2, the nodes of a participant go with it.
         alive = {sample.key.bytes for sample in self.alive("participant")}
         return [
@@ -103,7 +103,7 @@ class Graph:
                 "readers": sorted(bytes(gid.data).hex() for gid in node.reader_gid_seq),
                 "writers": sorted(bytes(gid.data).hex() for gid in node.writer_gid_seq),
             }
-            for participant, nodes in self.nodes_told.items()
+            for participant, nodes in self.nodes_by_participant.items()
             if participant in alive
             for node in nodes
         ]
@@ -152,7 +152,7 @@ def wait(arguments, what, attempt):
 
 def graph(arguments):
     known = Graph(DomainParticipant(arguments.domain))
-    # A node tells of its endpoints one by one, so it is complete when nothing new came for a while.
+    # A node announces its endpoints one by one, so the list is complete when nothing new came for a second.
     seen, since = None, time.monotonic()
     deadline = since + arguments.timeout
     while seen is None or time.monotonic() < since + 1.0:
@@ -217,7 +217,7 @@ class Client:
         self.replies = DataReader(participant, reply_topic, qos=qos)
         self.requests = DataWriter(participant, request_topic, qos=qos)
         self.topics = {request_topic.name: "subscription", reply_topic.name: "publisher"}
-        # Clients make this number up; nobody but them reads it.
+        # The client chooses this number; no other node reads it.
         self.client, self.sequence = 0x1122334455667788, 0
 
     def is_served(self, known):

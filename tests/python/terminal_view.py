@@ -39,7 +39,7 @@ class Terminal:
         self.raw = b""
         self.shown = []
         self.master, slave = pty.openpty()
-        self._tell_size(columns, rows)
+        self._set_size(columns, rows)
         surroundings = {key: value for key, value in os.environ.items()
                         if key not in ("NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "ROS_DOMAIN_ID", "LC_ALL", "LC_CTYPE")}
         self.child = subprocess.Popen(
@@ -47,12 +47,12 @@ class Terminal:
             env={**surroundings, "TERM": "xterm-256color", "LANG": "C.UTF-8", **environment})
         os.close(slave)
 
-    def _tell_size(self, columns, rows):
+    def _set_size(self, columns, rows):
         fcntl.ioctl(self.master, termios.TIOCSWINSZ, struct.pack("HHHH", rows, columns, 0, 0))
 
     def resize(self, columns, rows):
         self.screen.resize(rows, columns)
-        self._tell_size(columns, rows)
+        self._set_size(columns, rows)
 
     def watch(self, each=lambda: None):
         """Takes in what is written until the program has ended; calls `each` after every frame."""

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::programs::target_directory;
 
-/// The domains whose ports lie below the ephemeral ports of Linux, without domain 0, which is everyone's default.
+/// The domains whose ports lie below the ephemeral ports of Linux, without domain 0, the default of every program.
 const DOMAINS: u32 = 100;
 
 /// The RTPS ports of a domain begin at 7400 + 250 times its number (RTPS 2.5, 9.6.2.3). The last of the 250 belongs to

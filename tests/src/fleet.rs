@@ -21,7 +21,7 @@ pub enum Timing {
 }
 
 impl Timing {
-    /// After so long a silent module is taken for dead.
+    /// A module that is silent for longer is considered failed.
     #[must_use]
     pub fn suspicion(self) -> Duration {
         match self {
@@ -44,8 +44,8 @@ impl Timing {
                 "0.5",
                 "--gather-s",
                 "1",
-                // In 118 starts of ten modules on two overloaded cores, the last froze 3.9 s after the first at the worst;
-                // a death before the first roster is waited for so long.
+                // In 118 starts of ten modules on two overloaded cores, the last froze at most 3.9 s after the first. The
+                // convener waits this long for a module that dies before the first roster.
                 "--gather-limit-s",
                 "8",
                 "--epoch-interval-s",
@@ -116,7 +116,7 @@ impl Fleet {
         }
     }
 
-    /// Starts one module, or starts it anew, in a network of its own if one is given.
+    /// Starts or restarts one module, in a network of its own if one is given.
     pub fn start(&mut self, module: u32, network: Option<&Namespace>) {
         let program = if self.leaders.contains(&module) {
             "leader_agent"
@@ -154,14 +154,14 @@ impl Fleet {
         first
     }
 
-    /// Kills one module's process, tells when, and counts another as that module's.
+    /// Kills one module's process, of which `second` takes the place; returns the time of the kill.
     pub fn replace(&mut self, module: u32, second: Running) -> Instant {
         let died = self.kill(module);
         self.agents.insert(module, second);
         died
     }
 
-    /// Kills one module's process, and tells when.
+    /// Kills one module's process; returns the time of the kill.
     pub fn kill(&mut self, module: u32) -> Instant {
         let mut agent = self.agents.remove(&module).unwrap();
         agent.kill();
@@ -252,7 +252,7 @@ impl Fleet {
     /// Waits until all spots are filled by living modules, as the verifier judges it after `since`.
     ///
     /// # Panics
-    /// When that does not come to be within `limit`; the logs are told.
+    /// If that is not the case within `limit`; the message has the logs.
     pub fn wait_until_whole(&self, judge: &Judge, since: Instant, limit: Duration) -> Judged {
         let living = self.living();
         judge.wait_until(since, limit, |judged| {

@@ -70,15 +70,15 @@ impl RosTool {
         }
     }
 
-    /// Gives it a line.
-    pub fn tell(&mut self, line: &Value) {
+    /// Writes one line to its standard input.
+    pub fn write_line(&mut self, line: &Value) {
         writeln!(self.child.stdin.as_mut().unwrap(), "{line}").unwrap();
     }
 
     /// Calls a service, of a type such as `std_srvs/srv/Trigger`, and waits for the answer. A name that does not begin
     /// with a slash is private to the node that the script was started with.
     pub fn call(&mut self, service: &str, type_name: &str, request: &Value) -> Value {
-        self.tell(&json!({"service": service, "type": type_name, "request": request}));
+        self.write_line(&json!({"service": service, "type": type_name, "request": request}));
         self.next_line()
     }
 

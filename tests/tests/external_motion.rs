@@ -35,7 +35,7 @@ fn run_driven(scenario: &str, driver: &str, more: &[&str]) -> Option<Finished> {
     Some(finished)
 }
 
-/// The lines of the launcher that tell what a person has to mend.
+/// The errors that the launcher logs.
 fn errors(run: &Finished) -> Vec<&str> {
     run.stderr
         .lines()

@@ -25,8 +25,8 @@ fn launch(command: &str, scenario: &str, domain: &str, more: &[&str]) -> Finishe
     Running::start("formation", domain, &arguments).finish(PATIENCE)
 }
 
-/// What processes agree on equals what the offline planner plans; returns the run's report, or `None` where so many
-/// processes would not find each other.
+/// Asserts that the plan of the processes equals that of the offline planner; returns the run's report, or `None` where
+/// the network does not let this many processes discover each other.
 fn runs_as_planned(scenario: &str, outcome: &str) -> Option<Value> {
     room_for_many_processes()?;
     let domain = &*Domain::alone();
@@ -204,7 +204,7 @@ fn another_vendor_announces_the_target_and_reads_the_formation() {
 }
 
 #[test]
-fn bad_messages_are_refused_counted_and_stop_nobody() {
+fn bad_messages_are_refused_and_counted_and_stop_no_process() {
     let domain = &*Domain::alone();
     let file = ScenarioFile::new("hostile", EIGHT);
     let (Some(mut garbler), Some(mut liar), Some(mut forger)) = (
@@ -260,8 +260,8 @@ fn a_missing_module_is_named_and_nothing_hangs() {
     let verifier = Running::start("verifier", domain, &["--timeout-s", "12", "--json"]);
     let judged = verifier.finish(PATIENCE);
     assert_eq!(judged.status, 1, "{}{}", judged.stdout, judged.stderr);
-    let told = format!("{}{}", judged.stdout, judged.stderr);
-    assert!(told.contains("FAILED"), "{told}");
+    let output = format!("{}{}", judged.stdout, judged.stderr);
+    assert!(output.contains("FAILED"), "{output}");
     let convener = agents.remove(0).stop();
     assert!(
         convener

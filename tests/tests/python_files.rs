@@ -29,14 +29,14 @@ fn checked(arguments: &[&str]) -> Option<String> {
 
 #[test]
 fn all_python_compiles_passes_the_linter_and_uses_interfaces_that_exist() {
-    let Some(told) = checked(&[]) else {
+    let Some(output) = checked(&[]) else {
         return;
     };
-    let numbers: Vec<usize> = told
+    let numbers: Vec<usize> = output
         .split_whitespace()
         .filter_map(|word| word.parse().ok())
         .collect();
-    assert!(numbers[0] >= 13 && numbers[1] >= 8, "{told}");
+    assert!(numbers[0] >= 13 && numbers[1] >= 8, "{output}");
 }
 
 #[test]

@@ -66,13 +66,13 @@ fn no_packet_of_figure_1_is_malformed() {
         .stdin(Stdio::null())
         .output()
         .unwrap();
-    let told = format!(
+    let output = format!(
         "{}{}",
         String::from_utf8_lossy(&run.stdout),
         String::from_utf8_lossy(&run.stderr)
     );
-    assert!(run.status.success(), "{told}");
-    assert!(told.contains("COMPLETE"), "{told}");
+    assert!(run.status.success(), "{output}");
+    assert!(output.contains("COMPLETE"), "{output}");
 
     let fields = [
         "-Y",

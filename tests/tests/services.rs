@@ -32,7 +32,7 @@ fn query_status(tool: &mut RosTool) -> Value {
     )
 }
 
-/// Asks again and again until the formation is done with so many modules settled.
+/// Queries the status until the formation is done with `settled` modules on their spots.
 fn wait_until_done(tool: &mut RosTool, settled: u32) -> Value {
     let deadline = Instant::now() + PATIENCE;
     loop {
@@ -84,7 +84,7 @@ fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
     assert_eq!(query_status(&mut tool)["progress"]["stage"], 1);
     tool.finish();
 
-    // A process that was stopped joins the graph anew, and must not bring back what was withdrawn.
+    // A process that was stopped rejoins the graph, and must not announce the withdrawn target again.
     publisher
         .wait_for_log(0, "withdrew the target", PATIENCE)
         .unwrap();
@@ -94,9 +94,9 @@ fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
     assert!(again.is_some(), "it announces what it announced last");
     let peer = Peer::start("take", "target", domain).unwrap();
     assert_eq!(peer.taken()["withdrawn"], true);
-    let told = agents.stop().stderr;
-    let stood = told.matches("the target was withdrawn").count();
-    assert_eq!(stood, 10, "{told}");
+    let stderr = agents.stop().stderr;
+    let stood = stderr.matches("the target was withdrawn").count();
+    assert_eq!(stood, 10, "{stderr}");
     let publisher = publisher.stop();
     assert_eq!(publisher.status, 0);
     let announced = publisher.stderr.matches("announced the target").count();
@@ -123,12 +123,13 @@ fn modules_are_retired_and_added_and_stay_so_when_their_process_joins_anew() {
         tool.call("retire_module", "formation_msgs/srv/RetireModule", &request)
     };
     let elsewhere = retire(&mut tool, 77, false);
-    let told = "module 77 is not hosted by this process, which hosts 1, 2, 3, 4, 5, 6, 7, 8, 9, 10";
-    assert_eq!(elsewhere, json!({"success": false, "message": told}));
+    let reason =
+        "module 77 is not hosted by this process, which hosts 1, 2, 3, 4, 5, 6, 7, 8, 9, 10";
+    assert_eq!(elsewhere, json!({"success": false, "message": reason}));
     let leaving = retire(&mut tool, 3, false);
     assert_eq!(leaving["success"], true);
-    let told = leaving["message"].as_str().unwrap();
-    assert!(told.contains("a spare takes its spot"), "{told}");
+    let message = leaving["message"].as_str().unwrap();
+    assert!(message.contains("a spare takes its spot"), "{message}");
     wait_until_done(&mut tool, 9);
 
     let add = |tool: &mut RosTool, module: u32, x: f64| {
@@ -141,7 +142,7 @@ fn modules_are_retired_and_added_and_stay_so_when_their_process_joins_anew() {
     let full = wait_until_done(&mut tool, 10);
     assert_eq!(full["progress"]["joined"], 11);
 
-    // When the library lost its threads the process begins anew, with what it had become.
+    // When the DDS library has lost its threads, the process rejoins with the modules as they are.
     let states = Peer::start("take", "module_states", domain).unwrap();
     let before = state_of(&states.taken(), 3).unwrap()["incarnation"].as_u64();
     agents.rejoin(PATIENCE);

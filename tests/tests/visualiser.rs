@@ -14,7 +14,7 @@ use serde_json::Value;
 
 const PATIENCE: Duration = Duration::from_secs(90);
 
-/// So many samples at the most are looked at; a run of this test publishes fewer pictures by far.
+/// The most samples that are examined; a run of this test publishes far fewer pictures.
 const SAMPLES_MAX: usize = 2_000;
 
 fn names_of(picture: &Value) -> BTreeSet<&str> {
@@ -108,7 +108,7 @@ fn another_vendor_decodes_the_markers_and_transforms_of_a_run() {
 }
 
 #[test]
-fn rviz_is_told_the_topic_and_quality_that_the_visualiser_has() {
+fn the_rviz_configuration_has_the_topic_and_quality_of_the_visualiser() {
     let text = std::fs::read_to_string(root().join("launch_scripts/rviz/formation.rviz")).unwrap();
     for line in [
         "Value: /formation/markers",

@@ -78,7 +78,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
         "planner": {"d_max": -1, "weight_loc": 1.0, "weight_dock": 0.1, "weight_undock": 0.05},
     }));
     garbler.put(&Value::Null);
-    // A best-effort sample is lost on whoever is not there yet, so it repeats.
+    // A best-effort sample does not reach a subscription that is not matched yet, so it repeats.
     let beat = json!({"module_id": 4, "incarnation": 1, "sequence": 1, "phase": 1});
     while !watching.is_finished() {
         liar.put(&json!({"modules": [beat, beat]}));

@@ -369,7 +369,7 @@ mod tests {
     }
 
     #[test]
-    fn colours_tell_configurations_apart_and_silence_is_grey() {
+    fn configurations_have_distinct_colours_and_silent_modules_are_grey() {
         let mut scene = scene();
         scene.advance(Duration::from_secs(9));
         assert_eq!(named(&drawn(&scene), "modules")[0].color, GREY);

@@ -20,7 +20,7 @@ use super::tail::{LINE_BYTES_MAX, Tail, for_each_line};
 const INPUTS_MAX: usize = 1_024;
 /// A line of results lists every module, so it may be long.
 const RESULT_BYTES_MAX: u64 = 16 * 1024 * 1024;
-/// How long the rest of the output is awaited after an exit; a grandchild may hold the pipe open for ever.
+/// How long the rest of the output is awaited after an exit; a grandchild may hold the pipe open without end.
 const OUTPUT_GRACE: Duration = Duration::from_millis(500);
 /// How long the kernel may take to end a process after SIGKILL.
 const KILL_WAIT: Duration = Duration::from_secs(2);

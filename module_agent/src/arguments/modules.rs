@@ -112,7 +112,7 @@ pub struct ModuleArguments {
 /// The modules to host, and the frame of their poses.
 #[derive(Clone, Debug)]
 pub struct HostedModules {
-    /// What each module knows of itself.
+    /// Identity and initial state of each module.
     pub modules: Vec<Identity>,
     /// The frame of all poses (REP-105).
     pub frame_id: String,
@@ -312,7 +312,7 @@ singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
         );
         assert_eq!(identities[0].links, [ModuleId(5), ModuleId(6)].into());
         assert_eq!(identities[0].leader, Some(ModuleId(4)));
-        for (bad, told) in [
+        for (bad, error) in [
             (
                 "--module 4 --x NaN --y 0",
                 "--x: must be a finite number, got NaN",
@@ -331,7 +331,7 @@ singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
                 "--module: 4294967295 is reserved and cannot be used",
             ),
         ] {
-            assert_eq!(resolved(bad).unwrap_err(), told);
+            assert_eq!(resolved(bad).unwrap_err(), error);
         }
         for usage in ["--x 1 --y 1", "--module 4", "--module 4 --modules 5"] {
             assert!(resolved(usage).unwrap_err().contains("Usage"), "{usage}");
@@ -364,7 +364,7 @@ singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
 
     #[test]
     fn a_file_that_cannot_be_read_is_named() {
-        let told = resolved("--module 4 --scenario /nowhere/scenario.yaml").unwrap_err();
-        assert!(told.starts_with("/nowhere/scenario.yaml: "), "{told}");
+        let error = resolved("--module 4 --scenario /nowhere/scenario.yaml").unwrap_err();
+        assert!(error.starts_with("/nowhere/scenario.yaml: "), "{error}");
     }
 }

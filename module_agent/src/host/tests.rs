@@ -45,7 +45,7 @@ fn host(modules: &[u32]) -> (Host, Message) {
     (host, target)
 }
 
-/// What the processes say to each other and to whoever watches, until all is still for `idle` or the time is up.
+/// The samples that the processes publish until `limit`; each process receives those of the others.
 fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
     let mut said = Vec::new();
     let mut now = Duration::ZERO;
@@ -177,7 +177,7 @@ fn a_message_that_an_agent_refuses_is_counted_for_it() {
 }
 
 #[test]
-fn a_module_that_is_added_hears_what_it_missed_and_takes_an_open_spot() {
+fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
     let (mut host, target) = host(&[4, 5, 17]);
     let mut now = Duration::ZERO;
     let mut pass = |host: &mut Host, seconds| {
@@ -199,7 +199,7 @@ fn a_module_that_is_added_hears_what_it_missed_and_takes_an_open_spot() {
     host.command(formed, ModuleId(17), Command::Retire);
     let left = pass(&mut host, 40);
     assert_eq!(phase_of(&host, 17), Some(ModulePhase::Spare));
-    // Nobody announces the target again.
+    // The target is not announced again.
     let newcomer = Identity {
         module: ModuleId(18),
         incarnation: Incarnation(2),

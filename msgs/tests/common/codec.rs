@@ -12,7 +12,7 @@ use serde::de::DeserializeOwned;
 use serde_json::Value;
 use serde_reflection::{Registry, Tracer, TracerConfig};
 
-/// The four bytes before the value that tell how it is encoded.
+/// The four bytes before the value that identify its encoding.
 const ENCAPSULATION_LENGTH: usize = 4;
 const BIG_ENDIAN: [u8; ENCAPSULATION_LENGTH] = [0, 0, 0, 0];
 const LITTLE_ENDIAN: [u8; ENCAPSULATION_LENGTH] = [0, 1, 0, 0];

@@ -1,4 +1,4 @@
-//! Strategies for everything that agents may tell each other.
+//! Strategies for everything that agents may send to each other.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

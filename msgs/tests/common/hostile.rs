@@ -1,4 +1,4 @@
-//! Well-formed CDR of any type, made from its description alone, with values that nobody in his right mind would send.
+//! Well-formed CDR of any type, made from its description alone, with values that no sound sender would send.
 
 use formation::generate::Random;
 use serde_reflection::{ContainerFormat, Format, Registry};
@@ -42,7 +42,7 @@ pub struct Writer<'a> {
 }
 
 impl<'a> Writer<'a> {
-    /// The payload of a value of the named type; with `may_lie`, one in forty lists tells a wrong length.
+    /// The payload of a value of the named type; with `may_lie`, one in forty lists has a wrong length.
     pub fn payload(
         registry: &'a Registry,
         name: &str,
@@ -92,12 +92,12 @@ impl<'a> Writer<'a> {
     fn put_length(&mut self, length: u32) {
         let lies = self.may_lie && self.one_in(40);
         self.lied |= lies;
-        let told = if lies {
+        let written = if lies {
             [u32::MAX, i32::MAX.unsigned_abs(), 10_001, length + 1][self.random.index(4)]
         } else {
             length
         };
-        self.put(&told.to_le_bytes());
+        self.put(&written.to_le_bytes());
     }
 
     fn container(&mut self, name: &str) {

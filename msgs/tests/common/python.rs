@@ -1,4 +1,4 @@
-//! Talks to `interfaces.py`, which reads the `.msg` files and CDR with a library that we did not write.
+//! Runs `interfaces.py`, which reads the `.msg` files and CDR with another implementation.
 
 use std::io::Write;
 use std::process::Stdio;
@@ -11,7 +11,7 @@ pub fn ask(arguments: &[&str], input: &str) -> Option<String> {
     let mut child = python.start("msgs/tests/interfaces.py", arguments, Stdio::piped());
     let mut stdin = child.stdin.take();
     let output = std::thread::scope(|scope| {
-        // A script that failed early reads nothing; what it says then is told below.
+        // A script that failed early reads nothing; the assertion below shows its error output.
         scope.spawn(move || {
             stdin
                 .take()

@@ -1,5 +1,5 @@
 //! The six services through which tools reach the parameters of a node. All six must exist: tools consider a node that
-//! lacks one unreachable, and some wait for ever.
+//! lacks one unreachable, and some wait without end.
 
 use futures::StreamExt;
 use futures::stream::LocalBoxStream;

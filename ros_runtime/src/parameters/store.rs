@@ -289,7 +289,7 @@ mod tests {
 
     #[test]
     fn a_value_that_cannot_be_assigned_is_refused_with_the_values_that_can() {
-        for (arguments, told) in [
+        for (arguments, error) in [
             (
                 "-p speed:=0.1",
                 "parameter `speed`: the command line: must be from 0.5 to 9, got 0.1",
@@ -311,7 +311,7 @@ mod tests {
                 "parameter `sped`: the command line assigns it, but there is none; did you mean `speed`?",
             ),
         ] {
-            assert_eq!(declared(arguments).unwrap_err(), told);
+            assert_eq!(declared(arguments).unwrap_err(), error);
         }
     }
 
@@ -330,7 +330,7 @@ mod tests {
         let (mut parameters, _) = declared("").unwrap();
         let before = parameters.values().clone();
         let mut applied = 0;
-        for (bad, told) in [
+        for (bad, error) in [
             (
                 change("mode", ParameterValue::String("slow".to_owned())),
                 "can only be set at the start: it is built in",
@@ -353,7 +353,7 @@ mod tests {
                 applied += 1;
                 Ok(())
             });
-            assert!(outcome.unwrap_err().contains(told), "{told}");
+            assert!(outcome.unwrap_err().contains(error), "{error}");
         }
         let refused = parameters.set(
             vec![change("speed", ParameterValue::Double(2.0))],

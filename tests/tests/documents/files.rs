@@ -36,11 +36,6 @@ impl TextFile {
     pub fn ends_with(&self, end: &str) -> bool {
         self.path.ends_with(end)
     }
-
-    /// The folder at the root that holds the file; its own name where it lies at the root.
-    pub fn top(&self) -> &str {
-        self.path.split('/').next().unwrap_or(&self.path)
-    }
 }
 
 /// Every text file that is written here, ascending by path.

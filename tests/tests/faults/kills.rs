@@ -34,10 +34,10 @@ impl Moment {
     }
 }
 
-/// One kill, and how long it took to mend.
+/// One kill, and how long the recovery took.
 struct Recovery {
     moment: Moment,
-    victim: u32,
+    module: u32,
     duration: Duration,
 }
 
@@ -45,13 +45,13 @@ impl fmt::Display for Recovery {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self {
             moment,
-            victim,
+            module,
             duration,
         } = self;
         let seconds = duration.as_secs_f64();
         write!(
             formatter,
-            "module {victim} killed while {moment:?}: whole after {seconds:.1} s"
+            "module {module} killed while {moment:?}: whole after {seconds:.1} s"
         )
     }
 }
@@ -68,8 +68,8 @@ fn kill_at(
     assert!(first.is_some(), "no {cue:?} in\n{}", fleet.story());
     thread::sleep(Duration::from_millis(random.below(spread_ms + 1)));
     let living: Vec<u32> = fleet.living().into_iter().collect();
-    let victim = living[random.index(living.len())];
-    (moment, victim, fleet.kill(victim))
+    let module = living[random.index(living.len())];
+    (moment, module, fleet.kill(module))
 }
 
 fn random_moment(random: &mut Random) -> Moment {
@@ -93,10 +93,10 @@ fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
         let last = killed.last().unwrap().2;
         let whole = fleet.wait_until_whole(&judge, last, PATIENCE);
         assert_eq!(whole.violations, [""; 0]);
-        for &(moment, victim, at) in &killed {
+        for &(moment, module, at) in &killed {
             recoveries.push(Recovery {
                 moment,
-                victim,
+                module,
                 duration: whole.at.duration_since(at),
             });
         }
@@ -105,8 +105,8 @@ fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
         }
         let marks = fleet.marks();
         let holders: Vec<u32> = whole.assignments.keys().copied().collect();
-        let victim = holders[random.index(holders.len())];
-        killed = vec![(Moment::Done, victim, fleet.kill(victim))];
+        let module = holders[random.index(holders.len())];
+        killed = vec![(Moment::Done, module, fleet.kill(module))];
         if recoveries.len() + killed.len() < kills {
             let moment = random_moment(&mut random);
             killed.push(kill_at(moment, &marks, &mut fleet, &mut random));
@@ -118,7 +118,7 @@ fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
     recoveries
 }
 
-fn tell_times(recoveries: &[Recovery]) {
+fn report_times(recoveries: &[Recovery]) {
     let mut times: Vec<Duration> = recoveries.iter().map(|one| one.duration).collect();
     times.sort_unstable();
     let median = times[times.len() / 2].as_secs_f64();
@@ -132,7 +132,7 @@ fn tell_times(recoveries: &[Recovery]) {
 #[test]
 fn three_kills_at_random_moments_leave_no_hole() {
     let recoveries = run_with_kills(Timing::Quick, 1, 3);
-    tell_times(&recoveries);
+    report_times(&recoveries);
 }
 
 /// Run by `tests/soak_kills.sh`, which says how many kills from which seed.
@@ -158,7 +158,7 @@ fn many_kills_at_random_moments_leave_no_hole() {
         recoveries.extend(run);
         seed += 1;
     }
-    tell_times(&recoveries);
+    report_times(&recoveries);
 }
 
 #[test]
@@ -193,12 +193,12 @@ fn the_target_publisher_and_the_verifier_may_die() {
     assert!(judge.verdicts().is_empty(), "it died before it could judge");
     let settled = fleet.wait_for_any(&marks, "settled on", PATIENCE);
     assert!(settled.is_some(), "{}", fleet.story());
-    // A verifier that is started anew hears enough to judge.
+    // A verifier that starts later receives enough to judge.
     let started = Instant::now();
     let judge = fleet.judge(None);
     let whole = fleet.wait_until_whole(&judge, started, PATIENCE);
-    // The members know what they planned for, so a death is mended without the publisher.
-    let &victim = whole.assignments.keys().next_back().unwrap();
-    let died = fleet.kill(victim);
+    // The members know what they planned for, so the formation recovers from a death without the publisher.
+    let &module = whole.assignments.keys().next_back().unwrap();
+    let died = fleet.kill(module);
     fleet.wait_until_whole(&judge, died, PATIENCE);
 }

@@ -39,11 +39,11 @@ fn a_run_goes_on_when_one_of_its_processes_is_killed() {
     let file = ScenarioFile::new("outlived", SPARES);
     let plan = Running::start("formation", domain, &["plan", file.path(), "--json"]);
     let plan = plan.finish(PATIENCE).json();
-    // Whoever is to fill the last spot is on its way, or waits to be, while the others act.
+    // The module of the last spot still moves, or waits to move, while the others act.
     let last = plan["assembly_order"].as_array().unwrap().last().unwrap();
     let assignments = plan["assignments"].as_array().unwrap();
-    let victim = assignments.iter().find(|taken| taken["spot"] == *last);
-    let victim = victim.unwrap()["module"].as_u64().unwrap();
+    let killed = assignments.iter().find(|taken| taken["spot"] == *last);
+    let killed = killed.unwrap()["module"].as_u64().unwrap();
     let run = [
         "run",
         file.path(),
@@ -55,18 +55,18 @@ fn a_run_goes_on_when_one_of_its_processes_is_killed() {
     let run = Running::start("formation", domain, &run);
     let acting = run.wait_for_log(0, "acting: ", PATIENCE);
     let acting = acting.unwrap_or_else(|| panic!("nothing acted"));
-    let process = agent_of(file.path(), victim);
+    let process = agent_of(file.path(), killed);
     kill_process(process, Signal::KILL).unwrap();
-    let told = run.wait_for_log(
+    let death = run.wait_for_log(
         0,
-        &format!("module {victim} ended with signal: 9 (SIGKILL)"),
+        &format!("module {killed} ended with signal: 9 (SIGKILL)"),
         PATIENCE,
     );
-    assert!(told.is_some(), "the death was not told");
+    assert!(death.is_some(), "the death was not reported");
     let finished = run.finish(PATIENCE);
     assert_eq!(finished.status, 0, "{}{}", finished.stdout, finished.stderr);
     report(&format!(
-        "module {victim} died; the run ended {:.1} s after the others began to act",
+        "module {killed} died; the run ended {:.1} s after the others began to act",
         acting.elapsed().as_secs_f64()
     ));
     let report = finished.json();
@@ -74,8 +74,8 @@ fn a_run_goes_on_when_one_of_its_processes_is_killed() {
     assert_eq!(report["open_spots"], json!([]));
     let dead = report["dead"].as_array().unwrap();
     assert_eq!(dead.len(), 1, "{report}");
-    assert_eq!(dead[0]["modules"], json!([victim]));
+    assert_eq!(dead[0]["modules"], json!([killed]));
     let filled: Vec<&Value> = report["assignments"].as_array().unwrap().iter().collect();
     assert_eq!(filled.len(), assignments.len());
-    assert!(filled.iter().all(|taken| taken["module"] != victim));
+    assert!(filled.iter().all(|taken| taken["module"] != killed));
 }

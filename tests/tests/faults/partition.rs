@@ -71,7 +71,7 @@ fn the_majority_finishes_the_minority_waits_and_healing_gives_one_formation() {
     }
     assert!(
         judges[1].verdicts().is_empty(),
-        "nobody forms on the other side"
+        "the minority does not form"
     );
     network.heal();
     let healed = Instant::now();

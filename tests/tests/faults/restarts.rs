@@ -1,4 +1,4 @@
-//! Processes that come back: started anew, twice at once, or stopped for a while.
+//! Processes that come back: restarted, twice at once, or stopped for a while.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
@@ -53,7 +53,7 @@ fn a_module_that_is_started_anew_takes_its_part_again() {
     let broken = broken.unwrap();
     assert!(
         !broken.missing.is_empty(),
-        "the verifier takes its word back and says why"
+        "the verifier withdraws its verdict and gives the reason"
     );
     let partial = judge.wait_until(died, PATIENCE, |judged| judged.outcome == "PARTIAL");
     assert_eq!(partial.unwrap().modules(), BTreeSet::from([1, 2, 3]));
@@ -171,18 +171,18 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
         }
     }
     assert_eq!(judge.verdicts().len(), verdicts, "the formation stands");
-    // Where it stood and stands, as another vendor's DDS heard it.
+    // Its poses before and after, as another vendor's DDS received them.
     if let Some(states) = states {
         // Discovery of its new participant takes as long as it takes.
         states.await_pose_of(sleeper, woken);
         let poses = states.poses_of(sleeper);
         let (before, after): (Vec<_>, Vec<_>) = poses.iter().partition(|(at, _)| *at < woken);
         let &(_, (x, y)) = before.last().unwrap();
-        // A drive that is not told its goal again goes on for one lease, which is half the suspicion.
-        let way = SPEED * Timing::Quick.suspicion().as_secs_f64();
+        // A drive whose goal is not repeated continues for one lease, which is half the suspicion.
+        let allowed = SPEED * Timing::Quick.suspicion().as_secs_f64();
         for (_, (later_x, later_y)) in after {
             let distance = (later_x - x).hypot(later_y - y);
-            assert!(distance <= way, "it went on for {distance} units");
+            assert!(distance <= allowed, "it went on for {distance} units");
         }
     }
 }

@@ -1,6 +1,6 @@
 //! Why a unit cannot get to its spots, for people.
 
-use super::field::{Failure, Field, NOBODY};
+use super::field::{Failure, Field, NO_UNIT};
 use super::lattice::Arena;
 use super::result::Obstruction;
 use super::units::Node;
@@ -45,7 +45,7 @@ pub(super) fn obstruction(field: &Field, failure: &Failure, names: &Names) -> Ob
     let around = region(field.arena, &field.solid, &field.cells(other));
     let free = around
         .iter()
-        .filter(|&&cell| field.standing[cell] == NOBODY)
+        .filter(|&&cell| field.standing[cell] == NO_UNIT)
         .count();
     let needed = field.cells(other).len() + goal.len();
     let modules = field.units[other].modules.iter();
@@ -65,10 +65,10 @@ pub(super) fn region(arena: &Arena, solid: &[bool], cells: &[usize]) -> Vec<usiz
     let mut next = 0;
     while let Some(&cell) = found.get(next) {
         next += 1;
-        for beside in arena.neighbours(cell) {
-            if !seen[beside] && !solid[beside] {
-                seen[beside] = true;
-                found.push(beside);
+        for next_cell in arena.neighbours(cell) {
+            if !seen[next_cell] && !solid[next_cell] {
+                seen[next_cell] = true;
+                found.push(next_cell);
             }
         }
     }

@@ -1,6 +1,6 @@
 //! Prioritised planning with make-way: unit by unit in the order of docking.
 
-use super::field::{Failure, Field, NOBODY, Stop};
+use super::field::{Failure, Field, NO_UNIT, Stop};
 use super::lattice::Site;
 use super::make_way::Bans;
 use super::order::Order;
@@ -73,7 +73,7 @@ impl Docking<'_> {
                 .map(|&(_, cell)| (cell, field.standing[cell]));
             let Some((_, unit)) = found
                 .into_iter()
-                .find(|&(cell, unit)| unit != NOBODY && !field.solid[cell])
+                .find(|&(cell, unit)| unit != NO_UNIT && !field.solid[cell])
             else {
                 return Ok(());
             };
@@ -108,7 +108,7 @@ impl Docking<'_> {
             let others = cells.map(|&cell| field.standing[cell]);
             let Some(other) = others
                 .into_iter()
-                .find(|&other| other != NOBODY && other != unit)
+                .find(|&other| other != NO_UNIT && other != unit)
             else {
                 if !field.move_to(unit, goal, parent)? {
                     break;
@@ -185,7 +185,7 @@ pub(super) fn route_to(
     let (standing, solid) = (&field.standing, &field.solid);
     let cost = |cell: usize| {
         let other = standing[cell];
-        let is_held = other != NOBODY && other != unit;
+        let is_held = other != NO_UNIT && other != unit;
         (!solid[cell]).then_some(if is_held { HELD } else { 0 })
     };
     let rest = |node: Node| body.distance(arena, node, goal) * STEP;

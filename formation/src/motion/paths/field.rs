@@ -7,7 +7,7 @@ use super::table::{Table, Visit};
 use super::units::{Node, Unit};
 
 /// No unit.
-pub(super) const NOBODY: usize = usize::MAX;
+pub(super) const NO_UNIT: usize = usize::MAX;
 
 /// Why planning stops.
 #[derive(Clone, Debug)]
@@ -72,7 +72,7 @@ impl<'a> Field<'a> {
             units,
             table: Table::new(ready.to_vec()),
             paths: vec![Vec::new(); units.len()],
-            standing: vec![NOBODY; arena.area()],
+            standing: vec![NO_UNIT; arena.area()],
             solid: arena.closed.clone(),
             docked: vec![None; units.len()],
             sipp: Sipp::new(layouts * arena.area()),
@@ -174,7 +174,7 @@ impl<'a> Field<'a> {
         let (standing, solid) = (&self.standing, &self.solid);
         let is_free = |cell: usize| {
             let other = standing[cell];
-            (!solid[cell] && (other == NOBODY || other == unit)).then_some(0)
+            (!solid[cell] && (other == NO_UNIT || other == unit)).then_some(0)
         };
         let rest = |node: Node| body.distance(arena, node, goal) * STEP;
         let route = self
@@ -200,7 +200,7 @@ impl<'a> Field<'a> {
             return;
         }
         for cell in self.cells(unit) {
-            self.standing[cell] = NOBODY;
+            self.standing[cell] = NO_UNIT;
         }
         for cell in self.cells(unit) {
             self.table.leave(cell, path[0].begin + 1);

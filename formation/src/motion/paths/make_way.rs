@@ -1,6 +1,6 @@
 //! Making way: a unit that stands where another has to pass is shifted or moved off.
 
-use super::field::{Field, NOBODY, Stop};
+use super::field::{Field, NO_UNIT, Stop};
 use super::route::Errand;
 use super::units::Node;
 
@@ -58,18 +58,18 @@ impl Field<'_> {
         let (standing, solid, units) = (&self.standing, &self.solid, self.units);
         let cost = |cell: usize| match standing[cell] {
             _ if solid[cell] => None,
-            NOBODY => Some(0),
+            NO_UNIT => Some(0),
             other if units[other].is_block() || bans.units.contains(&other) => None,
             _ => Some(SHIFTED),
         };
-        let is_goal = |node: Node| standing[node] == NOBODY && !bans.cells[node];
+        let is_goal = |node: Node| standing[node] == NO_UNIT && !bans.cells[node];
         let route = self.routes.find(&errand, cost, |_| 0, is_goal);
         self.check_budget()?;
         let Some(route) = route else { return Ok(false) };
         let mut hole = route[route.len() - 1];
         for &cell in route.iter().rev() {
             let single = self.standing[cell];
-            if single != NOBODY && cell != hole {
+            if single != NO_UNIT && cell != hole {
                 if !self.move_to(single, hole, 0)? {
                     return Ok(false);
                 }
@@ -91,12 +91,13 @@ impl Field<'_> {
         let (standing, solid) = (&self.standing, &self.solid);
         let cost = |cell: usize| match standing[cell] {
             _ if solid[cell] => None,
-            other if other == NOBODY || other == unit => Some(0),
+            other if other == NO_UNIT || other == unit => Some(0),
             other if bans.units.contains(&other) => None,
             _ => Some(IN_THE_WAY),
         };
-        let is_free =
-            |cell: usize| (standing[cell] == NOBODY || standing[cell] == unit) && !bans.cells[cell];
+        let is_free = |cell: usize| {
+            (standing[cell] == NO_UNIT || standing[cell] == unit) && !bans.cells[cell]
+        };
         let is_goal = |node: Node| node != from && body.cells(arena, node).all(is_free);
         let route = self.routes.find(&errand, cost, |_| 0, is_goal);
         self.check_budget()?;
@@ -115,7 +116,7 @@ impl Field<'_> {
             let met = way.iter().map(|&cell| self.standing[cell]);
             let Some(other) = met
                 .into_iter()
-                .find(|&other| other != NOBODY && other != unit)
+                .find(|&other| other != NO_UNIT && other != unit)
             else {
                 return self.move_to(unit, goal, 0);
             };

@@ -46,17 +46,17 @@ impl Formation<'_> {
     pub fn order(&self) -> Result<Order, Stuck> {
         let adjacent = self.adjacency();
         let mut stuck = None;
-        for (kind, beside) in [
+        for (kind, neighbours) in [
             (OrderKind::Edges, self.by_edges),
             (OrderKind::Adjacency, adjacent.as_slice()),
         ] {
             for first_stays in [true, false] {
-                match self.taken_apart(beside, first_stays) {
+                match self.taken_apart(neighbours, first_stays) {
                     Ok(mut removed) => {
                         removed.reverse();
                         let pinned = (0..self.units.len()).filter(|&unit| self.units[unit].pinned);
                         let sequence: Vec<usize> = pinned.chain(removed).collect();
-                        let parents = self.parents(&sequence, beside);
+                        let parents = self.parents(&sequence, neighbours);
                         return Ok(Order {
                             kind,
                             sequence,
@@ -91,40 +91,40 @@ impl Formation<'_> {
         (0..self.units.len())
             .map(|unit| {
                 let cells = self.goal_cells(unit);
-                let mut beside: Vec<usize> = cells
+                let mut neighbours: Vec<usize> = cells
                     .iter()
                     .flat_map(|&cell| self.arena.neighbours(cell).filter_map(|next| holder[next]))
                     .filter(|&other| other != unit)
                     .collect();
-                beside.sort_unstable();
-                beside.dedup();
-                beside
+                neighbours.sort_unstable();
+                neighbours.dedup();
+                neighbours
             })
             .collect()
     }
 
     /// The neighbours of each unit with all pinned ones taken together as the first of them.
-    fn with_one_anchor(&self, beside: &[Vec<usize>]) -> Vec<Vec<usize>> {
+    fn with_one_anchor(&self, neighbours: &[Vec<usize>]) -> Vec<Vec<usize>> {
         let anchor = (0..self.units.len()).find(|&unit| self.units[unit].pinned);
         let node = |unit: usize| match anchor {
             Some(anchor) if self.units[unit].pinned => anchor,
             _ => unit,
         };
-        let mut joined = vec![Vec::new(); beside.len()];
-        for (unit, others) in beside.iter().enumerate() {
+        let mut joined = vec![Vec::new(); neighbours.len()];
+        for (unit, others) in neighbours.iter().enumerate() {
             let others = others.iter().map(|&other| node(other));
             joined[node(unit)].extend(others.filter(|&other| other != node(unit)));
         }
         joined
     }
 
-    fn parents(&self, sequence: &[usize], beside: &[Vec<usize>]) -> Vec<Option<usize>> {
+    fn parents(&self, sequence: &[usize], neighbours: &[Vec<usize>]) -> Vec<Option<usize>> {
         let mut rank = vec![usize::MAX; self.units.len()];
         for (index, &unit) in sequence.iter().enumerate() {
             rank[unit] = index;
         }
         let earliest = |unit: usize| {
-            let before = beside[unit]
+            let before = neighbours[unit]
                 .iter()
                 .copied()
                 .filter(|&other| rank[other] < rank[unit]);
@@ -136,7 +136,11 @@ impl Formation<'_> {
     }
 
     /// The units that are not pinned in the order in which they can go.
-    fn taken_apart(&self, beside: &[Vec<usize>], first_stays: bool) -> Result<Vec<usize>, Stuck> {
+    fn taken_apart(
+        &self,
+        neighbours: &[Vec<usize>],
+        first_stays: bool,
+    ) -> Result<Vec<usize>, Stuck> {
         let mut waiting: Vec<usize> = (0..self.units.len())
             .filter(|&unit| self.ranks[unit].is_some() && !self.units[unit].pinned)
             .collect();
@@ -146,11 +150,11 @@ impl Formation<'_> {
             .last()
             .copied()
             .filter(|_| first_stays && !has_pinned);
-        let beside = self.with_one_anchor(beside);
+        let neighbours = self.with_one_anchor(neighbours);
         let mut rest = Rest::new(self);
         let mut removed = Vec::with_capacity(waiting.len());
         while !waiting.is_empty() {
-            let cut = rest.cut_units(&beside);
+            let cut = rest.cut_units(&neighbours);
             let free = waiting.iter().position(|&unit| {
                 !cut[unit] && (waiting.len() == 1 || root != Some(unit)) && rest.gets_out(unit)
             });
@@ -284,7 +288,7 @@ impl<'a> Rest<'a> {
     }
 
     /// Which units would part what is left if they went: the articulation points (Tarjan 1972).
-    fn cut_units(&self, beside: &[Vec<usize>]) -> Vec<bool> {
+    fn cut_units(&self, neighbours: &[Vec<usize>]) -> Vec<bool> {
         let count = self.is_left.len();
         let mut cut = vec![false; count];
         // 0 is "not seen"; numbers begin at 1.
@@ -302,7 +306,7 @@ impl<'a> Rest<'a> {
             // Unit, its parent, and how many of its neighbours have been looked at.
             let mut stack = vec![(start, usize::MAX, 0_usize)];
             while let Some(&mut (unit, parent, ref mut looked_at)) = stack.last_mut() {
-                let neighbour = beside[unit].get(*looked_at).copied();
+                let neighbour = neighbours[unit].get(*looked_at).copied();
                 *looked_at += 1;
                 match neighbour {
                     Some(other) if other == parent || !self.is_left[other] => {}

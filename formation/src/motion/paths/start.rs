@@ -197,15 +197,15 @@ fn not_apart(
         });
     }
     let all = (0..one.offsets.len())
-        .flat_map(|member| (0..other.offsets.len()).map(move |beside| (member, beside)));
-    all.into_iter().find_map(|(member, beside)| {
+        .flat_map(|member| (0..other.offsets.len()).map(move |its_member| (member, its_member)));
+    all.into_iter().find_map(|(member, its_member)| {
         let body = square(one.position_after(member, Phase::Turn));
-        let neighbour = square(other.position_after(beside, Phase::Turn));
+        let neighbour = square(other.position_after(its_member, Phase::Turn));
         if overlap(&body, &neighbour, tolerance) {
-            return Some(StartFault::NotApart(id(one, member), id(other, beside)));
+            return Some(StartFault::NotApart(id(one, member), id(other, its_member)));
         }
-        (one.site_of(member) == other.site_of(beside))
-            .then(|| StartFault::SharedCell(id(one, member), id(other, beside)))
+        (one.site_of(member) == other.site_of(its_member))
+            .then(|| StartFault::SharedCell(id(one, member), id(other, its_member)))
     })
 }
 

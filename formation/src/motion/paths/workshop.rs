@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use super::diagnose::{Names, obstruction, region};
-use super::field::{Failure, NOBODY};
+use super::field::{Failure, NO_UNIT};
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time, bounds};
 use super::order::Formation;
@@ -312,7 +312,7 @@ impl<'a> Workshop<'a> {
             .into_iter()
             .map(|modules| self.unit(modules))
             .collect();
-        let mut unit_at = vec![NOBODY; self.spots.len()];
+        let mut unit_at = vec![NO_UNIT; self.spots.len()];
         for (index, unit) in units.iter().enumerate() {
             for spot in unit
                 .modules
@@ -328,13 +328,13 @@ impl<'a> Workshop<'a> {
                 .modules
                 .iter()
                 .filter_map(|&module| self.spot_of[module]);
-            let mut beside: Vec<usize> = spots
+            let mut neighbours: Vec<usize> = spots
                 .flat_map(|spot| topology.neighbours(spot).iter().map(|&next| unit_at[next]))
-                .filter(|&other| other != NOBODY && other != index)
+                .filter(|&other| other != NO_UNIT && other != index)
                 .collect();
-            beside.sort_unstable();
-            beside.dedup();
-            beside
+            neighbours.sort_unstable();
+            neighbours.dedup();
+            neighbours
         });
         Crew {
             by_edges: by_edges.collect(),

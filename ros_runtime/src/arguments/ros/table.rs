@@ -27,7 +27,7 @@ enum Ask {
 }
 use Ask::{Log, Node, Own, Parameter, Service, Topic};
 
-/// Whom is asked: a node that calls itself `camera` in `/ns`, unless the row says otherwise.
+/// The node in question: it calls itself `camera` in `/ns`, unless the row says otherwise.
 const NODE: &str = "camera";
 const NAMESPACE: &str = "/ns";
 
@@ -35,7 +35,7 @@ struct Row {
     /// What the command line says behind the program's name.
     line: &'static str,
     ask: Ask,
-    /// The answer, or, after `error: `, a part of what is told.
+    /// The answer, or, after `error: `, a part of the error.
     answer: &'static str,
 }
 
@@ -444,7 +444,7 @@ fn arguments_and_names_are_those_of_the_design_articles() {
             let answer = answered(row);
             let is_right = match (&answer, row.answer.strip_prefix("error: ")) {
                 (Ok(answer), None) => answer == row.answer,
-                (Err(told), Some(part)) => told.contains(part),
+                (Err(error), Some(part)) => error.contains(part),
                 _ => false,
             };
             (!is_right).then(|| format!("{}: expected {}, got {answer:?}", row.line, row.answer))
