@@ -242,7 +242,7 @@ fn a_newer_goal_takes_the_place_of_one_and_a_cancelled_one_leaves_the_modules_st
     assert_eq!(answer, json!({"cancelled": [second], "return_code": 0}));
     let (status, told) = result(&mut client, &second);
     assert_eq!(status, CANCELED);
-    let stand = "the target is withdrawn, and the 10 modules that were heard stand still";
+    let stand = "the target is withdrawn, and the 10 live modules stand still";
     assert_eq!(text(&told), stand);
     // States from before the cancellation may arrive late; after that, no module moves.
     heartbeats.await_more(2);
