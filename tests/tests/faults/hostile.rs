@@ -55,25 +55,22 @@ fn form(python: &Python, manner: &[&str]) -> Outcome {
     }
 }
 
-/// How often each kind of refusal was counted, over all modules; what the log tells at the end of a process.
+/// The number of refusals of each kind, which a process logs when it ends: those of its modules' agents, and those of its
+/// subscriptions.
 fn refusals(agents: &[Finished]) -> BTreeMap<String, u64> {
     let mut counts: BTreeMap<String, u64> = BTreeMap::new();
-    for agent in agents {
-        let told = agent.stderr.lines().filter_map(|line| {
-            let counts = line.split_once("refused: ").map(|(_, counts)| counts);
-            counts.or_else(|| line.split_once("traffic: ").map(|(_, counts)| counts))
-        });
-        for entry in told.flat_map(|counts| counts.split([',', ';', ':'])) {
-            let words: Vec<&str> = entry.split_whitespace().collect();
-            // Kinds stand before their counts where an agent refused, and behind them where the border did.
-            let pair = match words[..] {
-                [kind, count, ..] if count.parse::<u64>().is_ok() => Some((kind, count)),
-                [count, kind, ..] if count.parse::<u64>().is_ok() => Some((kind, count)),
-                _ => None,
-            };
-            if let Some((kind, count)) = pair {
-                *counts.entry(kind.to_owned()).or_default() += count.parse::<u64>().unwrap();
-            }
+    let mut add = |counted: &str| {
+        let mut words = counted.split_whitespace();
+        let (kind, count) = (words.next().unwrap(), words.next().unwrap());
+        *counts.entry(kind.to_owned()).or_default() += count.parse::<u64>().unwrap();
+    };
+    for line in agents.iter().flat_map(|agent| agent.stderr.lines()) {
+        if let Some((_, refused)) = line.split_once("refused: ") {
+            refused.split(", ").for_each(&mut add);
+        } else if let Some((_, statistics)) = line.split_once("topic statistics: ") {
+            let values = statistics.split([',', ';', ':']).map(str::trim);
+            let refused = values.filter_map(|value| value.strip_prefix("refused."));
+            refused.for_each(&mut add);
         }
     }
     counts
