@@ -22,11 +22,11 @@ fn module(domain: &str, ros: &[&str]) -> Running {
         "--service-mapping",
         "cyclone",
     ];
-    Running::start(
-        "module_agent",
-        domain,
-        &[&own, ["--ros-args"].as_slice(), ros].concat(),
-    )
+    let arguments = [&own, ["--ros-args"].as_slice(), ros].concat();
+    let module = Running::start("module_agent", domain, &arguments);
+    let joined = module.wait_for_log(0, "joined the ROS 2 graph", Duration::from_secs(20));
+    assert!(joined.is_some(), "it logged: {:?}", module.log_since(0));
+    module
 }
 
 #[test]
@@ -40,7 +40,7 @@ fn tools_see_the_names_types_and_owners_of_all_endpoints() {
         "-r",
         "claims:=/decisions",
         "-r",
-        "**/heartbeats:=\\1/beats",
+        "rostopic://heartbeats:=beats",
         "-r",
         "rosservice://~/get_parameters:=~/parameters",
     ];
