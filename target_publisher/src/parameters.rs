@@ -53,13 +53,13 @@ impl Tunables for PublisherParameters {
                 "verdict_limit_s",
                 seconds(),
                 |own: &mut Self| &mut own.verdict_limit,
-                "A goal of form_configuration ends without a verdict after this, in seconds",
+                "A goal of form_configuration ends without a verdict after this",
             ),
             Tunable::new(
                 "standstill_limit_s",
                 seconds(),
                 |own: &mut Self| &mut own.standstill_limit,
-                "A cancelled goal waits this long until the modules stand still, in seconds",
+                "A cancelled goal waits this long until the modules stand still",
             ),
         ]
     }

@@ -226,7 +226,7 @@ fn parameters_are_listed_described_read_and_changed() {
         speed["description"]
             .as_str()
             .unwrap()
-            .contains("units a second")
+            .contains("units per second")
     );
 
     let double =
@@ -307,6 +307,40 @@ fn parameters_are_listed_described_read_and_changed() {
         "{}",
         finished.stderr
     );
+}
+
+#[test]
+fn the_description_of_every_number_has_its_unit() {
+    const DOUBLE: u64 = 3;
+    let domain = &*Domain::shared();
+    let Some(mut tool) = RosTool::start(&["call", "/formation", "--domain", domain]) else {
+        return;
+    };
+    let _module = module(domain, &[]);
+    let cyclone = ["--service-mapping", "cyclone"];
+    let _others = ["target_publisher", "verifier", "visualiser"]
+        .map(|program| Running::start(program, domain, &cyclone));
+    for node in ["module_4", "target_publisher", "verifier", "visualiser"] {
+        let mut ask = |service: &str, type_name: &str, request: &Value| {
+            let type_name = format!("rcl_interfaces/srv/{type_name}");
+            tool.call(&format!("{node}/{service}"), &type_name, request)
+        };
+        let listed = ask("list_parameters", "ListParameters", &json!({}));
+        let names = json!({"names": listed["result"]["names"]});
+        let described = ask("describe_parameters", "DescribeParameters", &names);
+        let descriptors = described["descriptors"].as_array().unwrap().iter();
+        let numbers: Vec<&Value> = descriptors
+            .filter(|descriptor| descriptor["type"] == DOUBLE)
+            .collect();
+        assert!(!numbers.is_empty(), "{described}");
+        for number in numbers {
+            let description = number["description"].as_str().unwrap();
+            let units = ["in seconds", "in units", "in radians", "per second"];
+            let has_unit = units.iter().any(|unit| description.contains(unit));
+            assert!(has_unit, "{node}: {number}");
+        }
+    }
+    tool.finish();
 }
 
 #[test]

@@ -43,7 +43,7 @@ pub struct Declaration {
     /// Its name.
     pub name: &'static str,
     /// What it means, with its unit.
-    pub description: &'static str,
+    pub description: String,
     /// Its value; this also gives its type.
     pub value: ParameterValue,
     /// Which values it can have.
@@ -126,7 +126,7 @@ impl Declaration {
         ParameterDescriptor {
             name: self.name.to_owned(),
             param_type: self.value.to_parameter_type(),
-            description: self.description.to_owned(),
+            description: self.description.clone(),
             read_only: fixed.is_some(),
             additional_constraints: words
                 .into_iter()

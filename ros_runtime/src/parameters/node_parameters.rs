@@ -64,7 +64,7 @@ impl Tunables for NodeParameters {
                 "diagnostics_period_s",
                 seconds_in(0.0, 3_600.0),
                 |node: &mut Self| &mut node.diagnostics_period,
-                "Time between two reports on /diagnostics, in seconds; 0 for none",
+                "Time between two reports on /diagnostics, 0 for none",
             ),
             Tunable::new(
                 "use_sim_time",

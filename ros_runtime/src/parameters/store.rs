@@ -223,7 +223,7 @@ mod tests {
     fn declarations() -> Vec<Declaration> {
         let declaration = |name, value, range, change| Declaration {
             name,
-            description: "for the test",
+            description: "for the test".to_owned(),
             value,
             range,
             change,

@@ -15,6 +15,8 @@ pub struct ValueType<T> {
     range: Range,
     /// What stands for the value in the help of the command line.
     value_name: &'static str,
+    /// What the description of a parameter ends with.
+    unit: &'static str,
     write: fn(&T) -> ParameterValue,
     read: fn(&ParameterValue) -> Option<T>,
 }
@@ -31,6 +33,7 @@ impl<T> ValueType<T> {
         Self {
             range,
             value_name,
+            unit: "",
             write,
             read,
         }
@@ -70,9 +73,11 @@ pub fn seconds() -> ValueType<Duration> {
 #[must_use]
 pub fn seconds_in(from: f64, to: f64) -> ValueType<Duration> {
     let write = |time: &Duration| ParameterValue::Double(time.as_secs_f64());
-    ValueType::new("SECONDS", Range::Double { from, to }, write, |value| {
-        Duration::try_from_secs_f64(as_number(value)?).ok()
-    })
+    let read = |value: &_| Duration::try_from_secs_f64(as_number(value)?).ok();
+    ValueType {
+        unit: ", in seconds",
+        ..ValueType::new("SECONDS", Range::Double { from, to }, write, read)
+    }
 }
 
 /// A whole number from 0 to `to`, of which 0 stands for none.
@@ -131,6 +136,7 @@ type Set<P> = Box<dyn Fn(&mut P, &ParameterValue) -> bool>;
 pub struct Tunable<P> {
     name: &'static str,
     help: &'static str,
+    unit: &'static str,
     range: Range,
     change: Change,
     /// Whether it is a parameter of ROS 2, and not only an option of the command line.
@@ -159,6 +165,7 @@ impl<P: Clone + 'static> Tunable<P> {
         Self {
             name,
             help,
+            unit: value_type.unit,
             range: value_type.range,
             change: Change::AtRunTime,
             is_parameter: true,
@@ -221,7 +228,7 @@ impl<P: Clone + 'static> Tunable<P> {
     fn declaration(&self, values: &P) -> Declaration {
         Declaration {
             name: self.name,
-            description: self.help,
+            description: format!("{}{}", self.help, self.unit),
             value: (self.get)(values),
             range: self.range.clone(),
             change: self.change,
