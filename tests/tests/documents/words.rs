@@ -110,18 +110,11 @@ const KEPT: &[(&str, &str)] = &[
 ];
 
 /// Where a word may stand: the path or its beginning, the word, and why.
-const ALLOWED: &[(&str, &str, &str)] = &[
-    (
-        "docs/fault_model.md",
-        "standstill",
-        "the former name of ros_runtime/src/dds_deadlock.rs and of its test",
-    ),
-    (
-        "formation/tests/properties.proptest-regressions",
-        "everyone",
-        "proptest writes this file",
-    ),
-];
+const ALLOWED: &[(&str, &str, &str)] = &[(
+    "formation/tests/properties.proptest-regressions",
+    "everyone",
+    "proptest writes this file",
+)];
 
 /// This folder lists the words.
 const SELF: &str = "tests/tests/documents";
