@@ -30,18 +30,26 @@ pub fn parse<A: Parser>() -> Result<(A, RosArguments), Failure> {
     Ok((arguments, ros))
 }
 
-/// Reads a text file of at most `bytes_max` bytes.
+/// Reads a text file of at most `bytes_max` bytes. The length of a pipe is unknown, so the limit applies to what is read.
 ///
 /// # Errors
 /// The file cannot be read, is no text, or is larger.
 pub fn read_bounded(path: &Path, bytes_max: u64) -> io::Result<String> {
-    let mut text = String::new();
-    let file = File::open(path)?;
-    file.take(bytes_max + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > bytes_max {
-        return Err(io::Error::other(format!(
-            "is larger than {bytes_max} bytes"
-        )));
+    let file = File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => io::Error::other("there is no such file"),
+        _ => error,
+    })?;
+    if file.metadata()?.is_dir() {
+        return Err(io::Error::other("is a directory, not a file"));
     }
-    Ok(text)
+    let mut bytes = Vec::new();
+    file.take(bytes_max + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > bytes_max {
+        let most = bytes_max >> 20;
+        return Err(io::Error::other(format!("is larger than {most} MiB")));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        io::Error::other(format!("is no UTF-8 text (byte {})", valid + 1))
+    })
 }
