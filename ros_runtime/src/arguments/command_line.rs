@@ -4,8 +4,10 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use clap::Parser;
+use clap::builder::Resettable;
+use clap::{Args, FromArgMatches, Parser};
 
+use super::network::NetworkArguments;
 use super::ros::RosArguments;
 use crate::exit::Failure;
 
@@ -16,18 +18,25 @@ const ROS_HELP: &str = "ROS 2 arguments:\n  \
     --ros-args ... [--]  what every ROS 2 node takes: -r FROM:=TO (__ns and __node included), -p NAME:=VALUE,\n                       \
     --params-file FILE, --log-level LEVEL, --disable-rosout-logs, --disable-stdout-logs";
 
-/// Parses the command line of this process. Asked for help or its version, or given an unknown argument, the process
-/// ends here.
+/// Parses the command line of this process: its own arguments, those of every node, and those for ROS 2. Asked for help
+/// or its version, or given an unknown argument, the process ends here.
 ///
 /// # Errors
 /// Names the ROS 2 argument or the parameter file that cannot be used.
-pub fn parse<A: Parser>() -> Result<(A, RosArguments), Failure> {
+pub fn parse<A: Parser>() -> Result<(A, NetworkArguments, RosArguments), Failure> {
     let read = |path: &Path| read_bounded(path, PARAMETER_FILE_BYTES_MAX);
     let (own, ros) =
         RosArguments::extract(std::env::args_os(), read).map_err(Failure::bad_input)?;
-    let matches = A::command().after_help(ROS_HELP).get_matches_from(own);
+    let program = A::command();
+    let [about, long_about] =
+        [program.get_about(), program.get_long_about()].map(|text| Resettable::from(text.cloned()));
+    let command = NetworkArguments::augment_args(program).after_help(ROS_HELP);
+    // The arguments of every node would replace what the program says about itself.
+    let command = command.about(about).long_about(long_about);
+    let matches = command.get_matches_from(own);
     let arguments = A::from_arg_matches(&matches).map_err(Failure::bad_input)?;
-    Ok((arguments, ros))
+    let network = NetworkArguments::from_arg_matches(&matches).map_err(Failure::bad_input)?;
+    Ok((arguments, network, ros))
 }
 
 /// Reads a text file of at most `bytes_max` bytes. The length of a pipe is unknown, so the limit applies to what is read.
