@@ -4,8 +4,8 @@ use std::path::Path;
 
 use formation::model::Scenario;
 use formation::model::text::counted;
+use ros_runtime::exit::{Failure, one_line};
 
-use crate::failure::{Failure, one_line};
 use crate::{console, scenario_file, warnings};
 
 /// Validates a scenario file and prints a summary of it.

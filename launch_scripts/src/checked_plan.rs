@@ -11,10 +11,10 @@ use formation::model::{Decision, ModuleId, PlanningProblem, Scenario, SpotId};
 use formation::planner::{PlanOutcome, Planning, Statistics};
 use formation::verify::check_plan;
 use formation_report::Fact;
+use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
 
 use crate::console;
-use crate::failure::{Failure, one_line};
 use crate::table::Table;
 
 /// A plan that the verifier's checks have passed.

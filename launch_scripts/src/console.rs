@@ -3,9 +3,8 @@
 use std::io::{ErrorKind, Write, stderr, stdout};
 
 use anyhow::anyhow;
+use ros_runtime::exit::Failure;
 use serde::Serialize;
-
-use crate::failure::Failure;
 
 /// Writes one line of result to the standard output.
 ///

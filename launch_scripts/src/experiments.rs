@@ -9,12 +9,12 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use formation_experiments::{ExperimentError, Progress, Scale, Settings, Work};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use ros_runtime::exit::Failure;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 use signal_hook::flag;
 
 use crate::arguments::ExperimentsArguments;
 use crate::console;
-use crate::failure::Failure;
 
 /// The default of `--runs`, as in the paper.
 const RUNS: u64 = 50;

@@ -5,10 +5,10 @@ use std::fmt::Write;
 use anyhow::anyhow;
 use formation::generate::{GenerateError, GeneratorParameters, Grouping, generate};
 use formation::model::{RawModule, RawScenario};
+use ros_runtime::exit::Failure;
 
 use crate::arguments::GenerateArguments;
 use crate::console;
-use crate::failure::Failure;
 
 /// Generates a scenario and prints it as a scenario file.
 ///

@@ -6,7 +6,6 @@ mod checked_plan;
 mod console;
 #[cfg(feature = "experiments")]
 mod experiments;
-mod failure;
 mod generate;
 mod plan;
 mod report;
@@ -19,9 +18,9 @@ mod warnings;
 use std::process::ExitCode;
 
 use clap::Parser;
+use ros_runtime::exit::{STATUS_DONE, conclude};
 
 use crate::arguments::{Arguments, Command};
-use crate::failure::Failure;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
@@ -37,17 +36,9 @@ fn main() -> ExitCode {
         #[cfg(feature = "experiments")]
         Command::Experiments(arguments) => experiments::run(&arguments),
         #[cfg(not(feature = "experiments"))]
-        Command::Experiments(_) => Err(Failure::BadInput(anyhow::anyhow!(
-            "this program was built without the experiments; `cargo build --release -p launch_scripts` includes them"
-        ))),
+        Command::Experiments(_) => Err(ros_runtime::exit::Failure::bad_input(
+            "this program was built without the experiments; `cargo build --release -p launch_scripts` includes them",
+        )),
     };
-    match outcome {
-        Ok(()) => ExitCode::SUCCESS,
-        Err(failure) => {
-            if !matches!(failure, Failure::OutputClosed) {
-                console::note(&format!("error: {failure}"));
-            }
-            failure.exit_code()
-        }
-    }
+    conclude(outcome.map(|()| STATUS_DONE))
 }

@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use formation_report::{Subject, Summary, Tone, course_of_plan};
+use ros_runtime::exit::{Failure, one_line};
 
 use crate::arguments::SPEED_UNITS_PER_S;
 use crate::checked_plan::CheckedPlan;
-use crate::failure::{Failure, one_line};
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 

@@ -6,9 +6,8 @@ use std::path::{Path, PathBuf};
 use anyhow::{Context, anyhow};
 use formation::event_log::Entry;
 use formation_report::{Subject, Summary, after, before, page};
+use ros_runtime::exit::Failure;
 use serde::Serialize;
-
-use crate::failure::Failure;
 
 /// The directory into which a report is written.
 pub struct ReportDirectory {

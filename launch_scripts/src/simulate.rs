@@ -10,10 +10,10 @@ use anyhow::anyhow;
 use formation::model::text::counted;
 use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use ros_runtime::exit::Failure;
 use serde::Serialize;
 
 use crate::arguments::SimulateArguments;
-use crate::failure::Failure;
 use crate::{console, scenario_file};
 
 /// How many lines of a failing run are shown.

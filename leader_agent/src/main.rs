@@ -13,7 +13,6 @@ use formation_node::Program;
 use formation_node::scenario::read_scenario;
 use module_agent::ModuleProcess;
 use module_agent::arguments::{HostedModules, Motion, Timing, require_leader};
-use ros_runtime::arguments::NetworkArguments;
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -35,15 +34,9 @@ struct Arguments {
     motion: Tuned<Motion>,
     #[command(flatten)]
     timing: Tuned<Timing>,
-    #[command(flatten)]
-    network: NetworkArguments,
 }
 
 impl Program for Arguments {
-    fn network(&self) -> &NetworkArguments {
-        &self.network
-    }
-
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
         let scenario = read_scenario(&self.scenario)?;
         let module = ModuleId(self.module);

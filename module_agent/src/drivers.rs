@@ -12,7 +12,7 @@ use formation_node::{stamp, topics};
 use futures::stream::LocalBoxStream;
 use ros_runtime::PublisherQueue;
 use ros_runtime::arguments::Resource;
-use ros_runtime::event_loop::{Inputs, Wake};
+use ros_runtime::inputs::{Inputs, Wake};
 use ros_runtime::session::{Session, SessionError};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;

@@ -7,7 +7,6 @@ use clap::Parser;
 use formation_node::Program;
 use module_agent::ModuleProcess;
 use module_agent::arguments::{ModuleArguments, Motion, Timing};
-use ros_runtime::arguments::NetworkArguments;
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -25,15 +24,9 @@ struct Arguments {
     motion: Tuned<Motion>,
     #[command(flatten)]
     timing: Tuned<Timing>,
-    #[command(flatten)]
-    network: NetworkArguments,
 }
 
 impl Program for Arguments {
-    fn network(&self) -> &NetworkArguments {
-        &self.network
-    }
-
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
         let hosted = self.modules.resolve()?;
         ModuleProcess {

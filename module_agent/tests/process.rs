@@ -40,7 +40,7 @@ fn bad_input_is_reported_in_one_line_before_anything_starts() {
         ),
         (
             "--module 1 --scenario /nowhere.yaml".to_owned(),
-            "/nowhere.yaml: No such file or directory",
+            "/nowhere.yaml: there is no such file",
         ),
         (
             "--module 1 --x inf --y 0".to_owned(),

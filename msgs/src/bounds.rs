@@ -1,5 +1,13 @@
 //! How much one message may hold; the `.msg` files state the same numbers.
 
+use formation::model::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT};
+
+/// The greatest magnitude of a coordinate, in micro-units.
+#[expect(
+    clippy::cast_possible_truncation,
+    reason = "the limit is a whole number far below 2^63"
+)]
+pub(crate) const COORDINATE_LIMIT_MICRO: i64 = COORDINATE_LIMIT_UNITS as i64 * MICRO_PER_UNIT;
 /// Modules in one message, and lists with one entry a module.
 pub const MODULES_MAX: usize = formation::model::MODULES_MAX;
 /// Spots in one message, and lists with one entry a spot.

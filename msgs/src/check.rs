@@ -3,20 +3,10 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use formation::model::{
-    COORDINATE_LIMIT_UNITS, Digest, Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, NO_ID, Pose,
-    PoseError,
-};
+use formation::model::{Digest, Epoch, MicroUnits, ModuleId, NO_ID, Pose, PoseError};
 
-use crate::bounds::{LINKS_MAX, NAME_BYTES_MAX};
+use crate::bounds::{COORDINATE_LIMIT_MICRO, LINKS_MAX, NAME_BYTES_MAX};
 use crate::error::{Fault, MessageError};
-
-/// The greatest magnitude of a coordinate, in micro-units.
-#[expect(
-    clippy::cast_possible_truncation,
-    reason = "the limit is a whole number far below 2^63"
-)]
-pub(crate) const COORDINATE_LIMIT_MICRO: i64 = COORDINATE_LIMIT_UNITS as i64 * MICRO_PER_UNIT;
 
 /// A fault and the path of its field, while the topic is not yet known.
 #[derive(Debug)]

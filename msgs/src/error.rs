@@ -6,7 +6,7 @@ use formation::model::{
 };
 use thiserror::Error;
 
-use crate::check::COORDINATE_LIMIT_MICRO;
+use crate::bounds::COORDINATE_LIMIT_MICRO;
 
 /// A message that was refused: where it came, which field is wrong, and why.
 #[derive(Clone, Debug, PartialEq, Error)]

@@ -12,7 +12,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use ros_runtime::arguments::{self, NetworkArguments};
+use ros_runtime::arguments;
 use ros_runtime::environment::Namespace;
 use ros_runtime::exit::{Failure, conclude, stop_requested};
 use ros_runtime::settings::Settings;
@@ -21,11 +21,8 @@ pub use value_types::micro_units;
 /// The namespace of the nodes, unless an argument or the environment changes it.
 const NAMESPACE: &str = "/formation";
 
-/// The command line of a program of the suite.
+/// The own command line of a program of the suite, next to the arguments that every node takes.
 pub trait Program: Parser {
-    /// The arguments that all of them take.
-    fn network(&self) -> &NetworkArguments;
-
     /// Does the work of the program, with the settings that its arguments give, until `stop` yields; returns its exit
     /// status.
     ///
@@ -38,11 +35,9 @@ pub trait Program: Parser {
 #[must_use]
 pub fn main<P: Program>() -> ExitCode {
     let run = || {
-        let (program, ros) = arguments::parse::<P>()?;
+        let (program, network, ros) = arguments::parse::<P>()?;
         let namespace: Result<Namespace, String> = NAMESPACE.parse();
-        let settings = program
-            .network()
-            .start(ros, namespace.map_err(Failure::failed)?)?;
+        let settings = network.start(ros, namespace.map_err(Failure::failed)?)?;
         program.run(settings, &stop_requested()?)
     };
     conclude(run())

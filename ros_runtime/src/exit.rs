@@ -1,6 +1,6 @@
 //! How a process ends: when it is asked to, with which status, and with which message.
 
-use std::io;
+use std::io::{self, Write};
 use std::panic;
 use std::process::{self, ExitCode};
 use std::thread;
@@ -10,9 +10,9 @@ use async_channel::{Receiver, bounded};
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
+use thiserror::Error;
 
 use crate::environment::EnvironmentError;
-use crate::session::SessionError;
 
 /// The process has done its work.
 pub const STATUS_DONE: u8 = 0;
@@ -28,45 +28,39 @@ pub const EXIT_GRACE: Duration = Duration::from_millis(1_500);
 const CHARACTERS_MAX: usize = 1_000;
 
 /// Why a process could not do its work.
-#[derive(Debug)]
+#[derive(Debug, Error)]
 pub enum Failure {
     /// Files, arguments or the environment are wrong; nothing was started.
+    #[error("{}", with_causes(.0))]
     BadInput(anyhow::Error),
     /// Something failed later.
+    #[error("{}", with_causes(.0))]
     Failed(anyhow::Error),
+    /// The reader of the standard output closed it, as `head` does; nothing is reported then.
+    #[error("the standard output was closed")]
+    OutputClosed,
+}
+
+/// An error and its causes in one line: parsers may quote the input, so a message can have line ends of its own.
+fn with_causes(error: &anyhow::Error) -> String {
+    one_line(&format!("{error:#}"))
 }
 
 impl Failure {
-    /// Input that is wrong, in one line.
+    /// Input that is wrong.
     pub fn bad_input(what: impl std::fmt::Display) -> Self {
         Self::BadInput(anyhow::anyhow!("{what}"))
     }
 
-    /// What failed, in one line.
+    /// What failed.
     pub fn failed(what: impl std::fmt::Display) -> Self {
         Self::Failed(anyhow::anyhow!("{what}"))
-    }
-}
-
-impl std::fmt::Display for Failure {
-    fn fmt(&self, formatter: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        let (Self::BadInput(error) | Self::Failed(error)) = self;
-        write!(formatter, "{error:#}")
     }
 }
 
 impl From<EnvironmentError> for Failure {
     fn from(error: EnvironmentError) -> Self {
         Self::BadInput(error.into())
-    }
-}
-
-impl From<SessionError> for Failure {
-    fn from(error: SessionError) -> Self {
-        match error {
-            SessionError::BadInput(_) => Self::BadInput(error.into()),
-            SessionError::Failed(_) | SessionError::NotReceiving => Self::Failed(error.into()),
-        }
     }
 }
 
@@ -83,17 +77,27 @@ pub fn conclude(result: Result<u8, Failure>) -> ExitCode {
         Ok(status) => return status.into(),
         Err(failure) => failure,
     };
-    eprintln!("error: {}", one_line(&failure.to_string()));
+    if !matches!(failure, Failure::OutputClosed) {
+        let message = shortened(failure.to_string());
+        // If the stream is closed, the line is lost.
+        let _ = writeln!(io::stderr().lock(), "error: {message}");
+    }
     let status = match failure {
         Failure::BadInput(_) => STATUS_BAD_INPUT,
-        Failure::Failed(_) => STATUS_FAILED,
+        Failure::Failed(_) | Failure::OutputClosed => STATUS_FAILED,
     };
     status.into()
 }
 
-fn one_line(message: &str) -> String {
-    let words: Vec<&str> = message.split_whitespace().collect();
-    let line = words.join(" ");
+/// The text with every run of line ends, spaces and control characters replaced by one space.
+#[must_use]
+pub fn one_line(text: &str) -> String {
+    let words = text.split(|symbol: char| symbol.is_whitespace() || symbol.is_control());
+    let words: Vec<&str> = words.filter(|word| !word.is_empty()).collect();
+    words.join(" ")
+}
+
+fn shortened(line: String) -> String {
     match line.char_indices().nth(CHARACTERS_MAX) {
         Some((end, _)) => format!("{} ...", &line[..end]),
         None => line,
@@ -162,9 +166,10 @@ mod tests {
     use super::*;
 
     #[test]
-    fn an_error_is_reported_in_one_bounded_line() {
-        assert_eq!(one_line("a:\n  b\tc\n"), "a: b c");
-        let long = one_line(&"\u{e4}".repeat(5_000));
+    fn an_error_is_reported_in_one_bounded_line_with_all_its_causes() {
+        let failure = Failure::BadInput(anyhow::anyhow!("line\r\n  end\tof it").context("file"));
+        assert_eq!(failure.to_string(), "file: line end of it");
+        let long = shortened("\u{e4}".repeat(5_000));
         assert_eq!(long.chars().count(), CHARACTERS_MAX + 4);
     }
 }

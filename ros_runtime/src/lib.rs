@@ -3,7 +3,7 @@
 //! A process joins the graph with [`session::Session::join`], which creates one DDS participant and one node. From the
 //! session it gets the queues of its topics, services and actions, which are declared as values
 //! ([`topic::Topic`], [`service::Service`], [`action::Action`]). Then [`session::Session::run`] runs the one event loop
-//! of all nodes, which calls the process's [`event_loop::Node`], and serves its parameters, `/rosout` and
+//! of all nodes, which calls the process's [`node::Node`], and serves its parameters, `/rosout` and
 //! `/diagnostics`.
 //!
 //! Two watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, and
@@ -15,11 +15,13 @@ mod dds_deadlock;
 mod dds_liveness;
 pub mod diagnostics;
 pub mod environment;
-pub mod event_loop;
+mod event_loop;
 pub mod exit;
 pub mod goals;
+pub mod inputs;
 pub mod interfaces;
 mod logging;
+pub mod node;
 mod node_interfaces;
 pub mod parameters;
 mod publisher_queue;

@@ -5,7 +5,8 @@ use std::time::{Duration, Instant};
 use ros2_client::log::Log;
 
 use crate::diagnostics::{DiagnosticArray, Report};
-use crate::event_loop::{Inputs, Node};
+use crate::inputs::Inputs;
+use crate::node::Node;
 use crate::parameters::{self, ParameterRequest};
 use crate::publisher_queue::PublisherQueue;
 use crate::session::{Session, SessionError};
@@ -39,9 +40,7 @@ impl NodeInterfaces {
         inputs: &mut Inputs<InterfaceInput>,
     ) -> Result<Self, SessionError> {
         if session.node_parameters().start_parameter_services {
-            for requests in parameters::serve(session)? {
-                inputs.add(requests, InterfaceInput::Parameters);
-            }
+            inputs.append(parameters::serve(session)?, InterfaceInput::Parameters);
         }
         let rosout = match session.log.clone() {
             Some(lines) => {

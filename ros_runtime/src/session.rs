@@ -17,6 +17,7 @@ use crate::arguments::{NodeIdentity, RemapRules, Resource};
 use crate::dds_deadlock::DeadlockWatchdog;
 use crate::dds_liveness::LivenessWatchdog;
 use crate::environment::DiscoveryRange;
+use crate::exit::Failure;
 use crate::interfaces::{discovery_obstacle, interfaces};
 use crate::logging;
 use crate::parameters::{NodeParameters, ParameterError, Parameters, Tunables};
@@ -77,6 +78,15 @@ pub enum SessionError {
 impl From<ParameterError> for SessionError {
     fn from(error: ParameterError) -> Self {
         Self::BadInput(error.to_string())
+    }
+}
+
+impl From<SessionError> for Failure {
+    fn from(error: SessionError) -> Self {
+        match error {
+            SessionError::BadInput(_) => Self::BadInput(error.into()),
+            SessionError::Failed(_) | SessionError::NotReceiving => Self::Failed(error.into()),
+        }
     }
 }
 

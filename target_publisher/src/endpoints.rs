@@ -7,7 +7,7 @@ use formation_msgs::{
 use formation_node::messages::{Received, subscribe_all};
 use formation_node::topics;
 use ros_runtime::action::{Action, ActionRequest, ActionServer};
-use ros_runtime::event_loop::Inputs;
+use ros_runtime::inputs::Inputs;
 use ros_runtime::service::{Call, Service};
 use ros_runtime::session::{Session, SessionError};
 

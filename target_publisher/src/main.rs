@@ -16,7 +16,6 @@ use clap::Parser;
 use formation::model::TargetAnnouncement;
 use formation_node::scenario::read_scenario;
 use formation_node::{Program, stamp};
-use ros_runtime::arguments::NetworkArguments;
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
 
@@ -45,15 +44,9 @@ struct Arguments {
     /// Withdraw the target instead: modules then stay where they are
     #[arg(long, requires = "scenario")]
     withdraw: bool,
-    #[command(flatten)]
-    network: NetworkArguments,
 }
 
 impl Program for Arguments {
-    fn network(&self) -> &NetworkArguments {
-        &self.network
-    }
-
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
         let scenario = self.scenario.as_deref().map(read_scenario).transpose()?;
         let announcement = scenario.map(|scenario| {

@@ -8,7 +8,6 @@ use async_channel::Receiver;
 use clap::Parser;
 use formation::verify::ReportLine;
 use formation_node::Program;
-use ros_runtime::arguments::NetworkArguments;
 use ros_runtime::exit::{EXIT_GRACE, Failure, limit_exit};
 use ros_runtime::settings::Settings;
 use verifier::judging::JudgingArguments;
@@ -40,15 +39,9 @@ struct Arguments {
     keep_watching: bool,
     #[command(flatten)]
     judging: JudgingArguments,
-    #[command(flatten)]
-    network: NetworkArguments,
 }
 
 impl Program for Arguments {
-    fn network(&self) -> &NetworkArguments {
-        &self.network
-    }
-
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
         let process = VerifierProcess {
             settings,

@@ -10,7 +10,6 @@ use std::process::ExitCode;
 use async_channel::Receiver;
 use clap::Parser;
 use formation_node::Program;
-use ros_runtime::arguments::NetworkArguments;
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -26,15 +25,9 @@ use crate::visualisation::{Drawing, VisualiserProcess};
 struct Arguments {
     #[command(flatten)]
     drawing: Tuned<Drawing>,
-    #[command(flatten)]
-    network: NetworkArguments,
 }
 
 impl Program for Arguments {
-    fn network(&self) -> &NetworkArguments {
-        &self.network
-    }
-
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
         let drawing = self.drawing.0;
         VisualiserProcess { settings, drawing }.run(stop)?;

@@ -13,6 +13,7 @@ mod statistics;
 mod turns;
 mod value;
 
+pub(crate) use cut_nodes::cut_nodes;
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{ClaimRefused, PlanOutcome, Planning, Turn, plan};
 pub use value::{Utilities, betweenness};

@@ -18,11 +18,11 @@ use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
+use ros_runtime::exit::Failure;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::arguments::RunArguments;
 use crate::checked_plan::CheckedPlan;
-use crate::failure::Failure;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use display::{Display, progress_line};

@@ -14,12 +14,12 @@ use std::process::{Command, Stdio};
 use anyhow::{Context, anyhow};
 
 use ros_runtime::environment::{DiscoveryRange, Domain, Environment, Overrides};
+use ros_runtime::exit::{Failure, one_line};
 use ros_runtime::interfaces::{PARTICIPANTS_WITHOUT_MULTICAST, discovery_obstacle, interfaces};
 
 use super::processes::OTHER_PROCESSES;
 use crate::arguments::{MODULES_PER_PROCESS_MAX, RunArguments};
 use crate::console;
-use crate::failure::{Failure, one_line};
 
 /// The hidden option of a launcher that runs in a network namespace of its own.
 const PRIVATE_NETWORK_OPTION: &str = "--private-network";

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 use formation::event_log::{Entry, Scene};
 use formation::model::{ModuleId, ModulePhase, SpotId};
 use formation_report::{Ending, Fact, Subject, Summary, Tone};
+use ros_runtime::exit::{Failure, one_line};
 
 use super::recording::Recording;
 use super::report::{RunOutcome, RunReport};
 use crate::arguments::RunArguments;
 use crate::checked_plan::CheckedPlan;
-use crate::failure::{Failure, one_line};
 
 /// What the pictures of a run show: which module ended where, by the verdict where there is one.
 pub fn subject(

@@ -6,8 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use anyhow::{Context, anyhow};
-
-use crate::failure::Failure;
+use ros_runtime::exit::Failure;
 
 /// The programs that a run starts.
 pub const PROGRAMS: [&str; 4] = [

@@ -7,12 +7,12 @@ use formation::model::text::listed_in_full;
 use formation::model::{Assignment, ModuleId, SpotId};
 use formation::verify::{Outcome, outcome_text};
 use formation_report::Fact;
+use ros_runtime::exit::Failure;
 use serde::{Serialize, Serializer};
 
 use super::roles::Deaths;
 use super::run_loop::{Judgement, Observed};
 use crate::checked_plan::{CheckedPlan, PlanReport};
-use crate::failure::Failure;
 use crate::table::Table;
 
 /// More differences from the plan are counted only.

@@ -8,13 +8,13 @@ use anyhow::Context;
 use formation::model::ModuleId;
 use formation::model::text::ranges;
 use ros_runtime::environment::Environment;
+use ros_runtime::exit::Failure;
 
 use super::processes::Host;
 use super::programs::Programs;
 use super::roles::ProcessRoles;
 use super::supervisor::{Output, ProcessId, Supervisor};
 use crate::arguments::{MotionMode, RunArguments, Switch};
-use crate::failure::Failure;
 
 /// With more processes of modules than these, the endpoints of the parameter services make discovery too slow:
 /// 0.7 s for 17 and 1.6 s for 25 with them, 0.6 s and 1.1 s without, but 7.1 s for 40 against 3.4 s.

@@ -268,10 +268,10 @@ mod tests {
     fn resolved(arguments: &str) -> Result<Vec<Identity>, String> {
         let words = std::iter::once("test").chain(arguments.split_whitespace());
         let command = Command::try_parse_from(words).map_err(|error| error.to_string())?;
-        match command.modules.resolve() {
-            Ok(hosted) => Ok(hosted.modules),
-            Err(Failure::BadInput(error) | Failure::Failed(error)) => Err(error.to_string()),
-        }
+        let hosted = command.modules.resolve();
+        hosted
+            .map(|hosted| hosted.modules)
+            .map_err(|failure| failure.to_string())
     }
 
     fn list(text: &str) -> Result<Vec<u32>, String> {

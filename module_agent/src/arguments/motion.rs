@@ -74,13 +74,7 @@ impl Tunables for Motion {
     const HEADING: &'static str = "Motion";
 
     fn table() -> Vec<Tunable<Self>> {
-        let limit = |name, field: fn(&mut Self) -> &mut Duration, help| {
-            Tunable::new(name, seconds(), field, help).at_start(SET_UP)
-        };
-        let tolerance = |name, unit, field: fn(&mut Self) -> &mut MicroUnits, help| {
-            Tunable::new(name, micro_units(unit, 0.000_01, 1.0), field, help).at_start(SET_UP)
-        };
-        vec![
+        let mut table = vec![
             Tunable::new(
                 "motion",
                 choice("MODE"),
@@ -109,6 +103,22 @@ impl Tunables for Motion {
             )
             .at_start(SET_UP)
             .option("driver-frame"),
+        ];
+        table.extend(Self::limits());
+        table
+    }
+}
+
+impl Motion {
+    /// The limits and tolerances of external motion.
+    fn limits() -> [Tunable<Self>; 7] {
+        let limit = |name, field: fn(&mut Self) -> &mut Duration, help| {
+            Tunable::new(name, seconds(), field, help).at_start(SET_UP)
+        };
+        let tolerance = |name, unit, field: fn(&mut Self) -> &mut MicroUnits, help| {
+            Tunable::new(name, micro_units(unit, 0.000_01, 1.0), field, help).at_start(SET_UP)
+        };
+        [
             limit(
                 "external.first_pose_limit_s",
                 |own| &mut own.first_pose_limit,

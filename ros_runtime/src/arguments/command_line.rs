@@ -4,8 +4,10 @@ use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
-use clap::Parser;
+use clap::builder::Resettable;
+use clap::{Args, FromArgMatches, Parser};
 
+use super::network::NetworkArguments;
 use super::ros::RosArguments;
 use crate::exit::Failure;
 
@@ -16,32 +18,47 @@ const ROS_HELP: &str = "ROS 2 arguments:\n  \
     --ros-args ... [--]  what every ROS 2 node takes: -r FROM:=TO (__ns and __node included), -p NAME:=VALUE,\n                       \
     --params-file FILE, --log-level LEVEL, --disable-rosout-logs, --disable-stdout-logs";
 
-/// Parses the command line of this process. Asked for help or its version, or given an unknown argument, the process
-/// ends here.
+/// Parses the command line of this process: its own arguments, those of every node, and those for ROS 2. Asked for help
+/// or its version, or given an unknown argument, the process ends here.
 ///
 /// # Errors
 /// Names the ROS 2 argument or the parameter file that cannot be used.
-pub fn parse<A: Parser>() -> Result<(A, RosArguments), Failure> {
+pub fn parse<A: Parser>() -> Result<(A, NetworkArguments, RosArguments), Failure> {
     let read = |path: &Path| read_bounded(path, PARAMETER_FILE_BYTES_MAX);
     let (own, ros) =
         RosArguments::extract(std::env::args_os(), read).map_err(Failure::bad_input)?;
-    let matches = A::command().after_help(ROS_HELP).get_matches_from(own);
+    let program = A::command();
+    let [about, long_about] =
+        [program.get_about(), program.get_long_about()].map(|text| Resettable::from(text.cloned()));
+    let command = NetworkArguments::augment_args(program).after_help(ROS_HELP);
+    // The arguments of every node would replace what the program says about itself.
+    let command = command.about(about).long_about(long_about);
+    let matches = command.get_matches_from(own);
     let arguments = A::from_arg_matches(&matches).map_err(Failure::bad_input)?;
-    Ok((arguments, ros))
+    let network = NetworkArguments::from_arg_matches(&matches).map_err(Failure::bad_input)?;
+    Ok((arguments, network, ros))
 }
 
-/// Reads a text file of at most `bytes_max` bytes.
+/// Reads a text file of at most `bytes_max` bytes. The length of a pipe is unknown, so the limit applies to what is read.
 ///
 /// # Errors
 /// The file cannot be read, is no text, or is larger.
 pub fn read_bounded(path: &Path, bytes_max: u64) -> io::Result<String> {
-    let mut text = String::new();
-    let file = File::open(path)?;
-    file.take(bytes_max + 1).read_to_string(&mut text)?;
-    if text.len() as u64 > bytes_max {
-        return Err(io::Error::other(format!(
-            "is larger than {bytes_max} bytes"
-        )));
+    let file = File::open(path).map_err(|error| match error.kind() {
+        io::ErrorKind::NotFound => io::Error::other("there is no such file"),
+        _ => error,
+    })?;
+    if file.metadata()?.is_dir() {
+        return Err(io::Error::other("is a directory, not a file"));
     }
-    Ok(text)
+    let mut bytes = Vec::new();
+    file.take(bytes_max + 1).read_to_end(&mut bytes)?;
+    if bytes.len() as u64 > bytes_max {
+        let most = bytes_max >> 20;
+        return Err(io::Error::other(format!("is larger than {most} MiB")));
+    }
+    String::from_utf8(bytes).map_err(|error| {
+        let valid = error.utf8_error().valid_up_to();
+        io::Error::other(format!("is no UTF-8 text (byte {})", valid + 1))
+    })
 }

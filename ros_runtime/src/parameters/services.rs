@@ -1,8 +1,6 @@
 //! The six services through which tools reach the parameters of a node. All six must exist: tools consider a node that
 //! lacks one unreachable, and some wait without end.
 
-use futures::StreamExt;
-use futures::stream::LocalBoxStream;
 use ros2_client::ParameterValue;
 use ros2_client::parameters::raw;
 use ros2_client::rcl_interfaces::{
@@ -13,6 +11,7 @@ use ros2_client::rcl_interfaces::{
 };
 
 use super::store::{Apply, Parameters};
+use crate::inputs::Inputs;
 use crate::service::{Call, Service};
 use crate::session::{Session, SessionError};
 
@@ -45,35 +44,18 @@ pub(crate) enum ParameterRequest {
 }
 
 /// Serves all six.
-pub(crate) fn serve(
-    session: &mut Session,
-) -> Result<[LocalBoxStream<'static, ParameterRequest>; 6], SessionError> {
-    Ok([
-        session
-            .serve(&DESCRIBE)?
-            .map(ParameterRequest::Describe)
-            .boxed_local(),
-        session
-            .serve(&GET)?
-            .map(ParameterRequest::Get)
-            .boxed_local(),
-        session
-            .serve(&GET_TYPES)?
-            .map(ParameterRequest::GetTypes)
-            .boxed_local(),
-        session
-            .serve(&LIST)?
-            .map(ParameterRequest::List)
-            .boxed_local(),
-        session
-            .serve(&SET)?
-            .map(ParameterRequest::Set)
-            .boxed_local(),
-        session
-            .serve(&SET_ATOMICALLY)?
-            .map(ParameterRequest::SetAtomically)
-            .boxed_local(),
-    ])
+pub(crate) fn serve(session: &mut Session) -> Result<Inputs<ParameterRequest>, SessionError> {
+    let mut requests = Inputs::default();
+    requests.add(session.serve(&DESCRIBE)?, ParameterRequest::Describe);
+    requests.add(session.serve(&GET)?, ParameterRequest::Get);
+    requests.add(session.serve(&GET_TYPES)?, ParameterRequest::GetTypes);
+    requests.add(session.serve(&LIST)?, ParameterRequest::List);
+    requests.add(session.serve(&SET)?, ParameterRequest::Set);
+    requests.add(
+        session.serve(&SET_ATOMICALLY)?,
+        ParameterRequest::SetAtomically,
+    );
+    Ok(requests)
 }
 
 impl ParameterRequest {

@@ -99,17 +99,9 @@ impl Docking<'_> {
             let Some(route) = route_to(field, unit, goal)? else {
                 break;
             };
-            let body = &field.units[unit];
-            let way: Vec<usize> = route
-                .iter()
-                .flat_map(|&node| body.cells(field.arena, node))
-                .collect();
-            let cells = way.iter().chain(&pockets);
-            let others = cells.map(|&cell| field.standing[cell]);
-            let Some(other) = others
-                .into_iter()
-                .find(|&other| other != NO_UNIT && other != unit)
-            else {
+            let mut kept_free = field.way(unit, &route);
+            kept_free.extend(&pockets);
+            let Some(other) = field.first_other(unit, &kept_free) else {
                 if !field.move_to(unit, goal, parent)? {
                     break;
                 }
@@ -119,11 +111,12 @@ impl Docking<'_> {
             };
             let mut bans = self.bans(field);
             bans.units.push(unit);
-            for &cell in way.iter().chain(&pockets) {
+            for cell in kept_free {
                 bans.cells[cell] = true;
             }
             blamed = Some(other);
-            if !field.make_way(other, &bans, (!body.is_block()).then_some(unit))? {
+            let pushed = (!field.units[unit].is_block()).then_some(unit);
+            if !field.make_way(other, &bans, pushed)? {
                 break;
             }
         }
@@ -148,23 +141,9 @@ impl Docking<'_> {
             let (x, y) = field.arena.site(cell);
             x < low.0 || x > high.0 || y < low.1 || y > high.1
         };
-        let mut waiting: Vec<usize> = cells
-            .iter()
-            .copied()
-            .filter(|&cell| is_border(cell))
-            .collect();
-        waiting.retain(|&cell| !is_shut[cell]);
-        for &cell in &waiting {
-            is_shut[cell] = true;
-        }
-        while let Some(cell) = waiting.pop() {
-            for next in field.arena.neighbours(cell) {
-                if !is_shut[next] {
-                    is_shut[next] = true;
-                    waiting.push(next);
-                }
-            }
-        }
+        let border = cells.iter().copied();
+        let border = border.filter(|&cell| is_border(cell) && !is_shut[cell]);
+        field.arena.flood(border.collect(), &mut is_shut);
         cells.into_iter().filter(|&cell| !is_shut[cell]).collect()
     }
 }

@@ -4,7 +4,7 @@ use super::lattice::{Arena, FOREVER, Time};
 use super::route::{Errand, Routes, STEP};
 use super::sipp::{Entry, Query, Sipp};
 use super::table::{Table, Visit};
-use super::units::{Node, Unit};
+use super::units::{Node, Unit, node_count};
 
 /// No unit.
 pub(super) const NO_UNIT: usize = usize::MAX;
@@ -62,11 +62,7 @@ impl<'a> Field<'a> {
         timing: Timing,
         expansions_max: u64,
     ) -> Self {
-        let layouts = units
-            .iter()
-            .map(|unit| unit.layouts.len())
-            .max()
-            .unwrap_or(1);
+        let nodes = node_count(units, arena);
         let mut field = Self {
             arena,
             units,
@@ -75,8 +71,8 @@ impl<'a> Field<'a> {
             standing: vec![NO_UNIT; arena.area()],
             solid: arena.closed.clone(),
             docked: vec![None; units.len()],
-            sipp: Sipp::new(layouts * arena.area()),
-            routes: Routes::new(layouts * arena.area()),
+            sipp: Sipp::new(nodes),
+            routes: Routes::new(nodes),
             timing,
             expansions_max,
         };
@@ -129,6 +125,21 @@ impl<'a> Field<'a> {
         self.units[unit]
             .cells(self.arena, self.place(unit))
             .collect()
+    }
+
+    /// The cells of a unit along a route.
+    pub fn way(&self, unit: usize, route: &[Node]) -> Vec<usize> {
+        let body = &self.units[unit];
+        let nodes = route.iter();
+        nodes
+            .flat_map(|&node| body.cells(self.arena, node))
+            .collect()
+    }
+
+    /// The first other unit that stands on some cells.
+    pub fn first_other(&self, unit: usize, cells: &[usize]) -> Option<usize> {
+        let mut standing = cells.iter().map(|&cell| self.standing[cell]);
+        standing.find(|&other| other != NO_UNIT && other != unit)
     }
 
     /// Docks a unit where it stands.

@@ -1,8 +1,8 @@
 //! Groups: modules that are docked to each other at the start and come onto the lattice as one body.
 
-use super::lattice::{Lattice, Point, Site, Time, point};
-use super::start::StartFault;
-use super::turning::{angle_of, by_quarters, off_quarter, quarters, rotated, shortest};
+use super::lattice::{Lattice, Site, Time, nearest_to_all, point, reach};
+use super::result::StartFault;
+use super::turning::{Point, angle_of, by_quarters, off_quarter, quarters, rotated, shortest};
 use crate::model::{MICRO_PER_UNIT, PlanningProblem, Pose};
 
 /// The phases in which a group comes onto the lattice.
@@ -11,6 +11,20 @@ pub(super) enum Phase {
     Turn,
     Column,
     Row,
+}
+
+impl Phase {
+    /// All of them, in order.
+    pub const ALL: [Self; 3] = [Self::Turn, Self::Column, Self::Row];
+
+    /// The phase before a shift.
+    pub fn before_shift(self) -> Self {
+        if self == Self::Row {
+            Self::Column
+        } else {
+            Self::Turn
+        }
+    }
 }
 
 /// One step of a group onto the lattice.
@@ -190,15 +204,9 @@ impl Group {
             Phase::Turn => vec![self.circle()],
             Phase::Column | Phase::Row => members
                 .map(|member| {
-                    let before = if phase == Phase::Row {
-                        Phase::Column
-                    } else {
-                        Phase::Turn
-                    };
-                    hull(
-                        square(self.position_after(member, before)),
-                        square(self.position_after(member, phase)),
-                    )
+                    let ends = [phase.before_shift(), phase];
+                    let [from, to] = ends.map(|end| square(self.position_after(member, end)));
+                    hull(from, to)
                 })
                 .collect(),
         }
@@ -225,20 +233,10 @@ impl Group {
 
 /// The member that is nearest to all others, and how far their corners reach from its middle, rounded up.
 fn centre_of(cells: &[Site]) -> (usize, i64) {
-    let reach = |&(x, y): &Site| {
-        let corner = |other: &Site| {
-            let (right, up) = (2 * (other.0 - x).abs() + 1, 2 * (other.1 - y).abs() + 1);
-            right * right + up * up
-        };
-        cells.iter().map(corner).max().unwrap_or_default()
-    };
-    let nearest = (0..cells.len()).min_by_key(|&member| (reach(&cells[member]), member));
-    let member = nearest.unwrap_or_default();
-    let square = i128::from(reach(&cells[member])) * i128::from(HALF) * i128::from(HALF);
-    (
-        member,
-        i64::try_from(square.isqrt() + 1).unwrap_or(i64::MAX),
-    )
+    let (member, reach) = nearest_to_all(cells.len(), |member| reach(cells, member));
+    let square = i128::from(reach) * i128::from(HALF) * i128::from(HALF);
+    let radius = i64::try_from(square.isqrt() + 1).unwrap_or(i64::MAX);
+    (member, radius)
 }
 
 /// The quarter turns, beyond those to the nearest axes, that bring a group into the layout of its spots.

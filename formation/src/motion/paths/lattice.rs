@@ -1,7 +1,7 @@
 //! The lattice that the target spans, and the arena: the cells of it that the motion may use.
 
 use super::result::{Area, FIELD_CELLS_MAX, MotionError};
-use super::turning::off_quarter;
+use super::turning::{Point, off_quarter};
 use crate::model::{MICRO_PER_UNIT, MicroUnits, Pose, Target};
 
 /// Plan time; one step takes one unit of it.
@@ -12,9 +12,6 @@ pub(super) const FOREVER: Time = Time::MAX;
 
 /// A cell of the lattice: column and row, counted from the first spot's.
 pub(super) type Site = (i64, i64);
-
-/// A point in micro-units.
-pub(super) type Point = (i64, i64);
 
 /// The unit lattice on whose cells the spots lie.
 #[derive(Clone, Copy, Debug)]
@@ -149,18 +146,14 @@ impl Arena {
             let (x, y) = (cell % width, cell / width);
             arena.closed[cell] = x == 0 || y == 0 || x + 1 == width || y + 1 == height;
         }
-        let corners = |area: &Area| ((area.low.0.0, area.low.1.0), (area.high.0.0, area.high.1.0));
         for area in obstacles {
-            let (low, high) = corners(area);
-            arena
-                .cells_between(lattice.covered(low, high))
-                .into_iter()
-                .for_each(|cell| {
-                    arena.closed[cell] = true;
-                });
+            let (low, high) = area.corners();
+            for cell in arena.cells_between(lattice.covered(low, high)) {
+                arena.closed[cell] = true;
+            }
         }
         if let Some(walls) = walls {
-            let (low, high) = corners(&walls);
+            let (low, high) = walls.corners();
             for cell in 0..arena.closed.len() {
                 let middle = lattice.point(arena.site(cell));
                 let half = MICRO_PER_UNIT / 2;
@@ -211,6 +204,26 @@ impl Arena {
             .map(move |&step| cell.wrapping_add_signed(step))
     }
 
+    /// The cells that are connected to some cells past shut ones, those cells included, which may be shut. All of them are
+    /// shut afterwards.
+    pub fn flood(&self, from: Vec<usize>, is_shut: &mut [bool]) -> Vec<usize> {
+        let mut found = from;
+        for &cell in &found {
+            is_shut[cell] = true;
+        }
+        let mut next = 0;
+        while let Some(&cell) = found.get(next) {
+            next += 1;
+            for neighbour in self.neighbours(cell) {
+                if !is_shut[neighbour] {
+                    is_shut[neighbour] = true;
+                    found.push(neighbour);
+                }
+            }
+        }
+        found
+    }
+
     /// The steps between two cells if none is closed.
     pub fn distance(&self, from: usize, to: usize) -> Time {
         let columns = (from % self.width).abs_diff(to % self.width);
@@ -228,4 +241,22 @@ pub(super) fn bounds(sites: &[Site]) -> (Site, Site) {
         high = (high.0.max(site.0), high.1.max(site.1));
     }
     (low, high)
+}
+
+/// How far the corners of some cells are from the middle of one of them: the square of the greatest distance, in
+/// quarters of a cell's side squared.
+pub(super) fn reach(cells: &[Site], middle: usize) -> i64 {
+    let (x, y) = cells[middle];
+    let corner = |cell: &Site| {
+        let (right, up) = (2 * (cell.0 - x).abs() + 1, 2 * (cell.1 - y).abs() + 1);
+        right * right + up * up
+    };
+    cells.iter().map(corner).max().unwrap_or_default()
+}
+
+/// The first of `count` members with the least reach, and its reach.
+pub(super) fn nearest_to_all(count: usize, reach: impl Fn(usize) -> i64) -> (usize, i64) {
+    let members = (0..count).map(|member| (reach(member), member));
+    let (reach, member) = members.min().unwrap_or_default();
+    (member, reach)
 }

@@ -103,21 +103,14 @@ impl Field<'_> {
         self.check_budget()?;
         let Some(route) = route else { return Ok(false) };
         let goal = route[route.len() - 1];
-        let way: Vec<usize> = route
-            .iter()
-            .flat_map(|&node| body.cells(arena, node))
-            .collect();
+        let way = self.way(unit, &route);
         let mut bans = bans.clone();
         bans.units.push(unit);
         for &cell in &way {
             bans.cells[cell] = true;
         }
         for _ in 0..ROUNDS_MAX {
-            let met = way.iter().map(|&cell| self.standing[cell]);
-            let Some(other) = met
-                .into_iter()
-                .find(|&other| other != NO_UNIT && other != unit)
-            else {
+            let Some(other) = self.first_other(unit, &way) else {
                 return self.move_to(unit, goal, 0);
             };
             let is_single = !self.units[other].is_block();

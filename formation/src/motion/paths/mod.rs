@@ -12,6 +12,7 @@
 //!
 //! All decisions are made on whole numbers and the budget counts search nodes, so all replicas find the same plan.
 
+mod attempts;
 mod diagnose;
 mod docking;
 mod field;
@@ -34,9 +35,8 @@ mod workshop;
 
 pub use result::{
     Area, FIELD_CELLS_MAX, ModuleMotion, MotionError, MotionParameters, MotionPlan, MotionRequest,
-    Obstruction, OrderKind, Step, StepKind, UnitMotion, Variant, Wait, Waypoint,
+    Obstruction, OrderKind, StartFault, Step, StepKind, UnitMotion, Variant, Wait, Waypoint,
 };
-pub use start::StartFault;
 
 use workshop::Workshop;
 

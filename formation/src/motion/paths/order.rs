@@ -6,9 +6,10 @@
 
 use std::cmp::Reverse;
 
-use super::lattice::Arena;
+use super::lattice::{Arena, Site};
 use super::result::OrderKind;
 use super::units::{Unit, split};
+use crate::planner::cut_nodes;
 
 /// Units in the order in which they dock, pinned ones first.
 #[derive(Clone, Debug)]
@@ -38,7 +39,7 @@ pub(super) struct Formation<'a> {
     /// The units that share an edge of the target with each unit, ascending.
     pub by_edges: &'a [Vec<usize>],
     /// The lowest and the highest column and row of the target.
-    pub target: (super::lattice::Site, super::lattice::Site),
+    pub target: (Site, Site),
 }
 
 impl Formation<'_> {
@@ -287,85 +288,31 @@ impl<'a> Rest<'a> {
         is_out
     }
 
-    /// Which units would part what is left if they went: the articulation points (Tarjan 1972).
+    /// Which units would part what is left if they went.
     fn cut_units(&self, neighbours: &[Vec<usize>]) -> Vec<bool> {
-        let count = self.is_left.len();
-        let mut cut = vec![false; count];
-        // 0 is "not seen"; numbers begin at 1.
-        let mut number = vec![0_usize; count];
-        let mut lowest = vec![0_usize; count];
-        let mut next_number = 1;
-        for start in (0..count).filter(|&unit| self.is_left[unit]) {
-            if number[start] != 0 {
-                continue;
-            }
-            number[start] = next_number;
-            lowest[start] = next_number;
-            next_number += 1;
-            let mut children_of_start = 0;
-            // Unit, its parent, and how many of its neighbours have been looked at.
-            let mut stack = vec![(start, usize::MAX, 0_usize)];
-            while let Some(&mut (unit, parent, ref mut looked_at)) = stack.last_mut() {
-                let neighbour = neighbours[unit].get(*looked_at).copied();
-                *looked_at += 1;
-                match neighbour {
-                    Some(other) if other == parent || !self.is_left[other] => {}
-                    Some(other) if number[other] != 0 => {
-                        lowest[unit] = lowest[unit].min(number[other]);
-                    }
-                    Some(other) => {
-                        number[other] = next_number;
-                        lowest[other] = next_number;
-                        next_number += 1;
-                        stack.push((other, unit, 0));
-                    }
-                    None => {
-                        stack.pop();
-                        if parent == usize::MAX {
-                            continue;
-                        }
-                        lowest[parent] = lowest[parent].min(lowest[unit]);
-                        if parent == start {
-                            children_of_start += 1;
-                        } else if lowest[unit] >= number[parent] {
-                            cut[parent] = true;
-                        }
-                    }
-                }
-            }
-            cut[start] = children_of_start > 1;
-        }
-        cut
+        cut_nodes(
+            self.is_left.len(),
+            |unit| self.is_left[unit],
+            |unit, index| neighbours[unit].get(index).copied(),
+        )
     }
 }
 
 /// The cells of the largest connected region that is not taken; of equal ones the first.
 fn largest_region(arena: &Arena, taken: &[bool]) -> Vec<bool> {
-    let mut region = vec![0_usize; taken.len()];
-    let (mut best, mut best_size, mut number) = (0, 0, 0);
+    let mut is_shut = taken.to_vec();
+    let mut largest = Vec::new();
     for start in 0..taken.len() {
-        if taken[start] || region[start] != 0 {
-            continue;
-        }
-        number += 1;
-        let mut size = 0;
-        let mut waiting = vec![start];
-        region[start] = number;
-        while let Some(cell) = waiting.pop() {
-            size += 1;
-            for next in arena.neighbours(cell) {
-                if !taken[next] && region[next] == 0 {
-                    region[next] = number;
-                    waiting.push(next);
-                }
+        if !is_shut[start] {
+            let region = arena.flood(vec![start], &mut is_shut);
+            if region.len() > largest.len() {
+                largest = region;
             }
         }
-        if size > best_size {
-            (best, best_size) = (number, size);
-        }
     }
-    region
-        .iter()
-        .map(|&number| number != 0 && number == best)
-        .collect()
+    let mut is_largest = vec![false; taken.len()];
+    for cell in largest {
+        is_largest[cell] = true;
+    }
+    is_largest
 }

@@ -2,12 +2,12 @@
 
 use super::field::Field;
 use super::group::{Group, Phase};
-use super::lattice::{Lattice, Point, Time};
+use super::lattice::{Lattice, Time};
 use super::order::Order;
 use super::result::{ModuleMotion, MotionPlan, Step, StepKind, UnitMotion, Wait, Waypoint};
-use super::route::{Errand, STEP};
-use super::turning::{angle_of, quarters, shortest};
-use super::units::{Node, Unit, split};
+use super::route::{Errand, Routes, STEP};
+use super::turning::{Point, angle_of, quarters, shortest};
+use super::units::{Node, Unit, node_count, split};
 use super::variants::Solution;
 use super::waits::{Graph, UnitWait};
 use super::workshop::Workshop;
@@ -80,13 +80,7 @@ impl Draft<'_> {
                 solid[cell] = true;
             }
         }
-        let nodes = field
-            .units
-            .iter()
-            .map(|unit| unit.layouts.len())
-            .max()
-            .unwrap_or(1);
-        let mut routes = super::route::Routes::new(nodes * arena.area());
+        let mut routes = Routes::new(node_count(field.units, arena));
         let mut steps = |unit: &Unit| {
             let goal = unit.goal.filter(|_| !unit.pinned)?;
             let errand = Errand {

@@ -2,7 +2,6 @@
 
 use thiserror::Error;
 
-use super::start::StartFault;
 use crate::model::{MicroUnits, ModuleId, Plan, PlanningProblem, Pose, SpotId};
 
 /// A rectangle with sides along the axes of the frame.
@@ -12,6 +11,14 @@ pub struct Area {
     pub low: (MicroUnits, MicroUnits),
     /// The corner with the larger coordinates.
     pub high: (MicroUnits, MicroUnits),
+}
+
+impl Area {
+    /// Both corners, in micro-units.
+    pub(super) fn corners(&self) -> ((i64, i64), (i64, i64)) {
+        let point = |corner: (MicroUnits, MicroUnits)| (corner.0.0, corner.1.0);
+        (point(self.low), point(self.high))
+    }
 }
 
 /// How much work the planner may do, and how exact the poses must be.
@@ -191,6 +198,34 @@ impl MotionPlan {
     #[must_use]
     pub fn shortest_step_count(&self) -> u64 {
         self.units.iter().map(|unit| u64::from(unit.shortest)).sum()
+    }
+}
+
+/// What keeps a module from a start without contact.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum StartFault {
+    /// The bodies overlap, or one reaches into the circle in which the other turns.
+    #[error("{0} and {1} are too close")]
+    NotApart(ModuleId, ModuleId),
+    /// The two come to the same cell, or need each other's place on their way to it.
+    #[error("{0} and {1} contest a cell")]
+    SharedCell(ModuleId, ModuleId),
+    /// The module is docked to others but not on a common lattice with the first of them.
+    #[error("{0} is docked but off the lattice of {1}")]
+    OffGroup(ModuleId, ModuleId),
+    /// The module stands on an obstacle or beyond the walls.
+    #[error("{0} is on an obstacle or beyond the walls")]
+    Covered(ModuleId),
+}
+
+impl StartFault {
+    /// The modules that the fault names.
+    #[must_use]
+    pub fn modules(&self) -> Vec<ModuleId> {
+        match *self {
+            Self::NotApart(one, other) | Self::SharedCell(one, other) => vec![one, other],
+            Self::OffGroup(module, _) | Self::Covered(module) => vec![module],
+        }
     }
 }
 

@@ -5,53 +5,11 @@
 //! the start, and no other body reaches into the circle of a group that turns, then no two groups meet: rounding
 //! keeps the order of two bodies in a row, and a group that moves to the right waits for the one on its right.
 
-use std::fmt;
-
 use super::group::{Alignment, Group, HALF, Phase, Rectangle, overlap, square};
-use super::lattice::{Lattice, Point, point};
-use crate::model::{MicroUnits, ModuleId, PlanningProblem, Pose};
-
-/// What keeps a module from a start without contact.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub enum StartFault {
-    /// The bodies overlap, or one reaches into the circle in which the other turns.
-    NotApart(ModuleId, ModuleId),
-    /// The two come to the same cell, or need each other's place on their way to it.
-    SharedCell(ModuleId, ModuleId),
-    /// The module is docked to others but not on a common lattice with the first of them.
-    OffGroup(ModuleId, ModuleId),
-    /// The module stands on an obstacle or beyond the walls.
-    Covered(ModuleId),
-}
-
-impl fmt::Display for StartFault {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NotApart(one, other) => write!(formatter, "{one} and {other} are too close"),
-            Self::SharedCell(one, other) => write!(formatter, "{one} and {other} contest a cell"),
-            Self::OffGroup(module, first) => {
-                write!(
-                    formatter,
-                    "{module} is docked but off the lattice of {first}"
-                )
-            }
-            Self::Covered(module) => {
-                write!(formatter, "{module} is on an obstacle or beyond the walls")
-            }
-        }
-    }
-}
-
-impl StartFault {
-    /// The modules that the fault names.
-    #[must_use]
-    pub fn modules(&self) -> Vec<ModuleId> {
-        match *self {
-            Self::NotApart(one, other) | Self::SharedCell(one, other) => vec![one, other],
-            Self::OffGroup(module, _) | Self::Covered(module) => vec![module],
-        }
-    }
-}
+use super::lattice::{Lattice, point};
+use super::result::StartFault;
+use super::turning::Point;
+use crate::model::{MicroUnits, PlanningProblem, Pose};
 
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
@@ -105,38 +63,26 @@ fn groups_of(
     let mut groups = Vec::new();
     let mut faults = Vec::new();
     let mut is_grouped = vec![false; problem.modules().len()];
+    let mut bodies: Vec<Vec<usize>> = Vec::new();
     for configuration in problem.configurations() {
         let members = configuration.modules.iter();
         let modules: Vec<usize> = members.filter_map(|&id| problem.position_of(id)).collect();
         for &module in &modules {
             is_grouped[module] = true;
         }
-        let spots = spots_of(&modules);
-        match Group::of(problem, modules, spots.as_deref(), lattice, tolerance.0) {
-            Ok(group) => groups.push(group),
-            Err(fault) => faults.push(fault),
-        }
+        bodies.push(modules);
     }
     for (module, member) in problem.modules().iter().enumerate() {
         if let Some(spot) = member.pin.and_then(|pin| problem.target().spot(pin)) {
-            groups.push(Group::standing(
-                module,
-                lattice.site(point(&spot.pose)),
-                lattice,
-            ));
-            continue;
+            let site = lattice.site(point(&spot.pose));
+            groups.push(Group::standing(module, site, lattice));
+        } else if !is_grouped[module] {
+            bodies.push(vec![module]);
         }
-        if is_grouped[module] {
-            continue;
-        }
-        let spots = spots_of(&[module]);
-        match Group::of(
-            problem,
-            vec![module],
-            spots.as_deref(),
-            lattice,
-            tolerance.0,
-        ) {
+    }
+    for modules in bodies {
+        let spots = spots_of(&modules);
+        match Group::of(problem, modules, spots.as_deref(), lattice, tolerance.0) {
             Ok(group) => groups.push(group),
             Err(fault) => faults.push(fault),
         }
@@ -220,7 +166,7 @@ fn schedule(
     let mut waits: Vec<(usize, Phase, usize, Phase)> = Vec::new();
     for &(one, other) in pairs {
         for (waiting, first) in [(one, other), (other, one)] {
-            for phase in [Phase::Turn, Phase::Column, Phase::Row] {
+            for phase in Phase::ALL {
                 let swept = groups[waiting].swept(phase);
                 let meets = |rectangles: &[Rectangle]| {
                     let slack = tolerance;
@@ -283,11 +229,6 @@ fn schedule(
 
 /// Whether a group that shifts in a phase would reach the place that another leaves in the same phase.
 fn must_follow(group: &Group, ahead: &Group, phase: Phase) -> bool {
-    let before = if phase == Phase::Row {
-        Phase::Column
-    } else {
-        Phase::Turn
-    };
     let along = |point: Point| {
         if phase == Phase::Row {
             point.1
@@ -304,7 +245,7 @@ fn must_follow(group: &Group, ahead: &Group, phase: Phase) -> bool {
             .map(|member| square(of.position_after(member, phase)))
             .collect()
     };
-    let rest = bodies(ahead, before);
+    let rest = bodies(ahead, phase.before_shift());
     bodies(group, phase)
         .iter()
         .any(|body| rest.iter().any(|other| overlap(body, other, 0)))

@@ -1,6 +1,7 @@
 //! Angles in micro-radians and the rotation of points, in whole numbers.
 
-use super::lattice::Point;
+/// A point in micro-units.
+pub(super) type Point = (i64, i64);
 
 /// A quarter turn in units of 10^-10 radians.
 const QUARTER: i64 = 15_707_963_268;

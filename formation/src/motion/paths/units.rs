@@ -1,6 +1,6 @@
 //! Units, their layouts and the discs in which blocks fold.
 
-use super::lattice::{Arena, Site, Time};
+use super::lattice::{Arena, Site, Time, nearest_to_all, reach};
 
 /// A place of a unit: a layout and the cell under the middle of it, as one number.
 ///
@@ -82,7 +82,12 @@ impl Unit {
             let (x, y) = cells[middle];
             cells.iter().map(|cell| (cell.0 - x, cell.1 - y)).collect()
         };
-        let (middle, reach) = middle_of(starts, goals.unwrap_or(starts));
+        let ends = [starts, goals.unwrap_or(starts)];
+        // The member from whose cell the corners of both layouts are nearest.
+        let (middle, reach) = nearest_to_all(starts.len(), |middle| {
+            let [start, goal] = ends.map(|cells| reach(cells, middle));
+            start.max(goal)
+        });
         let first = around(starts, middle);
         let node = |cells: &[Site]| arena.cell(cells[middle]).unwrap_or_default();
         let mut unit = Self {
@@ -143,29 +148,18 @@ impl Unit {
     }
 }
 
+/// The nodes of some units are below this number.
+pub(super) fn node_count(units: &[Unit], arena: &Arena) -> usize {
+    let layouts = units.iter().map(|unit| unit.layouts.len()).max();
+    layouts.unwrap_or(1) * arena.area()
+}
+
 /// The layout and the cell of a node.
 pub(super) fn split(arena: &Arena, node: Node) -> (usize, usize) {
     if node < arena.area() {
         return (0, node);
     }
     (node / arena.area(), node % arena.area())
-}
-
-/// The member from whose cell the corners of both layouts are nearest, and the square of their distance in quarters of
-/// a cell's side squared.
-fn middle_of(starts: &[Site], goals: &[Site]) -> (usize, i64) {
-    let reach = |cells: &[Site], middle: usize| {
-        let (x, y) = cells[middle];
-        let corner = |cell: &Site| {
-            let (right, up) = (2 * (cell.0 - x).abs() + 1, 2 * (cell.1 - y).abs() + 1);
-            right * right + up * up
-        };
-        cells.iter().map(corner).max().unwrap_or_default()
-    };
-    let both = |middle: usize| reach(starts, middle).max(reach(goals, middle));
-    let middle = (0..starts.len()).min_by_key(|&middle| (both(middle), middle));
-    let middle = middle.unwrap_or_default();
-    (middle, both(middle))
 }
 
 /// The cells that a circle round the middle of a cell touches, given the square of its radius.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use super::field::Field;
 use super::group::{Group, Phase};
-use super::lattice::{Lattice, Time};
+use super::lattice::{Arena, Lattice, Time};
 use super::order::Order;
 use super::units::Unit;
 
@@ -12,14 +12,10 @@ use super::units::Unit;
 pub(super) type UnitWait = (u32, usize, u32);
 
 /// The groups that sweep each cell on their way onto the lattice.
-pub(super) fn aligners(
-    groups: &[Group],
-    lattice: &Lattice,
-    arena: &super::lattice::Arena,
-) -> Vec<Vec<usize>> {
+pub(super) fn aligners(groups: &[Group], lattice: &Lattice, arena: &Arena) -> Vec<Vec<usize>> {
     let mut sweeping = vec![Vec::new(); arena.area()];
     for (index, group) in groups.iter().enumerate() {
-        for phase in [Phase::Turn, Phase::Column, Phase::Row] {
+        for phase in Phase::ALL {
             for (low, high) in group.swept(phase) {
                 for cell in arena.cells_between(lattice.covered(low, high)) {
                     if sweeping[cell].last() != Some(&index) {

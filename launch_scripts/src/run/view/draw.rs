@@ -4,11 +4,11 @@ use std::time::Duration;
 
 use ::console::truncate_str;
 use formation::model::FormationStage;
+use ros_runtime::exit::one_line;
 
 use super::map::map;
 use super::style::{FIRST_COLOUR, Paint, Style};
 use super::watched::{LOG_MAX, Waiting, Watched, numbers};
-use crate::failure::one_line;
 
 /// How large a terminal is.
 #[derive(Clone, Copy, Debug)]
