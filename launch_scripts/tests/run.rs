@@ -1,7 +1,7 @@
 //! `formation run` as a user meets it, with shell scripts in place of the nodes: how it starts, watches and stops
 //! processes, whatever they do. What the real ones do together is tested elsewhere.
 
-use std::fs::{self, Permissions};
+use std::fs::{self, File, Permissions};
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output, Stdio};
@@ -343,16 +343,18 @@ fn the_process_that_failed_is_named_with_its_last_lines() {
 #[test]
 fn a_death_without_a_spare_leaves_a_hole_with_a_name() {
     // As the verifier sees it: one spot is left to one module.
-    let wait = "while [ ! -e \"$(dirname \"$0\")/died\" ]; do sleep 0.02; done\nsleep 0.5\n";
+    let wait =
+        "until grep -q 'continues without it' \"$(dirname \"$0\")/log\"; do sleep 0.02; done\n";
     let verdict = judges(Outcome::Partial, &[(7, 1)], &[2]);
     let sandbox = Sandbox::new(&[wait, &verdict, POLITE].concat());
     sandbox.program(
         "module_agent",
-        "case \"$*\" in *'--module 8 '*) touch \"$(dirname \"$0\")/died\"; kill -9 $$;; esac; exec sleep 60",
+        "case \"$*\" in *'--module 8 '*) kill -9 $$;; esac; exec sleep 60",
     );
-    let finished = sandbox.run(&["--json"]);
-    assert_eq!(finished.status, Some(1), "{}", finished.stderr);
-    let stderr = &finished.stderr;
+    let log = File::create(sandbox.path("log")).unwrap();
+    let launcher = sandbox.command(&["--json"]).stderr(log).output().unwrap();
+    let stderr = fs::read_to_string(sandbox.path("log")).unwrap();
+    assert_eq!(launcher.status.code(), Some(1), "{stderr}");
     assert!(
         stderr.contains("module_agent of module 8 ended with signal: 9 (SIGKILL) after "),
         "{stderr}"
@@ -363,7 +365,7 @@ fn a_death_without_a_spare_leaves_a_hole_with_a_name() {
         ),
         "{stderr}"
     );
-    let json: Value = serde_json::from_str(&finished.stdout).unwrap();
+    let json: Value = serde_json::from_slice(&launcher.stdout).unwrap();
     assert_eq!(json["verdict"], "PARTIAL");
     assert_eq!(json["open_spots"], serde_json::json!([2]));
     let dead = &json["dead"][0];

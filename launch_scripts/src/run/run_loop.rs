@@ -206,6 +206,7 @@ impl RunLoop<'_, '_> {
 
 #[cfg(test)]
 mod tests {
+    use std::path::Path;
     use std::process::Command;
 
     use formation::model::text::listed_in_full;
@@ -344,14 +345,23 @@ mod tests {
         }
     }
 
+    /// Two scripts: one kills itself, the other waits until the supervisor has found that.
+    fn dies_and_awaits_death(directory: &Path) -> [String; 2] {
+        let died = directory.join("died");
+        let died = died.display();
+        [
+            format!("echo $$ > {died}.part; mv {died}.part {died}; kill -9 $$"),
+            // A process that ended keeps its number until its parent has waited for it.
+            format!("until [ -e {died} ] && ! kill -0 $(cat {died}) 2>&-; do sleep 0.02; done"),
+        ]
+    }
+
     #[test]
     fn a_run_continues_without_some_agents_and_ends_with_the_last() {
-        let (end, observed, supervisor) = run(&[
-            "exec sleep 30",
-            "exec sleep 30",
-            "kill -9 $$",
-            "sleep 0.5; kill -9 $$",
-        ]);
+        let directory = tempfile::tempdir().unwrap();
+        let [dies, awaits_death] = dies_and_awaits_death(directory.path());
+        let last = awaits_death + "; kill -9 $$";
+        let (end, observed, supervisor) = run(&["exec sleep 30", "exec sleep 30", &dies, &last]);
         let RunEnd::NoAgentLeft(process, status) = end else {
             panic!("expected that no agent is left, got {end:?}");
         };
@@ -360,7 +370,7 @@ mod tests {
         assert_eq!(listed_in_full(observed.deaths.modules()), "modules 1-2");
         let first = observed.deaths.iter().next().unwrap().to_string();
         assert!(
-            first.starts_with("process 2 ended with signal: 9 (SIGKILL) after 0."),
+            first.starts_with("process 2 ended with signal: 9 (SIGKILL) after "),
             "{first}"
         );
     }
@@ -368,10 +378,9 @@ mod tests {
     #[test]
     fn a_verdict_that_relies_on_the_dead_is_not_final() {
         let directory = tempfile::tempdir().unwrap();
-        let died = directory.path().join("died").display().to_string();
+        let [dies, awaits_death] = dies_and_awaits_death(directory.path());
         let verifier = [
-            format!("while [ ! -e {died} ]; do sleep 0.02; done"),
-            "sleep 1".to_owned(),
+            awaits_death,
             verdict(Outcome::Complete, 1),
             verdict(Outcome::Failed, 1),
             verdict(Outcome::Complete, 2),
@@ -380,7 +389,7 @@ mod tests {
         let (end, observed, _) = run(&[
             &verifier.join("\n"),
             "exec sleep 30",
-            &format!("touch {died}; kill -9 $$"),
+            &dies,
             "exec sleep 30",
         ]);
         assert_eq!(judged(end).assignments[0].module, ModuleId(2));
