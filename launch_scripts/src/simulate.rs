@@ -63,8 +63,8 @@ fn campaign_parameters(arguments: &SimulateArguments) -> Result<CampaignParamete
     };
     Ok(CampaignParameters {
         faults: arguments.faults,
-        modules_min: arguments.modules.min,
-        modules_max: arguments.modules.max,
+        modules_min: arguments.modules.0,
+        modules_max: arguments.modules.1,
         problem,
         transcripts: arguments.seeds == 1,
         ..CampaignParameters::default()
@@ -295,10 +295,7 @@ impl Campaign {
 fn replay(arguments: &SimulateArguments, seed: u64) -> String {
     let what = match &arguments.scenario {
         Some(path) => quoted(path),
-        None => format!(
-            "--modules {}-{}",
-            arguments.modules.min, arguments.modules.max
-        ),
+        None => format!("--modules {}-{}", arguments.modules.0, arguments.modules.1),
     };
     format!(
         "formation simulate {what} --faults {} --first-seed {seed} --seeds 1",

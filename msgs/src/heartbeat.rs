@@ -1,5 +1,7 @@
 //! What travels on `heartbeats`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model;
 use formation::model::{Incarnation, ModuleId};
 use serde::{Deserialize, Serialize};
@@ -13,7 +15,6 @@ use crate::standard::Duration;
 
 /// See `ModuleHeartbeat.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct ModuleHeartbeat {
     pub module_id: u32,
     pub incarnation: u64,
@@ -29,7 +30,6 @@ pub struct ModuleHeartbeat {
 
 /// See `Heartbeat.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Heartbeat {
     pub modules: Vec<ModuleHeartbeat>,
 }

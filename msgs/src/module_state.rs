@@ -1,5 +1,7 @@
 //! What travels on `module_states`, and the parts of it that other messages use too.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model::{
     self, ConfigurationId, Incarnation, ModuleId, ModulePhase, Service, SpotId,
 };
@@ -14,7 +16,6 @@ use crate::standard::Header;
 
 /// See `CausalMark.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct CausalMark {
     pub module_id: u32,
     pub sequence: u64,
@@ -22,7 +23,6 @@ pub struct CausalMark {
 
 /// See `ModuleState.msg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct ModuleState {
     pub module_id: u32,
     pub incarnation: u64,
@@ -48,13 +48,11 @@ pub struct ModuleState {
 
 /// See `ModuleStates.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct ModuleStates {
     pub header: Header,
     pub modules: Vec<ModuleState>,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constant")]
 impl ModuleState {
     pub const NONE: u32 = NONE;
 }

@@ -1,5 +1,7 @@
 //! What travels on `roster`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use std::sync::Arc;
 
 use formation::model::{
@@ -17,7 +19,6 @@ use crate::target::TargetConfiguration;
 
 /// See `RosterMember.msg`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct RosterMember {
     pub module_id: u32,
     pub incarnation: u64,
@@ -33,7 +34,6 @@ pub struct RosterMember {
 
 /// See `Roster.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Roster {
     pub epoch: Epoch,
     pub stage: u8,
@@ -43,12 +43,10 @@ pub struct Roster {
     pub quorum_bases: Vec<QuorumBasis>,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl RosterMember {
     pub const NONE: u32 = NONE;
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl Roster {
     pub const STAGE_GATHER: u8 = 1;
     pub const STAGE_PLAN: u8 = 2;

@@ -1,5 +1,7 @@
 //! What travels on `target`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use std::sync::Arc;
 
 use formation::model::{
@@ -15,7 +17,6 @@ use crate::standard::Header;
 
 /// See `Spot.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Spot {
     pub id: u32,
     pub x: f64,
@@ -25,7 +26,6 @@ pub struct Spot {
 
 /// See `Edge.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Edge {
     pub first: u32,
     pub second: u32,
@@ -33,7 +33,6 @@ pub struct Edge {
 
 /// See `PlannerParameters.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct PlannerParameters {
     pub policy: u8,
     pub order: u8,
@@ -48,7 +47,6 @@ pub struct PlannerParameters {
 
 /// See `TargetConfiguration.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct TargetConfiguration {
     pub header: Header,
     pub revision: u64,
@@ -60,7 +58,6 @@ pub struct TargetConfiguration {
     pub planner: PlannerParameters,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl PlannerParameters {
     pub const D_MAX_UNBOUNDED: i32 = -1;
 }
