@@ -108,7 +108,8 @@ pub struct MotionArguments {
     /// The speed of simulated modules, in units a second.
     #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
     pub speed: f64,
-    /// What moves the modules [default: simulated; external with --driver]
+    /// What moves the modules: their processes, as if each went straight to its goal, or a driver for each over topics
+    /// [default: simulated; external with --driver]
     #[arg(long, value_name = "MODE", value_parser = [SIMULATED, EXTERNAL])]
     motion: Option<String>,
     /// A shell command that drives all modules; the run starts and stops it.
@@ -120,7 +121,7 @@ pub struct MotionArguments {
 }
 
 impl MotionArguments {
-    /// What moves the modules: their processes, as if each went straight to its goal, or a driver for each over topics.
+    /// What moves the modules.
     pub fn mode(&self) -> &str {
         let default = match self.driver {
             Some(_) => EXTERNAL,

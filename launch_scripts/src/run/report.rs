@@ -13,7 +13,7 @@ use serde::{Serialize, Serializer};
 use super::roles::Deaths;
 use super::run_loop::{Judgement, Observed};
 use crate::checked_plan::{CheckedPlan, PlanReport};
-use crate::table::Table;
+use crate::table::aligned;
 
 /// More differences from the plan are counted only.
 const DIFFERENCES_MAX: usize = 8;
@@ -160,12 +160,10 @@ impl RunReport {
 
     /// Which module settled where, for a run that differs from the plan.
     fn placement_text(&self) -> String {
-        let mut table = Table::new(["module", "spot"]);
-        for taken in self.assignments() {
-            table.row([taken.module.0.to_string(), taken.spot.0.to_string()]);
-        }
+        let row = |taken: &Assignment| [taken.module.0.to_string(), taken.spot.0.to_string()];
+        let table = aligned(["module", "spot"], self.assignments().iter().map(row));
         match self.plan.statistics.unassigned.as_slice() {
-            [] => table.to_string(),
+            [] => table,
             unassigned => {
                 let unassigned = listed_in_full(unassigned.iter().copied());
                 format!("{table}\nwithout a spot: {unassigned}")
