@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use formation::model::text::{counted, listed_in_full};
-use formation::model::{Assignment, Decision, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation::model::{Assignment, Decision, PlanningProblem, Scenario, SpotId};
 use formation::planner::{PlanOutcome, Planning, Statistics};
 use formation::verify::check_plan;
 use formation_report::Fact;
@@ -135,14 +135,7 @@ impl CheckedPlan {
     fn table(&self) -> String {
         let order = self.statistics.assembly_order.iter().copied();
         let order: BTreeMap<SpotId, usize> = order.zip(1..).collect();
-        let units = self.outcome.plan.assembly.units.iter();
-        let leads: BTreeMap<ModuleId, ModuleId> = units
-            .filter(|unit| unit.placements.len() > 1)
-            .flat_map(|unit| {
-                let placements = unit.placements.iter();
-                placements.map(|&(module, _)| (module, unit.lead))
-            })
-            .collect();
+        let units = self.outcome.plan.assembly.unit_of_each();
         let heads = ["module", "spot", "filled", "distance", "moves with"];
         let row = |assignment: &Assignment| {
             let (module, spot) = (assignment.module, assignment.spot);
@@ -150,6 +143,8 @@ impl CheckedPlan {
                 .problem
                 .module(module)
                 .zip(self.problem.target().spot(spot));
+            let unit = units.get(&module);
+            let unit = unit.filter(|unit| unit.placements.len() > 1);
             let distance = ends.map(|(module, spot)| module.pose.distance_to(&spot.pose));
             let or_blank = |cell: Option<String>| cell.unwrap_or_default();
             [
@@ -157,7 +152,7 @@ impl CheckedPlan {
                 spot.0.to_string(),
                 or_blank(order.get(&spot).map(usize::to_string)),
                 or_blank(distance.map(|distance| format!("{:.3}", distance.to_units()))),
-                or_blank(leads.get(&module).map(|lead| lead.0.to_string())),
+                or_blank(unit.map(|unit| unit.lead.0.to_string())),
             ]
         };
         aligned(heads, self.statistics.assignments.iter().map(row))

@@ -3,6 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
+use crate::arguments::Namespace;
 use crate::words::{Words, by_words};
 
 /// The greatest domain whose ports fit into 16 bits.
@@ -63,52 +64,6 @@ impl Words for DiscoveryRange {
 }
 
 by_words!(DiscoveryRange);
-
-/// The namespace of a node and its topics, such as `/fleet`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Namespace(String);
-
-impl Namespace {
-    /// As ROS 2 writes it.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl Default for Namespace {
-    fn default() -> Self {
-        Self("/".to_owned())
-    }
-}
-
-impl FromStr for Namespace {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let is_token = |token: &str| {
-            token.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
-                && token
-                    .chars()
-                    .all(|other| other.is_ascii_alphanumeric() || other == '_')
-                && !token.contains("__")
-        };
-        match text.strip_prefix('/') {
-            Some("") => Ok(Self("/".to_owned())),
-            Some(tokens) if tokens.split('/').all(is_token) => Ok(Self(text.to_owned())),
-            _ => Err(format!(
-                "must be `/`, or begin with `/` and consist of names of letters, digits and single underscores that \
-                 do not begin with a digit, separated by `/`; got `{text}`"
-            )),
-        }
-    }
-}
-
-impl fmt::Display for Namespace {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(formatter)
-    }
-}
 
 /// The network of a process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::anyhow;
+use formation::event_log::milliseconds;
 use formation::model::text::listed_in_full;
 use formation::model::{Assignment, ModuleId, SpotId};
 use formation::verify::{Outcome, outcome_text};
@@ -64,9 +65,7 @@ impl RunReport {
             plan: plan.report(),
             violations: Vec::new(),
             missing: None,
-            discovery_ms: observed
-                .discovery
-                .map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX)),
+            discovery_ms: observed.discovery.map(milliseconds),
             planning_ms: None,
             acting_ms: None,
             dead: observed.deaths.clone(),

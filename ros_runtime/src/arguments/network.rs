@@ -2,8 +2,8 @@
 
 use clap::Args;
 
-use super::ros::{LogLevel, RosArguments};
-use crate::environment::{self, DiscoveryRange, Domain, Environment, Namespace, Overrides};
+use super::ros::{LogLevel, Namespace, RosArguments};
+use crate::environment::{self, DiscoveryRange, Domain, Environment, Overrides};
 use crate::exit::{self, Failure};
 use crate::logging;
 use crate::service_mapping::{RMW_IMPLEMENTATION, ServiceMapping};
