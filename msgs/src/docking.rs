@@ -61,10 +61,7 @@ impl DockingResult {
 
     pub(crate) fn validated(self) -> Checked<(ModuleId, motion::DockingResult)> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
-        let (bytes, limit) = (self.reason.len(), REASON_BYTES_MAX);
-        if bytes > limit {
-            return Err(FieldError::new("reason", Fault::TooLong { bytes, limit }));
-        }
+        check::length("reason", &self.reason, REASON_BYTES_MAX)?;
         let outcome = match (self.success, self.reason) {
             (true, _) => Ok(()),
             (false, reason) if reason.is_empty() => Err("it gives no reason".to_owned()),

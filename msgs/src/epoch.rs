@@ -75,8 +75,8 @@ impl QuorumBasis {
     fn validated(&self) -> Checked<model::QuorumBasis> {
         let modules = check::module_ids("module_ids", &self.module_ids, MODULES_MAX)?;
         if self.incarnations.len() != modules.len() {
-            let fault = Fault::Contradiction("must have as many entries as module_ids");
-            return Err(FieldError::new("incarnations", fault));
+            let reason = "must have as many entries as module_ids";
+            return Err(FieldError::contradiction("incarnations", reason));
         }
         let runs = modules.into_iter().zip(&self.incarnations);
         Ok(model::QuorumBasis {

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::Epoch;
-use crate::error::Fault;
 use crate::module_state::{phase_from_wire, phase_to_wire};
 use crate::standard::Duration;
 
@@ -56,8 +55,7 @@ impl ModuleHeartbeat {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
         let digest = check::digest(epoch, self.has_digest, self.digest)?;
-        let contradiction =
-            |field, reason| Err(FieldError::new(field, Fault::Contradiction(reason)));
+        let contradiction = |field, reason| Err(FieldError::contradiction(field, reason));
         if digest.is_some() == (self.digest_since == 0) {
             return contradiction("digest_since", "must be 0 without a digest, and only then");
         }

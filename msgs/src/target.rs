@@ -112,12 +112,9 @@ impl PlannerParameters {
                 Ok(d_max) => Some(d_max),
                 Err(_) if self.d_max == Self::D_MAX_UNBOUNDED => None,
                 Err(_) => {
-                    let known = "0 and above, and UNBOUNDED -1";
-                    let value = self.d_max.into();
-                    return Err(FieldError::new(
-                        "d_max",
-                        Fault::UnknownValue { value, known },
-                    ));
+                    let (value, known) = (self.d_max.into(), "0 and above, and UNBOUNDED -1");
+                    let fault = Fault::UnknownValue { value, known };
+                    return Err(FieldError::new("d_max", fault));
                 }
             },
             exact_finish: self.exact_finish,
@@ -168,27 +165,15 @@ impl TargetConfiguration {
     pub(crate) fn validated(self) -> Checked<TargetAnnouncement> {
         check::name("header.frame_id", &self.header.frame_id)?;
         check::name("name", &self.name)?;
-        if usize::try_from(self.expected_modules).is_ok_and(|count| count > MODULES_MAX) {
-            let (value, limit) = (self.expected_modules.into(), MODULES_MAX as u64);
-            return Err(FieldError::new(
-                "expected_modules",
-                Fault::TooGreat { value, limit },
-            ));
-        }
+        let expected = self.expected_modules.into();
+        check::at_most("expected_modules", expected, MODULES_MAX as u64)?;
         let parameters = self
             .planner
             .validated()
             .map_err(|error| error.within("planner"))?;
         let target = if self.withdrawn {
-            let reason = "must be empty while the target is withdrawn";
-            for (field, is_empty) in [
-                ("spots", self.spots.is_empty()),
-                ("edges", self.edges.is_empty()),
-            ] {
-                if !is_empty {
-                    return Err(FieldError::new(field, Fault::Contradiction(reason)));
-                }
-            }
+            let lists = [("spots", self.spots.len()), ("edges", self.edges.len())];
+            check::empty(&lists, "must be empty while the target is withdrawn")?;
             None
         } else {
             Some(Arc::new(validated_target(
