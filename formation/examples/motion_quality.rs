@@ -237,8 +237,10 @@ impl Totals {
             .push(makespan / f64::from(motion.bound.max(1)));
         self.by_path
             .push(makespan / f64::from(motion.longest_path.max(1)));
-        self.steps.0 += motion.step_count() as f64;
-        self.steps.1 += motion.shortest_step_count() as f64;
+        let steps = motion.units.iter().map(|unit| unit.steps.len());
+        self.steps.0 += steps.sum::<usize>() as f64;
+        let shortest = motion.units.iter().map(|unit| f64::from(unit.shortest));
+        self.steps.1 += shortest.sum::<f64>();
         self.milliseconds.push(elapsed.as_secs_f64() * 1.0e3);
         self.faster
             .push(serial(problem, outcome) / makespan.max(1.0));

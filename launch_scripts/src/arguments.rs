@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use clap::{Args, Parser, Subcommand, ValueEnum};
+use clap::{Args, Parser, Subcommand};
 use formation_sim::FaultKind;
 use ros_runtime::environment::Domain;
 
@@ -89,8 +89,8 @@ pub struct RunArguments {
     /// Whether the nodes serve their parameters, for `ros2 param` [default: on for up to 25 processes of modules]
     ///
     /// Each node needs 12 endpoints for that, which doubles the time that 40 or more processes need to discover each other.
-    #[arg(long, value_name = "on|off")]
-    pub parameter_services: Option<Switch>,
+    #[arg(long, value_name = "on|off", value_parser = [ON, "off"])]
+    pub parameter_services: Option<String>,
     /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
@@ -102,24 +102,16 @@ pub struct RunArguments {
     pub private_network: bool,
 }
 
-/// What moves the modules.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum MotionMode {
-    /// The processes of the modules, as if each module went straight to its goal.
-    Simulated,
-    /// A driver for each module, such as that of a robot, over topics.
-    External,
-}
-
 /// How modules move.
 #[derive(Debug, Args)]
 pub struct MotionArguments {
     /// The speed of simulated modules, in units a second.
     #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
     pub speed: f64,
-    /// What moves the modules [default: simulated; external with --driver]
-    #[arg(long, value_name = "MODE", value_enum)]
-    motion: Option<MotionMode>,
+    /// What moves the modules: their processes, as if each went straight to its goal, or a driver for each over topics
+    /// [default: simulated; external with --driver]
+    #[arg(long, value_name = "MODE", value_parser = [SIMULATED, EXTERNAL])]
+    motion: Option<String>,
     /// A shell command that drives all modules; the run starts and stops it.
     #[arg(long, value_name = "COMMAND")]
     pub driver: Option<String>,
@@ -130,23 +122,20 @@ pub struct MotionArguments {
 
 impl MotionArguments {
     /// What moves the modules.
-    pub fn mode(&self) -> MotionMode {
+    pub fn mode(&self) -> &str {
         let default = match self.driver {
-            Some(_) => MotionMode::External,
-            None => MotionMode::Simulated,
+            Some(_) => EXTERNAL,
+            None => SIMULATED,
         };
-        self.motion.unwrap_or(default)
+        self.motion.as_deref().unwrap_or(default)
     }
 }
 
-/// On or off.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub enum Switch {
-    /// Yes.
-    On,
-    /// No.
-    Off,
-}
+const SIMULATED: &str = "simulated";
+const EXTERNAL: &str = "external";
+
+/// The value of a switch.
+pub const ON: &str = "on";
 
 fn modules_per_process(text: &str) -> Result<usize, String> {
     text.parse()
@@ -202,7 +191,7 @@ pub struct SimulateArguments {
     pub first_seed: u64,
     /// How many modules a drawn scenario has: a number, or a range.
     #[arg(long, value_name = "MIN-MAX", default_value = "5-40", conflicts_with = "scenario", value_parser = module_range)]
-    pub modules: ModuleRange,
+    pub modules: (usize, usize),
     /// Which faults occur: none, crash, partition, mixed or hostile.
     #[arg(long, value_name = "KIND", default_value_t = FaultKind::Mixed)]
     pub faults: FaultKind,
@@ -211,25 +200,15 @@ pub struct SimulateArguments {
     pub json: bool,
 }
 
-/// How many modules a drawn scenario has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct ModuleRange {
-    /// The fewest.
-    pub min: usize,
-    /// The most.
-    pub max: usize,
-}
-
 /// Larger clusters are possible, but one run takes minutes.
 const SIMULATED_MODULES_MAX: usize = 200;
 
-fn module_range(text: &str) -> Result<ModuleRange, String> {
+fn module_range(text: &str) -> Result<(usize, usize), String> {
     let (min, max) = text.split_once('-').unwrap_or((text, text));
     let bound = |text: &str| text.trim().parse::<usize>().ok();
     bound(min)
         .zip(bound(max))
         .filter(|&(min, max)| 1 <= min && min <= max && max <= SIMULATED_MODULES_MAX)
-        .map(|(min, max)| ModuleRange { min, max })
         .ok_or_else(|| {
             format!("must be a number or a range such as 5-40, from 1 to {SIMULATED_MODULES_MAX}")
         })

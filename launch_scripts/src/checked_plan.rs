@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use anyhow::anyhow;
 use formation::model::text::{counted, listed_in_full};
-use formation::model::{Decision, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation::model::{Assignment, Decision, PlanningProblem, Scenario, SpotId};
 use formation::planner::{PlanOutcome, Planning, Statistics};
 use formation::verify::check_plan;
 use formation_report::Fact;
@@ -15,7 +15,7 @@ use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
 
 use crate::console;
-use crate::table::Table;
+use crate::table::aligned;
 
 /// A plan that the verifier's checks have passed.
 pub struct CheckedPlan {
@@ -98,7 +98,7 @@ impl CheckedPlan {
         if !name.is_empty() {
             parts.push(one_line(name));
         }
-        parts.push(self.table().to_string());
+        parts.push(self.table());
         let statistics = &self.statistics;
         if !statistics.unassigned.is_empty() {
             let unassigned = listed_in_full(statistics.unassigned.iter().copied());
@@ -132,35 +132,30 @@ impl CheckedPlan {
         parts.join("\n")
     }
 
-    fn table(&self) -> Table {
+    fn table(&self) -> String {
         let order = self.statistics.assembly_order.iter().copied();
         let order: BTreeMap<SpotId, usize> = order.zip(1..).collect();
-        let units = self.outcome.plan.assembly.units.iter();
-        let leads: BTreeMap<ModuleId, ModuleId> = units
-            .filter(|unit| unit.placements.len() > 1)
-            .flat_map(|unit| {
-                let placements = unit.placements.iter();
-                placements.map(|&(module, _)| (module, unit.lead))
-            })
-            .collect();
-        let mut table = Table::new(["module", "spot", "filled", "distance", "moves with"]);
-        for assignment in &self.statistics.assignments {
+        let units = self.outcome.plan.assembly.unit_of_each();
+        let heads = ["module", "spot", "filled", "distance", "moves with"];
+        let row = |assignment: &Assignment| {
             let (module, spot) = (assignment.module, assignment.spot);
             let ends = self
                 .problem
                 .module(module)
                 .zip(self.problem.target().spot(spot));
+            let unit = units.get(&module);
+            let unit = unit.filter(|unit| unit.placements.len() > 1);
             let distance = ends.map(|(module, spot)| module.pose.distance_to(&spot.pose));
             let or_blank = |cell: Option<String>| cell.unwrap_or_default();
-            table.row([
+            [
                 module.0.to_string(),
                 spot.0.to_string(),
                 or_blank(order.get(&spot).map(usize::to_string)),
                 or_blank(distance.map(|distance| format!("{:.3}", distance.to_units()))),
-                or_blank(leads.get(&module).map(|lead| lead.0.to_string())),
-            ]);
-        }
-        table
+                or_blank(unit.map(|unit| unit.lead.0.to_string())),
+            ]
+        };
+        aligned(heads, self.statistics.assignments.iter().map(row))
     }
 
     /// The numbers of the plan, for the page of a report.

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
+use formation::event_log::milliseconds;
 use formation::model::text::counted;
 use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -63,8 +64,8 @@ fn campaign_parameters(arguments: &SimulateArguments) -> Result<CampaignParamete
     };
     Ok(CampaignParameters {
         faults: arguments.faults,
-        modules_min: arguments.modules.min,
-        modules_max: arguments.modules.max,
+        modules_min: arguments.modules.0,
+        modules_max: arguments.modules.1,
         problem,
         transcripts: arguments.seeds == 1,
         ..CampaignParameters::default()
@@ -128,10 +129,10 @@ struct Spread {
 impl Spread {
     fn of(durations: &mut [Duration]) -> Self {
         durations.sort_unstable();
-        let millis = |duration: &Duration| u64::try_from(duration.as_millis()).unwrap_or(u64::MAX);
+        let middle = durations.get(durations.len() / 2).copied();
         Self {
-            median: durations.get(durations.len() / 2).map(millis),
-            worst: durations.last().map(millis),
+            median: middle.map(milliseconds),
+            worst: durations.last().copied().map(milliseconds),
         }
     }
 
@@ -246,7 +247,7 @@ impl Campaign {
     fn finish(&mut self, elapsed: Duration) {
         self.figures.failing_seeds = self.failing.keys().copied().collect();
         self.figures.recovery_ms = Spread::of(&mut self.recoveries);
-        self.figures.elapsed_ms = u64::try_from(elapsed.as_millis()).unwrap_or(u64::MAX);
+        self.figures.elapsed_ms = milliseconds(elapsed);
     }
 
     /// Reports which seeds failed, how, and by which command each runs again.
@@ -295,10 +296,7 @@ impl Campaign {
 fn replay(arguments: &SimulateArguments, seed: u64) -> String {
     let what = match &arguments.scenario {
         Some(path) => quoted(path),
-        None => format!(
-            "--modules {}-{}",
-            arguments.modules.min, arguments.modules.max
-        ),
+        None => format!("--modules {}-{}", arguments.modules.0, arguments.modules.1),
     };
     format!(
         "formation simulate {what} --faults {} --first-seed {seed} --seeds 1",

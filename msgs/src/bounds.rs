@@ -1,6 +1,7 @@
 //! How much one message may hold; the `.msg` files state the same numbers.
 
 use formation::model::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT};
+pub use formation::model::{EDGES_MAX, LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX, SPOTS_MAX};
 
 /// The greatest magnitude of a coordinate, in micro-units.
 #[expect(
@@ -8,18 +9,8 @@ use formation::model::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT};
     reason = "the limit is a whole number far below 2^63"
 )]
 pub(crate) const COORDINATE_LIMIT_MICRO: i64 = COORDINATE_LIMIT_UNITS as i64 * MICRO_PER_UNIT;
-/// Modules in one message, and lists with one entry a module.
-pub const MODULES_MAX: usize = formation::model::MODULES_MAX;
-/// Spots in one message, and lists with one entry a spot.
-pub const SPOTS_MAX: usize = formation::model::SPOTS_MAX;
-/// Edges of one target.
-pub const EDGES_MAX: usize = formation::model::EDGES_MAX;
-/// Links of one module.
-pub const LINKS_MAX: usize = formation::model::LINKS_MAX;
 /// Earlier rosters that a roster refers to.
 pub const QUORUM_BASES_MAX: usize = 256;
-/// Bytes of a name or of a frame's name.
-pub const NAME_BYTES_MAX: usize = formation::model::NAME_BYTES_MAX;
 /// Violations in one verdict.
 pub const VIOLATIONS_MAX: usize = 256;
 /// Bytes of one violation.

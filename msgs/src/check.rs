@@ -23,6 +23,11 @@ impl FieldError {
         }
     }
 
+    /// Two fields contradict each other.
+    pub(crate) fn contradiction(field: impl Into<String>, reason: &'static str) -> Self {
+        Self::new(field, Fault::Contradiction(reason))
+    }
+
     /// The same fault, seen from the message that holds `outer`.
     pub(crate) fn within(mut self, outer: impl fmt::Display) -> Self {
         self.field = if self.field.is_empty() {
@@ -57,11 +62,32 @@ pub(crate) fn count(field: &str, count: usize, limit: usize) -> Checked<()> {
 }
 
 pub(crate) fn name(field: &str, text: &str) -> Checked<()> {
-    let (bytes, limit) = (text.len(), NAME_BYTES_MAX);
+    length(field, text, NAME_BYTES_MAX)
+}
+
+/// A text of at most `limit` bytes.
+pub(crate) fn length(field: &str, text: &str, limit: usize) -> Checked<()> {
+    let bytes = text.len();
     if bytes > limit {
         return Err(FieldError::new(field, Fault::TooLong { bytes, limit }));
     }
     Ok(())
+}
+
+/// A number of at most `limit`.
+pub(crate) fn at_most(field: &str, value: u64, limit: u64) -> Checked<()> {
+    if value > limit {
+        return Err(FieldError::new(field, Fault::TooGreat { value, limit }));
+    }
+    Ok(())
+}
+
+/// Lists that must be empty, for this reason.
+pub(crate) fn empty(lists: &[(&str, usize)], reason: &'static str) -> Checked<()> {
+    match lists.iter().find(|(_, length)| *length > 0) {
+        Some(&(field, _)) => Err(FieldError::contradiction(field, reason)),
+        None => Ok(()),
+    }
 }
 
 /// An identifier that must name something.
@@ -105,7 +131,7 @@ pub(crate) fn links(of: ModuleId, raw: &[u32]) -> Checked<BTreeSet<ModuleId>> {
 
 /// A digest and the flag that says whether there is one.
 pub(crate) fn digest(epoch: Option<Epoch>, has_digest: bool, raw: u64) -> Checked<Option<Digest>> {
-    let contradiction = |reason| Err(FieldError::new("digest", Fault::Contradiction(reason)));
+    let contradiction = |reason| Err(FieldError::contradiction("digest", reason));
     match (has_digest, epoch) {
         (false, _) if raw != 0 => contradiction("must be 0 while has_digest is false"),
         (true, None) => contradiction("there cannot be one without an epoch"),

@@ -1,5 +1,7 @@
 //! What travels on `claims` and `evictions`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model::{self, Decision, EvictionNotice, Incarnation, ModuleId, SpotId};
 use serde::{Deserialize, Serialize};
 
@@ -11,7 +13,6 @@ use crate::error::Fault;
 
 /// See `SpotSelection.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct SpotSelection {
     pub spot_id: u32,
     pub module_id: u32,
@@ -19,7 +20,6 @@ pub struct SpotSelection {
 
 /// See `EvictionRecord.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct EvictionRecord {
     pub evicted_module_id: u32,
     pub by_module_id: u32,
@@ -29,7 +29,6 @@ pub struct EvictionRecord {
 
 /// See `SpotClaim.msg`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct SpotClaim {
     pub epoch: Epoch,
     pub turn: u32,
@@ -42,14 +41,12 @@ pub struct SpotClaim {
 
 /// See `Eviction.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Eviction {
     pub epoch: Epoch,
     pub turn: u32,
     pub eviction: EvictionRecord,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl EvictionRecord {
     pub const NONE: u32 = NONE;
 }

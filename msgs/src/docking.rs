@@ -1,5 +1,7 @@
 //! What travels on `module_N/docking` and `module_N/docking_result`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model::ModuleId;
 use formation::motion;
 use serde::{Deserialize, Serialize};
@@ -12,7 +14,6 @@ use crate::topic;
 
 /// See `DockingRequest.msg`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct DockingRequest {
     pub header: Header,
     pub module_id: u32,
@@ -23,7 +24,6 @@ pub struct DockingRequest {
 
 /// See `DockingResult.msg`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct DockingResult {
     pub header: Header,
     pub module_id: u32,
@@ -32,7 +32,6 @@ pub struct DockingResult {
     pub reason: String,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl DockingRequest {
     pub const ACTION_DOCK: u8 = 1;
     pub const ACTION_UNDOCK: u8 = 2;
@@ -62,10 +61,7 @@ impl DockingResult {
 
     pub(crate) fn validated(self) -> Checked<(ModuleId, motion::DockingResult)> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
-        let (bytes, limit) = (self.reason.len(), REASON_BYTES_MAX);
-        if bytes > limit {
-            return Err(FieldError::new("reason", Fault::TooLong { bytes, limit }));
-        }
+        check::length("reason", &self.reason, REASON_BYTES_MAX)?;
         let outcome = match (self.success, self.reason) {
             (true, _) => Ok(()),
             (false, reason) if reason.is_empty() => Err("it gives no reason".to_owned()),

@@ -1,5 +1,7 @@
 //! Epochs, and what is kept of earlier ones; several messages carry them.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model;
 use formation::model::{Incarnation, ModuleId, ModuleRun};
 use serde::{Deserialize, Serialize};
@@ -10,7 +12,6 @@ use crate::error::Fault;
 
 /// See `Epoch.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Epoch {
     pub number: u64,
     pub convener: u32,
@@ -18,7 +19,6 @@ pub struct Epoch {
 
 /// See `QuorumBasis.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct QuorumBasis {
     pub epoch: Epoch,
     pub agreed: bool,
@@ -75,8 +75,8 @@ impl QuorumBasis {
     fn validated(&self) -> Checked<model::QuorumBasis> {
         let modules = check::module_ids("module_ids", &self.module_ids, MODULES_MAX)?;
         if self.incarnations.len() != modules.len() {
-            let fault = Fault::Contradiction("must have as many entries as module_ids");
-            return Err(FieldError::new("incarnations", fault));
+            let reason = "must have as many entries as module_ids";
+            return Err(FieldError::contradiction("incarnations", reason));
         }
         let runs = modules.into_iter().zip(&self.incarnations);
         Ok(model::QuorumBasis {

@@ -1,5 +1,7 @@
 //! What travels on `heartbeats`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model;
 use formation::model::{Incarnation, ModuleId};
 use serde::{Deserialize, Serialize};
@@ -7,13 +9,11 @@ use serde::{Deserialize, Serialize};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::Epoch;
-use crate::error::Fault;
 use crate::module_state::{phase_from_wire, phase_to_wire};
 use crate::standard::Duration;
 
 /// See `ModuleHeartbeat.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct ModuleHeartbeat {
     pub module_id: u32,
     pub incarnation: u64,
@@ -29,7 +29,6 @@ pub struct ModuleHeartbeat {
 
 /// See `Heartbeat.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Heartbeat {
     pub modules: Vec<ModuleHeartbeat>,
 }
@@ -56,8 +55,7 @@ impl ModuleHeartbeat {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
         let digest = check::digest(epoch, self.has_digest, self.digest)?;
-        let contradiction =
-            |field, reason| Err(FieldError::new(field, Fault::Contradiction(reason)));
+        let contradiction = |field, reason| Err(FieldError::contradiction(field, reason));
         if digest.is_some() == (self.digest_since == 0) {
             return contradiction("digest_since", "must be 0 without a digest, and only then");
         }

@@ -1,5 +1,7 @@
 //! What travels on `module_states`, and the parts of it that other messages use too.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model::{
     self, ConfigurationId, Incarnation, ModuleId, ModulePhase, Service, SpotId,
 };
@@ -7,14 +9,12 @@ use serde::{Deserialize, Serialize};
 
 use crate::NONE;
 use crate::bounds::MODULES_MAX;
-use crate::check::{self, Checked, FieldError};
+use crate::check::{self, Checked};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases};
-use crate::error::Fault;
 use crate::standard::Header;
 
 /// See `CausalMark.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct CausalMark {
     pub module_id: u32,
     pub sequence: u64,
@@ -22,7 +22,6 @@ pub struct CausalMark {
 
 /// See `ModuleState.msg`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct ModuleState {
     pub module_id: u32,
     pub incarnation: u64,
@@ -48,13 +47,11 @@ pub struct ModuleState {
 
 /// See `ModuleStates.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct ModuleStates {
     pub header: Header,
     pub modules: Vec<ModuleState>,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constant")]
 impl ModuleState {
     pub const NONE: u32 = NONE;
 }
@@ -133,6 +130,8 @@ impl ModuleState {
     pub(crate) fn validated(&self) -> Checked<model::ModuleState> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
+        // A module cannot have settled in a state that it has yet to publish.
+        check::at_most("settled_since", self.settled_since, self.sequence)?;
         Ok(model::ModuleState {
             module,
             incarnation: Incarnation(self.incarnation),
@@ -147,26 +146,12 @@ impl ModuleState {
             leader: check::optional_id(self.leader_id, ModuleId),
             spot: check::optional_id(self.spot_id, SpotId),
             unit: check::optional_id(self.unit_id, ModuleId),
-            settled_since: settled_since(self.settled_since, self.sequence)?,
+            settled_since: self.settled_since,
             waited_for: marks("waited_for", &self.waited_for)?,
             agreed_on: marks("agreed_on", &self.agreed_on)?,
             quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
         })
     }
-}
-
-/// A module cannot have settled in a state that it has yet to publish.
-fn settled_since(since: u64, sequence: u64) -> Checked<u64> {
-    if since > sequence {
-        return Err(FieldError::new(
-            "settled_since",
-            Fault::TooGreat {
-                value: since,
-                limit: sequence,
-            },
-        ));
-    }
-    Ok(since)
 }
 
 impl ModuleStates {

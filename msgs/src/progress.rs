@@ -1,5 +1,7 @@
 //! How far a formation has come, in answers and feedback.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model::FormationStage;
 use formation::verify;
 use serde::{Deserialize, Serialize};
@@ -8,7 +10,6 @@ use crate::epoch::Epoch;
 
 /// See `Progress.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Progress {
     pub stage: u8,
     pub epoch: Epoch,
@@ -21,7 +22,6 @@ pub struct Progress {
     pub waiting_for: Vec<u32>,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl Progress {
     pub const STAGE_WAITING_FOR_TARGET: u8 = 1;
     pub const STAGE_GATHERING: u8 = 2;

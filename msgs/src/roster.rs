@@ -1,5 +1,7 @@
 //! What travels on `roster`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use std::sync::Arc;
 
 use formation::model::{
@@ -17,7 +19,6 @@ use crate::target::TargetConfiguration;
 
 /// See `RosterMember.msg`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct RosterMember {
     pub module_id: u32,
     pub incarnation: u64,
@@ -33,7 +34,6 @@ pub struct RosterMember {
 
 /// See `Roster.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Roster {
     pub epoch: Epoch,
     pub stage: u8,
@@ -43,12 +43,10 @@ pub struct Roster {
     pub quorum_bases: Vec<QuorumBasis>,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl RosterMember {
     pub const NONE: u32 = NONE;
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl Roster {
     pub const STAGE_GATHER: u8 = 1;
     pub const STAGE_PLAN: u8 = 2;
@@ -131,26 +129,20 @@ impl Roster {
             Self::STAGE_PLAN => self.plan(),
             value => {
                 let (value, known) = (value.into(), "GATHER 1, PLAN 2");
-                Err(FieldError::new(
-                    "stage",
-                    Fault::UnknownValue { value, known },
-                ))
+                let fault = Fault::UnknownValue { value, known };
+                Err(FieldError::new("stage", fault))
             }
         }
     }
 
     fn gather(&self) -> Checked<RosterMessage> {
-        for (field, is_empty) in [
-            ("target.spots", self.target.spots.is_empty()),
-            ("target.edges", self.target.edges.is_empty()),
-            ("members", self.members.is_empty()),
-            ("quorum_bases", self.quorum_bases.is_empty()),
-        ] {
-            if !is_empty {
-                let fault = Fault::Contradiction("must be empty while the epoch gathers");
-                return Err(FieldError::new(field, fault));
-            }
-        }
+        let lists = [
+            ("target.spots", self.target.spots.len()),
+            ("target.edges", self.target.edges.len()),
+            ("members", self.members.len()),
+            ("quorum_bases", self.quorum_bases.len()),
+        ];
+        check::empty(&lists, "must be empty while the epoch gathers")?;
         Ok(RosterMessage::Gather {
             epoch: self.epoch.required()?,
             target_revision: self.target_revision,
@@ -160,13 +152,13 @@ impl Roster {
     fn plan(self) -> Checked<RosterMessage> {
         let epoch = self.epoch.required()?;
         if self.target.revision != self.target_revision {
-            let fault = Fault::Contradiction("differs from target_revision");
-            return Err(FieldError::new("target.revision", fault));
+            let reason = "differs from target_revision";
+            return Err(FieldError::contradiction("target.revision", reason));
         }
         check::count("members", self.members.len(), MODULES_MAX)?;
         if self.members.is_empty() {
-            let fault = Fault::Contradiction("a plan needs at least one member");
-            return Err(FieldError::new("members", fault));
+            let reason = "a plan needs at least one member";
+            return Err(FieldError::contradiction("members", reason));
         }
         let target = self
             .target

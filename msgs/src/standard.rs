@@ -5,7 +5,6 @@ use std::time;
 use serde::{Deserialize, Serialize};
 
 use crate::check::{Checked, FieldError};
-use crate::error::Fault;
 
 /// A point in time, as `builtin_interfaces/msg/Time` has it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -56,7 +55,7 @@ impl Duration {
             Ok(sec) if self.nanosec < 1_000_000_000 => Ok(time::Duration::new(sec, self.nanosec)),
             _ => {
                 let reason = "needs sec >= 0 and nanosec < 10^9";
-                Err(FieldError::new(field, Fault::Contradiction(reason)))
+                Err(FieldError::contradiction(field, reason))
             }
         }
     }

@@ -1,5 +1,7 @@
 //! What travels on `target`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use std::sync::Arc;
 
 use formation::model::{
@@ -15,7 +17,6 @@ use crate::standard::Header;
 
 /// See `Spot.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Spot {
     pub id: u32,
     pub x: f64,
@@ -25,7 +26,6 @@ pub struct Spot {
 
 /// See `Edge.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Edge {
     pub first: u32,
     pub second: u32,
@@ -33,7 +33,6 @@ pub struct Edge {
 
 /// See `PlannerParameters.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct PlannerParameters {
     pub policy: u8,
     pub order: u8,
@@ -48,7 +47,6 @@ pub struct PlannerParameters {
 
 /// See `TargetConfiguration.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct TargetConfiguration {
     pub header: Header,
     pub revision: u64,
@@ -60,7 +58,6 @@ pub struct TargetConfiguration {
     pub planner: PlannerParameters,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl PlannerParameters {
     pub const D_MAX_UNBOUNDED: i32 = -1;
 }
@@ -115,12 +112,9 @@ impl PlannerParameters {
                 Ok(d_max) => Some(d_max),
                 Err(_) if self.d_max == Self::D_MAX_UNBOUNDED => None,
                 Err(_) => {
-                    let known = "0 and above, and UNBOUNDED -1";
-                    let value = self.d_max.into();
-                    return Err(FieldError::new(
-                        "d_max",
-                        Fault::UnknownValue { value, known },
-                    ));
+                    let (value, known) = (self.d_max.into(), "0 and above, and UNBOUNDED -1");
+                    let fault = Fault::UnknownValue { value, known };
+                    return Err(FieldError::new("d_max", fault));
                 }
             },
             exact_finish: self.exact_finish,
@@ -171,27 +165,15 @@ impl TargetConfiguration {
     pub(crate) fn validated(self) -> Checked<TargetAnnouncement> {
         check::name("header.frame_id", &self.header.frame_id)?;
         check::name("name", &self.name)?;
-        if usize::try_from(self.expected_modules).is_ok_and(|count| count > MODULES_MAX) {
-            let (value, limit) = (self.expected_modules.into(), MODULES_MAX as u64);
-            return Err(FieldError::new(
-                "expected_modules",
-                Fault::TooGreat { value, limit },
-            ));
-        }
+        let expected = self.expected_modules.into();
+        check::at_most("expected_modules", expected, MODULES_MAX as u64)?;
         let parameters = self
             .planner
             .validated()
             .map_err(|error| error.within("planner"))?;
         let target = if self.withdrawn {
-            let reason = "must be empty while the target is withdrawn";
-            for (field, is_empty) in [
-                ("spots", self.spots.is_empty()),
-                ("edges", self.edges.is_empty()),
-            ] {
-                if !is_empty {
-                    return Err(FieldError::new(field, Fault::Contradiction(reason)));
-                }
-            }
+            let lists = [("spots", self.spots.len()), ("edges", self.edges.len())];
+            check::empty(&lists, "must be empty while the target is withdrawn")?;
             None
         } else {
             Some(Arc::new(validated_target(

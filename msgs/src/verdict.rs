@@ -1,5 +1,7 @@
 //! What travels on `verdict`.
 
+#![expect(missing_docs, reason = "the .msg files document fields and constants")]
+
 use formation::model::{ModuleId, SpotId};
 use formation::verify::{self, Outcome};
 use serde::{Deserialize, Serialize};
@@ -11,7 +13,6 @@ use crate::standard::Header;
 
 /// See `Verdict.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Verdict {
     pub header: Header,
     pub epoch: Epoch,
@@ -24,7 +25,6 @@ pub struct Verdict {
     pub violations: Vec<String>,
 }
 
-#[expect(missing_docs, reason = "the .msg file documents the constants")]
 impl Verdict {
     pub const OUTCOME_COMPLETE: u8 = 1;
     pub const OUTCOME_PARTIAL: u8 = 2;

@@ -12,8 +12,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use ros_runtime::arguments;
-use ros_runtime::environment::Namespace;
+use ros_runtime::arguments::{self, Namespace};
 use ros_runtime::exit::{Failure, conclude, stop_requested};
 use ros_runtime::settings::Settings;
 pub use value_types::micro_units;

@@ -3,10 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation::event_log::{Entry, Event, ModuleSnapshot};
-use formation::model::{
-    ActingUnit, Epoch, MicroUnits, ModuleId, ModulePhase, PlanningProblem, SpotId,
-};
+use formation::event_log::{Entry, Event, ModuleSnapshot, milliseconds};
+use formation::model::{ActingUnit, Epoch, ModuleId, ModulePhase, PlanningProblem, Pose, SpotId};
 use formation::motion::SimulatedDrive;
 use formation::planner::PlanOutcome;
 use formation::protocol::MotionGoal;
@@ -90,7 +88,7 @@ impl<'a> Course<'a> {
 
     fn note(&mut self, event: Event) {
         self.entries.push(Entry {
-            at_ms: u64::try_from(self.now.as_millis()).unwrap_or(u64::MAX),
+            at_ms: milliseconds(self.now),
             event,
         });
     }
@@ -114,16 +112,7 @@ impl<'a> Course<'a> {
     /// All members have agreed; those with a spot wait for the turn of their unit.
     fn wait_for_turns(&mut self) {
         let plan = &self.outcome.plan;
-        let units: BTreeMap<ModuleId, &ActingUnit> = plan
-            .assembly
-            .units
-            .iter()
-            .flat_map(|unit| {
-                unit.placements
-                    .iter()
-                    .map(move |&(module, _)| (module, unit))
-            })
-            .collect();
+        let units = plan.assembly.unit_of_each();
         for module in self.problem.modules() {
             self.change(module.id, |state| {
                 state.spot = plan.assignments.get(&module.id).copied();
@@ -153,7 +142,14 @@ impl<'a> Course<'a> {
             })
             .max()
             .unwrap_or_default();
-        self.now += self.travel_time(unit, longest, speed_units_per_s);
+        // All drives of a unit take the time of its longest path.
+        let goal = MotionGoal {
+            pose: Pose::default(),
+            unit_distance: longest,
+        };
+        let mut drive = SimulatedDrive::new(goal.pose, speed_units_per_s, Duration::MAX);
+        drive.go(Duration::ZERO, goal);
+        self.now += drive.time_left(Duration::ZERO).unwrap_or_default();
         for &(module, spot) in placements {
             let Some(spot) = self.problem.target().spot(spot).copied() else {
                 continue;
@@ -170,27 +166,6 @@ impl<'a> Course<'a> {
                 state.links.extend(docked);
             });
         }
-    }
-
-    /// The travel time of a unit; all its drives take the same time.
-    fn travel_time(
-        &self,
-        unit: &ActingUnit,
-        longest: MicroUnits,
-        speed_units_per_s: f64,
-    ) -> Duration {
-        let journeys = unit.placements.iter().filter_map(|&(module, spot)| {
-            let spot = self.problem.target().spot(spot)?;
-            let pose = self.modules.get(&module)?.pose;
-            let mut drive = SimulatedDrive::new(pose, speed_units_per_s, Duration::MAX);
-            let goal = MotionGoal {
-                pose: spot.pose,
-                unit_distance: longest,
-            };
-            drive.go(Duration::ZERO, goal);
-            drive.time_left(Duration::ZERO)
-        });
-        journeys.max().unwrap_or_default()
     }
 
     /// Undocks from the links that the plan does not keep.

@@ -170,21 +170,14 @@ fn modules(
 ) -> Vec<Module> {
     let (plan, groups) = (&outcome.plan, problem.configurations());
     let order: BTreeMap<SpotId, usize> = plan.assembly.spots().zip(1..).collect();
-    let units = plan.assembly.units.iter();
-    let units: BTreeMap<ModuleId, ModuleId> = units
-        .filter(|unit| unit.placements.len() > 1)
-        .flat_map(|unit| {
-            unit.placements
-                .iter()
-                .map(|(module, _)| (*module, unit.lead))
-        })
-        .collect();
+    let units = plan.assembly.unit_of_each();
     let module = |module: &PlanningModule| {
         let ending = endings.get(&module.id);
         let spot = ending.and_then(|ending| ending.spot);
         let is_as_planned = spot == plan.assignments.get(&module.id).copied();
         let planned_spot = spot.filter(|_| is_as_planned);
-        let unit = units.get(&module.id).copied();
+        let unit = units.get(&module.id);
+        let unit = unit.filter(|unit| unit.placements.len() > 1 && is_as_planned);
         Module {
             id: module.id,
             configuration: groups
@@ -195,7 +188,7 @@ fn modules(
             end: ending.map_or(module.pose, |ending| ending.pose),
             spot: spot.and_then(|spot| problem.target().position_of(spot)),
             order: planned_spot.and_then(|spot| order.get(&spot).copied()),
-            moves_with: unit.filter(|_| is_as_planned),
+            moves_with: unit.map(|unit| unit.lead),
         }
     };
     problem.modules().iter().map(module).collect()

@@ -3,8 +3,7 @@
 use std::fmt;
 use std::str::FromStr;
 
-use thiserror::Error;
-
+use crate::arguments::Namespace;
 use crate::words::{Words, by_words};
 
 /// The greatest domain whose ports fit into 16 bits.
@@ -66,62 +65,6 @@ impl Words for DiscoveryRange {
 
 by_words!(DiscoveryRange);
 
-/// The namespace of a node and its topics, such as `/fleet`.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Namespace(String);
-
-impl Namespace {
-    /// As ROS 2 writes it.
-    #[must_use]
-    pub fn as_str(&self) -> &str {
-        &self.0
-    }
-}
-
-impl Default for Namespace {
-    fn default() -> Self {
-        Self("/".to_owned())
-    }
-}
-
-impl FromStr for Namespace {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let is_token = |token: &str| {
-            token.starts_with(|first: char| first.is_ascii_alphabetic() || first == '_')
-                && token
-                    .chars()
-                    .all(|other| other.is_ascii_alphanumeric() || other == '_')
-                && !token.contains("__")
-        };
-        match text.strip_prefix('/') {
-            Some("") => Ok(Self("/".to_owned())),
-            Some(tokens) if tokens.split('/').all(is_token) => Ok(Self(text.to_owned())),
-            _ => Err(format!(
-                "must be `/`, or begin with `/` and consist of names of letters, digits and single underscores that \
-                 do not begin with a digit, separated by `/`; got `{text}`"
-            )),
-        }
-    }
-}
-
-impl fmt::Display for Namespace {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        self.0.fmt(formatter)
-    }
-}
-
-/// An environment variable that cannot be used.
-#[derive(Clone, Debug, PartialEq, Eq, Error)]
-#[error("environment variable {variable}: {reason}")]
-pub struct EnvironmentError {
-    /// Its name.
-    pub variable: &'static str,
-    /// What is wrong with it.
-    pub reason: String,
-}
-
 /// The network of a process.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Environment {
@@ -142,7 +85,7 @@ impl Environment {
     pub fn resolve(
         given: Overrides,
         variable: impl Fn(&str) -> Option<String>,
-    ) -> Result<Self, EnvironmentError> {
+    ) -> Result<Self, String> {
         let set = |name| variable(name).filter(|value| !value.trim().is_empty());
         let domain = match given.domain {
             Some(domain) => domain,
@@ -161,9 +104,7 @@ impl Environment {
 ///
 /// # Errors
 /// Says what is wrong with its value.
-pub fn namespace(
-    variable: impl Fn(&str) -> Option<String>,
-) -> Result<Option<Namespace>, EnvironmentError> {
+pub fn namespace(variable: impl Fn(&str) -> Option<String>) -> Result<Option<Namespace>, String> {
     let value = variable(NAMESPACE).filter(|value| !value.trim().is_empty());
     parsed(NAMESPACE, value)
 }
@@ -184,22 +125,25 @@ pub struct Overrides {
 fn parsed<T: FromStr<Err = String>>(
     variable: &'static str,
     value: Option<String>,
-) -> Result<Option<T>, EnvironmentError> {
-    value
-        .map(|value| value.parse())
-        .transpose()
-        .map_err(|reason| EnvironmentError { variable, reason })
+) -> Result<Option<T>, String> {
+    let parsed = value.map(|value| value.parse()).transpose();
+    parsed.map_err(|reason: String| wrong(variable, &reason))
 }
 
-fn localhost_only(value: Option<&str>) -> Result<bool, EnvironmentError> {
+fn localhost_only(value: Option<&str>) -> Result<bool, String> {
     match value.map(str::trim) {
         None | Some("0") => Ok(false),
         Some("1") => Ok(true),
-        Some(other) => Err(EnvironmentError {
-            variable: LOCALHOST_ONLY,
-            reason: format!("must be 0 or 1, got `{other}`"),
-        }),
+        Some(other) => Err(wrong(
+            LOCALHOST_ONLY,
+            &format!("must be 0 or 1, got `{other}`"),
+        )),
     }
+}
+
+/// What is wrong with an environment variable.
+pub(crate) fn wrong(variable: &str, reason: &str) -> String {
+    format!("environment variable {variable}: {reason}")
 }
 
 #[cfg(test)]
@@ -218,7 +162,6 @@ mod tests {
         };
         Environment::resolve(given, variable)
             .map(|environment| (environment.domain.number(), environment.range))
-            .map_err(|error| error.to_string())
     }
 
     #[test]
@@ -275,7 +218,6 @@ mod tests {
         let with = |value: Option<&str>| {
             namespace(|name| value.filter(|_| name == NAMESPACE).map(str::to_owned))
                 .map(|namespace| namespace.map(|namespace| namespace.to_string()))
-                .map_err(|error| error.to_string())
         };
         assert_eq!(with(None), Ok(None));
         assert_eq!(with(Some("")), Ok(None));

@@ -12,8 +12,6 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use thiserror::Error;
 
-use crate::environment::EnvironmentError;
-
 /// The process has done its work.
 pub const STATUS_DONE: u8 = 0;
 /// The work of the process failed, or what it judged is wrong.
@@ -55,12 +53,6 @@ impl Failure {
     /// What failed.
     pub fn failed(what: impl std::fmt::Display) -> Self {
         Self::Failed(anyhow::anyhow!("{what}"))
-    }
-}
-
-impl From<EnvironmentError> for Failure {
-    fn from(error: EnvironmentError) -> Self {
-        Self::BadInput(error.into())
     }
 }
 

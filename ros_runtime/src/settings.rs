@@ -1,7 +1,7 @@
 //! The place of a process in the ROS 2 graph, as the command line and the environment give it.
 
-use crate::arguments::{NodeIdentity, RosArguments};
-use crate::environment::{Environment, Namespace};
+use crate::arguments::{Namespace, NodeIdentity, RosArguments};
+use crate::environment::Environment;
 use crate::parameters::{Declaration, NodeParameters, ParameterError, Parameters, Tunables};
 use crate::rosout::LogLines;
 use crate::service_mapping::ServiceMapping;

@@ -6,6 +6,7 @@ use std::fmt;
 use std::rc::Rc;
 
 use crate::diagnostics::{DiagnosticLevel, Report};
+use crate::words::{Words, by_words};
 
 /// Why a sample was refused.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -18,15 +19,15 @@ pub enum RefusalKind {
     Misattributed,
 }
 
-impl fmt::Display for RefusalKind {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Malformed => "malformed",
-            Self::Invalid => "invalid",
-            Self::Misattributed => "misattributed",
-        })
-    }
+impl Words for RefusalKind {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("malformed", Self::Malformed),
+        ("invalid", Self::Invalid),
+        ("misattributed", Self::Misattributed),
+    ];
 }
+
+by_words!(RefusalKind);
 
 /// The counts of one topic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -18,23 +18,25 @@ const LINE_WIDTH: f64 = 0.05;
 /// Links are drawn thicker than what is only meant to be.
 const LINK_WIDTH: f64 = 0.15;
 
-const GREY: ColorRGBA = ColorRGBA {
-    r: 0.5,
-    g: 0.5,
-    b: 0.5,
-    a: 0.6,
-};
-const WHITE: ColorRGBA = ColorRGBA {
-    r: 1.0,
-    g: 1.0,
-    b: 1.0,
-    a: 1.0,
-};
+const GREY: ColorRGBA = colour(0.5, 0.5, 0.5, 0.6);
+const WHITE: ColorRGBA = colour(1.0, 1.0, 1.0, 1.0);
+/// Single modules.
+const PALE_BLUE: ColorRGBA = colour(0.7, 0.8, 1.0, 1.0);
+
+const fn colour(r: f32, g: f32, b: f32, a: f32) -> ColorRGBA {
+    ColorRGBA { r, g, b, a }
+}
+
+const fn scale(x: f64, y: f64, z: f64) -> Vector3 {
+    Vector3 { x, y, z }
+}
 
 /// A picture of the whole scene; it replaces the one before.
 pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArray {
+    let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
     let mut picture = Picture {
         header,
+        figures: &figures,
         markers: vec![Marker {
             header: header.clone(),
             action: Marker::DELETEALL,
@@ -42,11 +44,11 @@ pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArr
         }],
     };
     picture.draw_target(scene, labels);
-    picture.draw_links(scene);
+    picture.draw_links();
     picture.draw_claims(scene);
-    for (module, figure) in scene.figures() {
-        picture.draw_trail(module, &figure);
-        picture.draw_module(module, &figure, labels);
+    for (&module, figure) in &figures {
+        picture.draw_trail(module, figure);
+        picture.draw_module(module, figure, labels);
     }
     MarkerArray {
         markers: picture.markers,
@@ -55,6 +57,7 @@ pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArr
 
 struct Picture<'a> {
     header: &'a Header,
+    figures: &'a BTreeMap<ModuleId, Figure<'a>>,
     markers: Vec<Marker>,
 }
 
@@ -80,10 +83,7 @@ impl Picture<'_> {
             0,
             Marker {
                 r#type: Marker::LINE_LIST,
-                scale: Vector3 {
-                    x: width,
-                    ..Vector3::default()
-                },
+                scale: scale(width, 0.0, 0.0),
                 color: WHITE,
                 points: lines.iter().flat_map(|(ends, _)| *ends).collect(),
                 colors: lines.iter().flat_map(|(_, colour)| [*colour; 2]).collect(),
@@ -101,10 +101,7 @@ impl Picture<'_> {
             Marker {
                 r#type: Marker::TEXT_VIEW_FACING,
                 pose,
-                scale: Vector3 {
-                    z: LABEL_HEIGHT,
-                    ..Vector3::default()
-                },
+                scale: scale(0.0, 0.0, LABEL_HEIGHT),
                 color: colour,
                 text: id.to_string(),
                 ..Marker::default()
@@ -117,12 +114,11 @@ impl Picture<'_> {
         let Some(target) = scene.target() else {
             return;
         };
-        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
         let mut outlines = Vec::new();
         let mut edges = Vec::new();
         for spot in target.spots() {
             let holder = scene.holders().get(&spot.id);
-            let holder = holder.and_then(|module| figures.get(module));
+            let holder = holder.and_then(|module| self.figures.get(module));
             let colour = holder.map_or(GREY, colour_of);
             let corners = corners_of(&spot.pose);
             for (index, corner) in corners.iter().enumerate() {
@@ -145,12 +141,11 @@ impl Picture<'_> {
     }
 
     /// A line between two docked modules; pale while only one of them says so.
-    fn draw_links(&mut self, scene: &DrawnScene) {
-        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
+    fn draw_links(&mut self) {
         let mut links = Vec::new();
-        for (&module, figure) in &figures {
+        for (&module, figure) in self.figures {
             for &other in &figure.snapshot.links {
-                let Some(end) = figures.get(&other) else {
+                let Some(end) = self.figures.get(&other) else {
                     continue;
                 };
                 let mutual = end.snapshot.links.contains(&module);
@@ -172,12 +167,11 @@ impl Picture<'_> {
         let Some(target) = scene.target() else {
             return;
         };
-        let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
         let lines: Vec<_> = scene
             .holders()
             .iter()
             .filter_map(|(&spot, module)| {
-                let figure = figures.get(module)?;
+                let figure = self.figures.get(module)?;
                 if figure.snapshot.phase == ModulePhase::Settled {
                     return None;
                 }
@@ -208,10 +202,7 @@ impl Picture<'_> {
             module.0,
             Marker {
                 r#type: Marker::LINE_STRIP,
-                scale: Vector3 {
-                    x: LINE_WIDTH,
-                    ..Vector3::default()
-                },
+                scale: scale(LINE_WIDTH, 0.0, 0.0),
                 color: colour,
                 points: figure.trail.iter().map(|pose| point(pose, 0.0)).collect(),
                 ..Marker::default()
@@ -228,11 +219,7 @@ impl Picture<'_> {
             Marker {
                 r#type: Marker::CUBE,
                 pose,
-                scale: Vector3 {
-                    x: MODULE_SIZE,
-                    y: MODULE_SIZE,
-                    z: MODULE_HEIGHT,
-                },
+                scale: scale(MODULE_SIZE, MODULE_SIZE, MODULE_HEIGHT),
                 color: colour_of(figure),
                 ..Marker::default()
             },
@@ -280,12 +267,7 @@ fn colour_of(figure: &Figure) -> ColorRGBA {
             let turn = f64::from(configuration.0) * 0.618_033_988_749_895;
             hue(turn.fract())
         }
-        None => ColorRGBA {
-            r: 0.7,
-            g: 0.8,
-            b: 1.0,
-            a: 1.0,
-        },
+        None => PALE_BLUE,
     }
 }
 

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::event_log::{ModuleSnapshot, Recorder, Scene};
+use formation::event_log::{ModuleSnapshot, Recorder, Scene, milliseconds};
 use formation::model::{ConfigurationId, Message, MicroUnits, ModuleId, Pose, SpotId, Target};
 
 /// The most corners of a trail; the oldest are dropped.
@@ -146,11 +146,8 @@ impl DrawnScene {
         let now_ms = milliseconds(now);
         let suspicion_ms = milliseconds(self.suspicion);
         for (module, extra) in &mut self.extras {
-            let received_ms = self
-                .scene
-                .modules()
-                .get(module)
-                .map(|known| known.received_ms);
+            let known = self.scene.modules().get(module);
+            let received_ms = known.map(|known| known.received_ms);
             let is_silent = received_ms.is_none_or(|at| now_ms.saturating_sub(at) > suspicion_ms);
             if extra.is_live && is_silent {
                 extra.is_live = false;
@@ -158,10 +155,6 @@ impl DrawnScene {
             }
         }
     }
-}
-
-fn milliseconds(duration: Duration) -> u64 {
-    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
 }
 
 /// Adds a pose to a trail; of a straight path only the ends are kept.

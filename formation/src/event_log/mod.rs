@@ -9,6 +9,7 @@ mod scene;
 mod step;
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
@@ -17,6 +18,12 @@ use crate::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId};
 pub use recorder::{POSE_INTERVAL, Recorder};
 pub use scene::{Changes, Scene, SceneModule};
 pub use step::Step;
+
+/// A time or a duration, in milliseconds.
+#[must_use]
+pub fn milliseconds(duration: Duration) -> u64 {
+    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
+}
 
 /// Something that happened, and when.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::{Entry, Event, ModuleSnapshot};
+use super::{Entry, Event, ModuleSnapshot, milliseconds};
 use crate::model::{
     Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState, RosterMessage, SpotClaim,
 };
@@ -80,7 +80,7 @@ impl Recorder {
             // Claims carry their evictions, and states carry all of a heartbeat that an entry needs.
             Message::Target(_) | Message::Eviction(_) | Message::Heartbeat(_) => {}
         }
-        let at_ms = u64::try_from(now.as_millis()).unwrap_or(u64::MAX);
+        let at_ms = milliseconds(now);
         let entries = events.into_iter();
         entries.map(|event| Entry { at_ms, event }).collect()
     }

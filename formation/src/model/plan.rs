@@ -64,6 +64,19 @@ impl Assembly {
             .iter()
             .flat_map(|unit| unit.placements.iter().map(|&(_, spot)| spot))
     }
+
+    /// The acting unit of each placed module.
+    #[must_use]
+    pub fn unit_of_each(&self) -> BTreeMap<ModuleId, &ActingUnit> {
+        let units = self.units.iter();
+        units
+            .flat_map(|unit| {
+                unit.placements
+                    .iter()
+                    .map(move |&(module, _)| (module, unit))
+            })
+            .collect()
+    }
 }
 
 /// The outcome of all turns.

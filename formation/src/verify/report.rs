@@ -7,7 +7,7 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use super::{Agreement, Counts, Outcome, Progress, Timings, Verdict};
-use crate::event_log::Entry;
+use crate::event_log::{Entry, milliseconds};
 use crate::model::{Assignment, Epoch, ModuleId, SpotId};
 
 /// One line: an object with one key, which says what the line is about.
@@ -143,10 +143,6 @@ fn by_module(assignments: &BTreeMap<ModuleId, SpotId>) -> Vec<Assignment> {
 
 fn sentences(entries: &[impl Display]) -> Vec<String> {
     entries.iter().map(ToString::to_string).collect()
-}
-
-fn milliseconds(duration: Duration) -> u64 {
-    u64::try_from(duration.as_millis()).unwrap_or(u64::MAX)
 }
 
 fn between(from: Option<Duration>, to: Option<Duration>) -> Option<u64> {

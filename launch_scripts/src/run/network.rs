@@ -95,8 +95,7 @@ fn environment(
         domain,
         range: silent.then_some(DiscoveryRange::Localhost),
     };
-    let environment = Environment::resolve(overrides, variable)
-        .map_err(|error| Failure::BadInput(error.into()))?;
+    let environment = Environment::resolve(overrides, variable).map_err(Failure::bad_input)?;
     if environment.range == DiscoveryRange::Off {
         return Err(Failure::BadInput(anyhow!(
             "environment variable ROS_AUTOMATIC_DISCOVERY_RANGE: OFF, so the processes would not discover each other; use \

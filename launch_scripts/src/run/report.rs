@@ -3,6 +3,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use anyhow::anyhow;
+use formation::event_log::milliseconds;
 use formation::model::text::listed_in_full;
 use formation::model::{Assignment, ModuleId, SpotId};
 use formation::verify::{Outcome, outcome_text};
@@ -13,7 +14,7 @@ use serde::{Serialize, Serializer};
 use super::roles::Deaths;
 use super::run_loop::{Judgement, Observed};
 use crate::checked_plan::{CheckedPlan, PlanReport};
-use crate::table::Table;
+use crate::table::aligned;
 
 /// More differences from the plan are counted only.
 const DIFFERENCES_MAX: usize = 8;
@@ -64,9 +65,7 @@ impl RunReport {
             plan: plan.report(),
             violations: Vec::new(),
             missing: None,
-            discovery_ms: observed
-                .discovery
-                .map(|time| u64::try_from(time.as_millis()).unwrap_or(u64::MAX)),
+            discovery_ms: observed.discovery.map(milliseconds),
             planning_ms: None,
             acting_ms: None,
             dead: observed.deaths.clone(),
@@ -160,12 +159,10 @@ impl RunReport {
 
     /// Which module settled where, for a run that differs from the plan.
     fn placement_text(&self) -> String {
-        let mut table = Table::new(["module", "spot"]);
-        for taken in self.assignments() {
-            table.row([taken.module.0.to_string(), taken.spot.0.to_string()]);
-        }
+        let row = |taken: &Assignment| [taken.module.0.to_string(), taken.spot.0.to_string()];
+        let table = aligned(["module", "spot"], self.assignments().iter().map(row));
         match self.plan.statistics.unassigned.as_slice() {
-            [] => table.to_string(),
+            [] => table,
             unassigned => {
                 let unassigned = listed_in_full(unassigned.iter().copied());
                 format!("{table}\nwithout a spot: {unassigned}")

@@ -14,7 +14,7 @@ use super::processes::Host;
 use super::programs::Programs;
 use super::roles::ProcessRoles;
 use super::supervisor::{Output, ProcessId, Supervisor};
-use crate::arguments::{MotionMode, RunArguments, Switch};
+use crate::arguments::{ON, RunArguments};
 
 /// With more processes of modules than these, the endpoints of the parameter services make discovery too slow:
 /// 0.7 s for 17 and 1.6 s for 25 with them, 0.6 s and 1.1 s without, but 7.1 s for 40 against 3.4 s.
@@ -85,11 +85,7 @@ impl Start<'_> {
     ) -> Result<BTreeMap<ProcessId, Vec<ModuleId>>, Failure> {
         let motion = &self.arguments.motion;
         let speed = motion.speed.to_string();
-        let mode = match motion.mode() {
-            MotionMode::Simulated => "simulated",
-            MotionMode::External => "external",
-        };
-        let mut common = vec!["--speed", &speed, "--motion", mode];
+        let mut common = vec!["--speed", &speed, "--motion", motion.mode()];
         common.extend(motion.module_option.iter().map(String::as_str));
         if self.arguments.plan_only {
             common.push("--plan-only");
@@ -156,8 +152,8 @@ impl Start<'_> {
     }
 
     fn serves_parameters(&self) -> bool {
-        match self.arguments.parameter_services {
-            Some(switch) => switch == Switch::On,
+        match &self.arguments.parameter_services {
+            Some(switch) => switch == ON,
             None => self.hosts.len() <= PARAMETER_SERVICES_PROCESSES_MAX,
         }
     }

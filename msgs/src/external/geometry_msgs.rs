@@ -133,13 +133,14 @@ impl From<&model::Pose> for Pose {
 
 impl From<&model::Pose> for Transform {
     fn from(pose: &model::Pose) -> Self {
+        let Pose {
+            position: Point { x, y, z },
+            orientation: rotation,
+        } = pose.into();
+        let translation = Vector3 { x, y, z };
         Self {
-            translation: Vector3 {
-                x: pose.x.to_units(),
-                y: pose.y.to_units(),
-                z: 0.0,
-            },
-            rotation: Quaternion::from_yaw(pose.theta.to_units()),
+            translation,
+            rotation,
         }
     }
 }

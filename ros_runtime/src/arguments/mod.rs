@@ -7,6 +7,6 @@ mod ros;
 pub use command_line::{parse, read_bounded};
 pub use network::NetworkArguments;
 pub use ros::{
-    Assignment, LogArguments, LogLevel, NodeIdentity, Origin, ParameterAssignments, RemapRule,
-    RemapRules, Resource, RosArguments,
+    Assignment, LogArguments, LogLevel, Namespace, NodeIdentity, Origin, ParameterAssignments,
+    RemapRule, RemapRules, Resource, RosArguments,
 };

@@ -2,8 +2,8 @@
 
 use clap::Args;
 
-use super::ros::{LogLevel, RosArguments};
-use crate::environment::{self, DiscoveryRange, Domain, Environment, Namespace, Overrides};
+use super::ros::{LogLevel, Namespace, RosArguments};
+use crate::environment::{self, DiscoveryRange, Domain, Environment, Overrides};
 use crate::exit::{self, Failure};
 use crate::logging;
 use crate::service_mapping::{RMW_IMPLEMENTATION, ServiceMapping};
@@ -57,18 +57,18 @@ impl NetworkArguments {
             domain: self.domain,
             range: self.discovery_range,
         };
-        let environment = Environment::resolve(overrides, variable)?;
+        let environment = Environment::resolve(overrides, variable).map_err(Failure::bad_input)?;
         let namespace = match &self.namespace {
             Some(namespace) => namespace.clone(),
-            None => environment::namespace(variable)?.unwrap_or(default_namespace),
+            None => environment::namespace(variable)
+                .map_err(Failure::bad_input)?
+                .unwrap_or(default_namespace),
         };
         let service_mapping = match self.service_mapping {
             Some(mapping) => mapping,
             None => ServiceMapping::of_middleware(variable(RMW_IMPLEMENTATION).as_deref())
-                .map_err(|reason| {
-                    let what = format!("environment variable {RMW_IMPLEMENTATION}: {reason}");
-                    Failure::bad_input(what)
-                })?,
+                .map_err(|reason| environment::wrong(RMW_IMPLEMENTATION, &reason))
+                .map_err(Failure::bad_input)?,
         };
         Ok(Settings {
             environment,

@@ -216,8 +216,8 @@ mod tests {
     use std::ffi::OsString;
 
     use super::*;
+    use crate::arguments::Namespace;
     use crate::arguments::RosArguments;
-    use crate::environment::Namespace;
     use crate::parameters::Range;
 
     fn declarations() -> Vec<Declaration> {

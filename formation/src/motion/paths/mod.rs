@@ -47,11 +47,3 @@ use workshop::Workshop;
 pub fn plan_motion(request: &MotionRequest) -> Result<MotionPlan, MotionError> {
     Workshop::new(request)?.plan()
 }
-
-/// Checks target and starts without planning.
-///
-/// # Errors
-/// The same as of [`plan_motion`], but for units that cannot get to their spots.
-pub fn check_motion(request: &MotionRequest) -> Result<(), MotionError> {
-    Workshop::new(request).map(|_| ())
-}

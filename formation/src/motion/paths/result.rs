@@ -187,20 +187,6 @@ pub struct MotionPlan {
     pub expansions: u64,
 }
 
-impl MotionPlan {
-    /// The steps of all units.
-    #[must_use]
-    pub fn step_count(&self) -> usize {
-        self.units.iter().map(|unit| unit.steps.len()).sum()
-    }
-
-    /// The fewest steps that could bring all units to their spots.
-    #[must_use]
-    pub fn shortest_step_count(&self) -> u64 {
-        self.units.iter().map(|unit| u64::from(unit.shortest)).sum()
-    }
-}
-
 /// What keeps a module from a start without contact.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum StartFault {

@@ -19,7 +19,7 @@ use crate::words::suggestion;
 
 pub use assignments::{Assignment, Origin, ParameterAssignments};
 pub use log_levels::{LogArguments, LogLevel};
-pub use names::NodeIdentity;
+pub use names::{Namespace, NodeIdentity};
 pub use remapping::{RemapRule, RemapRules, Resource};
 
 /// The arguments for ROS 2.

@@ -2,10 +2,49 @@
 //!
 //! After the design article "Topic and Service name mapping to DDS" of ROS 2.
 
-use crate::environment::Namespace;
+use std::fmt;
+use std::str::FromStr;
 
 /// The longest fully qualified name: DDS allows 255 characters, and ROS 2 puts up to eight before and behind.
 const NAME_LENGTH_MAX: usize = 247;
+
+/// The namespace of a node and its topics, such as `/fleet`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Namespace(String);
+
+impl Namespace {
+    /// As ROS 2 writes it.
+    #[must_use]
+    pub fn as_str(&self) -> &str {
+        &self.0
+    }
+}
+
+impl Default for Namespace {
+    fn default() -> Self {
+        Self("/".to_owned())
+    }
+}
+
+impl FromStr for Namespace {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let checked = match text.strip_prefix('/') {
+            Some("") => Ok(()),
+            Some(_) => validate(text),
+            None => Err("must begin with `/`".to_owned()),
+        };
+        let wrong = |reason| format!("{reason}, in `{text}`");
+        checked.map_err(wrong).map(|()| Self(text.to_owned()))
+    }
+}
+
+impl fmt::Display for Namespace {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        self.0.fmt(formatter)
+    }
+}
 
 /// A node's base name and its namespace.
 #[derive(Clone, Debug, PartialEq, Eq)]

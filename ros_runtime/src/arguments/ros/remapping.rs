@@ -5,8 +5,7 @@
 
 use std::str::FromStr;
 
-use super::names::{self, NodeIdentity};
-use crate::environment::Namespace;
+use super::names::{self, Namespace, NodeIdentity};
 
 /// No rule that could ever match is longer, in bytes.
 const RULE_LENGTH_MAX: usize = 1_024;

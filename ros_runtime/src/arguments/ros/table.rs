@@ -8,7 +8,7 @@ use std::path::Path;
 use ros2_client::ParameterValue;
 
 use super::*;
-use crate::environment::Namespace;
+use crate::arguments::Namespace;
 
 /// What is asked of a node that was started so.
 enum Ask {
@@ -193,7 +193,7 @@ const REMAPPING: [Row; 33] = [
     row(
         "--ros-args -r __ns:=relative",
         Node,
-        "error: the namespace must be `/`, or begin with `/`",
+        "error: the namespace must begin with `/`",
     ),
     row(
         "--ros-args -r __node:=a/b",
