@@ -4,6 +4,7 @@ mod block_allocation;
 mod decision;
 mod outcome;
 mod planning;
+mod separators;
 mod start;
 mod trimming;
 mod turn_order;

@@ -7,9 +7,9 @@
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
 
+use super::separators::Separators;
 use crate::model::{MicroUnits, Topology};
 use crate::planner::assignment::Instance;
-use crate::planner::cut_nodes::cut_nodes;
 
 /// The key by which spots are left out, lowest first: the size of the unit that holds the spot, its value, its position.
 type PeelingKey = (usize, MicroUnits, usize);
@@ -69,11 +69,21 @@ fn joined_by_short_paths(topology: &Topology, pins: &[usize]) -> Vec<bool> {
     let Some(&first) = pins.first() else {
         return joined;
     };
-    joined[first] = true;
     let mut is_pin = vec![false; node_count];
     for &pin in pins {
         is_pin[pin] = true;
     }
+    // Pins next to joined ones are nearest, and join them without a path.
+    let join = |start: usize, joined: &mut [bool]| {
+        let mut waiting = vec![start];
+        while let Some(node) = waiting.pop() {
+            if !std::mem::replace(&mut joined[node], true) {
+                let neighbours = topology.neighbours(node).iter().copied();
+                waiting.extend(neighbours.filter(|&neighbour| is_pin[neighbour]));
+            }
+        }
+    };
+    join(first, &mut joined);
     loop {
         // Breadth-first from all joined nodes.
         let mut order: Vec<usize> = (0..node_count).filter(|&node| joined[node]).collect();
@@ -98,8 +108,8 @@ fn joined_by_short_paths(topology: &Topology, pins: &[usize]) -> Vec<bool> {
         };
         let mut path = Some(nearest_pin);
         while let Some(node) = path.filter(|&node| !joined[node]) {
-            joined[node] = true;
             path = reached_from[node];
+            join(node, &mut joined);
         }
     }
 }
@@ -116,15 +126,24 @@ fn grown_from(
     for &pin in pins {
         chosen[pin] = true;
     }
+    let mut is_listed = chosen.clone();
+    let mut adjacent: BinaryHeap<PeelingKey> = BinaryHeap::new();
+    let mut list_around = |spot: usize, adjacent: &mut BinaryHeap<PeelingKey>| {
+        for &neighbour in topology.neighbours(spot) {
+            if kept[neighbour] && !std::mem::replace(&mut is_listed[neighbour], true) {
+                adjacent.push(key(neighbour));
+            }
+        }
+    };
+    for &pin in pins {
+        list_around(pin, &mut adjacent);
+    }
     for _ in pins.len()..count {
-        let is_adjacent = |spot: usize| topology.neighbours(spot).iter().any(|&one| chosen[one]);
-        let best = (0..kept.len())
-            .filter(|&spot| kept[spot] && !chosen[spot] && is_adjacent(spot))
-            .max_by_key(|&spot| key(spot));
-        let Some(spot) = best else {
+        let Some((_, _, spot)) = adjacent.pop() else {
             break;
         };
         chosen[spot] = true;
+        list_around(spot, &mut adjacent);
     }
     chosen
 }
@@ -167,26 +186,176 @@ fn peel_general(
     excess: usize,
     key: impl Fn(usize) -> PeelingKey,
 ) {
-    for _ in 0..excess {
-        let neighbour_at =
-            |spot: usize, index: usize| topology.neighbours(spot).get(index).copied();
-        let is_cut = cut_nodes(kept.len(), |spot| kept[spot], neighbour_at);
-        let next = (0..kept.len())
-            .filter(|&spot| kept[spot] && !stays[spot] && !is_cut[spot])
-            .min_by_key(|&spot| key(spot));
-        let Some(spot) = next else {
+    let mut separators = Separators::new(topology);
+    // The spots that may go, except those that are known to separate others.
+    let mut waiting: BinaryHeap<Reverse<PeelingKey>> = (0..kept.len())
+        .filter(|&spot| !stays[spot])
+        .map(|spot| Reverse(key(spot)))
+        .collect();
+    let mut left = excess;
+    while left > 0 {
+        let Some(Reverse((_, _, spot))) = waiting.pop() else {
             return;
         };
+        if separators.is_separator(spot, kept) {
+            continue;
+        }
         kept[spot] = false;
+        left -= 1;
+        for freed in separators.remove(spot) {
+            waiting.push(Reverse(key(freed)));
+        }
     }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::generate::Random;
+    use crate::planner::cut_nodes::cut_nodes;
 
     fn as_positions(chosen: &[bool]) -> Vec<usize> {
         (0..chosen.len()).filter(|&node| chosen[node]).collect()
+    }
+
+    /// [`peel_general`] by its definition: all separators after each removal.
+    fn peel_by_definition(
+        topology: &Topology,
+        kept: &mut [bool],
+        stays: &[bool],
+        excess: usize,
+        key: impl Fn(usize) -> PeelingKey,
+    ) {
+        for _ in 0..excess {
+            let neighbour_at =
+                |spot: usize, index: usize| topology.neighbours(spot).get(index).copied();
+            let is_cut = cut_nodes(kept.len(), |spot| kept[spot], neighbour_at);
+            let next = (0..kept.len())
+                .filter(|&spot| kept[spot] && !stays[spot] && !is_cut[spot])
+                .min_by_key(|&spot| key(spot));
+            let Some(spot) = next else {
+                return;
+            };
+            kept[spot] = false;
+        }
+    }
+
+    /// [`grown_from`] by its definition: all spots are looked at for each that is chosen.
+    fn grown_by_definition(
+        topology: &Topology,
+        pins: &[usize],
+        kept: &[bool],
+        count: usize,
+        key: impl Fn(usize) -> PeelingKey,
+    ) -> Vec<bool> {
+        let mut chosen = vec![false; kept.len()];
+        for &pin in pins {
+            chosen[pin] = true;
+        }
+        for _ in pins.len()..count {
+            let is_adjacent =
+                |spot: usize| topology.neighbours(spot).iter().any(|&one| chosen[one]);
+            let best = (0..kept.len())
+                .filter(|&spot| kept[spot] && !chosen[spot] && is_adjacent(spot))
+                .max_by_key(|&spot| key(spot));
+            let Some(spot) = best else {
+                break;
+            };
+            chosen[spot] = true;
+        }
+        chosen
+    }
+
+    /// [`joined_by_short_paths`] by its definition: a search for each pin.
+    fn joined_by_definition(topology: &Topology, pins: &[usize]) -> Vec<bool> {
+        let node_count = topology.node_count();
+        let mut joined = vec![false; node_count];
+        let Some(&first) = pins.first() else {
+            return joined;
+        };
+        joined[first] = true;
+        loop {
+            let mut order = as_positions(&joined);
+            let mut reached_from: Vec<Option<usize>> = (0..node_count)
+                .map(|node| joined[node].then_some(node))
+                .collect();
+            let mut next = 0;
+            let nearest_pin = loop {
+                let Some(&node) = order.get(next) else {
+                    return joined;
+                };
+                if pins.contains(&node) && !joined[node] {
+                    break node;
+                }
+                for &neighbour in topology.neighbours(node) {
+                    if reached_from[neighbour].is_none() {
+                        reached_from[neighbour] = Some(node);
+                        order.push(neighbour);
+                    }
+                }
+                next += 1;
+            };
+            let mut path = Some(nearest_pin);
+            while let Some(node) = path.filter(|&node| !joined[node]) {
+                joined[node] = true;
+                path = reached_from[node];
+            }
+        }
+    }
+
+    /// A grid with holes, and paths that hang on it.
+    fn drawn(random: &mut Random) -> Topology {
+        let below = |random: &mut Random, bound: u64| usize::try_from(random.below(bound)).unwrap();
+        let (width, height) = (2 + below(random, 7), 2 + below(random, 7));
+        let spot = |x: usize, y: usize| y * width + x;
+        let mut edges = Vec::new();
+        for (x, y) in (0..height).flat_map(|y| (0..width).map(move |x| (x, y))) {
+            if x + 1 < width && random.below(5) > 0 {
+                edges.push((spot(x, y), spot(x + 1, y)));
+            }
+            if y + 1 < height && random.below(5) > 0 {
+                edges.push((spot(x, y), spot(x, y + 1)));
+            }
+        }
+        let whole = Topology::new(width * height, &edges);
+        let largest = whole.components().into_iter().max_by_key(Vec::len).unwrap();
+        let mut edges = whole.induced_by(&largest).edges().to_vec();
+        let mut count = largest.len();
+        for _ in 0..below(random, 12) {
+            edges.push((below(random, count as u64), count));
+            count += 1;
+        }
+        Topology::new(count, &edges)
+    }
+
+    #[test]
+    fn the_results_are_those_of_the_definitions() {
+        let mut random = Random::from_seed(9);
+        for round in 0..600 {
+            let graph = drawn(&mut random);
+            let count = graph.node_count();
+            let sizes: Vec<usize> = (0..count)
+                .map(|_| usize::try_from(random.below(4)).unwrap())
+                .collect();
+            let values: Vec<i64> = (0..count)
+                .map(|_| i64::try_from(random.below(20)).unwrap())
+                .collect();
+            let key = |spot: usize| (sizes[spot], MicroUnits(values[spot]), spot);
+            let rarity = 1 + random.below(10);
+            let pins: Vec<usize> = (0..count).filter(|_| random.below(rarity) == 0).collect();
+            let joined = joined_by_short_paths(&graph, &pins);
+            assert_eq!(joined, joined_by_definition(&graph, &pins), "round {round}");
+            for part in [1, 2, 4] {
+                let excess = count - count / part;
+                let (mut fast, mut slow) = (vec![true; count], vec![true; count]);
+                peel_general(&graph, &mut fast, &joined, excess, key);
+                peel_by_definition(&graph, &mut slow, &joined, excess, key);
+                assert_eq!(fast, slow, "round {round}");
+                let grown = grown_from(&graph, &pins, &fast, count / part, key);
+                let definition = grown_by_definition(&graph, &pins, &fast, count / part, key);
+                assert_eq!(grown, definition, "round {round}");
+            }
+        }
     }
 
     #[test]

@@ -52,22 +52,41 @@ fn ratio(part: usize, whole: usize) -> MicroUnits {
     MicroUnits(i64::try_from(rounded).unwrap_or(MICRO_PER_UNIT))
 }
 
-/// A number of paths, `mantissa * RADIX^exponent`; it can exceed the range of a float.
+/// A number of paths.
+trait Count: Copy + Default {
+    const ONE: Self;
+
+    fn plus(self, other: Self) -> Self;
+
+    /// The ratio of this number to a larger or equal one.
+    fn share_of(self, whole: Self) -> f64;
+}
+
+/// Exact enough up to [`RADIX`].
+impl Count for f64 {
+    const ONE: Self = 1.0;
+
+    fn plus(self, other: Self) -> Self {
+        self + other
+    }
+
+    fn share_of(self, whole: Self) -> f64 {
+        self / whole
+    }
+}
+
+/// A number of paths beyond the range of a float, `mantissa * RADIX^exponent`. Up to [`RADIX`] it has the same bits as the
+/// float.
 #[derive(Clone, Copy, Debug, Default)]
-struct PathCount {
+struct LargeCount {
     mantissa: f64,
     exponent: u32,
 }
 
-/// The base of the exponent of a [`PathCount`].
+/// The base of the exponent of a [`LargeCount`].
 const RADIX: f64 = 1.0e100;
 
-impl PathCount {
-    const ONE: Self = Self {
-        mantissa: 1.0,
-        exponent: 0,
-    };
-
+impl LargeCount {
     /// The mantissa of this number for a larger or equal exponent.
     fn mantissa_under(self, exponent: u32) -> f64 {
         match exponent - self.exponent {
@@ -76,6 +95,13 @@ impl PathCount {
             _ => 0.0,
         }
     }
+}
+
+impl Count for LargeCount {
+    const ONE: Self = Self {
+        mantissa: 1.0,
+        exponent: 0,
+    };
 
     fn plus(self, other: Self) -> Self {
         let exponent = self.exponent.max(other.exponent);
@@ -90,7 +116,6 @@ impl PathCount {
         }
     }
 
-    /// The ratio of this number to a larger or equal one.
     fn share_of(self, whole: Self) -> f64 {
         self.mantissa_under(whole.exponent) / whole.mantissa
     }
@@ -100,10 +125,19 @@ impl PathCount {
 fn general_betweenness(topology: &Topology) -> Vec<MicroUnits> {
     let node_count = topology.node_count();
     let mut total = vec![0.0_f64; node_count];
-    let mut search = ShortestPaths::new(node_count);
+    let mut search = ShortestPaths::<f64>::new(node_count);
+    let mut large_search = None;
     for source in 0..node_count {
         search.run(topology, source);
-        search.accumulate(topology, source, &mut total);
+        let is_exact = search.nodes.iter().all(|node| node.paths <= RADIX);
+        if is_exact {
+            search.accumulate(topology, source, &mut total);
+        } else {
+            let search =
+                large_search.get_or_insert_with(|| ShortestPaths::<LargeCount>::new(node_count));
+            search.run(topology, source);
+            search.accumulate(topology, source, &mut total);
+        }
     }
     let other_nodes = (node_count - 1) as f64;
     // Every pair of ends has been counted from both ends.
@@ -114,43 +148,57 @@ fn general_betweenness(topology: &Topology) -> Vec<MicroUnits> {
         .collect()
 }
 
-/// All shortest paths from one source.
-struct ShortestPaths {
-    /// The nodes by distance from the source.
-    order: Vec<usize>,
-    distance: Vec<usize>,
-    /// The number of shortest paths to each node.
-    path_count: Vec<PathCount>,
-    dependency: Vec<f64>,
+/// What a search knows of one node; together, because the search reads them together.
+#[derive(Clone, Copy, Debug)]
+struct Reached<C> {
+    /// The number of shortest paths to the node.
+    paths: C,
+    dependency: f64,
+    distance: u32,
 }
 
-impl ShortestPaths {
+/// All shortest paths from one source.
+struct ShortestPaths<C> {
+    /// The nodes by distance from the source.
+    order: Vec<usize>,
+    nodes: Vec<Reached<C>>,
+}
+
+impl<C: Count> ShortestPaths<C> {
     fn new(node_count: usize) -> Self {
         Self {
             order: Vec::with_capacity(node_count),
-            distance: vec![usize::MAX; node_count],
-            path_count: vec![PathCount::default(); node_count],
-            dependency: vec![0.0; node_count],
+            nodes: vec![Self::not_reached(); node_count],
+        }
+    }
+
+    fn not_reached() -> Reached<C> {
+        Reached {
+            paths: C::default(),
+            dependency: 0.0,
+            distance: u32::MAX,
         }
     }
 
     fn run(&mut self, topology: &Topology, source: usize) {
         self.order.clear();
-        self.distance.fill(usize::MAX);
-        self.path_count.fill(PathCount::default());
-        self.distance[source] = 0;
-        self.path_count[source] = PathCount::ONE;
+        self.nodes.fill(Self::not_reached());
+        self.nodes[source].distance = 0;
+        self.nodes[source].paths = C::ONE;
         self.order.push(source);
         let mut next = 0;
         while let Some(&node) = self.order.get(next) {
+            let Reached {
+                paths, distance, ..
+            } = self.nodes[node];
             for &neighbour in topology.neighbours(node) {
-                if self.distance[neighbour] == usize::MAX {
-                    self.distance[neighbour] = self.distance[node] + 1;
+                let reached = &mut self.nodes[neighbour];
+                if reached.distance == u32::MAX {
+                    reached.distance = distance + 1;
                     self.order.push(neighbour);
                 }
-                if self.distance[neighbour] == self.distance[node] + 1 {
-                    self.path_count[neighbour] =
-                        self.path_count[neighbour].plus(self.path_count[node]);
+                if reached.distance == distance + 1 {
+                    reached.paths = reached.paths.plus(paths);
                 }
             }
             next += 1;
@@ -159,19 +207,21 @@ impl ShortestPaths {
 
     /// Adds, for each node, the share of the shortest paths to all others that run through it, from the farthest node on.
     fn accumulate(&mut self, topology: &Topology, source: usize, total: &mut [f64]) {
-        self.dependency.fill(0.0);
         for &node in self.order.iter().rev() {
             if node == source {
                 continue;
             }
-            total[node] += self.dependency[node];
-            let nearer = self.distance[node] - 1;
-            let paths = self.path_count[node];
-            let carried = 1.0 + self.dependency[node];
+            let Reached {
+                paths,
+                dependency,
+                distance,
+            } = self.nodes[node];
+            total[node] += dependency;
+            let carried = 1.0 + dependency;
             for &neighbour in topology.neighbours(node) {
-                if self.distance[neighbour] == nearer {
-                    self.dependency[neighbour] +=
-                        self.path_count[neighbour].share_of(paths) * carried;
+                let nearer = &mut self.nodes[neighbour];
+                if nearer.distance == distance - 1 {
+                    nearer.dependency += nearer.paths.share_of(paths) * carried;
                 }
             }
         }
@@ -218,6 +268,35 @@ mod tests {
     }
 
     #[test]
+    fn both_kinds_of_counts_give_the_same_bits() {
+        let side = 9;
+        let along = (0..side * side).filter(|node| node % side + 1 < side);
+        let across = (0..side * (side - 1)).map(|node| (node, node + side));
+        let mut edges: Vec<_> = along.map(|node| (node, node + 1)).chain(across).collect();
+        edges.retain(|&(first, _)| first % 7 != 3);
+        edges.push((0, 3));
+        edges.extend(
+            (1..side * side)
+                .filter(|node| node % 7 == 3)
+                .map(|node| (node - 1, node)),
+        );
+        edges.sort_unstable();
+        edges.dedup();
+        let graph = Topology::new(side * side, &edges);
+        let mut plain = ShortestPaths::<f64>::new(graph.node_count());
+        let mut large = ShortestPaths::<LargeCount>::new(graph.node_count());
+        let (mut total, mut large_total) = (vec![0.0; side * side], vec![0.0; side * side]);
+        for source in 0..graph.node_count() {
+            plain.run(&graph, source);
+            plain.accumulate(&graph, source, &mut total);
+            large.run(&graph, source);
+            large.accumulate(&graph, source, &mut large_total);
+        }
+        let bits = |sums: &[f64]| sums.iter().map(|sum| sum.to_bits()).collect::<Vec<_>>();
+        assert_eq!(bits(&total), bits(&large_total));
+    }
+
+    #[test]
     fn path_counts_that_no_float_holds_still_give_shares() {
         // A chain of 2,000 four-rings has 2^2000 shortest paths from end to end.
         let rings = 2_000;
@@ -232,7 +311,7 @@ mod tests {
             ]);
         }
         let chain = Topology::new(3 * rings + 1, &edges);
-        let mut search = ShortestPaths::new(chain.node_count());
+        let mut search = ShortestPaths::<LargeCount>::new(chain.node_count());
         let mut total = vec![0.0; chain.node_count()];
         search.run(&chain, 0);
         search.accumulate(&chain, 0, &mut total);
