@@ -184,6 +184,13 @@ pub enum Violation {
         held: Option<SpotId>,
         claimed: Option<SpotId>,
     },
+    /// A module stands within half a unit of a spot on which another has settled.
+    #[error("{first} and {second} both stand on {spot}")]
+    TwoBodies {
+        spot: SpotId,
+        first: ModuleId,
+        second: ModuleId,
+    },
     #[error("{module} stands {distance} units and {turn} radians off the pose of {spot}")]
     PoseOff {
         module: ModuleId,

@@ -1,16 +1,23 @@
 //! Judges the end state: where the modules stand and to which others they are docked.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use super::claims::{Claimed, replay_claims};
 use super::parameters::ObserverParameters;
 use super::record::{ModuleRecord, PlannedEpoch};
-use crate::model::{Digest, ModuleId, ModulePhase, ModuleState, SpotId};
+use crate::model::{
+    Digest, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, SpotId,
+};
 use crate::verify::plan::check_filled;
 use crate::verify::{Missing, Violation};
 
+/// A body nearer to a spot than this stands on it: half the width of a module.
+const ON_SPOT: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
+
 /// The current states of an epoch's members.
 pub(super) struct EndState<'a> {
+    modules: &'a BTreeMap<ModuleId, ModuleRecord>,
     planned: PlannedEpoch<'a>,
     pub(super) claimed: Claimed,
     /// The latest state of each member's run.
@@ -43,6 +50,7 @@ impl<'a> EndState<'a> {
         });
         let (disagreeing, turns) = disagreement(planned);
         Self {
+            modules,
             planned,
             claimed: replay_claims(planned),
             states,
@@ -116,7 +124,11 @@ impl<'a> EndState<'a> {
     }
 
     /// The violations of the end state, once it is reached.
-    pub(super) fn violations(&self, parameters: &ObserverParameters) -> Vec<Violation> {
+    pub(super) fn violations(
+        &self,
+        now: Duration,
+        parameters: &ObserverParameters,
+    ) -> Vec<Violation> {
         let mut violations = Vec::new();
         let mut holders: BTreeMap<SpotId, ModuleId> = BTreeMap::new();
         for (&module, &state) in &self.settled {
@@ -154,7 +166,36 @@ impl<'a> EndState<'a> {
         let filled = holders.keys().copied().collect();
         check_filled(self.planned.problem, &filled, &mut violations);
         self.check_links(&holders, &mut violations);
+        self.check_bodies(&holders, now, parameters.silence, &mut violations);
         violations
+    }
+
+    /// No other module, member or not, stands on a spot on which a member has settled.
+    fn check_bodies(
+        &self,
+        holders: &BTreeMap<SpotId, ModuleId>,
+        now: Duration,
+        silence: Duration,
+        violations: &mut Vec<Violation>,
+    ) {
+        let others = self.modules.iter();
+        let bodies: Vec<(ModuleId, Pose)> = others
+            .filter(|(module, _)| !self.settled.contains_key(module))
+            .filter_map(|(&module, record)| Some((module, record.body(now, silence)?)))
+            .collect();
+        for (&spot, &first) in holders {
+            let Some(place) = self.planned.problem.target().spot(spot) else {
+                continue;
+            };
+            let on_it = bodies
+                .iter()
+                .filter(|(_, pose)| pose.distance_to(&place.pose) < ON_SPOT);
+            violations.extend(on_it.map(|&(second, _)| Violation::TwoBodies {
+                spot,
+                first,
+                second,
+            }));
+        }
     }
 
     /// The links of settled modules must be exactly the target's edges between filled spots, named by both ends.

@@ -20,11 +20,11 @@ impl Observer {
         let missing = self.missing(now);
         if !missing.is_empty() {
             self.reached_since = None;
-            return is_late.then(|| self.report(missing, None));
+            return is_late.then(|| self.report(now, missing, None));
         }
         let since = *self.reached_since.get_or_insert(now);
         let is_final = is_late || now >= since.saturating_add(self.parameters.grace);
-        let mut verdict = self.report(missing, Some(since));
+        let mut verdict = self.report(now, missing, Some(since));
         if !verdict.violations.is_empty() {
             return is_final.then_some(verdict);
         }
@@ -81,7 +81,12 @@ impl Observer {
 
     /// The report on the current state. Its outcome is FAILED; the caller raises it if the state proves better. `completed`
     /// is the time at which the end state was reached.
-    pub(super) fn report(&self, missing: Vec<Missing>, completed: Option<Duration>) -> Verdict {
+    pub(super) fn report(
+        &self,
+        now: Duration,
+        missing: Vec<Missing>,
+        completed: Option<Duration>,
+    ) -> Verdict {
         let epochs = self.received.with_roster();
         let mut verdict = Verdict {
             outcome: Outcome::Failed,
@@ -108,7 +113,7 @@ impl Observer {
             verdict.violations.extend(violations);
         }
         if let Some(planned) = self.received.current() {
-            self.report_on(planned, &mut verdict);
+            self.report_on(now, planned, &mut verdict);
         }
         verdict.violations.sort();
         verdict.violations.dedup();
@@ -117,7 +122,7 @@ impl Observer {
     }
 
     /// Adds the end state of the current epoch to a report.
-    fn report_on(&self, planned: PlannedEpoch<'_>, verdict: &mut Verdict) {
+    fn report_on(&self, now: Duration, planned: PlannedEpoch<'_>, verdict: &mut Verdict) {
         let end = EndState::new(&self.received.modules, planned);
         let claimed = &end.claimed;
         verdict.epoch = Some(planned.epoch);
@@ -139,7 +144,7 @@ impl Observer {
         verdict.counts.detached = claimed.replay.detached.len();
         if verdict.timings.completed.is_some() {
             let violations = &mut verdict.violations;
-            violations.extend(end.violations(&self.parameters));
+            violations.extend(end.violations(now, &self.parameters));
             violations.extend(unit_violations(&Acts::new(planned), claimed));
         } else {
             let unclaimed = |spot: &&SpotId| !claimed.replay.holders.contains_key(spot);

@@ -99,7 +99,7 @@ impl Observer {
             None => {
                 let since = *self.broken_since.get_or_insert(now);
                 (now >= since.saturating_add(RETRACTION_DELAY))
-                    .then(|| self.report(self.missing(now), None))
+                    .then(|| self.report(now, self.missing(now), None))
             }
         };
         if self.reached_since.is_some() {

@@ -8,7 +8,7 @@ use super::claims::replay_claims;
 use super::order::Acts;
 use super::record::{EpochRecord, ModuleRecord, PlannedEpoch, ReceivedRoster, entry_within};
 use crate::model::{
-    Epoch, MODULES_MAX, Message, MicroUnits, ModuleId, ModulePhase, ModuleState, RosterMessage,
+    Epoch, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, RosterMessage,
     TargetAnnouncement,
 };
 use crate::verify::Violation;
@@ -24,11 +24,12 @@ pub(super) struct Received {
     position_tolerance: MicroUnits,
     /// The announcement with the highest revision.
     pub(super) target: Option<Arc<TargetAnnouncement>>,
-    /// The highest revision that withdrew a target.
+    /// The highest revision that withdrew the target then in force. Agents ignore a withdrawal that arrives after a later
+    /// revision.
     withdrawn: Option<u64>,
     pub(super) modules: BTreeMap<ModuleId, ModuleRecord>,
     epochs: BTreeMap<Epoch, EpochRecord>,
-    /// Violations outside any epoch, and of epochs that were dropped for newer ones.
+    /// The violations of epochs that were dropped for newer ones.
     pub(super) retired: Vec<Violation>,
     /// The number of messages, repetitions included.
     pub(super) messages: u64,
@@ -74,12 +75,12 @@ impl Received {
     }
 
     fn handle_target(&mut self, announcement: &Arc<TargetAnnouncement>) -> bool {
-        if announcement.target.is_none() {
-            self.withdrawn = self.withdrawn.max(Some(announcement.revision));
-        }
         let known = self.target.as_ref();
         if known.is_some_and(|known| known.revision >= announcement.revision) {
             return false;
+        }
+        if announcement.target.is_none() {
+            self.withdrawn = Some(announcement.revision);
         }
         let has_new_content = known.is_none_or(|known| !have_same_content(known, announcement));
         self.target = Some(Arc::clone(announcement));
@@ -91,15 +92,9 @@ impl Received {
             return false;
         };
         module.handle_state(now, state);
-        if let Some(epoch) = state.epoch {
-            return self.epoch(epoch).handle_state(now, state);
-        }
-        if matches!(state.phase, ModulePhase::Moving | ModulePhase::Settled) {
-            self.retire([Violation::MovedWithoutPlan {
-                module: state.module,
-            }]);
-        }
-        true
+        state
+            .epoch
+            .is_none_or(|epoch| self.epoch(epoch).handle_state(now, state))
     }
 
     /// The record of an epoch. If there are too many to add it, the lowest without a roster is dropped, or else the lowest.
@@ -162,6 +157,13 @@ impl Received {
     pub(super) fn violations_in(&self, epoch: Epoch, record: &EpochRecord) -> Vec<Violation> {
         let mut violations = record.violations.clone();
         if let Some(planned) = record.planned(epoch) {
+            let moved = planned.members().iter().filter(|member| {
+                let record = self.modules.get(&member.module.id);
+                record.is_some_and(|record| record.has_moved_outside_epochs(member.incarnation))
+            });
+            violations.extend(moved.map(|member| Violation::MovedWithoutPlan {
+                module: member.module.id,
+            }));
             violations.extend(replay_claims(planned).replay.violations);
             violations.extend(Acts::new(planned).violations(self.position_tolerance));
         }

@@ -30,6 +30,8 @@ struct RunRecord {
     first_received: Duration,
     /// The highest sequence number of a heartbeat, and when it was received.
     last_heartbeat: Option<(u64, Duration)>,
+    /// Whether a state MOVING or SETTLED named no epoch.
+    moved_outside_epochs: bool,
 }
 
 /// The runs of one module.
@@ -47,14 +49,17 @@ impl ModuleRecord {
             latest: None,
             first_received: now,
             last_heartbeat: None,
+            moved_outside_epochs: false,
         })
     }
 
     pub(super) fn handle_state(&mut self, now: Duration, state: &Arc<ModuleState>) {
-        let latest = &mut self.run(state.incarnation, now).latest;
-        let known = latest.as_ref();
+        let run = self.run(state.incarnation, now);
+        let moves = matches!(state.phase, ModulePhase::Moving | ModulePhase::Settled);
+        run.moved_outside_epochs |= moves && state.epoch.is_none();
+        let known = run.latest.as_ref();
         if known.is_none_or(|known| known.sequence < state.sequence) {
-            *latest = Some(Arc::clone(state));
+            run.latest = Some(Arc::clone(state));
         }
     }
 
@@ -69,6 +74,21 @@ impl ModuleRecord {
     pub(super) fn heartbeat_of(&self, incarnation: Incarnation) -> Option<Duration> {
         let (_, received) = self.runs.get(&incarnation)?.last_heartbeat?;
         Some(received)
+    }
+
+    /// Whether a run published a state MOVING or SETTLED without an epoch.
+    pub(super) fn has_moved_outside_epochs(&self, incarnation: Incarnation) -> bool {
+        let run = self.runs.get(&incarnation);
+        run.is_some_and(|run| run.moved_outside_epochs)
+    }
+
+    /// Where the module was last seen, by its newest run that published a state; `None` once that run is silent for longer
+    /// than `silence`.
+    pub(super) fn body(&self, now: Duration, silence: Duration) -> Option<Pose> {
+        let mut runs = self.runs.values().rev();
+        let (run, state) = runs.find_map(|run| Some((run, run.latest.as_ref()?)))?;
+        let (_, last) = run.last_heartbeat?;
+        (now.saturating_sub(last) <= silence).then_some(state.pose)
     }
 
     /// The latest state of a member's run, unless a later run has replaced it.

@@ -41,6 +41,44 @@ fn neither_the_order_of_arrival_nor_repetition_matters() {
 }
 
 #[test]
+fn messages_of_modules_outside_the_roster_change_nothing() {
+    let mut sequence = good_sequence();
+    let stranger = |phase, epoch, spot: u32| {
+        let mut state = state(40, u64::from(spot), phase);
+        state.epoch = epoch;
+        state.digest = epoch.and(Some(Digest(0xbad)));
+        state.spot = Some(SpotId(spot));
+        state.links = modules(&[1, 2]);
+        state
+    };
+    for (number, phase) in [ModulePhase::Settled, ModulePhase::Moving]
+        .into_iter()
+        .enumerate()
+    {
+        for epoch in [None, Some(EPOCH)] {
+            let spot = 1 + 2 * number as u32 + u32::from(epoch.is_some());
+            let state = Arc::new(stranger(phase, epoch, spot));
+            sequence.further.push(Message::ModuleState(state));
+        }
+    }
+    let mut beat = heartbeat(40, 1, 1);
+    beat.digest = Some(Digest(0xbad));
+    sequence.further.push(Message::Heartbeat(beat));
+    let mut claim = sequence.claims[3].clone();
+    claim.claimant = ModuleId(40);
+    claim.decision.selections = select(&[(1, 40)]);
+    sequence.further.push(Message::Claim(Arc::new(claim)));
+    for seed in 0..50 {
+        let mut messages = sequence.messages();
+        Random::from_seed(seed).shuffle(&mut messages);
+        let mut observer = observe(&messages, patient());
+        let verdict = observer.verdict(Duration::from_secs(1)).unwrap();
+        assert_eq!(verdict.violations, [], "seed {seed}");
+        assert_eq!(verdict.outcome, Outcome::Complete, "seed {seed}");
+    }
+}
+
+#[test]
 fn no_verdict_comes_before_the_last_message() {
     let mut messages = good_sequence().messages();
     for seed in 0..50 {

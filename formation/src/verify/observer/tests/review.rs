@@ -155,6 +155,15 @@ fn a_target_that_is_announced_again_changes_nothing_unless_it_was_withdrawn() {
 }
 
 #[test]
+fn a_withdrawal_below_the_latest_revision_changes_nothing() {
+    let mut observer = observe(&good_sequence().messages(), patient());
+    observer.handle(at(1), &announced(3, |_| ()));
+    observer.handle(at(1), &announced(2, |target| target.target = None));
+    assert_eq!(observer.current_epoch(), Some(EPOCH));
+    assert_eq!(outcome(observer.review(at(2))), Some(Outcome::Complete));
+}
+
+#[test]
 fn a_new_target_takes_the_verdict_away_and_has_the_whole_time_limit() {
     let parameters = ObserverParameters {
         time_limit: at(60),

@@ -335,6 +335,38 @@ fn of_the_end_state() {
 }
 
 #[test]
+fn of_two_modules_on_one_spot() {
+    // Module 9 takes no part in this roster, lives, and stands where module 3 has settled.
+    let mut sequence = good_sequence();
+    let mut other = state(9, 1, ModulePhase::Settled);
+    other.epoch = Some(Epoch { number: 0, ..EPOCH });
+    other.pose = pose(10, 1);
+    sequence.further = vec![
+        Message::Heartbeat(heartbeat(9, 1, 1)),
+        Message::ModuleState(Arc::new(other.clone())),
+    ];
+    sequence.assert_violates(&Violation::TwoBodies {
+        spot: SpotId(1),
+        first: ModuleId(3),
+        second: ModuleId(9),
+    });
+    other.pose.x = MicroUnits(10_500_000);
+    sequence.further[1] = Message::ModuleState(Arc::new(other));
+    assert_eq!(sequence.verdict().outcome, Outcome::Complete);
+
+    // A member without a spot does not stand on one either.
+    let mut sequence = good_sequence();
+    let mut spare = state(5, 3, ModulePhase::Spare);
+    spare.pose = pose(11, 0);
+    sequence.states.push(spare);
+    sequence.assert_violates(&Violation::TwoBodies {
+        spot: SpotId(3),
+        first: ModuleId(2),
+        second: ModuleId(5),
+    });
+}
+
+#[test]
 fn of_an_end_state_that_heals_in_time_are_forgotten() {
     let mut sequence = good_sequence();
     let healed = sequence.state(4, 3).clone();
