@@ -26,6 +26,7 @@ fn successor(now: Duration) -> Agent {
     let problem = scenario.problem();
     let module = &problem.modules()[0];
     let identity = Identity {
+        store: None,
         module: module.id,
         incarnation: Incarnation(2),
         pose: module.pose,
@@ -35,6 +36,7 @@ fn successor(now: Duration) -> Agent {
     };
     let mut agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
     let target = Message::Target(Arc::new(TargetAnnouncement {
+        founders: Vec::new(),
         revision: 1,
         name: String::new(),
         target: Some(Arc::clone(problem.target())),
@@ -65,6 +67,7 @@ fn handle(agent: &mut Agent, now: Duration, message: Message) -> Vec<String> {
 
 fn heartbeat_of_the_earlier_run() -> Message {
     Message::Heartbeat(Heartbeat {
+        store: None,
         module: ModuleId(4),
         incarnation: Incarnation(1),
         sequence: 100,

@@ -95,7 +95,7 @@ pub(crate) fn of_target(announcement: &TargetAnnouncement) -> Digest {
 
 /// The digest of a whole plan: the roster with its epoch, and every decision in the order of the turns.
 pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
-    let mut canonical = Canonical::new("formation plan 2");
+    let mut canonical = Canonical::new("formation plan 3");
     canonical.number(roster.epoch.number);
     canonical.identifier(Some(roster.epoch.convener.0));
     put_target(&mut canonical, &roster.target);
@@ -104,6 +104,7 @@ pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Di
         let module = &member.module;
         canonical.identifier(Some(module.id.0));
         canonical.number(member.incarnation.0);
+        canonical.number(member.store.map_or(0, |store| store.0.get()));
         canonical.number(member.service as u64);
         canonical.pose(&module.pose);
         canonical.length(module.links.len());

@@ -1,6 +1,7 @@
 //! Identifiers, each with its own type, so that a spot cannot be passed where a module is expected.
 
 use std::fmt;
+use std::num::NonZeroU64;
 
 use serde::{Deserialize, Serialize};
 
@@ -71,6 +72,40 @@ pub struct ModuleRun {
     pub module: ModuleId,
     /// The start of its process.
     pub incarnation: Incarnation,
+}
+
+/// A durable store of one module, drawn at random when the store is created empty.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(transparent)]
+pub struct StoreId(pub NonZeroU64);
+
+/// What a module has of the agreements in which it took part.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub enum VoterMemory {
+    /// What the run of its process holds: it ends with the process.
+    Volatile(Incarnation),
+    /// What its store holds: it outlives the process.
+    Stored(StoreId),
+}
+
+/// A module with the memory that counts towards a majority.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+pub struct Voter {
+    /// The module.
+    pub module: ModuleId,
+    /// The memory with which it took part.
+    pub memory: VoterMemory,
+}
+
+impl Voter {
+    /// A run of a module, with its store if it has one.
+    #[must_use]
+    pub fn new(run: ModuleRun, store: Option<StoreId>) -> Self {
+        Self {
+            module: run.module,
+            memory: store.map_or(VoterMemory::Volatile(run.incarnation), VoterMemory::Stored),
+        }
+    }
 }
 
 /// One attempt to agree on a plan; ordered by number, then by convener.

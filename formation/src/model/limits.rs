@@ -1,5 +1,7 @@
 //! The limits of one formation. Input beyond them is refused.
 
+use crate::model::MicroUnits;
+
 /// The most modules that take part in one formation.
 pub const MODULES_MAX: usize = 10_000;
 /// The most spots of one target.
@@ -8,5 +10,8 @@ pub const SPOTS_MAX: usize = 10_000;
 pub const EDGES_MAX: usize = 40_000;
 /// The most modules that are docked to one module.
 pub const LINKS_MAX: usize = 64;
+/// A module that was moved by more than this while its process did not run no longer stands where it settled: an eighth of a
+/// unit.
+pub(crate) const RETENTION_DISTANCE: MicroUnits = MicroUnits(125_000);
 /// The most bytes of the name of a formation or of a frame.
 pub const NAME_BYTES_MAX: usize = 255;

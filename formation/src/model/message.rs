@@ -9,7 +9,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::model::{
     ConfigurationId, Digest, Epoch, Incarnation, ModuleId, ModuleRun, PlannerParameters,
-    PlanningModule, PlanningProblem, Pose, ProblemError, SpotId, Target,
+    PlanningModule, PlanningProblem, Pose, ProblemError, SpotId, StoreId, Target, Voter,
 };
 
 /// A target as announced to all modules.
@@ -25,6 +25,9 @@ pub struct TargetAnnouncement {
     pub parameters: PlannerParameters,
     /// The number of modules that take part, if known. Without it a gathering ends when no further module joins.
     pub expected_modules: Option<u32>,
+    /// The modules that found the formation, ascending; empty if they are not named. The first roster needs all of them, or a
+    /// majority with stores, and every later one needs one of them.
+    pub founders: Vec<ModuleId>,
 }
 
 /// The phase in which a module is.
@@ -69,7 +72,9 @@ impl ModulePhase {
 }
 
 /// Whether a module takes part in plans. Digests contain the numbers.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub enum Service {
     /// Takes a spot if the plan gives it one.
     #[default]
@@ -106,6 +111,8 @@ pub struct ModuleState {
     pub module: ModuleId,
     /// The run of its process.
     pub incarnation: Incarnation,
+    /// Its store, if it has one.
+    pub store: Option<StoreId>,
     /// Rises with every state that this incarnation publishes.
     pub sequence: u64,
     /// The epoch of the state; `None` before the first.
@@ -140,11 +147,25 @@ pub struct ModuleState {
     pub quorum_bases: Vec<QuorumBasis>,
 }
 
+impl ModuleState {
+    /// The module with the memory that counts towards majorities.
+    #[must_use]
+    pub fn voter(&self) -> Voter {
+        let run = ModuleRun {
+            module: self.module,
+            incarnation: self.incarnation,
+        };
+        Voter::new(run, self.store)
+    }
+}
+
 /// One member of a roster, as it was when it halted.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct RosterMember {
     /// The run of its process.
     pub incarnation: Incarnation,
+    /// Its store, if it has one.
+    pub store: Option<StoreId>,
     /// Whether it takes part in plans. A member out of service is not part of the plan; it agrees like any other.
     pub service: Service,
     /// The data on which planning depends.
@@ -159,17 +180,22 @@ impl RosterMember {
             incarnation: self.incarnation,
         }
     }
+
+    /// The module with the memory that counts towards majorities.
+    pub fn voter(&self) -> Voter {
+        Voter::new(self.run(), self.store)
+    }
 }
 
 /// The members of an earlier roster of which a new one must contain a majority.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct QuorumBasis {
     /// The epoch.
     pub epoch: Epoch,
     /// Whether all of its members are known to have agreed.
     pub agreed: bool,
-    /// Its active members in ascending order, in the runs that took part.
-    pub members: Vec<ModuleRun>,
+    /// Its active members in ascending order, each with the memory with which it took part.
+    pub members: Vec<Voter>,
 }
 
 /// The input of one epoch's plan.
@@ -183,16 +209,43 @@ pub struct Roster {
     pub members: Vec<RosterMember>,
     /// The earlier rosters of which this one contains a majority.
     pub quorum_bases: Vec<QuorumBasis>,
+    /// The times that all members must have in common.
+    pub timing: Timing,
+}
+
+/// The times that all members of a roster must have in common for the lease to be safe.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Timing {
+    /// The time between two heartbeats.
+    pub heartbeat: Duration,
+    /// A module that is silent for longer is considered failed.
+    pub suspicion: Duration,
+    /// The greatest age of a heartbeat on which a module moves.
+    pub lease: Duration,
+}
+
+impl fmt::Display for Timing {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let Self {
+            heartbeat,
+            suspicion,
+            lease,
+        } = self;
+        write!(
+            formatter,
+            "heartbeat {heartbeat:?}, suspicion {suspicion:?}, lease {lease:?}"
+        )
+    }
 }
 
 impl Roster {
     /// The active members, ascending: a later roster must contain a majority of them. Members out of service have agreed to
     /// this roster, and so to counting no more.
-    pub(crate) fn quorum_basis(&self) -> Vec<ModuleRun> {
+    pub(crate) fn quorum_basis(&self) -> Vec<Voter> {
         self.members
             .iter()
             .filter(|member| member.service == Service::Active)
-            .map(RosterMember::run)
+            .map(RosterMember::voter)
             .collect()
     }
 
@@ -223,6 +276,8 @@ pub enum RosterMessage {
         epoch: Epoch,
         /// The revision of the target to plan for.
         target_revision: u64,
+        /// Its digest: a module that has settled for a target with this digest publishes its spot as its pin.
+        target: Digest,
     },
     /// Ends the gathering: receivers plan for this roster.
     Plan(Arc<Roster>),
@@ -305,6 +360,8 @@ pub struct Heartbeat {
     pub module: ModuleId,
     /// The run of its process.
     pub incarnation: Incarnation,
+    /// Its store, if it has one.
+    pub store: Option<StoreId>,
     /// Rises with every heartbeat of this incarnation.
     pub sequence: u64,
     /// The time since the start of this incarnation, by its own clock, at the time of sending. Receivers compare it with

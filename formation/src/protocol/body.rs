@@ -40,10 +40,4 @@ impl Body {
     pub fn is_at_rest(&self) -> bool {
         !self.moving && self.ports_busy.is_empty()
     }
-
-    /// The spot on which it has settled, if that belongs to this target.
-    pub fn settled_spot(&self, target: Digest) -> Option<SpotId> {
-        let settled = self.settled_on?;
-        (settled.target == target).then_some(settled.spot)
-    }
 }

@@ -5,8 +5,8 @@ use std::hash::{Hash, Hasher};
 use std::time::Duration;
 
 use crate::model::{
-    ConfigurationId, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember, Service,
-    SpotId, TargetAnnouncement, digest,
+    ConfigurationId, Digest, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember,
+    Service, SpotId, StoreId, TargetAnnouncement, Voter, digest,
 };
 
 use super::body::Body;
@@ -21,10 +21,14 @@ use super::peers::{Liveness, Peers};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
 
+/// 142 years in microseconds.
+const STAMP_AHEAD_MAX: u64 = 1 << 52;
+
 /// Which module this is, and which run of its process.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
     pub run: ModuleRun,
+    pub store: Option<StoreId>,
     pub configuration: Option<ConfigurationId>,
     pub leader: Option<ModuleId>,
     /// When this run started.
@@ -54,6 +58,7 @@ impl Context {
             now,
             own: Own {
                 run: identity.run(),
+                store: identity.store,
                 configuration: identity.configuration,
                 leader: identity.leader,
                 started: now,
@@ -66,7 +71,7 @@ impl Context {
             memory: Memory::default(),
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
             shortfall: None,
-            outbox: Outbox::new(now),
+            outbox: Outbox::new(now, identity.store.is_some()),
         }
     }
 
@@ -74,26 +79,33 @@ impl Context {
         self.own.run.module
     }
 
+    /// The latest time stamp, in microseconds since 1970, that another process may have taken: clocks that were never set
+    /// start in 1970, and differ by less than [`STAMP_AHEAD_MAX`].
+    pub fn latest_stamp(&self) -> u64 {
+        let uptime = self.now.saturating_sub(self.own.started).as_micros();
+        let uptime = u64::try_from(uptime).unwrap_or(u64::MAX);
+        let own = self.own.run.incarnation.0.saturating_add(uptime);
+        own.saturating_add(STAMP_AHEAD_MAX)
+    }
+
     pub fn liveness(&self) -> Liveness {
         Liveness {
+            latest_stamp: self.latest_stamp(),
             now: self.now,
             suspicion: self.parameters.suspicion,
             bugs: self.bugs,
         }
     }
 
-    /// This run and those of all live modules, in ascending order.
-    pub fn live_runs(&self) -> Vec<ModuleRun> {
+    /// This module and all live ones with the memory that counts, in ascending order.
+    pub fn live_voters(&self) -> Vec<Voter> {
         let peers = self.peers.live(self.liveness());
-        let mut runs: Vec<ModuleRun> = peers
-            .map(|(module, peer)| ModuleRun {
-                module,
-                incarnation: peer.incarnation,
-            })
-            .chain([self.own.run])
+        let mut voters: Vec<Voter> = peers
+            .map(|(module, peer)| peer.voter(module))
+            .chain([Voter::new(self.own.run, self.own.store)])
             .collect();
-        runs.sort_unstable();
-        runs
+        voters.sort_unstable();
+        voters
     }
 
     /// Whether a module's service is known and active.
@@ -109,13 +121,18 @@ impl Context {
         Some(self.peers.state(module)?.service)
     }
 
-    /// The first earlier roster of which these runs hold no majority.
-    pub fn shortfall_of(&self, present: &[ModuleRun], expected: Option<u32>) -> Option<Shortfall> {
+    /// The first majority that these modules lack, with what `memory` knows.
+    pub fn shortfall_of(
+        &self,
+        memory: &Memory,
+        present: &[Voter],
+        expected: Option<u32>,
+    ) -> Option<Shortfall> {
         if self.bugs.ignore_quorum() {
             return None;
         }
-        let counted = self.bugs.counted(present);
-        self.memory.quorum.shortfall(&counted, expected)
+        let counted = self.bugs.counted(present, || memory.quorum.bases());
+        memory.shortfall(&counted, expected)
     }
 
     /// Records the majority that is missing for the next epoch, and reports it if it differs.
@@ -132,29 +149,20 @@ impl Context {
         }
     }
 
-    /// The spot of this target on which the module has settled, and which it keeps.
-    pub fn pin_for(&self, target: &TargetAnnouncement) -> Option<SpotId> {
+    /// The spot on which the module has settled, and which it keeps, if the target of that spot has this digest.
+    pub fn pin_for(&self, target: Digest) -> Option<SpotId> {
         if self.bugs.forget_pins() {
             return None;
         }
-        self.body.settled_spot(digest::of_target(target))
-    }
-
-    /// The pin to freeze with: none unless this module knows the target of that revision, since a pin names a spot only.
-    pub fn pin_at_revision(&self, revision: u64) -> Option<SpotId> {
-        if self.bugs.pin_for_any_target() {
-            return self.pin_for(self.target.announcement()?);
-        }
-        if self.bugs.forget_pins() {
-            return None;
-        }
-        self.body.settled_spot(self.target.at_revision(revision)?)
+        let settled = self.body.settled_on?;
+        (settled.target == target || self.bugs.pin_for_any_target()).then_some(settled.spot)
     }
 
     /// This module as it announced itself when it froze for a plan for this target.
     pub fn as_member(&self, target: &TargetAnnouncement) -> RosterMember {
         RosterMember {
             incarnation: self.own.run.incarnation,
+            store: self.own.store,
             service: self.body.service,
             module: PlanningModule {
                 id: self.module(),
@@ -162,7 +170,7 @@ impl Context {
                 links: self.body.links.clone(),
                 configuration: self.own.configuration,
                 leader: self.own.leader,
-                pin: self.pin_for(target),
+                pin: self.pin_for(digest::of_target(target)),
             },
         }
     }

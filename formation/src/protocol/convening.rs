@@ -23,22 +23,23 @@ impl Agent {
             context.set_shortfall(None);
             return;
         };
-        let live = context.live_runs();
+        let live = context.live_voters();
         let expected = context.target.expected_modules();
         let all_are_live = expected.is_some_and(|expected| live.len() >= expected as usize);
-        if all_are_live && live.iter().all(|run| has_no_epoch(run.module, context)) {
+        if all_are_live && live.iter().all(|voter| has_no_epoch(voter.module, context)) {
             context.pacing.end_listening(context.now);
         }
-        let own = context.own.run;
-        let delay = (live.iter().take_while(|&&run| run < own)).fold(Duration::ZERO, |delay, _| {
-            delay.saturating_add(context.parameters.convene)
-        });
+        let own = context.module();
+        let delay = (live.iter().take_while(|voter| voter.module < own))
+            .fold(Duration::ZERO, |delay, _| {
+                delay.saturating_add(context.parameters.convene)
+            });
         let due = context.pacing.due(context.now, delay);
         if context.now < due {
             context.wake_at(due);
             return;
         }
-        let shortfall = context.shortfall_of(&live, expected);
+        let shortfall = context.shortfall_of(&context.memory, &live, expected);
         context.set_shortfall(shortfall);
         let announcement = context.target.announcement().cloned();
         if shortfall.is_none()
@@ -81,14 +82,23 @@ impl Stage {
         }
         let leaving = leaving(roster, context);
         if !leaving.is_empty() {
-            let live = context.live_runs();
-            let some_is_active = live.iter().any(|run| context.is_active(run.module));
+            let live = context.live_voters();
+            let some_is_active = live.iter().any(|voter| context.is_active(voter.module));
             return some_is_active.then_some(EpochReason::OutOfService(leaving));
         }
         let stuck = self.stuck_members(context);
         if stuck.contains(&context.module()) {
             // The others leave this module out; were it to convene, it would list itself again.
             return None;
+        }
+        let is_ahead = |module: &ModuleId| {
+            let heartbeat = context.peers.heartbeat(*module);
+            heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(roster.epoch))
+        };
+        let ahead: Vec<ModuleId> = stuck.iter().copied().filter(is_ahead).collect();
+        if !ahead.is_empty() {
+            // They make progress, without this module. Were they excluded, this module would lack them for a quorum.
+            return Some(EpochReason::MembersAhead(ahead));
         }
         if !stuck.is_empty() {
             let until = context.now + context.parameters.stuck * 2;
@@ -192,7 +202,7 @@ fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
         return Vec::new();
     }
     let is_planned = |module: ModuleId| active(roster).any(|member| member == module);
-    let live = context.live_runs().into_iter().map(|run| run.module);
+    let live = context.live_voters().into_iter().map(|voter| voter.module);
     live.filter(|&module| !is_planned(module) && context.is_active(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))

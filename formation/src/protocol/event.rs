@@ -129,6 +129,8 @@ pub enum EpochReason {
     Newcomers(Vec<ModuleId>),
     /// Members make no progress.
     Stuck(Vec<ModuleId>),
+    /// Members have entered a later epoch than this module.
+    MembersAhead(Vec<ModuleId>),
     /// Members no longer take spots.
     OutOfService(Vec<(ModuleId, Service)>),
     /// Members hold different plans.
@@ -163,6 +165,9 @@ impl fmt::Display for EpochReason {
                 write!(formatter, "available for open spots: {}", ids(modules))
             }
             Self::Stuck(modules) => write!(formatter, "no progress: {}", ids(modules)),
+            Self::MembersAhead(modules) => {
+                write!(formatter, "in a later epoch: {}", ids(modules))
+            }
             Self::OutOfService(modules) => {
                 let named: Vec<String> = modules
                     .iter()

@@ -2,8 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use crate::model::{ConfigurationId, Incarnation, Message, MicroUnits, ModuleId, ModuleRun, Pose};
+use crate::model::{
+    ConfigurationId, Incarnation, Message, MicroUnits, ModuleId, ModuleRun, Pose, StoreId, Voter,
+};
 
+use super::durable::DurableState;
 use super::event::Event;
 
 /// The sender of a message as the transport identifies it: one value a participant.
@@ -17,6 +20,8 @@ pub struct Identity {
     pub module: ModuleId,
     /// This run of its process.
     pub incarnation: Incarnation,
+    /// Its store, if what it agrees on outlives its process.
+    pub store: Option<StoreId>,
     /// Its pose at the start.
     pub pose: Pose,
     /// The modules that it is docked to at the start.
@@ -35,6 +40,12 @@ impl Identity {
             module: self.module,
             incarnation: self.incarnation,
         }
+    }
+
+    /// The module with the memory that counts towards majorities.
+    #[must_use]
+    pub fn voter(&self) -> Voter {
+        Voter::new(self.run(), self.store)
     }
 }
 
@@ -78,6 +89,8 @@ pub enum Input {
     Motion(MotionReport),
     /// A command for this module.
     Command(Command),
+    /// The store holds what this [`Output::Persist`], and every earlier one, gave to it, whatever happens to the process.
+    Persisted(u64),
     /// The time that [`super::Agent::poll_timeout`] returned has come.
     Timeout,
 }
@@ -104,6 +117,14 @@ pub enum Output {
     Undock(ModuleId),
     /// Dock to this module, and report [`MotionReport::Docked`].
     Dock(ModuleId),
+    /// Write this to the module's store in place of the state before, and answer with [`Input::Persisted`] once it is there for
+    /// good. A host whose store fails ends the agent.
+    Persist {
+        /// Counts the states that were given to the store, from 1.
+        number: u64,
+        /// What the store has to hold.
+        state: Box<DurableState>,
+    },
     /// Log an event.
     Event(Event),
 }

@@ -1,23 +1,21 @@
 //! What outlives every stage: the rosters that count, the epochs that were seen, the targets that were announced.
 
-use std::collections::BTreeMap;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use crate::model::{Digest, Epoch, ModuleId, TargetAnnouncement, digest};
+use crate::model::{Epoch, ModuleId, ModuleState, QuorumBasis, TargetAnnouncement, Voter};
 
-use super::quorum::Quorum;
+use super::quorum::{Founders, Quorum, Shortfall};
 
 /// An epoch further ahead of every known one than this is refused.
 const EPOCH_STEP_MAX: u64 = 1 << 20;
-
-/// The number of revisions of the target that are remembered, for conveners that have not received the latest.
-const TARGETS_KEPT: usize = 16;
 
 /// What a module remembers of agreements and epochs.
 #[derive(Clone, Debug, Default, Hash)]
 pub(super) struct Memory {
     pub quorum: Quorum,
+    /// The founders of the session; empty while they are not named. Once they are, they stay the same.
+    pub founders: Vec<ModuleId>,
     highest_epoch: Option<Epoch>,
     /// Whether a roster ever listed all expected modules: a module that is absent later may be gone for good.
     pub number_was_met: bool,
@@ -28,6 +26,57 @@ pub(super) struct Memory {
 impl Memory {
     fn highest_number(&self) -> u64 {
         self.highest_epoch.map_or(0, |highest| highest.number)
+    }
+
+    pub fn highest_epoch(&self) -> Option<Epoch> {
+        self.highest_epoch
+    }
+
+    /// Records an epoch from the module's own store.
+    pub fn restore_epoch(&mut self, epoch: Epoch) {
+        self.highest_epoch = self.highest_epoch.max(Some(epoch));
+    }
+
+    fn founders(founders: &[ModuleId], expected: Option<u32>) -> Founders<'_> {
+        match expected {
+            _ if !founders.is_empty() => Founders::Named(founders),
+            Some(number) => Founders::Number(number as usize),
+            None => Founders::Unknown,
+        }
+    }
+
+    /// The first majority that these modules lack. `expected` is the number of modules, if it is known.
+    pub fn shortfall(&self, present: &[Voter], expected: Option<u32>) -> Option<Shortfall> {
+        let founders = Self::founders(&self.founders, expected);
+        self.quorum.shortfall(present, founders)
+    }
+
+    /// Adds the quorum bases that frozen modules report, as far as they are credible in a gathering for this epoch.
+    pub fn learn_from(&mut self, frozen: &[Arc<ModuleState>], epoch: Epoch, expected: Option<u32>) {
+        let precedes = |state: &&Arc<ModuleState>| {
+            let mut bases = state.quorum_bases.iter();
+            bases.all(|basis| basis.epoch < epoch)
+        };
+        let reports: Vec<(Voter, &[QuorumBasis])> = frozen
+            .iter()
+            .filter(precedes)
+            .map(|state| (state.voter(), state.quorum_bases.as_slice()))
+            .collect();
+        let founders = Self::founders(&self.founders, expected);
+        self.quorum.learn_from(&reports, founders);
+    }
+
+    /// Whether an announcement names other founders than are known.
+    pub fn contradicts_founders(&self, announcement: &TargetAnnouncement) -> bool {
+        let named = &announcement.founders;
+        !named.is_empty() && !self.founders.is_empty() && *named != self.founders
+    }
+
+    /// Takes over the founders that an announcement names, unless they are known.
+    pub fn note_founders(&mut self, announcement: &TargetAnnouncement) {
+        if self.founders.is_empty() {
+            self.founders.clone_from(&announcement.founders);
+        }
     }
 
     /// Records an epoch that exists, unless it is too far ahead to be true.
@@ -51,11 +100,10 @@ impl Memory {
     }
 }
 
-/// The target as announced, and what its latest revisions were.
+/// The target as announced.
 #[derive(Clone, Debug, Default)]
 pub(super) struct KnownTarget {
     announcement: Option<Arc<TargetAnnouncement>>,
-    revisions: BTreeMap<u64, Digest>,
 }
 
 impl KnownTarget {
@@ -65,11 +113,6 @@ impl KnownTarget {
 
     /// Takes over an announcement with a later revision.
     pub fn set(&mut self, announcement: Arc<TargetAnnouncement>) {
-        self.revisions
-            .insert(announcement.revision, digest::of_target(&announcement));
-        while self.revisions.len() > TARGETS_KEPT {
-            self.revisions.pop_first();
-        }
         self.announcement = Some(announcement);
     }
 
@@ -83,11 +126,6 @@ impl KnownTarget {
         Some(self.announcement.as_ref()?.revision)
     }
 
-    /// The target of a revision, if it is one of the latest.
-    pub fn at_revision(&self, revision: u64) -> Option<Digest> {
-        self.revisions.get(&revision).copied()
-    }
-
     /// The number of modules that take part, if it is announced.
     pub fn expected_modules(&self) -> Option<u32> {
         self.announcement.as_ref()?.expected_modules
@@ -97,6 +135,6 @@ impl KnownTarget {
 impl Hash for KnownTarget {
     /// A revision identifies its announcement.
     fn hash<H: Hasher>(&self, state: &mut H) {
-        (self.revision(), &self.revisions).hash(state);
+        self.revision().hash(state);
     }
 }

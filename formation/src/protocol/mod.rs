@@ -19,6 +19,7 @@
 mod body;
 mod context;
 mod convening;
+mod durable;
 mod event;
 mod io;
 mod memory;
@@ -44,6 +45,7 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 use std::time::Duration;
 
+pub use durable::DurableState;
 pub use event::{EpochReason, Event, Severity};
 pub use io::{Command, Identity, Input, MotionGoal, MotionReport, Output, SourceId};
 #[cfg(feature = "mutations")]
@@ -62,6 +64,9 @@ use peers::HeartbeatNews;
 use rosters::EarlyRoster;
 use stage::{Stage, Step};
 use succession::Succession;
+
+/// A revision further ahead of the known one, and of this module's clock, than this is refused.
+const REVISION_STEP_MAX: u64 = 1 << 20;
 
 /// One module's side of the protocol.
 #[derive(Clone)]
@@ -102,6 +107,10 @@ impl Agent {
     /// Handles one input at the time `now`, which must not run backwards.
     pub fn handle(&mut self, now: Duration, input: Input) {
         self.context.now = self.context.now.max(now);
+        if let Input::Persisted(number) = input {
+            self.context.outbox.note_persisted(number);
+        }
+        self.context.outbox.begin_input();
         let may_change_what_is_due = match input {
             Input::Message { source, message } => self.handle_message(source, message),
             Input::Motion(report) => {
@@ -112,16 +121,22 @@ impl Agent {
                 self.handle_command(command);
                 true
             }
-            Input::Timeout => true,
+            Input::Persisted(_) | Input::Timeout => true,
         };
         if may_change_what_is_due {
             self.step();
         }
+        self.write_ahead();
     }
 
     /// The next output to carry out; `None` when the agent waits.
     pub fn poll_output(&mut self) -> Option<Output> {
-        self.context.outbox.pop()
+        let output = self.context.outbox.pop();
+        if matches!(output, Some(Output::Move(_))) {
+            // From here on the drive has the goal; a goal that was withdrawn before moved nothing.
+            self.context.body.settled_on = None;
+        }
+        output
     }
 
     /// When [`Input::Timeout`] is due, on the clock of [`Self::handle`].
@@ -262,7 +277,14 @@ impl Agent {
     }
 
     fn handle_target(&mut self, announcement: Arc<TargetAnnouncement>) {
+        if !self.is_plausible_revision(announcement.revision) {
+            return self.context.refuse(None, Refusal::ImplausibleRevision);
+        }
         let context = &mut self.context;
+        if context.memory.contradicts_founders(&announcement) {
+            return context.refuse(None, Refusal::OtherFounders);
+        }
+        context.memory.note_founders(&announcement);
         if let Some(known) = context.target.announcement() {
             if announcement.revision == known.revision && announcement != *known {
                 context.refuse(None, Refusal::ContradictingTarget);
@@ -279,6 +301,16 @@ impl Agent {
             self.leave_epoch();
         }
         self.context.target.set(announcement);
+    }
+
+    /// Whether a revision is near enough to this module's clock, or to the known revision, to be true.
+    fn is_plausible_revision(&self, revision: u64) -> bool {
+        let known = self.context.target.revision().unwrap_or_default();
+        revision
+            <= self
+                .context
+                .latest_stamp()
+                .max(known.saturating_add(REVISION_STEP_MAX))
     }
 
     fn handle_state(&mut self, source: Option<SourceId>, state: Arc<ModuleState>) {

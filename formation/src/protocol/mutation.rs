@@ -6,10 +6,11 @@
 //! a test calls `Agent::mutated`, which no program does.
 
 use std::borrow::Cow;
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::model::{Digest, Incarnation, ModuleRun, PlanningProblem};
+use crate::model::{Digest, PlanningProblem, QuorumBasis, Voter};
 
 /// One bug.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -32,6 +33,10 @@ pub enum Mutation {
     IgnoreQuorum,
     /// Counts a restarted module as if it remembered what it agreed on.
     CountForgetful,
+    /// Counts the members of an earlier roster as if they remembered, if all of them are back.
+    CountAllBack,
+    /// Adds the quorum bases of a roster before it judges the roster.
+    LearnUnjudged,
     /// Moves without waiting for earlier units.
     MoveOutOfOrder,
     /// Forgets the spot on which it has settled.
@@ -78,19 +83,29 @@ impl Bugs {
         }
     }
 
-    /// The runs that count towards a quorum when these are present; ascending like them.
-    pub(super) fn counted(self, present: &[ModuleRun]) -> Cow<'_, [ModuleRun]> {
-        if !self.has(Mutation::CountForgetful) {
+    /// The voters that count towards a quorum when these are present; ascending like them. `bases` are the known ones.
+    pub(super) fn counted<'a>(
+        self,
+        present: &'a [Voter],
+        bases: impl FnOnce() -> Vec<QuorumBasis>,
+    ) -> Cow<'a, [Voter]> {
+        let is_present = |module| present.iter().any(|here| here.module == module);
+        let remembered: Vec<Voter> = if self.has(Mutation::CountForgetful) {
+            let bases = bases();
+            let voters = bases.iter().flat_map(|basis| basis.members.iter().copied());
+            voters.filter(|voter| is_present(voter.module)).collect()
+        } else if self.has(Mutation::CountAllBack) {
+            let bases = bases();
+            let is_back =
+                |basis: &&QuorumBasis| basis.members.iter().all(|voter| is_present(voter.module));
+            let back = bases.iter().filter(is_back);
+            back.flat_map(|basis| basis.members.iter().copied())
+                .collect()
+        } else {
             return Cow::Borrowed(present);
-        }
-        let runs = present.iter().flat_map(|run| {
-            let earlier = (0..=run.incarnation.0).map(Incarnation);
-            earlier.map(|incarnation| ModuleRun {
-                incarnation,
-                ..*run
-            })
-        });
-        Cow::Owned(runs.collect())
+        };
+        let all: BTreeSet<Voter> = present.iter().copied().chain(remembered).collect();
+        Cow::Owned(all.into_iter().collect())
     }
 
     /// The problem that is planned for; `None` if it contradicts itself.
@@ -140,4 +155,5 @@ predicates! {
     count_dead_as_live: CountDeadAsAlive,
     trust_buffered_heartbeats: TrustBufferedHeartbeats,
     ignore_newcomers: IgnoreNewcomers,
+    learn_unjudged: LearnUnjudged,
 }

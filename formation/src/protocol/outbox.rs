@@ -4,8 +4,9 @@ use std::collections::VecDeque;
 use std::hash::{Hash, Hasher};
 use std::time::Duration;
 
-use crate::model::{Digest, Epoch, ModuleId, ModulePhase};
+use crate::model::{Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase};
 
+use super::durable::{DurableState, SyncKey};
 use super::event::Event;
 use super::io::Output;
 use super::refusal::{Refusal, RefusalCounts};
@@ -16,6 +17,16 @@ pub(super) struct Shown {
     pub epoch: Option<Epoch>,
     pub digest: Option<Digest>,
     pub phase: ModulePhase,
+}
+
+impl Shown {
+    fn of(heartbeat: &Heartbeat) -> Self {
+        Self {
+            epoch: heartbeat.epoch,
+            digest: heartbeat.digest,
+            phase: heartbeat.phase,
+        }
+    }
 }
 
 /// The heartbeats that were published.
@@ -51,10 +62,26 @@ pub(super) struct StateLog {
     pub pose_at: Duration,
 }
 
+/// What was given to the store, and what waits for it.
+#[derive(Clone, Debug, Default)]
+pub(super) struct WriteAheadLog {
+    /// What the outputs so far depend on, as it was last given to the store.
+    pub given: Option<SyncKey>,
+    /// The number of states that were given to the store, and of those that it holds.
+    given_count: u64,
+    held_count: u64,
+    /// Outputs that wait until the store holds that many states.
+    waiting: VecDeque<(u64, Output)>,
+    /// The number of outputs before the present input, and the heartbeats before it.
+    before: (usize, HeartbeatLog),
+}
+
 /// Outputs on their way to the host, and what the next ones depend on.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outbox {
     outputs: VecDeque<Output>,
+    has_store: bool,
+    pub durable: WriteAheadLog,
     pub refusals: RefusalCounts,
     wake: Option<Duration>,
     pub heartbeats: HeartbeatLog,
@@ -62,8 +89,11 @@ pub(super) struct Outbox {
 }
 
 impl Outbox {
-    pub fn new(now: Duration) -> Self {
-        let mut outbox = Self::default();
+    pub fn new(now: Duration, has_store: bool) -> Self {
+        let mut outbox = Self {
+            has_store,
+            ..Self::default()
+        };
         outbox.heartbeats.due = now;
         outbox.states.changed = true;
         outbox
@@ -79,8 +109,76 @@ impl Outbox {
 
     /// Removes goals that the host has not taken yet: a goal must not outlive the plan that it came from.
     pub fn withdraw_goals(&mut self) {
-        self.outputs
-            .retain(|output| !matches!(output, Output::Move(_)));
+        let is_goal = |output: &Output| matches!(output, Output::Move(_));
+        self.outputs.retain(|output| !is_goal(output));
+        self.durable.waiting.retain(|(_, output)| !is_goal(output));
+    }
+
+    /// An input begins: the outputs from here on are its results.
+    pub fn begin_input(&mut self) {
+        self.durable.before = (self.outputs.len(), self.heartbeats.clone());
+    }
+
+    /// Whether outputs wait for the store.
+    pub fn is_writing(&self) -> bool {
+        self.durable.held_count < self.durable.given_count
+    }
+
+    /// Whether the plan for this epoch may be shown: the store, if there is one, holds what it depends on.
+    pub fn may_show_plan_of(&self, epoch: Epoch) -> bool {
+        let holds = |given: SyncKey| given.shows_plan_of(epoch) && !self.is_writing();
+        !self.has_store || self.durable.given.is_some_and(holds)
+    }
+
+    /// Gives a state to the store if there is a new one, and lets the results of the present input wait for the store. A halt,
+    /// an event and a heartbeat that shows nothing new depend on nothing.
+    pub fn write_ahead(&mut self, key: SyncKey, state: Option<DurableState>) {
+        if state.is_some() {
+            self.durable.given = Some(key);
+            self.durable.given_count += 1;
+        }
+        if !self.is_writing() {
+            return;
+        }
+        let (begin, heartbeats) = std::mem::take(&mut self.durable.before);
+        let known = heartbeats.shown;
+        for output in self.outputs.split_off(begin.min(self.outputs.len())) {
+            match &output {
+                Output::Halt | Output::Event(_) => self.outputs.push_back(output),
+                Output::Publish(Message::Heartbeat(heartbeat)) => {
+                    if Some(Shown::of(heartbeat)) == known {
+                        self.outputs.push_back(output);
+                    } else {
+                        // It is not sent: another is made when the store holds the state, or when it is due.
+                        self.heartbeats = HeartbeatLog {
+                            due: self.heartbeats.due,
+                            ..heartbeats.clone()
+                        };
+                    }
+                }
+                _ => {
+                    let needed = self.durable.given_count;
+                    self.durable.waiting.push_back((needed, output));
+                }
+            }
+        }
+        if let Some(state) = state {
+            let number = self.durable.given_count;
+            let state = Box::new(state);
+            self.outputs.push_back(Output::Persist { number, state });
+        }
+    }
+
+    /// The store holds the first `number` states.
+    pub fn note_persisted(&mut self, number: u64) {
+        let durable = &mut self.durable;
+        durable.held_count = durable.held_count.max(number.min(durable.given_count));
+        while let Some((needed, _)) = durable.waiting.front()
+            && *needed <= durable.held_count
+        {
+            self.outputs
+                .extend(durable.waiting.pop_front().map(|(_, output)| output));
+        }
     }
 
     /// Counts a refusal, and reports it unless it is the ordinary lateness of a network.
@@ -114,10 +212,19 @@ impl Hash for Outbox {
         let Self {
             outputs: _,
             refusals: _,
+            has_store: _,
+            durable,
             wake,
             heartbeats,
             states,
         } = self;
         (wake, heartbeats, states).hash(state);
+        let waiting = durable.waiting.len();
+        (
+            durable.given,
+            durable.given_count - durable.held_count,
+            waiting,
+        )
+            .hash(state);
     }
 }

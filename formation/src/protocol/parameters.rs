@@ -4,6 +4,8 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use crate::model::Timing;
+
 /// The time limits and rates of an agent.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct AgentParameters {
@@ -71,6 +73,15 @@ pub enum ParametersError {
 }
 
 impl AgentParameters {
+    /// The times that all members of a roster must have in common.
+    pub(super) fn timing(&self) -> Timing {
+        Timing {
+            heartbeat: self.heartbeat,
+            suspicion: self.suspicion,
+            lease: self.lease,
+        }
+    }
+
     /// Checks that the limits are in the order on which the safety of the protocol depends.
     ///
     /// # Errors

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::model::{Heartbeat, Incarnation, ModuleState};
+use crate::model::{Heartbeat, Incarnation, ModuleId, ModuleRun, ModuleState, Voter};
 
 use super::io::SourceId;
 
@@ -52,6 +52,15 @@ impl Peer {
             rosters_without_agreement: 0,
             unwanted_until: Duration::ZERO,
         }
+    }
+
+    /// The module with the memory that counts towards majorities, as its latest heartbeat shows it.
+    pub fn voter(&self, module: ModuleId) -> Voter {
+        let run = ModuleRun {
+            module,
+            incarnation: self.incarnation,
+        };
+        Voter::new(run, self.heartbeat.and_then(|heartbeat| heartbeat.store))
     }
 
     /// The age of the latest heartbeat; `None` without one.

@@ -14,9 +14,14 @@ use super::refusal::Refusal;
 /// At least this many modules are kept, and up to four times as many as are expected: more are taken for invented.
 const PEERS_MIN: usize = 1_024;
 
+/// A run that has been silent for this many times `suspicion` no longer keeps an earlier run of its module out.
+const SILENCES_REMEMBERED: u32 = 4;
+
 /// When, and by which limit, modules are judged to be live.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Liveness {
+    /// The greatest incarnation that can be true.
+    pub latest_stamp: u64,
     pub now: Duration,
     pub suspicion: Duration,
     pub bugs: Bugs,
@@ -101,6 +106,17 @@ impl Peers {
         }
     }
 
+    /// Forgets a run that has long been silent when an earlier one sends: what a silent run claimed keeps no other out.
+    fn forget_silent(&mut self, liveness: Liveness, run: ModuleRun) {
+        let is_gone = |peer: &Peer| {
+            let silence = liveness.now.saturating_sub(peer.last_seen());
+            run.incarnation < peer.incarnation && silence > liveness.suspicion * SILENCES_REMEMBERED
+        };
+        if self.get(run.module).is_some_and(is_gone) {
+            self.peers.remove(&run.module);
+        }
+    }
+
     /// The entry of the run that sends, made or replaced where the rules of incarnations allow it.
     fn admit(
         &mut self,
@@ -108,6 +124,10 @@ impl Peers {
         run: ModuleRun,
         source: Option<SourceId>,
     ) -> Result<&mut Peer, Refusal> {
+        if run.incarnation.0 > liveness.latest_stamp {
+            return Err(Refusal::ImplausibleIncarnation);
+        }
+        self.forget_silent(liveness, run);
         self.check_source(run, source)?;
         if !self.peers.contains_key(&run.module) && !self.make_room(liveness) {
             return Err(Refusal::TooManyModules);
@@ -281,6 +301,7 @@ mod tests {
 
     fn at(seconds: u64) -> Liveness {
         Liveness {
+            latest_stamp: 1_000,
             now: Duration::from_secs(seconds),
             suspicion: Duration::from_secs(5),
             bugs: Bugs::default(),
@@ -291,6 +312,7 @@ mod tests {
         Heartbeat {
             module: ModuleId(1),
             incarnation: Incarnation(incarnation),
+            store: None,
             sequence,
             uptime: Duration::from_secs(uptime_s),
             epoch: None,

@@ -10,7 +10,7 @@ impl Agent {
     /// Publishes the state if it changed, and the heartbeat if it is due or shows something new.
     pub(super) fn publish_due(&mut self) {
         let may_publish =
-            self.stage.may_publish_state(&mut self.context) && !self.succession.is_standing_back();
+            self.stage.may_publish_state(&self.context) && !self.succession.is_standing_back();
         let now = self.context.now;
         if self.context.outbox.states.changed && may_publish {
             let states = &mut self.context.outbox.states;
@@ -20,11 +20,15 @@ impl Agent {
             let state = self.state();
             self.context.publish(Message::ModuleState(state.into()));
         }
-        let shown = Shown {
+        let new = Shown {
             epoch: self.epoch(),
             digest: self.digest(),
             phase: self.phase(),
         };
+        // What the store does not hold is not shown yet.
+        let is_writing = self.context.outbox.is_writing();
+        let shown = self.context.outbox.heartbeats.shown;
+        let shown = shown.filter(|_| is_writing).unwrap_or(new);
         let heartbeats = &mut self.context.outbox.heartbeats;
         if heartbeats.shown == Some(shown) && now < heartbeats.due {
             return;
@@ -44,6 +48,7 @@ impl Agent {
         let mut state = ModuleState {
             module: context.module(),
             incarnation: context.own.run.incarnation,
+            store: context.own.store,
             sequence: context.outbox.states.sequence,
             epoch: self.epoch(),
             digest: self.digest(),
@@ -71,6 +76,7 @@ impl Agent {
         Heartbeat {
             module: own.run.module,
             incarnation: own.run.incarnation,
+            store: own.store,
             sequence: heartbeats.sequence,
             uptime: self.context.now.saturating_sub(own.started),
             epoch: shown.epoch,

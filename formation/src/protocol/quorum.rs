@@ -1,40 +1,51 @@
 //! Quorums: the earlier rosters of which a new one must contain more than half, so that no two plans are in force at once.
 //!
-//! Runs of processes count, not modules: a module that has restarted does not know which later roster it agreed on before,
-//! and so does not count towards the quorum (Liskov and Cowling, "Viewstamped Replication Revisited", 2012, section 4.3: a
-//! replica that recovers takes part only after a majority with its memory intact has answered it). If every module of a
-//! roster is present, no majority of that roster can be acting elsewhere, and restarted modules count too.
+//! Memories count, not modules: a module that has restarted without a store does not know which later roster it agreed on
+//! before, and so does not count towards the quorum (Liskov and Cowling, "Viewstamped Replication Revisited", 2012, section
+//! 4.3: a replica that recovers takes part only after a majority with its memory intact has answered it). That all members
+//! of a roster are back proves nothing: before they restarted, they may have handed the majority on to others.
 
 use std::collections::BTreeMap;
 
-use crate::model::{Epoch, ModuleRun, QuorumBasis};
+use crate::model::{Epoch, ModuleId, QuorumBasis, Voter, VoterMemory};
 
 /// The greatest number of rosters that are kept with a shown digest and without a known agreement.
 ///
 /// Only rosters with different members take a place, and each new one needs a majority of all before it.
 pub const QUORUM_BASES_MAX: usize = 32;
 
-/// By how much a set of modules falls short of a majority of an earlier roster.
+/// By how much a set of modules falls short of a majority.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Shortfall {
-    /// The number of its members that are present.
+    /// The number of modules present that count.
     pub present: usize,
-    /// The number of members of the earlier roster.
+    /// The number of modules of which a majority is needed.
     pub basis: usize,
+}
+
+/// The modules that may form the first roster of a session.
+#[derive(Clone, Copy, Debug)]
+pub(super) enum Founders<'a> {
+    /// These, in ascending order: all of them, or a majority with stores. Each later roster needs one of them.
+    Named(&'a [ModuleId]),
+    /// A majority of this number. A number cannot distinguish founders from modules that were added later.
+    Number(usize),
+    /// Any: neither their names nor their number is known.
+    Unknown,
 }
 
 /// The earlier rosters that count.
 #[derive(Clone, Debug, Default, Hash)]
 pub(super) struct Quorum {
     /// The last roster of which all members showed the same digest.
-    agreed: Option<(Epoch, Vec<ModuleRun>)>,
+    agreed: Option<(Epoch, Vec<Voter>)>,
     /// Later ones for which some member showed a digest: they may have agreed without this module's knowledge.
-    shown: BTreeMap<Epoch, Vec<ModuleRun>>,
+    shown: BTreeMap<Epoch, Vec<Voter>>,
 }
 
 impl Quorum {
     /// Records that some member of a roster showed a digest for it.
-    pub fn note_shown(&mut self, epoch: Epoch, members: &[ModuleRun]) {
+    pub fn note_shown(&mut self, epoch: Epoch, members: &[Voter]) {
         if self
             .agreed
             .as_ref()
@@ -51,7 +62,7 @@ impl Quorum {
     }
 
     /// Records that all members of a roster showed the same digest for it; earlier ones no longer count.
-    pub fn note_agreed(&mut self, epoch: Epoch, members: &[ModuleRun]) {
+    pub fn note_agreed(&mut self, epoch: Epoch, members: &[Voter]) {
         if self
             .agreed
             .as_ref()
@@ -63,7 +74,7 @@ impl Quorum {
         self.shown.retain(|&shown, _| shown > epoch);
     }
 
-    /// Adds the bases that another module knows.
+    /// Adds bases that are known to be true.
     pub fn learn(&mut self, bases: &[QuorumBasis]) {
         for basis in bases {
             if basis.agreed {
@@ -74,9 +85,45 @@ impl Quorum {
         }
     }
 
+    /// Adds the bases that modules report which count themselves: those of a known basis and, before the first agreement,
+    /// the founders.
+    ///
+    /// That is enough: every later roster contains a majority of the basis that this module knows, so some module that counts
+    /// in this basis, and is present if a majority of it is, knows that roster. What any other module reports teaches nothing.
+    pub fn learn_from(&mut self, reports: &[(Voter, &[QuorumBasis])], founders: Founders<'_>) {
+        let mut unheard = reports.to_vec();
+        loop {
+            let (credible, others): (Vec<_>, Vec<_>) = unheard
+                .into_iter()
+                .partition(|(voter, _)| self.counts(*voter, founders));
+            if credible.is_empty() {
+                return;
+            }
+            for (_, bases) in credible {
+                self.learn(bases);
+            }
+            unheard = others;
+        }
+    }
+
+    /// Whether a module counts in a known basis or, before the first agreement, as a founder.
+    fn counts(&self, voter: Voter, founders: Founders<'_>) -> bool {
+        let founds = match founders {
+            Founders::Named(named) => named.contains(&voter.module),
+            Founders::Number(_) | Founders::Unknown => true,
+        };
+        (self.agreed.is_none() && founds) || self.known().any(|basis| basis.contains(&voter))
+    }
+
+    /// The members of every known basis.
+    fn known(&self) -> impl Iterator<Item = &Vec<Voter>> {
+        let agreed = self.agreed.iter().map(|(_, members)| members);
+        agreed.chain(self.shown.values())
+    }
+
     /// The bases that this module knows, for its messages.
     pub fn bases(&self) -> Vec<QuorumBasis> {
-        let basis = |agreed, (epoch, members): (&Epoch, &Vec<ModuleRun>)| QuorumBasis {
+        let basis = |agreed, (epoch, members): (&Epoch, &Vec<Voter>)| QuorumBasis {
             epoch: *epoch,
             agreed,
             members: members.clone(),
@@ -95,53 +142,96 @@ impl Quorum {
         self.agreed.is_some()
     }
 
-    /// The first basis of which `present` (ascending) holds no majority. An exact half is enough if it contains the lowest
-    /// module, and all modules together are enough whichever of them have restarted.
+    /// The first majority that `present` (ascending) lacks: of the founders, and of every known basis.
     ///
-    /// Before the first agreement, a majority of the expected number is needed, where it is known.
-    pub fn shortfall(&self, present: &[ModuleRun], expected: Option<u32>) -> Option<Shortfall> {
-        if self.agreed.is_none()
-            && let Some(expected) = expected
-            && present.len() * 2 <= expected as usize
-        {
-            return Some(Shortfall {
-                present: present.len(),
-                basis: expected as usize,
-            });
-        }
-        let agreed = self.agreed.iter().map(|(_, members)| members);
-        agreed.chain(self.shown.values()).find_map(|basis| {
-            let is_present = |run: &ModuleRun| present.binary_search(run).is_ok();
-            let count = basis.iter().filter(|run| is_present(run)).count();
-            let lowest = basis.first().is_some_and(is_present);
-            let is_back = |run: &ModuleRun| present.iter().any(|here| here.module == run.module);
-            let suffices = count * 2 > basis.len()
-                || (count * 2 == basis.len() && lowest)
-                || (!basis.is_empty() && basis.iter().all(is_back));
-            (!suffices).then_some(Shortfall {
-                present: count,
-                basis: basis.len(),
-            })
-        })
+    /// Before the first agreement the founders count, even if some member showed a digest for a roster.
+    pub fn shortfall(&self, present: &[Voter], founders: Founders<'_>) -> Option<Shortfall> {
+        let lacks_founders = match founders {
+            Founders::Named(named) => of_founders(named, present, self.agreed.is_some()),
+            Founders::Number(number) if self.agreed.is_none() => (present.len() * 2 <= number)
+                .then_some(Shortfall {
+                    present: present.len(),
+                    basis: number,
+                }),
+            Founders::Number(_) | Founders::Unknown => None,
+        };
+        lacks_founders.or_else(|| self.known().find_map(|basis| of_basis(basis, present)))
     }
+}
+
+/// The majority that is missing of a basis: more than half of its voters, or an exact half with the lowest.
+fn of_basis(basis: &[Voter], present: &[Voter]) -> Option<Shortfall> {
+    let is_present = |voter: &Voter| present.binary_search(voter).is_ok();
+    let count = basis.iter().filter(|voter| is_present(voter)).count();
+    let lowest = basis.first().is_some_and(is_present);
+    let suffices = count * 2 > basis.len() || (count * 2 == basis.len() && lowest);
+    (!suffices).then_some(Shortfall {
+        present: count,
+        basis: basis.len(),
+    })
+}
+
+/// The founders that are missing: without a store, a founder that restarts does not know what it agreed on, so all of them
+/// found the formation, or a majority that has stores. Later, one of them must be present: otherwise a formation that was
+/// handed on to added modules would go on while restarted founders found another.
+fn of_founders(named: &[ModuleId], present: &[Voter], has_agreed: bool) -> Option<Shortfall> {
+    let memories_of = |founder: ModuleId| {
+        let begin = present.partition_point(|voter| voter.module < founder);
+        let from = present[begin..].iter();
+        from.take_while(move |voter| voter.module == founder)
+    };
+    let is_stored = |voter: &Voter| matches!(voter.memory, VoterMemory::Stored(_));
+    let founders = named.iter().filter(|&&id| memories_of(id).next().is_some());
+    let stored = named.iter().filter(|&&id| memories_of(id).any(is_stored));
+    let (founders, stored) = (founders.count(), stored.count());
+    let suffices = if has_agreed {
+        founders > 0
+    } else {
+        founders == named.len() || stored * 2 > named.len()
+    };
+    (!suffices).then_some(Shortfall {
+        present: founders,
+        basis: named.len(),
+    })
 }
 
 #[cfg(test)]
 mod tests {
-    use super::*;
-    use crate::model::{Incarnation, ModuleId};
+    use std::num::NonZeroU64;
 
-    fn runs(runs: &[(u32, u64)]) -> Vec<ModuleRun> {
+    use super::*;
+    use crate::model::{Incarnation, ModuleRun, StoreId};
+
+    /// Each module with its incarnation.
+    fn runs(runs: &[(u32, u64)]) -> Vec<Voter> {
         let run = |&(id, incarnation)| ModuleRun {
             module: ModuleId(id),
             incarnation: Incarnation(incarnation),
         };
-        runs.iter().map(run).collect()
+        runs.iter()
+            .map(|entry| Voter::new(run(entry), None))
+            .collect()
     }
 
-    fn modules(ids: &[u32]) -> Vec<ModuleRun> {
+    fn modules(ids: &[u32]) -> Vec<Voter> {
         let first: Vec<(u32, u64)> = ids.iter().map(|&id| (id, 1)).collect();
         runs(&first)
+    }
+
+    /// Modules with stores, in a run of this number.
+    fn stored(ids: &[u32], incarnation: u64) -> Vec<Voter> {
+        let voter = |&id: &u32| {
+            let run = ModuleRun {
+                module: ModuleId(id),
+                incarnation: Incarnation(incarnation),
+            };
+            Voter::new(run, NonZeroU64::new(1_000 + u64::from(id)).map(StoreId))
+        };
+        ids.iter().map(voter).collect()
+    }
+
+    fn named(ids: &[u32]) -> Vec<ModuleId> {
+        ids.iter().copied().map(ModuleId).collect()
     }
 
     fn epoch(number: u64) -> Epoch {
@@ -151,20 +241,70 @@ mod tests {
         }
     }
 
+    fn basis(number: u64, agreed: bool, members: Vec<Voter>) -> QuorumBasis {
+        QuorumBasis {
+            epoch: epoch(number),
+            agreed,
+            members,
+        }
+    }
+
     #[test]
     fn the_first_roster_needs_more_than_half_of_the_expected() {
         let quorum = Quorum::default();
-        assert!(quorum.shortfall(&modules(&[1, 2]), Some(4)).is_some());
-        assert!(quorum.shortfall(&modules(&[1, 2, 3]), Some(4)).is_none());
-        assert!(quorum.shortfall(&modules(&[1]), None).is_none());
+        let four = Founders::Number(4);
+        assert!(quorum.shortfall(&modules(&[1, 2]), four).is_some());
+        assert!(quorum.shortfall(&modules(&[1, 2, 3]), four).is_none());
+        assert!(
+            quorum
+                .shortfall(&modules(&[1]), Founders::Unknown)
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn founders_are_all_present_or_a_majority_has_stores() {
+        let quorum = Quorum::default();
+        let founders = named(&[1, 2, 3]);
+        let lacks = |present: &[Voter]| {
+            quorum
+                .shortfall(present, Founders::Named(&founders))
+                .is_some()
+        };
+        assert!(lacks(&modules(&[1, 2, 8, 9])));
+        assert!(!lacks(&modules(&[1, 2, 3])));
+        assert!(!lacks(&stored(&[1, 3], 1)));
+        assert!(lacks(&stored(&[1], 1)));
+    }
+
+    #[test]
+    fn every_later_roster_holds_a_founder() {
+        let mut quorum = Quorum::default();
+        quorum.note_agreed(epoch(4), &modules(&[3, 8, 9]));
+        let founders = named(&[1, 2, 3]);
+        let lacks = |present: &[Voter]| {
+            quorum
+                .shortfall(present, Founders::Named(&founders))
+                .is_some()
+        };
+        assert!(lacks(&modules(&[8, 9])));
+        assert!(!lacks(&modules(&[3, 8])));
     }
 
     #[test]
     fn an_exact_half_suffices_with_the_lowest_module_only() {
         let mut quorum = Quorum::default();
         quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4]));
-        assert!(quorum.shortfall(&modules(&[1, 4, 9]), None).is_none());
-        assert!(quorum.shortfall(&modules(&[2, 3, 9]), None).is_some());
+        assert!(
+            quorum
+                .shortfall(&modules(&[1, 4, 9]), Founders::Unknown)
+                .is_none()
+        );
+        assert!(
+            quorum
+                .shortfall(&modules(&[2, 3, 9]), Founders::Unknown)
+                .is_some()
+        );
     }
 
     #[test]
@@ -172,21 +312,60 @@ mod tests {
         let mut quorum = Quorum::default();
         quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4, 5]));
         quorum.note_shown(epoch(2), &modules(&[3, 4, 5]));
-        assert!(quorum.shortfall(&modules(&[1, 2, 3]), None).is_some());
+        assert!(
+            quorum
+                .shortfall(&modules(&[1, 2, 3]), Founders::Unknown)
+                .is_some()
+        );
         quorum.note_agreed(epoch(3), &modules(&[1, 2, 3, 4]));
-        assert!(quorum.shortfall(&modules(&[1, 2, 3]), None).is_none());
+        assert!(
+            quorum
+                .shortfall(&modules(&[1, 2, 3]), Founders::Unknown)
+                .is_none()
+        );
         assert_eq!(quorum.bases().len(), 1);
     }
 
     #[test]
-    fn a_restarted_module_does_not_count_unless_all_are_present() {
+    fn a_restarted_module_counts_only_with_its_store() {
         let mut quorum = Quorum::default();
         quorum.note_agreed(epoch(1), &modules(&[1, 2, 3, 4, 5]));
-        let shortfall = |present: &[(u32, u64)]| quorum.shortfall(&runs(present), None);
-        assert!(shortfall(&[(3, 1), (4, 1), (5, 1)]).is_none());
+        let lacks = |present: &[(u32, u64)]| {
+            quorum
+                .shortfall(&runs(present), Founders::Unknown)
+                .is_some()
+        };
+        assert!(!lacks(&[(3, 1), (4, 1), (5, 1)]));
         // Before its restart, the third may have agreed with the first two on a later roster.
-        assert!(shortfall(&[(3, 2), (4, 1), (5, 1)]).is_some());
-        assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (5, 1)]).is_none());
-        assert!(shortfall(&[(1, 2), (2, 2), (3, 2), (4, 1), (9, 1)]).is_some());
+        assert!(lacks(&[(3, 2), (4, 1), (5, 1)]));
+        // All are back, but three of them may have handed the majority on before they restarted.
+        assert!(lacks(&[(1, 2), (2, 2), (3, 2), (4, 1), (5, 1)]));
+        let mut quorum = Quorum::default();
+        quorum.note_agreed(epoch(1), &stored(&[1, 2, 3], 1));
+        assert!(
+            quorum
+                .shortfall(&stored(&[2, 3], 7), Founders::Unknown)
+                .is_none()
+        );
+    }
+
+    #[test]
+    fn only_modules_that_count_teach_bases() {
+        let founders = named(&[1, 2, 3]);
+        let founders = Founders::Named(&founders);
+        let (one, two, stranger) = (runs(&[(1, 1)])[0], runs(&[(2, 1)])[0], runs(&[(9, 1)])[0]);
+        let invented = [basis(7, true, modules(&[100, 101]))];
+        let mut quorum = Quorum::default();
+        quorum.learn_from(&[(stranger, &invented)], founders);
+        assert_eq!(quorum.bases(), []);
+        // The second knows a roster with the stranger, whose report of a later one is then credible.
+        let with_stranger = [basis(5, true, runs(&[(1, 1), (2, 1), (9, 1)]))];
+        let later = [basis(6, false, runs(&[(2, 1), (9, 1)]))];
+        quorum.note_agreed(epoch(3), &modules(&[1, 2, 3]));
+        quorum.learn_from(
+            &[(stranger, &later), (two, &with_stranger), (one, &[])],
+            founders,
+        );
+        assert_eq!(quorum.bases(), [with_stranger[0].clone(), later[0].clone()]);
     }
 }

@@ -55,6 +55,14 @@ refusals! {
     NoQuorum = "no_quorum": "its roster lacks a majority of an earlier one",
     /// Its epoch is too far ahead of every known epoch.
     ImplausibleEpoch = "implausible_epoch": "its epoch is too far ahead of every known epoch",
+    /// Its incarnation is too far ahead of this module's clock.
+    ImplausibleIncarnation = "implausible_incarnation": "its incarnation is too far ahead of our clock",
+    /// Its revision is too far ahead of this module's clock and of every known revision.
+    ImplausibleRevision = "implausible_revision": "its revision is too far ahead of our clock and of every known one",
+    /// Its roster is for other heartbeat, suspicion and lease times than this module has.
+    DifferentTiming = "different_timing": "its roster is for another heartbeat_s, suspicion_s or lease_s than ours",
+    /// It names other founders than are known.
+    OtherFounders = "other_founders": "it names other founders than are known",
     /// It came before its turn, and the buffer for early claims is full.
     BufferFull = "buffer_full": "it came before its turn, and the buffer for early claims is full",
     /// It names more modules than a formation may have.

@@ -3,10 +3,13 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use crate::model::{ModuleId, ModuleRun, Roster, RosterMember, RosterMessage, Service, digest};
+use crate::model::{
+    ModuleId, ModuleRun, Roster, RosterMember, RosterMessage, Service, Voter, digest,
+};
 
 use super::Agent;
 use super::io::SourceId;
+use super::memory::Memory;
 use super::refusal::Refusal;
 use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
 
@@ -56,11 +59,9 @@ impl Agent {
         }
         match message {
             RosterMessage::Gather { .. } if current == Some(epoch) => {}
-            RosterMessage::Gather {
-                target_revision, ..
-            } => {
+            RosterMessage::Gather { target, .. } => {
                 let context = &mut self.context;
-                let gathering = Gathering::join(context, epoch, run.incarnation, target_revision);
+                let gathering = Gathering::join(context, epoch, run.incarnation, target);
                 self.stage = Stage::Gathering(gathering);
             }
             RosterMessage::Plan(roster) => {
@@ -110,14 +111,7 @@ impl Agent {
             self.check_own_entry(&roster, mine, is_frozen)?;
         }
         self.check_target(&roster)?;
-        self.context.memory.quorum.learn(&roster.quorum_bases);
-        let runs: Vec<ModuleRun> = roster.members.iter().map(RosterMember::run).collect();
-        let shortfall = self
-            .context
-            .shortfall_of(&runs, roster.target.expected_modules);
-        if shortfall.is_some() {
-            return Err(Refusal::NoQuorum);
-        }
+        self.context.memory = self.judge_quorum(&roster)?;
         if self.context.target.revision() < Some(roster.target.revision) {
             self.context.target.set(Arc::new(roster.target.clone()));
         }
@@ -167,8 +161,37 @@ impl Agent {
         }
     }
 
+    /// What this module remembers with a roster that has every majority that it needs. A roster that lacks one teaches nothing,
+    /// so that invented bases cannot keep the modules from forming.
+    fn judge_quorum(&mut self, roster: &Roster) -> Result<Memory, Refusal> {
+        let context = &mut self.context;
+        let mut memory = context.memory.clone();
+        let bases = &roster.quorum_bases;
+        if bases.iter().any(|basis| basis.epoch >= roster.epoch)
+            || memory.contradicts_founders(&roster.target)
+        {
+            return Err(Refusal::BadRoster);
+        }
+        memory.note_founders(&roster.target);
+        memory.quorum.learn(bases);
+        if context.bugs.learn_unjudged() {
+            context.memory = memory.clone();
+        }
+        let voters: Vec<Voter> = roster.members.iter().map(RosterMember::voter).collect();
+        match context.shortfall_of(&memory, &voters, roster.target.expected_modules) {
+            None => Ok(memory),
+            Some(_) => Err(Refusal::NoQuorum),
+        }
+    }
+
     /// Checks that a roster does not contradict the announced target.
     fn check_target(&self, roster: &Roster) -> Result<(), Refusal> {
+        if roster.timing != self.context.parameters.timing() {
+            return Err(Refusal::DifferentTiming);
+        }
+        if !self.is_plausible_revision(roster.target.revision) {
+            return Err(Refusal::ImplausibleRevision);
+        }
         let Some(known) = self.context.target.announcement() else {
             return Ok(());
         };

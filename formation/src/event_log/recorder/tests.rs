@@ -24,6 +24,7 @@ fn pose(x: i64) -> Pose {
 
 fn state(module: u32, incarnation: u64, sequence: u64, phase: ModulePhase, x: i64) -> Message {
     Message::ModuleState(Arc::new(ModuleState {
+        store: None,
         module: ModuleId(module),
         incarnation: Incarnation(incarnation),
         sequence,
@@ -64,13 +65,20 @@ fn gather(number: u64) -> Message {
     Message::Roster(RosterMessage::Gather {
         epoch: epoch(number),
         target_revision: 1,
+        target: crate::model::Digest(0),
     })
 }
 
 fn roster(number: u64) -> Message {
     Message::Roster(RosterMessage::Plan(Arc::new(Roster {
+        timing: crate::model::Timing {
+            heartbeat: Duration::from_millis(500),
+            suspicion: Duration::from_secs(5),
+            lease: Duration::from_millis(2_500),
+        },
         epoch: epoch(number),
         target: TargetAnnouncement {
+            founders: Vec::new(),
             revision: 1,
             name: String::new(),
             target: None,

@@ -252,7 +252,6 @@ impl Acting {
     fn set_off(&mut self, place: Place, context: &mut Context) {
         self.proofs = Proofs::of_departure(&self.held, place, context);
         self.task = Task::Undocking;
-        context.body.settled_on = None;
         context.mark_state_changed();
         context.emit(Event::MotionBegun(place.spot));
         let broken = context.links_except(|link| self.held.keeps_link_to(link));

@@ -43,7 +43,7 @@ impl Agreeing {
             return Step::Stay(Stage::Agreeing(self));
         }
         let lagging = self.held.lagging_for_motion(context);
-        if lagging.is_empty() {
+        if lagging.is_empty() && context.outbox.may_show_plan_of(self.held.epoch()) {
             let acting = Acting::begin(self.held, self.since, context);
             return Step::Enter(Stage::Acting(Box::new(acting)));
         }

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    PlanningModule, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, digest,
+    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState, PlanningModule,
+    Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, Voter, digest,
 };
 
 use super::super::context::Context;
@@ -21,8 +21,8 @@ use super::{Stage, Step};
 pub(in crate::protocol) struct Gathering {
     pub epoch: Epoch,
     since: Duration,
-    /// The revision of the target that will be planned for, unless another is announced meanwhile.
-    target_revision: u64,
+    /// The target that the gathering is for, unless another is announced meanwhile: the members freeze with pins for this one.
+    target: Digest,
     role: Role,
     /// The claims of members that received the roster earlier than this module.
     pub claims: EarlyClaims,
@@ -40,8 +40,6 @@ enum Role {
 /// The progress of a convener's collection.
 #[derive(Clone, Hash)]
 struct Collection {
-    /// The target that the gathering was announced for: the pins of the members are for this one.
-    target: Digest,
     /// The number of frozen members, this module included.
     frozen: usize,
     /// When the number of frozen members last changed.
@@ -65,19 +63,19 @@ impl Gathering {
     ) -> Self {
         let epoch = context.memory.next_epoch(context.module());
         context.emit(Event::Convened(epoch, reason));
-        let target_revision = announcement.revision;
+        let target = digest::of_target(announcement);
         context.publish(Message::Roster(RosterMessage::Gather {
             epoch,
-            target_revision,
+            target_revision: announcement.revision,
+            target,
         }));
         let collection = Collection {
-            target: digest::of_target(announcement),
             frozen: 0,
             changed_at: context.now,
             reported_missing: false,
             reported_limit: false,
         };
-        Self::enter(context, epoch, target_revision, Role::Convener(collection))
+        Self::enter(context, epoch, target, Role::Convener(collection))
     }
 
     /// Halts for an epoch that this run of its convener has opened.
@@ -85,12 +83,12 @@ impl Gathering {
         context: &mut Context,
         epoch: Epoch,
         convener: Incarnation,
-        target_revision: u64,
+        target: Digest,
     ) -> Self {
-        Self::enter(context, epoch, target_revision, Role::Member(convener))
+        Self::enter(context, epoch, target, Role::Member(convener))
     }
 
-    fn enter(context: &mut Context, epoch: Epoch, target_revision: u64, role: Role) -> Self {
+    fn enter(context: &mut Context, epoch: Epoch, target: Digest, role: Role) -> Self {
         context.stand_still();
         context.note_opened(epoch);
         context.set_shortfall(None);
@@ -99,7 +97,7 @@ impl Gathering {
         Self {
             epoch,
             since: context.now,
-            target_revision,
+            target,
             role,
             claims: EarlyClaims::default(),
         }
@@ -110,20 +108,8 @@ impl Gathering {
         matches!(self.role, Role::Convener(_))
     }
 
-    /// Whether the module may announce that it has frozen: it stands still, no port works, and it knows the target, since
-    /// only then does it know whether it stands on its spot already. It waits for the target for half of `gather` only, as
-    /// the target may reach it with the roster alone.
-    pub fn may_publish_state(&self, context: &mut Context) -> bool {
-        let patience_ends = self.since + context.parameters.gather / 2;
-        if context.target.revision() < Some(self.target_revision) && context.now < patience_ends {
-            context.wake_at(patience_ends);
-            return false;
-        }
-        context.body.is_at_rest()
-    }
-
     pub fn describe(&self, state: &mut ModuleState, context: &Context) {
-        state.spot = context.pin_at_revision(self.target_revision);
+        state.spot = context.pin_for(self.target);
         state.quorum_bases = context.memory.quorum.bases();
     }
 
@@ -162,23 +148,16 @@ impl Gathering {
         if !context.body.is_at_rest() {
             return Step::Stay(Stage::Gathering(self));
         }
-        for state in &frozen {
-            context.memory.quorum.learn(&state.quorum_bases);
-        }
+        let expected = context.target.expected_modules();
+        context.memory.learn_from(&frozen, self.epoch, expected);
         if reports_limit {
             report_missing(&frozen, context);
         }
-        let gathered_for = collection.target;
-        self.close(gathered_for, &frozen, context)
+        self.close(&frozen, context)
     }
 
     /// Publishes the roster, unless it lacks a quorum or the target has changed.
-    fn close(
-        self,
-        gathered_for: Digest,
-        frozen: &[Arc<ModuleState>],
-        context: &mut Context,
-    ) -> Step {
+    fn close(self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Step {
         let Some(announcement) = context.target.announcement().cloned() else {
             return Step::Stay(Stage::Gathering(self));
         };
@@ -193,14 +172,15 @@ impl Gathering {
         if let Some(target) = &announcement.target {
             pins::release(&mut members, target, announcement.parameters);
         }
-        let runs: Vec<ModuleRun> = members.iter().map(RosterMember::run).collect();
-        let shortfall = context.shortfall_of(&runs, announcement.expected_modules);
+        let voters: Vec<Voter> = members.iter().map(RosterMember::voter).collect();
+        let shortfall =
+            context.shortfall_of(&context.memory, &voters, announcement.expected_modules);
         context.set_shortfall(shortfall);
         if shortfall.is_some() {
             // The members stay frozen, and the gathering continues when more modules are within reach.
             return Step::Stay(Stage::Gathering(self));
         }
-        if gathered_for != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {
+        if self.target != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {
             // Another target was announced since. The members froze with pins for the former one, and have to announce
             // their pins for the new one.
             let next = Self::convene(context, &announcement, EpochReason::NewTarget);
@@ -211,6 +191,7 @@ impl Gathering {
             target: (*announcement).clone(),
             members,
             quorum_bases: context.memory.quorum.bases(),
+            timing: context.parameters.timing(),
         });
         let plan = RosterMessage::Plan(Arc::clone(&roster));
         context.publish(Message::Roster(plan));
@@ -245,7 +226,7 @@ impl Collection {
             !context.memory.number_was_met && !context.memory.quorum.has_agreed();
         let is_complete = match context.target.expected_modules() {
             Some(expected) if waits_for_number => count >= expected as usize,
-            _ => is_quiet || count >= context.live_runs().len(),
+            _ => is_quiet || count >= context.live_voters().len(),
         };
         if is_complete {
             return Progress::Complete {
@@ -281,7 +262,7 @@ fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {
         .iter()
         .flat_map(|state| state.links.iter().copied())
         .chain(context.body.links.iter().copied())
-        .chain(context.live_runs().into_iter().map(|run| run.module));
+        .chain(context.live_voters().into_iter().map(|voter| voter.module));
     let absent: BTreeSet<ModuleId> = named
         .filter(|id| *id != context.module() && !present.contains(id))
         .collect();
@@ -295,6 +276,7 @@ fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {
 fn member_of(state: &ModuleState) -> RosterMember {
     RosterMember {
         incarnation: state.incarnation,
+        store: state.store,
         service: state.service,
         module: PlanningModule {
             id: state.module,

@@ -123,12 +123,9 @@ impl Stage {
         }
     }
 
-    /// Whether a changed state may be published now; asks to be woken if it may be later.
-    pub fn may_publish_state(&self, context: &mut Context) -> bool {
-        match self {
-            Self::Gathering(gathering) => gathering.may_publish_state(context),
-            _ => true,
-        }
+    /// Whether a changed state may be published now: a frozen one only at rest, with no port at work.
+    pub fn may_publish_state(&self, context: &Context) -> bool {
+        !matches!(self, Self::Gathering(_)) || context.body.is_at_rest()
     }
 
     /// Adds to a state what this stage knows.

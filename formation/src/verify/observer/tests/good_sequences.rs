@@ -51,12 +51,9 @@ fn messages_of_modules_outside_the_roster_change_nothing() {
         state.links = modules(&[1, 2]);
         state
     };
-    for (number, phase) in [ModulePhase::Settled, ModulePhase::Moving]
-        .into_iter()
-        .enumerate()
-    {
+    for (first, phase) in [(1, ModulePhase::Settled), (3, ModulePhase::Moving)] {
         for epoch in [None, Some(EPOCH)] {
-            let spot = 1 + 2 * number as u32 + u32::from(epoch.is_some());
+            let spot = first + u32::from(epoch.is_some());
             let state = Arc::new(stranger(phase, epoch, spot));
             sequence.further.push(Message::ModuleState(state));
         }

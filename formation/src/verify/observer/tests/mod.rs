@@ -73,6 +73,7 @@ fn select(pairs: &[(u32, u32)]) -> Vec<SpotSelection> {
 
 fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
     ModuleState {
+        store: None,
         module: ModuleId(module),
         incarnation: INCARNATION,
         sequence,
@@ -113,6 +114,7 @@ fn star() -> Arc<Target> {
 
 fn good_sequence() -> Sequence {
     let target = TargetAnnouncement {
+        founders: Vec::new(),
         revision: 1,
         name: "star".to_owned(),
         target: Some(star()),
@@ -126,6 +128,7 @@ fn good_sequence() -> Sequence {
     };
     let members = (1..=5)
         .map(|id| RosterMember {
+            store: None,
             incarnation: INCARNATION,
             service: Service::Active,
             module: PlanningModule {
@@ -193,6 +196,7 @@ fn good_claims() -> Vec<SpotClaim> {
 
 fn heartbeat(module: u32, sequence: u64, digest_since: u64) -> Heartbeat {
     Heartbeat {
+        store: None,
         module: ModuleId(module),
         incarnation: INCARNATION,
         sequence,
@@ -255,6 +259,11 @@ impl Sequence {
 
     fn roster(&self) -> Roster {
         Roster {
+            timing: crate::model::Timing {
+                heartbeat: Duration::from_millis(500),
+                suspicion: Duration::from_secs(5),
+                lease: Duration::from_millis(2_500),
+            },
             epoch: EPOCH,
             target: self.target.clone(),
             members: self.members.clone(),
@@ -268,6 +277,7 @@ impl Sequence {
             Message::Roster(RosterMessage::Gather {
                 epoch: EPOCH,
                 target_revision: 1,
+                target: Digest(0),
             }),
             Message::Roster(RosterMessage::Plan(Arc::new(self.roster()))),
         ];

@@ -1,0 +1,122 @@
+//! What a module must not forget when its process ends, and when it must be in the store.
+//!
+//! The rule is that of a write-ahead log: whatever an agent publishes or does as a result of an input leaves the agent only
+//! after its store holds what the result depends on (compare the `HardState` of raft). So the module never denies, after a
+//! restart, an epoch that it entered, a digest that it showed, or a retirement that it confirmed. Halting needs no store, and
+//! heartbeats go on meanwhile: they repeat what was shown before.
+
+use std::collections::BTreeSet;
+
+use serde::{Deserialize, Serialize};
+
+use crate::model::{
+    Digest, Epoch, ModuleId, Pose, QuorumBasis, RETENTION_DISTANCE, Service, SpotId,
+};
+
+use super::Agent;
+use super::body::SettledOn;
+use super::stage::Stage;
+
+/// What the store of a module holds.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+pub struct DurableState {
+    /// The latest epoch that it entered.
+    pub entered: Option<Epoch>,
+    /// The highest epoch that it knows of.
+    pub highest: Option<Epoch>,
+    /// The founders of the session; empty while they are not named.
+    pub founders: Vec<ModuleId>,
+    /// The earlier rosters of which a new one must contain a majority.
+    pub quorum_bases: Vec<QuorumBasis>,
+    /// Whether it takes part in plans.
+    pub service: Service,
+    /// The spot on which it has settled, and the digest of the target of that spot.
+    pub settled_on: Option<(SpotId, Digest)>,
+    /// Its pose when this was written.
+    pub pose: Pose,
+    /// The modules that it was docked to then.
+    pub links: BTreeSet<ModuleId>,
+}
+
+/// The part of a durable state without which nothing may be published.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct SyncKey {
+    entered: Option<Epoch>,
+    shows_digest: bool,
+    service: Service,
+    settled_on: Option<SettledOn>,
+}
+
+impl SyncKey {
+    /// Whether a plan for this epoch is shown.
+    pub fn shows_plan_of(&self, epoch: Epoch) -> bool {
+        self.shows_digest && self.entered == Some(epoch)
+    }
+}
+
+impl Agent {
+    /// The same agent with a store, which holds what an earlier run wrote, if any did.
+    ///
+    /// A pin is kept only if the module still stands where it stood: a robot may have been moved while it was off.
+    #[must_use]
+    pub fn restored(mut self, stored: Option<DurableState>) -> Self {
+        debug_assert!(self.context.own.store.is_some(), "only a store restores");
+        let Some(stored) = stored else {
+            return self;
+        };
+        let context = &mut self.context;
+        let memory = &mut context.memory;
+        for epoch in [stored.entered, stored.highest].into_iter().flatten() {
+            memory.restore_epoch(epoch);
+        }
+        memory.founders = stored.founders;
+        memory.quorum.learn(&stored.quorum_bases);
+        context.body.service = stored.service;
+        let has_stayed = context.body.pose.distance_to(&stored.pose) <= RETENTION_DISTANCE;
+        context.body.settled_on = stored
+            .settled_on
+            .filter(|_| has_stayed)
+            .map(|(spot, target)| SettledOn { spot, target });
+        self.stage = Stage::Listening(stored.entered);
+        self.context.outbox.durable.given = Some(self.sync_key());
+        self
+    }
+
+    /// What the store has to hold now.
+    pub(super) fn durable_state(&self) -> DurableState {
+        let context = &self.context;
+        DurableState {
+            entered: self.stage.epoch(),
+            highest: context.memory.highest_epoch(),
+            founders: context.memory.founders.clone(),
+            quorum_bases: context.memory.quorum.bases(),
+            service: context.body.service,
+            settled_on: context
+                .body
+                .settled_on
+                .map(|settled| (settled.spot, settled.target)),
+            pose: context.body.pose,
+            links: context.body.links.clone(),
+        }
+    }
+
+    pub(super) fn sync_key(&self) -> SyncKey {
+        SyncKey {
+            entered: self.stage.epoch(),
+            shows_digest: self.stage.held_plan().is_some(),
+            service: self.context.body.service,
+            settled_on: self.context.body.settled_on,
+        }
+    }
+
+    /// Lets the outputs of the input that was handled wait for the store, if they depend on something new.
+    pub(super) fn write_ahead(&mut self) {
+        if self.context.own.store.is_none() {
+            return;
+        }
+        let key = self.sync_key();
+        let is_new = self.context.outbox.durable.given != Some(key);
+        let state = is_new.then(|| self.durable_state());
+        self.context.outbox.write_ahead(key, state);
+    }
+}
