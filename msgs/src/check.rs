@@ -7,6 +7,7 @@ use formation::model::{Digest, Epoch, MicroUnits, ModuleId, NO_ID, Pose, PoseErr
 
 use crate::bounds::{COORDINATE_LIMIT_MICRO, LINKS_MAX, NAME_BYTES_MAX};
 use crate::error::{Fault, MessageError};
+use crate::session::PROTOCOL_VERSION;
 
 /// A fault and the path of its field, while the topic is not yet known.
 #[derive(Debug)]
@@ -190,6 +191,18 @@ pub(crate) fn entries<R, T>(
     entries
         .map(|(index, entry)| validate(entry).map_err(|error| error.within_entry(field, index)))
         .collect()
+}
+
+/// The version of the protocol of a message.
+pub(crate) fn version(version: u32) -> Checked<()> {
+    if version == PROTOCOL_VERSION {
+        return Ok(());
+    }
+    let fault = Fault::OtherVersion {
+        version,
+        ours: PROTOCOL_VERSION,
+    };
+    Err(FieldError::new("protocol_version", fault))
 }
 
 /// Ascending identifiers of modules.

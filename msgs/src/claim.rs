@@ -10,6 +10,7 @@ use crate::bounds::{MODULES_MAX, SPOTS_MAX};
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::Epoch;
 use crate::error::Fault;
+use crate::session::PROTOCOL_VERSION;
 
 /// See `SpotSelection.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -30,6 +31,8 @@ pub struct EvictionRecord {
 /// See `SpotClaim.msg`.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SpotClaim {
+    pub protocol_version: u32,
+    pub session: u64,
     pub epoch: Epoch,
     pub turn: u32,
     pub claimant_id: u32,
@@ -42,6 +45,8 @@ pub struct SpotClaim {
 /// See `Eviction.msg`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Eviction {
+    pub protocol_version: u32,
+    pub session: u64,
     pub epoch: Epoch,
     pub turn: u32,
     pub eviction: EvictionRecord,
@@ -108,6 +113,8 @@ impl From<&model::SpotClaim> for SpotClaim {
     fn from(claim: &model::SpotClaim) -> Self {
         let decision = &claim.decision;
         Self {
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
             epoch: Epoch::from(&claim.epoch),
             turn: claim.turn,
             claimant_id: claim.claimant.0,
@@ -129,6 +136,7 @@ impl From<&model::SpotClaim> for SpotClaim {
 
 impl SpotClaim {
     pub(crate) fn validated(&self) -> Checked<model::SpotClaim> {
+        check::version(self.protocol_version)?;
         check::count("evictions", self.evictions.len(), MODULES_MAX)?;
         Ok(model::SpotClaim {
             epoch: self.epoch.required()?,
@@ -149,6 +157,8 @@ impl SpotClaim {
 impl From<&EvictionNotice> for Eviction {
     fn from(notice: &EvictionNotice) -> Self {
         Self {
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
             epoch: Epoch::from(&notice.epoch),
             turn: notice.turn,
             eviction: EvictionRecord::from(&notice.eviction),
@@ -158,6 +168,7 @@ impl From<&EvictionNotice> for Eviction {
 
 impl Eviction {
     pub(crate) fn validated(self) -> Checked<EvictionNotice> {
+        check::version(self.protocol_version)?;
         let eviction = self.eviction.validated();
         Ok(EvictionNotice {
             epoch: self.epoch.required()?,

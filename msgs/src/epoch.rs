@@ -2,8 +2,10 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
+use std::num::NonZeroU64;
+
 use formation::model;
-use formation::model::{Incarnation, ModuleId, ModuleRun};
+use formation::model::{Incarnation, ModuleId, StoreId, Voter, VoterMemory};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, QUORUM_BASES_MAX};
@@ -24,6 +26,7 @@ pub struct QuorumBasis {
     pub agreed: bool,
     pub module_ids: Vec<u32>,
     pub incarnations: Vec<u64>,
+    pub stores: Vec<u64>,
 }
 
 impl From<&model::Epoch> for Epoch {
@@ -62,11 +65,18 @@ impl Epoch {
 
 impl From<&model::QuorumBasis> for QuorumBasis {
     fn from(basis: &model::QuorumBasis) -> Self {
+        let memories = || {
+            basis.members.iter().map(|voter| match voter.memory {
+                VoterMemory::Volatile(incarnation) => (incarnation.0, 0),
+                VoterMemory::Stored(store) => (0, store.0.get()),
+            })
+        };
         Self {
             epoch: Epoch::from(&basis.epoch),
             agreed: basis.agreed,
-            module_ids: basis.members.iter().map(|run| run.module.0).collect(),
-            incarnations: basis.members.iter().map(|run| run.incarnation.0).collect(),
+            module_ids: basis.members.iter().map(|voter| voter.module.0).collect(),
+            incarnations: memories().map(|(incarnation, _)| incarnation).collect(),
+            stores: memories().map(|(_, store)| store).collect(),
         }
     }
 }
@@ -74,22 +84,42 @@ impl From<&model::QuorumBasis> for QuorumBasis {
 impl QuorumBasis {
     fn validated(&self) -> Checked<model::QuorumBasis> {
         let modules = check::module_ids("module_ids", &self.module_ids, MODULES_MAX)?;
-        if self.incarnations.len() != modules.len() {
-            let reason = "must have as many entries as module_ids";
-            return Err(FieldError::contradiction("incarnations", reason));
+        for (field, list) in [
+            ("incarnations", &self.incarnations),
+            ("stores", &self.stores),
+        ] {
+            if list.len() != modules.len() {
+                let reason = "must have as many entries as module_ids";
+                return Err(FieldError::contradiction(field, reason));
+            }
         }
-        let runs = modules.into_iter().zip(&self.incarnations);
+        let memories = self.incarnations.iter().zip(&self.stores);
         Ok(model::QuorumBasis {
             epoch: self.epoch.required()?,
             agreed: self.agreed,
-            members: runs
-                .map(|(module, &incarnation)| ModuleRun {
+            members: modules
+                .into_iter()
+                .zip(memories)
+                .map(|(module, (&incarnation, &raw))| Voter {
                     module,
-                    incarnation: Incarnation(incarnation),
+                    memory: store(raw).map_or(
+                        VoterMemory::Volatile(Incarnation(incarnation)),
+                        VoterMemory::Stored,
+                    ),
                 })
                 .collect(),
         })
     }
+}
+
+/// A store; 0 stands for none.
+pub(crate) fn store(raw: u64) -> Option<StoreId> {
+    NonZeroU64::new(raw).map(StoreId)
+}
+
+/// The number of a store, 0 without one.
+pub(crate) fn store_to_wire(store: Option<StoreId>) -> u64 {
+    store.map_or(0, |store| store.0.get())
 }
 
 /// The bases of distinct epochs.

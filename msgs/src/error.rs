@@ -74,6 +74,14 @@ pub enum Fault {
         /// The names and numbers that are known.
         known: &'static str,
     },
+    /// The sender speaks another version of the protocol.
+    #[error("is {version}, but this program speaks version {ours}; run the same build everywhere")]
+    OtherVersion {
+        /// The sender's version.
+        version: u32,
+        /// The version of this program.
+        ours: u32,
+    },
     /// An epoch is needed, but the one given is number 0.
     #[error("number 0 stands for no epoch, but one is needed here")]
     NoEpoch,

@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
-use crate::epoch::Epoch;
+use crate::epoch::{Epoch, store, store_to_wire};
 use crate::module_state::{phase_from_wire, phase_to_wire};
+use crate::session::PROTOCOL_VERSION;
 use crate::standard::Duration;
 
 /// See `ModuleHeartbeat.msg`.
@@ -17,6 +18,7 @@ use crate::standard::Duration;
 pub struct ModuleHeartbeat {
     pub module_id: u32,
     pub incarnation: u64,
+    pub store: u64,
     pub sequence: u64,
     pub uptime: Duration,
     pub epoch: Epoch,
@@ -30,6 +32,8 @@ pub struct ModuleHeartbeat {
 /// See `Heartbeat.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Heartbeat {
+    pub protocol_version: u32,
+    pub session: u64,
     pub modules: Vec<ModuleHeartbeat>,
 }
 
@@ -38,6 +42,7 @@ impl From<&model::Heartbeat> for ModuleHeartbeat {
         Self {
             module_id: heartbeat.module.0,
             incarnation: heartbeat.incarnation.0,
+            store: store_to_wire(heartbeat.store),
             sequence: heartbeat.sequence,
             uptime: heartbeat.uptime.into(),
             epoch: heartbeat.epoch.as_ref().into(),
@@ -68,6 +73,7 @@ impl ModuleHeartbeat {
         Ok(model::Heartbeat {
             module,
             incarnation: Incarnation(self.incarnation),
+            store: store(self.store),
             sequence: self.sequence,
             uptime: self.uptime.validated("uptime")?,
             epoch,
@@ -83,12 +89,15 @@ impl Heartbeat {
     /// One sample of the heartbeats of all modules that a process hosts.
     pub fn new<'a>(heartbeats: impl IntoIterator<Item = &'a model::Heartbeat>) -> Self {
         Self {
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
             modules: heartbeats.into_iter().map(ModuleHeartbeat::from).collect(),
         }
     }
 
     /// The heartbeats of distinct modules, in the order in which they came.
     pub(crate) fn validated(self) -> Checked<Vec<model::Heartbeat>> {
+        check::version(self.protocol_version)?;
         let validate = ModuleHeartbeat::validated;
         let heartbeats = check::entries("modules", &self.modules, MODULES_MAX, validate)?;
         let modules = heartbeats.iter().map(|heartbeat| heartbeat.module);

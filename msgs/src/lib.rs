@@ -89,6 +89,7 @@ mod module_state;
 mod progress;
 mod roster;
 mod services;
+mod session;
 mod standard;
 mod target;
 pub mod topic;
@@ -112,6 +113,7 @@ pub use services::{
     AddModuleRequest, AddModuleResponse, QueryStatusRequest, QueryStatusResponse,
     RetireModuleRequest, RetireModuleResponse, WithdrawTargetRequest, WithdrawTargetResponse,
 };
+pub use session::{InSession, PROTOCOL_VERSION, SessionId};
 pub use standard::{Duration, Header, Time};
 pub use target::{Edge, PlannerParameters, Spot, TargetConfiguration};
 pub use verdict::Verdict;

@@ -10,7 +10,8 @@ use serde::{Deserialize, Serialize};
 use crate::NONE;
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked};
-use crate::epoch::{Epoch, QuorumBasis, quorum_bases};
+use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
+use crate::session::PROTOCOL_VERSION;
 use crate::standard::Header;
 
 /// See `CausalMark.msg`.
@@ -25,6 +26,7 @@ pub struct CausalMark {
 pub struct ModuleState {
     pub module_id: u32,
     pub incarnation: u64,
+    pub store: u64,
     pub sequence: u64,
     pub epoch: Epoch,
     pub has_digest: bool,
@@ -49,6 +51,8 @@ pub struct ModuleState {
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct ModuleStates {
     pub header: Header,
+    pub protocol_version: u32,
+    pub session: u64,
     pub modules: Vec<ModuleState>,
 }
 
@@ -104,6 +108,7 @@ impl From<&model::ModuleState> for ModuleState {
         Self {
             module_id: state.module.0,
             incarnation: state.incarnation.0,
+            store: store_to_wire(state.store),
             sequence: state.sequence,
             epoch: state.epoch.as_ref().into(),
             has_digest: state.digest.is_some(),
@@ -135,6 +140,7 @@ impl ModuleState {
         Ok(model::ModuleState {
             module,
             incarnation: Incarnation(self.incarnation),
+            store: store(self.store),
             sequence: self.sequence,
             epoch,
             digest: check::digest(epoch, self.has_digest, self.digest)?,
@@ -162,12 +168,15 @@ impl ModuleStates {
     ) -> Self {
         Self {
             header,
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
             modules: states.into_iter().map(ModuleState::from).collect(),
         }
     }
 
     /// The states of distinct modules, in the order in which they came.
     pub(crate) fn validated(self) -> Checked<Vec<model::ModuleState>> {
+        check::version(self.protocol_version)?;
         check::name("header.frame_id", &self.header.frame_id)?;
         let validate = ModuleState::validated;
         let states = check::entries("modules", &self.modules, MODULES_MAX, validate)?;

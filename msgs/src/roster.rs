@@ -5,16 +5,19 @@
 use std::sync::Arc;
 
 use formation::model::{
-    self, ConfigurationId, Incarnation, ModuleId, PlanningModule, Pose, RosterMessage, SpotId,
+    self, ConfigurationId, Digest, Incarnation, ModuleId, PlanningModule, Pose, RosterMessage,
+    SpotId, Timing,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::NONE;
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
-use crate::epoch::{Epoch, QuorumBasis, quorum_bases};
+use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
 use crate::error::Fault;
 use crate::module_state::{service_from_wire, service_to_wire};
+use crate::session::PROTOCOL_VERSION;
+use crate::standard::Duration;
 use crate::target::TargetConfiguration;
 
 /// See `RosterMember.msg`.
@@ -22,6 +25,7 @@ use crate::target::TargetConfiguration;
 pub struct RosterMember {
     pub module_id: u32,
     pub incarnation: u64,
+    pub store: u64,
     pub service: u8,
     pub x_micro: i64,
     pub y_micro: i64,
@@ -35,12 +39,18 @@ pub struct RosterMember {
 /// See `Roster.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Roster {
+    pub protocol_version: u32,
+    pub session: u64,
     pub epoch: Epoch,
     pub stage: u8,
     pub target_revision: u64,
+    pub target_digest: u64,
     pub target: TargetConfiguration,
     pub members: Vec<RosterMember>,
     pub quorum_bases: Vec<QuorumBasis>,
+    pub heartbeat: Duration,
+    pub suspicion: Duration,
+    pub lease: Duration,
 }
 
 impl RosterMember {
@@ -58,6 +68,7 @@ impl From<&model::RosterMember> for RosterMember {
         Self {
             module_id: module.id.0,
             incarnation: member.incarnation.0,
+            store: store_to_wire(member.store),
             service: service_to_wire(member.service),
             x_micro: module.pose.x.0,
             y_micro: module.pose.y.0,
@@ -75,6 +86,7 @@ impl RosterMember {
         let id = check::id("module_id", self.module_id, ModuleId)?;
         Ok(model::RosterMember {
             incarnation: Incarnation(self.incarnation),
+            store: store(self.store),
             service: service_from_wire(self.service)?,
             module: PlanningModule {
                 id,
@@ -95,12 +107,18 @@ impl RosterMember {
 impl From<&model::Roster> for Roster {
     fn from(roster: &model::Roster) -> Self {
         Self {
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
             epoch: Epoch::from(&roster.epoch),
             stage: Self::STAGE_PLAN,
             target_revision: roster.target.revision,
+            target_digest: 0,
             target: TargetConfiguration::from(&roster.target),
             members: roster.members.iter().map(RosterMember::from).collect(),
             quorum_bases: roster.quorum_bases.iter().map(QuorumBasis::from).collect(),
+            heartbeat: roster.timing.heartbeat.into(),
+            suspicion: roster.timing.suspicion.into(),
+            lease: roster.timing.lease.into(),
         }
     }
 }
@@ -112,10 +130,13 @@ impl From<&RosterMessage> for Roster {
             &RosterMessage::Gather {
                 ref epoch,
                 target_revision,
+                target,
             } => Self {
+                protocol_version: PROTOCOL_VERSION,
                 epoch: Epoch::from(epoch),
                 stage: Self::STAGE_GATHER,
                 target_revision,
+                target_digest: target.0,
                 ..Self::default()
             },
         }
@@ -124,6 +145,7 @@ impl From<&RosterMessage> for Roster {
 
 impl Roster {
     pub(crate) fn validated(self) -> Checked<RosterMessage> {
+        check::version(self.protocol_version)?;
         match self.stage {
             Self::STAGE_GATHER => self.gather(),
             Self::STAGE_PLAN => self.plan(),
@@ -146,6 +168,7 @@ impl Roster {
         Ok(RosterMessage::Gather {
             epoch: self.epoch.required()?,
             target_revision: self.target_revision,
+            target: Digest(self.target_digest),
         })
     }
 
@@ -172,6 +195,11 @@ impl Roster {
             target,
             members,
             quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
+            timing: Timing {
+                heartbeat: self.heartbeat.validated("heartbeat")?,
+                suspicion: self.suspicion.validated("suspicion")?,
+                lease: self.lease.validated("lease")?,
+            },
         };
         // Pins must fit the target and each other; the planner's own validation knows how.
         roster

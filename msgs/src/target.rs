@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::error::Fault;
+use crate::session::PROTOCOL_VERSION;
 use crate::standard::Header;
 
 /// See `Spot.msg`.
@@ -46,16 +47,38 @@ pub struct PlannerParameters {
 }
 
 /// See `TargetConfiguration.msg`.
-#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct TargetConfiguration {
     pub header: Header,
+    pub protocol_version: u32,
+    pub session: u64,
     pub revision: u64,
     pub name: String,
     pub withdrawn: bool,
     pub expected_modules: u32,
+    pub founders: Vec<u32>,
     pub spots: Vec<Spot>,
     pub edges: Vec<Edge>,
     pub planner: PlannerParameters,
+}
+
+impl Default for TargetConfiguration {
+    /// Without spots, for the version of the protocol that this library speaks.
+    fn default() -> Self {
+        Self {
+            header: Header::default(),
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
+            revision: 0,
+            name: String::new(),
+            withdrawn: false,
+            expected_modules: 0,
+            founders: Vec::new(),
+            spots: Vec::new(),
+            edges: Vec::new(),
+            planner: PlannerParameters::default(),
+        }
+    }
 }
 
 impl PlannerParameters {
@@ -144,10 +167,13 @@ impl From<&TargetAnnouncement> for TargetConfiguration {
                 frame_id,
                 ..Header::default()
             },
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
             revision: announcement.revision,
             name: announcement.name.clone(),
             withdrawn,
             expected_modules: announcement.expected_modules.unwrap_or(0),
+            founders: announcement.founders.iter().map(|id| id.0).collect(),
             spots: spots
                 .into_iter()
                 .map(|RawSpot { id, x, y, theta }| Spot { id, x, y, theta })
@@ -163,6 +189,7 @@ impl From<&TargetAnnouncement> for TargetConfiguration {
 
 impl TargetConfiguration {
     pub(crate) fn validated(self) -> Checked<TargetAnnouncement> {
+        check::version(self.protocol_version)?;
         check::name("header.frame_id", &self.header.frame_id)?;
         check::name("name", &self.name)?;
         let expected = self.expected_modules.into();
@@ -188,6 +215,7 @@ impl TargetConfiguration {
             target,
             parameters,
             expected_modules: (self.expected_modules != 0).then_some(self.expected_modules),
+            founders: check::module_ids("founders", &self.founders, MODULES_MAX)?,
         })
     }
 }

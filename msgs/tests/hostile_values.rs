@@ -75,6 +75,7 @@ fn messages(name: &str, payload: &[u8]) -> Vec<Message> {
 
 fn agent(module: u32) -> Agent {
     let identity = Identity {
+        store: None,
         module: ModuleId(module),
         incarnation: Incarnation(3),
         pose: Pose::from_units(f64::from(module), 0.0, 0.0).unwrap(),
@@ -101,7 +102,7 @@ fn drain(agent: &mut Agent, now: Duration, said: &mut Vec<Message>) {
             Output::Halt => MotionReport::Halted(agent.pose()),
             Output::Dock(other) => MotionReport::Docked(other),
             Output::Undock(other) => MotionReport::Undocked(other),
-            Output::Event(_) => continue,
+            Output::Event(_) | Output::Persist { .. } => continue,
         };
         agent.handle(now, Input::Motion(report));
     }
@@ -116,6 +117,7 @@ fn target() -> Message {
     )
     .unwrap();
     Message::Target(Arc::new(formation::model::TargetAnnouncement {
+        founders: Vec::new(),
         revision: 1,
         name: String::new(),
         target: Some(Arc::clone(scenario.problem().target())),

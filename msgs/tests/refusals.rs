@@ -7,7 +7,7 @@
 
 use formation::model;
 use formation_msgs as wire;
-use formation_msgs::{MessageError, NONE, bounds};
+use formation_msgs::{MessageError, NONE, PROTOCOL_VERSION, bounds};
 
 /// The text of the refusal after `change`; the message must be accepted without it.
 fn refusal<T, V>(valid: &T, change: impl FnOnce(&mut T)) -> String
@@ -58,7 +58,8 @@ fn basis(number: u64) -> wire::QuorumBasis {
         },
         agreed: true,
         module_ids: vec![1, 4],
-        incarnations: vec![7, 7],
+        incarnations: vec![7, 0],
+        stores: vec![0, 9],
     }
 }
 
@@ -66,6 +67,7 @@ fn state() -> wire::ModuleState {
     wire::ModuleState {
         module_id: 4,
         incarnation: 1,
+        store: 3,
         sequence: 1,
         epoch: EPOCH,
         has_digest: true,
@@ -91,6 +93,8 @@ fn state() -> wire::ModuleState {
 fn module_states() {
     let valid = wire::ModuleStates {
         header: wire::Header::default(),
+        protocol_version: PROTOCOL_VERSION,
+        session: 8,
         modules: vec![
             wire::ModuleState {
                 module_id: 8,
@@ -169,6 +173,8 @@ fn target() -> wire::TargetConfiguration {
         theta: 0.0,
     };
     wire::TargetConfiguration {
+        protocol_version: PROTOCOL_VERSION,
+        founders: vec![1, 4],
         revision: 5,
         name: "pair".to_owned(),
         spots: vec![spot(1, 0.0), spot(2, 1.0)],
@@ -231,6 +237,7 @@ fn member(module_id: u32) -> wire::RosterMember {
     wire::RosterMember {
         module_id,
         incarnation: 1,
+        store: 0,
         service: wire::ModuleState::SERVICE_ACTIVE,
         x_micro: 1_000_000,
         y_micro: 0,
@@ -244,7 +251,14 @@ fn member(module_id: u32) -> wire::RosterMember {
 
 #[test]
 fn rosters() {
+    let span = wire::Duration { sec: 1, nanosec: 5 };
     let plan = wire::Roster {
+        protocol_version: PROTOCOL_VERSION,
+        session: 8,
+        target_digest: 0,
+        heartbeat: span,
+        suspicion: span,
+        lease: span,
         epoch: EPOCH,
         stage: wire::Roster::STAGE_PLAN,
         target_revision: 5,
@@ -253,6 +267,11 @@ fn rosters() {
         quorum_bases: vec![basis(1), basis(2)],
     };
     refusals!(plan, model::RosterMessage:
+        roster => roster.protocol_version = 1,
+            "roster: protocol_version: is 1, but this program speaks version 2; run the same build everywhere";
+        roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
+        roster => roster.quorum_bases[1].stores = vec![0],
+            "roster: quorum_bases[1].stores: must have as many entries as module_ids";
         roster => roster.epoch = NO_EPOCH, "roster: epoch: number 0 stands for no epoch, but one is needed here";
         roster => roster.stage = 0, "roster: stage: 0 is unknown; known are GATHER 1, PLAN 2";
         roster => roster.stage = wire::Roster::STAGE_GATHER,
@@ -286,6 +305,7 @@ fn rosters() {
             "roster: quorum_bases: 257 entries, at most 256 are allowed";
     );
     let gather = wire::Roster {
+        protocol_version: PROTOCOL_VERSION,
         epoch: EPOCH,
         stage: wire::Roster::STAGE_GATHER,
         target_revision: 5,
@@ -314,6 +334,8 @@ fn eviction() -> wire::EvictionRecord {
 fn claims() {
     let selection = |spot_id, module_id| wire::SpotSelection { spot_id, module_id };
     let claim = wire::SpotClaim {
+        protocol_version: PROTOCOL_VERSION,
+        session: 8,
         epoch: EPOCH,
         turn: 0,
         claimant_id: 5,
@@ -353,6 +375,8 @@ fn claims() {
 #[test]
 fn evictions() {
     let notice = wire::Eviction {
+        protocol_version: PROTOCOL_VERSION,
+        session: 8,
         epoch: EPOCH,
         turn: 3,
         eviction: eviction(),
@@ -370,6 +394,7 @@ fn heartbeats() {
     let heartbeat = |module_id| wire::ModuleHeartbeat {
         module_id,
         incarnation: 1,
+        store: 3,
         sequence: 9,
         uptime: wire::Duration {
             sec: 4,
@@ -383,6 +408,8 @@ fn heartbeats() {
         phase: wire::ModuleState::PHASE_AGREEING,
     };
     let valid = wire::Heartbeat {
+        protocol_version: PROTOCOL_VERSION,
+        session: 8,
         modules: vec![heartbeat(4), heartbeat(1)],
     };
     refusals!(valid, Vec<model::Heartbeat>:

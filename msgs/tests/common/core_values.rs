@@ -1,15 +1,16 @@
 //! Strategies for everything that agents may send to each other.
 
 use std::collections::BTreeSet;
+use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
     CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice, EvictionRecord,
-    Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    PlannerParameters, PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Roster,
-    RosterMember, RosterMessage, Service, SpotClaim, SpotId, SpotSelection, Target,
-    TargetAnnouncement, TurnOrder, Weights,
+    Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters,
+    PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Roster, RosterMember,
+    RosterMessage, Service, SpotClaim, SpotId, SpotSelection, StoreId, Target, TargetAnnouncement,
+    Timing, TurnOrder, Voter, VoterMemory, Weights,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -184,16 +185,18 @@ pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
         option::weighted(0.8, target()),
         parameters(),
         option::of(1..=10_000_u32),
+        module_ids(),
     )
-        .prop_map(|(revision, name, target, parameters, expected_modules)| {
-            TargetAnnouncement {
+        .prop_map(
+            |(revision, name, target, parameters, expected_modules, founders)| TargetAnnouncement {
                 revision,
                 name,
                 target: target.map(Arc::new),
                 parameters,
                 expected_modules,
-            }
-        })
+                founders: founders.into_iter().collect(),
+            },
+        )
 }
 
 fn marks() -> impl Strategy<Value = Vec<CausalMark>> {
@@ -206,21 +209,26 @@ fn marks() -> impl Strategy<Value = Vec<CausalMark>> {
     })
 }
 
+fn store_id() -> impl Strategy<Value = StoreId> {
+    any::<NonZeroU64>().prop_map(StoreId)
+}
+
 fn quorum_bases() -> impl Strategy<Value = Vec<QuorumBasis>> {
-    vec((epoch(), any::<bool>(), module_ids(), any::<u64>()), 0..3).prop_map(|bases| {
+    let memory = prop_oneof![
+        incarnation().prop_map(VoterMemory::Volatile),
+        store_id().prop_map(VoterMemory::Stored),
+    ];
+    vec((epoch(), any::<bool>(), module_ids(), memory), 0..3).prop_map(|bases| {
         let mut seen = BTreeSet::new();
         bases
             .into_iter()
             .filter(|(epoch, ..)| seen.insert(*epoch))
-            .map(|(epoch, agreed, modules, incarnation)| QuorumBasis {
+            .map(|(epoch, agreed, modules, memory)| QuorumBasis {
                 epoch,
                 agreed,
                 members: modules
                     .into_iter()
-                    .map(|module| ModuleRun {
-                        module,
-                        incarnation: Incarnation(incarnation),
-                    })
+                    .map(|module| Voter { module, memory })
                     .collect(),
             })
             .collect()
@@ -254,7 +262,11 @@ fn planning_module() -> impl Strategy<Value = PlanningModule> {
 pub fn module_state() -> impl Strategy<Value = ModuleState> {
     (
         planning_module(),
-        (incarnation(), any::<u64>(), epoch_and_digest()),
+        (
+            (incarnation(), option::of(store_id())),
+            any::<u64>(),
+            epoch_and_digest(),
+        ),
         (phase(), service()),
         (option::of(module_id()), any::<u64>()),
         (marks(), marks(), quorum_bases()),
@@ -262,13 +274,14 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
         .prop_map(
             |(
                 module,
-                (incarnation, sequence, (epoch, digest)),
+                ((incarnation, store), sequence, (epoch, digest)),
                 (phase, service),
                 (unit, since),
                 (waited_for, agreed_on, quorum_bases),
             )| ModuleState {
                 module: module.id,
                 incarnation,
+                store,
                 sequence,
                 epoch,
                 digest,
@@ -302,15 +315,17 @@ fn roster() -> impl Strategy<Value = Roster> {
         announcement(),
         vec(
             (
-                (incarnation(), service()),
+                (incarnation(), option::of(store_id()), service()),
                 planning_module(),
                 any::<Index>(),
             ),
             1..6,
         ),
         quorum_bases(),
+        [0..1_000_000_u64, 0..1_000_000, 0..1_000_000],
     )
-        .prop_map(|(epoch, target, mut members, quorum_bases)| {
+        .prop_map(|(epoch, target, mut members, quorum_bases, times)| {
+            let [heartbeat, suspicion, lease] = times.map(Duration::from_millis);
             members.sort_by_key(|(_, module, _)| module.id);
             members.dedup_by_key(|(_, module, _)| module.id);
             // Pins must be spots of the target, each for one member.
@@ -328,8 +343,9 @@ fn roster() -> impl Strategy<Value = Roster> {
                     .into_iter()
                     .enumerate()
                     .map(
-                        |(index, ((incarnation, service), module, _))| RosterMember {
+                        |(index, ((incarnation, store, service), module, _))| RosterMember {
                             incarnation,
+                            store,
                             // One member at least must be active for there to be something to plan.
                             service: if index == 0 { Service::Active } else { service },
                             module,
@@ -337,15 +353,23 @@ fn roster() -> impl Strategy<Value = Roster> {
                     )
                     .collect(),
                 quorum_bases,
+                timing: Timing {
+                    heartbeat,
+                    suspicion,
+                    lease,
+                },
             }
         })
 }
 
 pub fn roster_message() -> impl Strategy<Value = RosterMessage> {
     prop_oneof![
-        1 => (epoch(), any::<u64>()).prop_map(|(epoch, target_revision)| RosterMessage::Gather {
-            epoch,
-            target_revision,
+        1 => (epoch(), any::<u64>(), any::<u64>()).prop_map(|(epoch, target_revision, target)| {
+            RosterMessage::Gather {
+                epoch,
+                target_revision,
+                target: Digest(target),
+            }
         }),
         4 => roster().prop_map(|roster| RosterMessage::Plan(Arc::new(roster))),
     ]
@@ -405,7 +429,7 @@ pub fn eviction_notice() -> impl Strategy<Value = EvictionNotice> {
 fn heartbeat() -> impl Strategy<Value = Heartbeat> {
     (
         module_id(),
-        incarnation(),
+        (incarnation(), option::of(store_id())),
         1..=u64::MAX,
         (0..=i32::MAX.unsigned_abs(), 0..1_000_000_000_u32),
         epoch_and_digest(),
@@ -416,7 +440,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
         .prop_map(
             |(
                 module,
-                incarnation,
+                (incarnation, store),
                 sequence,
                 (sec, nanosec),
                 (epoch, digest),
@@ -428,6 +452,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
                 Heartbeat {
                     module,
                     incarnation,
+                    store,
                     sequence,
                     uptime: Duration::new(sec.into(), nanosec),
                     epoch,

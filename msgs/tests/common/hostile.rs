@@ -108,7 +108,14 @@ impl<'a> Writer<'a> {
                 formats.iter().for_each(|format| self.value(format));
             }
             ContainerFormat::Struct(fields) => {
-                fields.iter().for_each(|field| self.value(&field.value));
+                for field in fields {
+                    // Another version ends the examination of a message before it has begun.
+                    if field.name == "protocol_version" && !self.one_in(8) {
+                        self.put(&formation_msgs::PROTOCOL_VERSION.to_le_bytes());
+                    } else {
+                        self.value(&field.value);
+                    }
+                }
             }
             ContainerFormat::Enum(_) => panic!("ROS 2 messages have no enumerations"),
         }

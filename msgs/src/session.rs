@@ -1,0 +1,57 @@
+//! Sessions and versions: which messages belong together at all.
+
+use std::fmt;
+
+use crate::claim::{Eviction, SpotClaim};
+use crate::heartbeat::Heartbeat;
+use crate::module_state::ModuleStates;
+use crate::roster::Roster;
+use crate::target::TargetConfiguration;
+
+/// The version of the protocol that this library speaks. It rises when modules of two builds could not agree on a plan.
+pub const PROTOCOL_VERSION: u32 = 2;
+
+/// Distinguishes formations that follow each other, or stand side by side, on one domain. The programs of one formation have the
+/// same; messages of another session change nothing.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub struct SessionId(pub u64);
+
+impl fmt::Display for SessionId {
+    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
+        write!(formatter, "session {}", self.0)
+    }
+}
+
+/// A message that belongs to a session.
+pub trait InSession: Sized {
+    /// Its session.
+    fn session(&self) -> SessionId;
+
+    /// The same message in a session.
+    #[must_use]
+    fn in_session(self, session: SessionId) -> Self;
+}
+
+macro_rules! in_session {
+    ($($message:ty),+ $(,)?) => {
+        $(impl InSession for $message {
+            fn session(&self) -> SessionId {
+                SessionId(self.session)
+            }
+
+            fn in_session(mut self, session: SessionId) -> Self {
+                self.session = session.0;
+                self
+            }
+        })+
+    };
+}
+
+in_session!(
+    Eviction,
+    Heartbeat,
+    ModuleStates,
+    Roster,
+    SpotClaim,
+    TargetConfiguration,
+);
