@@ -2,7 +2,7 @@
 //! can be compared.
 //!
 //! `events` covers the normalised events alone. `runs` also covers their virtual times, and the end, the violations and
-//! the number of messages of each run: it notices what no event shows.
+//! the number of messages of each run: it notices what no event shows. Violations are printed as they occur.
 //!
 //! ```sh
 //! cargo run --release -p formation_sim --example fingerprint -- --seeds 10000 --faults mixed
@@ -122,6 +122,9 @@ fn main() -> Result<(), Box<dyn Error>> {
         let mut block = Fingerprint::default();
         for seed in first..next {
             let report = run_seed(&parameters, seed)?;
+            for violation in &report.violations {
+                println!("seed {seed}: {}: {}", violation.kind, violation.detail);
+            }
             block.add(&report);
             all.add(&report);
         }

@@ -19,6 +19,9 @@ use crate::transcript::Transcript;
 /// Two clocks that drift apart by twice this are just within the tolerance of the agents.
 const HOSTILE_DRIFT_PPM: u32 = 480;
 
+/// Separates the draw of the memories from that of the scenario.
+const MEMORY_SEED: u64 = 0x6d65_6d6f_7279;
+
 /// The parameters of every run of a campaign.
 #[derive(Clone, Debug)]
 pub struct CampaignParameters {
@@ -34,6 +37,9 @@ pub struct CampaignParameters {
     pub fault_span: Duration,
     /// The time after the last fault within which a run must end.
     pub patience: Duration,
+    /// Whether the modules have stores; drawn for each run if `None`. Runs with stores name the founders, others in half of the
+    /// cases.
+    pub stores: Option<bool>,
     /// Whether to keep the transcript of each run.
     pub transcripts: bool,
     /// Makes the agents.
@@ -49,6 +55,7 @@ impl Default for CampaignParameters {
             problem: None,
             fault_span: Duration::from_secs(40),
             patience: Duration::from_secs(900),
+            stores: None,
             transcripts: false,
             agents: AgentFactory::default(),
         }
@@ -138,7 +145,7 @@ fn cluster_parameters(faults: FaultKind) -> ClusterParameters {
     ClusterParameters {
         agent: agent_parameters(),
         network: match faults {
-            FaultKind::Mixed | FaultKind::Hostile => NetworkParameters::rough(),
+            FaultKind::Mixed | FaultKind::Hostile | FaultKind::Storm => NetworkParameters::rough(),
             _ => defaults.network,
         },
         drift_ppm_max: match faults {
@@ -167,7 +174,14 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         parameters.fault_span,
         &mut random,
     );
-    let cluster_parameters = cluster_parameters(parameters.faults);
+    let mut memory = Random::from_seed(seed ^ MEMORY_SEED);
+    let drawn = memory.below(2) == 0;
+    let stores = parameters.stores.unwrap_or(drawn);
+    let cluster_parameters = ClusterParameters {
+        stores,
+        names_founders: stores || memory.below(2) == 0,
+        ..cluster_parameters(parameters.faults)
+    };
     let network = cluster_parameters.network;
     // A slow process handles its messages a little later still.
     let margin = network.latency_max + network.delay_max + Duration::from_millis(120);

@@ -29,6 +29,9 @@ pub enum FaultKind {
     /// Those of `Mixed`, more often and in a row: repeated crashes of one module, cuts that change without healing
     /// or flap, links that carry one way only, longer pauses, several targets, and clocks that drift as far as is allowed.
     Hostile,
+    /// Any module crashes and restarts at any time, several of them or all at once, while cuts come and go. In the end all run
+    /// and the network is whole.
+    Storm,
 }
 
 impl FromStr for FaultKind {
@@ -41,8 +44,9 @@ impl FromStr for FaultKind {
             "partition" => Ok(Self::Partition),
             "mixed" => Ok(Self::Mixed),
             "hostile" => Ok(Self::Hostile),
+            "storm" => Ok(Self::Storm),
             other => Err(format!(
-                "{other} is none of none, crash, partition, mixed, hostile"
+                "{other} is none of none, crash, partition, mixed, hostile, storm"
             )),
         }
     }
@@ -56,6 +60,7 @@ impl fmt::Display for FaultKind {
             Self::Partition => "partition",
             Self::Mixed => "mixed",
             Self::Hostile => "hostile",
+            Self::Storm => "storm",
         })
     }
 }
@@ -151,6 +156,7 @@ pub fn draw(
             drawing.rarer();
         }
         FaultKind::Hostile => drawing.hostile(),
+        FaultKind::Storm => drawing.storm(),
     }
     drawing.faults.sort_by_key(|fault| fault.at);
     drawing.faults

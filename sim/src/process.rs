@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use formation::model::{Digest, Epoch, Incarnation, Message, TargetAnnouncement};
 use formation::motion::SimulatedDrive;
-use formation::protocol::{Agent, AgentParameters, Identity, Input};
+use formation::protocol::{Agent, AgentParameters, DurableState, Identity, Input};
 
 use crate::network::Topic;
 
@@ -123,6 +123,8 @@ pub(crate) struct Process {
     pub driven_by: Option<(Epoch, Digest)>,
     /// The last announcement of a target that it received.
     pub announcement: Option<Arc<TargetAnnouncement>>,
+    /// What was given to its store and is not held by it yet.
+    pub writing: VecDeque<(u64, DurableState)>,
     /// The samples that its writers keep for late readers.
     pub history: BTreeMap<Topic, Vec<(u64, Message)>>,
 }

@@ -148,6 +148,7 @@ fn published(message: &Message) -> Option<Entry> {
         Message::Roster(RosterMessage::Gather {
             epoch,
             target_revision,
+            ..
         }) => {
             let entry = Entry::of("gather").epoch(*epoch);
             Some(entry.with("target_revision", target_revision))
@@ -306,6 +307,7 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
         EpochReason::Restarted(modules) => ("restarted", Some(modules.clone())),
         EpochReason::Newcomers(modules) => ("newcomers", Some(modules.clone())),
         EpochReason::Stuck(modules) => ("stuck", Some(modules.clone())),
+        EpochReason::MembersAhead(modules) => ("members_ahead", Some(modules.clone())),
         EpochReason::ConvenerSilent(module) => ("convener_silent", Some(vec![*module])),
         EpochReason::OutOfService(modules) => {
             let entry = entry.with("reason", "out_of_service");

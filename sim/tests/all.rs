@@ -8,13 +8,16 @@
 )]
 
 mod attacks;
+mod breaks;
 mod exploration;
 mod explorer;
 mod faults;
 mod forming;
+mod majority_model;
 mod mutations;
 mod observed;
 mod recovery;
 mod service;
+mod stores;
 mod support;
 mod transcripts;

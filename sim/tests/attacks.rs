@@ -5,34 +5,17 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, settled, spots};
+use crate::support::{Trial, drawn, hold_a_plan, ids, settled, spots};
 use formation::generate::Grouping;
-use formation::model::{ModuleId, ModulePhase};
+use formation::model::ModuleId;
 use formation::protocol::{Agent, Event, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
     run_seed,
 };
 
-fn ids(ids: &[u32]) -> BTreeSet<ModuleId> {
-    ids.iter().copied().map(ModuleId).collect()
-}
-
 fn all() -> BTreeSet<ModuleId> {
     ids(&[1, 2, 3, 4, 5])
-}
-
-/// Whether these modules hold one plan that all of them have carried out.
-fn hold_a_plan(cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
-    let standings = modules.iter().map(|&module| cluster.standing(module));
-    let plans: BTreeSet<_> = standings
-        .map(|standing| {
-            standing
-                .filter(|one| one.phase == ModulePhase::Settled)?
-                .digest
-        })
-        .collect();
-    plans.len() == 1 && !plans.contains(&None)
 }
 
 /// The third module agrees with the first two, restarts, and reaches the other two only: they are three of the five that

@@ -19,7 +19,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 14] = [
         ViolationKind::MotionBeforeLease,
     ),
     (Mutation::SkipLeaseWait, 0, ViolationKind::MotionBeforeLease),
-    (Mutation::IgnoreLapse, 76, ViolationKind::TwoPlansInMotion),
+    (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
     (
         Mutation::DropIncarnationCheck,
         42,
@@ -27,7 +27,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 14] = [
     ),
     (
         Mutation::AcceptWithoutRecomputation,
-        4,
+        6,
         ViolationKind::NoEnd,
     ),
     (Mutation::ApplyOutOfTurn, 0, ViolationKind::NoEnd),

@@ -1,6 +1,6 @@
 //! Starts, deliveries, time-outs and reports of the drives, one after another.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -12,6 +12,9 @@ use super::schedule::{Delivery, Happening};
 use super::{Cluster, Observation};
 use crate::process::{Clock, Inbox, Process};
 
+/// A store takes less than this to write.
+const WRITE_US_MAX: u64 = 50_000;
+
 impl Cluster {
     /// Lets the next thing happen; `false` when nothing is left to happen before `limit`.
     pub fn step(&mut self, limit: Duration) -> bool {
@@ -21,6 +24,9 @@ impl Cluster {
             Some(Happening::Timeout(module, incarnation)) => self.time_out(module, incarnation),
             Some(Happening::DriveTick(module, incarnation)) => {
                 self.tick_drive(module, incarnation);
+            }
+            Some(Happening::Persisted(module, incarnation, number)) => {
+                self.finish_writing(module, incarnation, number);
             }
             None => return false,
         }
@@ -74,9 +80,16 @@ impl Cluster {
             self.parameters.agent.lease,
         );
         let local = clock.local(self.now());
+        let has_store = identity.store.is_some();
+        let mut agent = self
+            .agents
+            .make(identity.clone(), self.parameters.agent, local);
+        if has_store {
+            agent = agent.restored(self.stores.get(&module).cloned());
+        }
         let process = Process {
             incarnation: identity.incarnation,
-            agent: self.agents.make(identity, self.parameters.agent, local),
+            agent,
             clock,
             inbox: Inbox::default(),
             timeout_at: None,
@@ -85,6 +98,7 @@ impl Cluster {
             ticking: false,
             driven_by: None,
             announcement: None,
+            writing: VecDeque::new(),
             history: BTreeMap::new(),
         };
         self.processes.insert(module, process);
@@ -172,6 +186,13 @@ impl Cluster {
                             .add(at, Happening::DriveTick(module, incarnation));
                     }
                 }
+                Output::Persist { number, state } => {
+                    process.writing.push_back((number, *state));
+                    let incarnation = process.incarnation;
+                    let at = now + Duration::from_micros(self.random.below(WRITE_US_MAX));
+                    self.schedule
+                        .add(at, Happening::Persisted(module, incarnation, number));
+                }
                 Output::Halt => {
                     let report = process.drive.halt(local);
                     process.agent.handle(local, Input::Motion(report));
@@ -186,6 +207,24 @@ impl Cluster {
                 }
             }
         }
+    }
+
+    /// The store of a module holds what was given to it up to this number.
+    fn finish_writing(&mut self, module: ModuleId, incarnation: Incarnation, number: u64) {
+        let process = self.processes.get_mut(&module);
+        let Some(process) = process.filter(|process| process.incarnation == incarnation) else {
+            return;
+        };
+        while process
+            .writing
+            .front()
+            .is_some_and(|&(next, _)| next <= number)
+        {
+            if let Some((_, state)) = process.writing.pop_front() {
+                self.stores.insert(module, state);
+            }
+        }
+        self.input(module, Input::Persisted(number));
     }
 
     fn tick_drive(&mut self, module: ModuleId, incarnation: Incarnation) {

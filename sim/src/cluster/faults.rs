@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{Decision, Message, ModuleId, SpotClaim};
-use formation::protocol::{Command, Input};
+use formation::protocol::{Command, Input, SourceId};
 
 use super::schedule::Happening;
 use super::{Cluster, Observation};
@@ -63,6 +63,15 @@ impl Cluster {
         }
     }
 
+    /// Delivers a message to every module at once, from a participant that is no module.
+    pub fn inject(&mut self, message: &Message) {
+        let source = Some(SourceId(u128::MAX));
+        for reader in self.running() {
+            let message = message.clone();
+            self.input(reader, Input::Message { source, message });
+        }
+    }
+
     /// Makes each input keep a process busy for `lag`, for a while.
     pub fn slow_down(&mut self, module: ModuleId, lag: Duration, span: Duration) {
         let until = self.now() + span;
@@ -78,6 +87,12 @@ impl Cluster {
             return;
         };
         process.drive.halt(process.clock.local(self.now()));
+        // A write that was under way may be done or not.
+        while let Some((_, state)) = process.writing.pop_front()
+            && self.random.below(2) == 0
+        {
+            self.stores.insert(module, state);
+        }
         if let Some(body) = self.bodies.get_mut(&module) {
             body.pose = process.drive.pose();
             body.links = process.agent.links().clone();

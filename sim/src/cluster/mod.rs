@@ -7,12 +7,15 @@ mod observation;
 mod schedule;
 
 use std::collections::BTreeMap;
+use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::generate::Random;
-use formation::model::{Incarnation, Message, ModuleId, PlanningProblem, TargetAnnouncement};
-use formation::protocol::{AgentParameters, Identity};
+use formation::model::{
+    Incarnation, Message, ModuleId, PlanningProblem, StoreId, TargetAnnouncement,
+};
+use formation::protocol::{AgentParameters, DurableState, Identity};
 
 use delivery::Transport;
 use observation::Record;
@@ -38,6 +41,10 @@ pub struct ClusterParameters {
     pub start_spread: Duration,
     /// The greatest number of millionths by which a clock runs fast or slow.
     pub drift_ppm_max: u32,
+    /// Whether each module has a store that outlives its process.
+    pub stores: bool,
+    /// Whether the target names its founders, which are all modules of the problem.
+    pub names_founders: bool,
 }
 
 impl Default for ClusterParameters {
@@ -49,6 +56,8 @@ impl Default for ClusterParameters {
             drive_tick: Duration::from_millis(100),
             start_spread: Duration::from_millis(500),
             drift_ppm_max: 200,
+            stores: false,
+            names_founders: false,
         }
     }
 }
@@ -63,6 +72,8 @@ pub struct Cluster {
     processes: BTreeMap<ModuleId, Process>,
     /// The modules as their last process left them; what outlives a process.
     bodies: BTreeMap<ModuleId, Identity>,
+    /// What the store of each module holds.
+    stores: BTreeMap<ModuleId, DurableState>,
     announcement: Option<Arc<TargetAnnouncement>>,
     /// The modules whose processes start later than the others.
     late: BTreeMap<ModuleId, Duration>,
@@ -96,6 +107,7 @@ impl Cluster {
             random,
             processes: BTreeMap::new(),
             bodies: BTreeMap::new(),
+            stores: BTreeMap::new(),
             announcement: None,
             late: BTreeMap::new(),
             forges_claims: false,
@@ -105,6 +117,7 @@ impl Cluster {
             let body = Identity {
                 module: module.id,
                 incarnation: Incarnation(0),
+                store: parameters.stores.then(|| store_of(module.id)).flatten(),
                 pose: module.pose,
                 links: module.links.clone(),
                 configuration: module.configuration,
@@ -155,6 +168,11 @@ impl Cluster {
             target: Some(Arc::clone(problem.target())),
             parameters: *problem.parameters(),
             expected_modules: u32::try_from(problem.modules().len()).ok(),
+            founders: if self.parameters.names_founders {
+                problem.modules().iter().map(|module| module.id).collect()
+            } else {
+                Vec::new()
+            },
         });
     }
 
@@ -163,4 +181,9 @@ impl Cluster {
     pub fn announcement(&self) -> Option<&Arc<TargetAnnouncement>> {
         self.announcement.as_ref()
     }
+}
+
+/// The store of a module. It is never lost, so its identifier may follow from the module's.
+fn store_of(module: ModuleId) -> Option<StoreId> {
+    NonZeroU64::new(1 + u64::from(module.0)).map(StoreId)
 }

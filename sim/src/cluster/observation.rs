@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use formation::model::{
     Digest, Epoch, Message, ModuleId, ModulePhase, ModuleRun, Pose, SpotId, TargetAnnouncement,
+    Voter,
 };
 use formation::protocol::{Agent, Event};
 
@@ -82,6 +83,21 @@ impl Cluster {
             module,
             incarnation,
         })
+    }
+
+    /// A running module with the memory that counts towards majorities.
+    #[must_use]
+    pub fn voter(&self, module: ModuleId) -> Option<Voter> {
+        let run = self.run_of(module)?;
+        Some(Voter::new(run, self.bodies.get(&module)?.store))
+    }
+
+    /// Whether a module has a store.
+    #[must_use]
+    pub fn has_store(&self, module: ModuleId) -> bool {
+        self.bodies
+            .get(&module)
+            .is_some_and(|body| body.store.is_some())
     }
 
     /// The modules whose processes are running.

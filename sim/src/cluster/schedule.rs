@@ -14,6 +14,8 @@ pub(super) enum Happening {
     Deliver(Delivery),
     Timeout(ModuleId, Incarnation),
     DriveTick(ModuleId, Incarnation),
+    /// The store of a module holds its state of this number.
+    Persisted(ModuleId, Incarnation, u64),
 }
 
 /// A message on its way to one reader.

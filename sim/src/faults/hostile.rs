@@ -21,6 +21,34 @@ impl Drawing<'_> {
         self.add(self.end, Fault::Heal);
     }
 
+    /// Draws a storm: every module crashes up to three times, and restarts each time.
+    pub(super) fn storm(&mut self) {
+        for &module in self.modules {
+            let times = self.random.index(4);
+            for turn in 0..times {
+                let share = self.end / u32::try_from(times).unwrap_or(1);
+                let begin = share * u32::try_from(turn).unwrap_or_default();
+                let at = self.time(begin, begin + share);
+                let again = self.time(at, begin + share);
+                self.add(at, Fault::Crash(module));
+                self.add(again, Fault::Restart(module));
+            }
+        }
+        if self.one_in(3) {
+            let at = self.time(Duration::ZERO, self.end);
+            for &module in self.modules {
+                self.add(at, Fault::Crash(module));
+            }
+        }
+        if self.modules.len() > 1 {
+            self.changing_cuts();
+        }
+        for &module in self.modules {
+            self.add(self.end, Fault::Restart(module));
+        }
+        self.add(self.end, Fault::Heal);
+    }
+
     /// Some modules crash up to three times in a row; the last time half of them for good.
     fn repeated_crashes(&mut self) {
         let limit = self.modules.len().saturating_sub(1) / 2;

@@ -7,7 +7,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use formation::model::{
-    Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleRun, ModuleState, Service, SpotId,
+    Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Service, SpotId,
+    TargetAnnouncement, Voter,
 };
 
 use super::{Latest, Monitor, ViolationKind};
@@ -149,28 +150,26 @@ impl Monitor {
 
     /// Whether a group surely holds a majority of every roster that may count: the rosters for which any member ever showed
     /// a digest, from the last one on that a running module of the group saw agreed. The active members of a roster count,
-    /// in the runs that it lists, and an exact half with the lowest of them is enough. Before the first agreement, more than
-    /// half of the expected number is needed as well.
+    /// with the memory that it lists, and an exact half with the lowest of them is enough. Before the first agreement, the
+    /// founders are needed as well.
     fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
         let agreed = modules
             .iter()
             .filter_map(|&module| self.latest(cluster, module)?.agreed)
             .max();
-        if agreed.is_none() {
-            let expected = cluster
-                .announcement()
-                .and_then(|announcement| announcement.expected_modules);
-            if expected.is_some_and(|expected| modules.len() * 2 <= expected as usize) {
-                return false;
-            }
+        if agreed.is_none()
+            && let Some(announcement) = cluster.announcement()
+            && !may_found(cluster, announcement, modules)
+        {
+            return false;
         }
         let shown: BTreeSet<Epoch> = self.shown.keys().map(|&(epoch, _)| epoch).collect();
         let bases = shown.into_iter().filter(|&epoch| Some(epoch) >= agreed);
         bases
             .filter_map(|epoch| self.rosters.get(&epoch))
             .all(|known| {
-                let is_present = |run: &&ModuleRun| {
-                    modules.contains(&run.module) && cluster.run_of(run.module) == Some(**run)
+                let is_present = |voter: &&Voter| {
+                    modules.contains(&voter.module) && cluster.voter(voter.module) == Some(**voter)
                 };
                 let present = known.active.iter().filter(is_present).count() * 2;
                 let lowest = known.active.first().filter(is_present).is_some();
@@ -239,6 +238,25 @@ impl Monitor {
             );
         }
     }
+}
+
+/// Whether a group holds all founders, or more than half of them with stores; without named founders more than half of the
+/// expected number.
+fn may_found(
+    cluster: &Cluster,
+    announcement: &TargetAnnouncement,
+    modules: &BTreeSet<ModuleId>,
+) -> bool {
+    let founders = &announcement.founders;
+    if founders.is_empty() {
+        let expected = announcement.expected_modules;
+        return expected.is_none_or(|expected| modules.len() * 2 > expected as usize);
+    }
+    let present = founders.iter().filter(|founder| modules.contains(founder));
+    let stored = present
+        .clone()
+        .filter(|founder| cluster.has_store(**founder));
+    present.count() == founders.len() || stored.count() * 2 > founders.len()
 }
 
 fn listed(modules: &BTreeSet<ModuleId>) -> String {

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use formation::model::{
     Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Roster,
-    RosterMember, RosterMessage, Service, SpotClaim, SpotId,
+    RosterMember, RosterMessage, Service, SpotClaim, SpotId, Voter,
 };
 use formation::protocol::Event;
 
@@ -25,7 +25,7 @@ struct KnownRoster {
     roster: Arc<Roster>,
     members: BTreeSet<ModuleId>,
     /// The members that take part in the plan.
-    active: BTreeSet<ModuleRun>,
+    active: BTreeSet<Voter>,
     /// The members that no claim may evict.
     fixed: BTreeSet<ModuleId>,
 }
@@ -125,11 +125,21 @@ impl Monitor {
         };
         let known = KnownRoster {
             members: members.map(|member| member.module.id).collect(),
-            active: active().map(RosterMember::run).collect(),
+            active: active().map(RosterMember::voter).collect(),
             fixed: fixed(&active().collect::<Vec<_>>()),
             roster: Arc::clone(roster),
         };
-        if self.rosters.insert(roster.epoch, known).is_some() {
+        // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
+        let run_of_convener = |roster: &Roster| {
+            let mut members = roster.members.iter();
+            members
+                .find(|member| member.module.id == convener)
+                .map(RosterMember::run)
+        };
+        let earlier = self.rosters.insert(roster.epoch, known);
+        if earlier
+            .is_some_and(|earlier| run_of_convener(&earlier.roster) == run_of_convener(roster))
+        {
             let detail = format!("{} by {convener}", roster.epoch);
             self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
         }

@@ -30,6 +30,7 @@ impl Explorer {
         let identity = Identity {
             module: module.id,
             incarnation,
+            store: None,
             pose,
             links,
             configuration: module.configuration,
@@ -205,7 +206,7 @@ impl Explorer {
                         let report = MotionReport::Undocked(other);
                         actor.agent.handle(now, Input::Motion(report));
                     }
-                    Output::Event(_) => {}
+                    Output::Event(_) | Output::Persist { .. } => {}
                 }
             }
             actor.hash = hash_of(&(

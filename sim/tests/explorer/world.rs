@@ -93,6 +93,7 @@ fn hash_of_message(message: &Message) -> u64 {
         Message::Roster(RosterMessage::Gather {
             epoch,
             target_revision,
+            ..
         }) => hash_of(&(epoch, target_revision)),
         Message::Roster(RosterMessage::Plan(roster)) => {
             hash_of(&(roster.epoch, &roster.members, &roster.quorum_bases))

@@ -164,3 +164,20 @@ pub fn settled(cluster: &Cluster) -> Vec<(ModuleId, SpotId)> {
 pub fn spots(settled: &[(ModuleId, SpotId)]) -> BTreeSet<SpotId> {
     settled.iter().map(|&(_, spot)| spot).collect()
 }
+
+pub fn ids(ids: &[u32]) -> BTreeSet<ModuleId> {
+    ids.iter().copied().map(ModuleId).collect()
+}
+
+/// Whether these modules hold one plan that all of them have carried out.
+pub fn hold_a_plan(cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
+    let standings = modules.iter().map(|&module| cluster.standing(module));
+    let plans: BTreeSet<_> = standings
+        .map(|standing| {
+            standing
+                .filter(|one| one.phase == ModulePhase::Settled)?
+                .digest
+        })
+        .collect();
+    plans.len() == 1 && !plans.contains(&None)
+}

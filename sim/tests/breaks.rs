@@ -1,0 +1,281 @@
+//! Schedules and forged messages that once broke a promise of the fault model.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use crate::support::{Trial, drawn, hold_a_plan, ids};
+use formation::generate::Grouping;
+use formation::model::{
+    Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, QuorumBasis, Roster,
+    RosterMessage, TargetAnnouncement, Voter, VoterMemory,
+};
+use formation::protocol::{Agent, Event, Mutation, Refusal};
+use formation_sim::{
+    AgentFactory, CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, run_seed,
+};
+
+fn five(seed: u64) -> Trial {
+    five_with(None, seed)
+}
+
+/// Five modules that have formed, with a bug if one is given.
+fn five_with(mutation: Option<Mutation>, seed: u64) -> Trial {
+    let agents = AgentFactory::new(move |identity, parameters, now| {
+        let agent = Agent::new(identity, parameters, now);
+        match mutation {
+            Some(mutation) => agent.mutated(mutation),
+            None => agent,
+        }
+    });
+    let problem = drawn(5, 5, Grouping::Singletons, seed);
+    let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+    trial.until(Cluster::has_formed);
+    trial
+}
+
+/// The members of the plan that a module holds; empty without one.
+fn members_of_plan(trial: &Trial, module: u32) -> BTreeSet<ModuleId> {
+    let standing = trial.cluster.standing(ModuleId(module));
+    let epoch = standing
+        .filter(|one| one.digest.is_some())
+        .and_then(|one| one.epoch);
+    let roster = trial
+        .rosters
+        .iter()
+        .rev()
+        .find(|roster| Some(roster.epoch) == epoch);
+    let members = roster.into_iter().flat_map(|roster| &roster.members);
+    members.map(|member| member.module.id).collect()
+}
+
+/// Runs until these modules, and no others, have carried out one plan.
+#[track_caller]
+fn until_formed_by(trial: &mut Trial, modules: &[u32]) {
+    let modules = ids(modules);
+    let first = modules.first().unwrap().0;
+    for _ in 0..600 {
+        trial.run_for(Duration::from_secs(1));
+        if hold_a_plan(&trial.cluster, &modules) && members_of_plan(trial, first) == modules {
+            return;
+        }
+    }
+    panic!("{modules:?} do not form:\n{}", trial.cluster.transcript());
+}
+
+/// The majority passes from {1, 2, 3} over {1, 2, 4, 5} and {1, 4, 5} to {4, 5}. Module 3 knows {1, 2, 3} only, and meets the
+/// others of these again when they have restarted.
+fn hand_the_majority_on(trial: &mut Trial) {
+    trial.cluster.crash(ModuleId(4));
+    trial.cluster.crash(ModuleId(5));
+    until_formed_by(trial, &[1, 2, 3]);
+    trial.cluster.cut(&ids(&[3]));
+    trial.cluster.restart(ModuleId(4));
+    trial.cluster.restart(ModuleId(5));
+    until_formed_by(trial, &[1, 2, 4, 5]);
+    trial.cluster.crash(ModuleId(2));
+    until_formed_by(trial, &[1, 4, 5]);
+    trial.cluster.crash(ModuleId(1));
+    until_formed_by(trial, &[4, 5]);
+    trial.cluster.cut(&ids(&[4, 5]));
+    trial.cluster.restart(ModuleId(1));
+    trial.cluster.restart(ModuleId(2));
+    trial.run_for(Duration::from_secs(120));
+}
+
+#[test]
+fn members_that_are_all_back_have_forgotten_to_whom_they_passed_the_majority() {
+    for seed in 0..10 {
+        let mut trial = five(seed);
+        hand_the_majority_on(&mut trial);
+        assert!(hold_a_plan(&trial.cluster, &ids(&[4, 5])), "seed {seed}");
+        assert!(
+            !hold_a_plan(&trial.cluster, &ids(&[1, 2, 3])),
+            "seed {seed}"
+        );
+        trial.cluster.heal();
+        until_formed_by(&mut trial, &[1, 2, 3, 4, 5]);
+    }
+}
+
+#[test]
+fn counting_members_that_are_all_back_leads_to_two_formations() {
+    let mut trial = five_with(Some(Mutation::CountAllBack), 0);
+    hand_the_majority_on(&mut trial);
+    assert!(hold_a_plan(&trial.cluster, &ids(&[4, 5])));
+    assert!(hold_a_plan(&trial.cluster, &ids(&[1, 2, 3])));
+}
+
+fn violations(kind: FaultKind, modules: usize, seed: u64) -> Vec<String> {
+    let parameters = CampaignParameters {
+        faults: kind,
+        modules_min: modules,
+        modules_max: modules,
+        ..CampaignParameters::default()
+    };
+    let report = run_seed(&parameters, seed).unwrap();
+    let mut violations: Vec<String> = report
+        .violations
+        .iter()
+        .map(|one| format!("{one:?}"))
+        .collect();
+    if report.ending == Ending::Neither && violations.is_empty() {
+        violations.push("neither formed nor waiting".to_owned());
+    }
+    violations
+}
+
+/// One of three modules is needed for a majority, shows a later epoch, and is excluded by the two others again and again.
+#[test]
+fn modules_that_a_cut_left_in_different_epochs_come_together() {
+    assert_eq!(violations(FaultKind::Hostile, 3, 7_106_766), [""; 0]);
+}
+
+/// A module sets off from its spot and another epoch opens before it has moved.
+#[test]
+fn a_pin_is_not_lost_when_an_epoch_opens_as_its_module_sets_off() {
+    for (modules, seed) in [
+        (2, 7_014_634),
+        (3, 7_102_439),
+        (3, 7_111_253),
+        (3, 7_117_603),
+    ] {
+        let found = violations(FaultKind::Hostile, modules, seed);
+        assert_eq!(found, [""; 0], "seed {seed}");
+    }
+}
+
+/// The third module has a shorter lease than the others.
+#[test]
+fn a_roster_for_other_times_is_refused() {
+    let agents = AgentFactory::new(|identity, mut parameters, now| {
+        if identity.module == ModuleId(3) {
+            parameters.lease = Duration::from_millis(2_000);
+        }
+        Agent::new(identity, parameters, now)
+    });
+    let problem = drawn(5, 5, Grouping::Singletons, 6);
+    let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), 6, agents);
+    until_formed_by(&mut trial, &[1, 2, 4, 5]);
+    let is_refused = |(module, event): &(ModuleId, Event)| {
+        let reason = Refusal::DifferentTiming;
+        *module == ModuleId(3)
+            && matches!(event, Event::Refused { reason: given, .. } if *given == reason)
+    };
+    assert!(trial.noted.iter().any(is_refused));
+}
+
+fn stranger_heartbeat(
+    module: u32,
+    incarnation: u64,
+    sequence: u64,
+    epoch: Option<Epoch>,
+) -> Message {
+    Message::Heartbeat(Heartbeat {
+        module: ModuleId(module),
+        incarnation: Incarnation(incarnation),
+        store: None,
+        sequence,
+        uptime: Duration::from_secs(sequence),
+        epoch,
+        digest: None,
+        digest_since: 0,
+        applied_turns: 0,
+        phase: ModulePhase::Listening,
+    })
+}
+
+/// A stranger shows an epoch and publishes a roster whose quorum bases consist of modules that do not exist.
+fn inject_invented_basis(trial: &mut Trial) {
+    let epoch = Epoch {
+        number: trial.newest_epoch() + 5,
+        convener: ModuleId(99),
+    };
+    trial
+        .cluster
+        .inject(&stranger_heartbeat(99, 1, 1, Some(epoch)));
+    let invented = |agreed| QuorumBasis {
+        epoch: Epoch {
+            number: epoch.number - 1,
+            convener: ModuleId(98),
+        },
+        agreed,
+        members: (100..105)
+            .map(|id| Voter {
+                module: ModuleId(id),
+                memory: VoterMemory::Volatile(Incarnation(1)),
+            })
+            .collect(),
+    };
+    let last = trial.rosters.last().unwrap();
+    let roster = Roster {
+        epoch,
+        quorum_bases: vec![invented(true)],
+        members: Vec::new(),
+        ..Roster::clone(last)
+    };
+    trial
+        .cluster
+        .inject(&Message::Roster(RosterMessage::Plan(Arc::new(roster))));
+    trial.run_for(Duration::from_secs(10));
+    trial.cluster.crash(ModuleId(5));
+}
+
+#[test]
+fn a_roster_of_a_stranger_teaches_no_quorum_basis() {
+    let mut trial = five(3);
+    inject_invented_basis(&mut trial);
+    until_formed_by(&mut trial, &[1, 2, 3, 4]);
+}
+
+#[test]
+fn learning_before_judging_lets_a_stranger_stop_all_later_epochs() {
+    let mut trial = five_with(Some(Mutation::LearnUnjudged), 3);
+    inject_invented_basis(&mut trial);
+    trial.run_for(Duration::from_secs(300));
+    assert_eq!(trial.in_phase(ModulePhase::WaitingForQuorum).len(), 4);
+}
+
+/// A squatter sends four heartbeats as a module that has not started yet.
+#[test]
+fn a_squatter_keeps_a_module_out_only_while_it_sends() {
+    let problem = drawn(5, 5, Grouping::Singletons, 4);
+    let mut trial = Trial::new(&problem, 4);
+    trial
+        .cluster
+        .start_late(ModuleId(5), Duration::from_secs(20));
+    trial.run_for(Duration::from_secs(3));
+    for sequence in 1..=4 {
+        trial
+            .cluster
+            .inject(&stranger_heartbeat(5, 1 << 63, sequence, None));
+        trial.run_for(Duration::from_millis(500));
+    }
+    trial.run_for(Duration::from_secs(180));
+    until_formed_by(&mut trial, &[1, 2, 3, 4, 5]);
+}
+
+/// A stranger announces a target with the greatest revision there is.
+#[test]
+fn a_revision_of_a_stranger_does_not_end_all_targets() {
+    let mut trial = five(5);
+    let last = TargetAnnouncement::clone(trial.cluster.announcement().unwrap());
+    let forged = TargetAnnouncement {
+        revision: u64::MAX,
+        ..last.clone()
+    };
+    trial.cluster.inject(&Message::Target(Arc::new(forged)));
+    trial.run_for(Duration::from_secs(5));
+    let other = drawn(5, 5, Grouping::Singletons, 77);
+    trial.cluster.announce_problem(&other, last.revision + 1);
+    trial.until_formed_again();
+    let epoch = trial.newest_epoch();
+    let roster = trial
+        .rosters
+        .iter()
+        .find(|roster| roster.epoch.number == epoch)
+        .unwrap();
+    assert_eq!(roster.target.target.as_ref(), Some(other.target()));
+}
