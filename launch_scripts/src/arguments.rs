@@ -91,6 +91,9 @@ pub struct RunArguments {
     /// Each node needs 12 endpoints for that, which doubles the time that 40 or more processes need to discover each other.
     #[arg(long, value_name = "on|off", value_parser = [ON, "off"])]
     pub parameter_services: Option<String>,
+    /// The session of the run: modules refuse messages of another session, such as late ones of an earlier run
+    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
+    pub session: u32,
     /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,

@@ -352,6 +352,8 @@ impl Host {
                 Output::Dock(other) => drive.ask(now, DockingAction::Dock, other),
                 Output::Undock(other) => drive.ask(now, DockingAction::Undock, other),
                 Output::Event(event) => self.modules[index].handle_event(&event),
+                // Only modules with a store give anything to it.
+                Output::Persist { .. } => debug_assert!(false, "no module has a store"),
             }
         }
         let Hosted {

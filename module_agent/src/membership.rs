@@ -87,6 +87,7 @@ fn add(host: &mut Host, now: Duration, request: AddModuleRequest) -> Result<Stri
     let identity = Identity {
         module,
         incarnation: stamp::incarnation(),
+        store: None,
         pose,
         links: [].into(),
         configuration: None,
@@ -154,6 +155,7 @@ mod tests {
     /// A process with module 4 at the origin.
     fn host(motion: &Motion) -> Host {
         let identity = Identity {
+            store: None,
             module: ModuleId(4),
             incarnation: Incarnation(1),
             pose: Pose::default(),
@@ -208,6 +210,7 @@ mod tests {
     fn a_module_that_is_live_elsewhere_is_not_added_until_it_is_silent() {
         let mut host = host(&Motion::default());
         let heartbeat = Heartbeat {
+            store: None,
             module: ModuleId(9),
             incarnation: Incarnation(7),
             sequence: 1,

@@ -6,8 +6,8 @@ use std::time::Instant;
 use async_channel::Receiver;
 use formation::model::{ModuleId, Service};
 use formation::protocol::Identity;
-use formation_msgs::{Eviction, Heartbeat, ModuleStates, Roster, SpotClaim};
-use formation_node::messages::{Received, source_id, subscribe_all};
+use formation_msgs::{Eviction, Heartbeat, InSession, ModuleStates, Roster, SpotClaim};
+use formation_node::messages::{Received, session_of, source_id, subscribe_all};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::diagnostics::Report;
@@ -191,24 +191,30 @@ impl Node for ModuleNode {
 
 impl ModuleNode {
     fn publish(&mut self, session: &mut Session, outgoing: Outgoing) -> Result<(), SessionError> {
+        let own = session_of(session);
         let publishers = &mut self.publishers;
         match outgoing {
             Outgoing::ModuleStates(states) => {
                 let header = stamp::header(&self.frame_id);
                 let states = states.iter().map(AsRef::as_ref);
-                publishers.states.publish(ModuleStates::new(header, states));
+                let sample = ModuleStates::new(header, states);
+                publishers.states.publish(sample.in_session(own));
             }
             Outgoing::Heartbeats(heartbeats) => {
-                publishers.heartbeats.publish(Heartbeat::new(&heartbeats));
+                let sample = Heartbeat::new(&heartbeats);
+                publishers.heartbeats.publish(sample.in_session(own));
             }
-            Outgoing::Claim(claim) => publishers.claims.publish(claim.as_ref().into()),
+            Outgoing::Claim(claim) => {
+                let sample = SpotClaim::from(claim.as_ref());
+                publishers.claims.publish(sample.in_session(own));
+            }
             Outgoing::Roster(roster) => {
                 let queue = created(&mut publishers.roster, session, &topics::ROSTER)?;
-                queue.publish((&roster).into());
+                queue.publish(Roster::from(&roster).in_session(own));
             }
             Outgoing::Eviction(notice) => {
                 let queue = created(&mut publishers.evictions, session, &topics::EVICTIONS)?;
-                queue.publish((&notice).into());
+                queue.publish(Eviction::from(&notice).in_session(own));
             }
             Outgoing::Drive(module, command) => {
                 if let Some(drivers) = &publishers.drivers {

@@ -5,7 +5,8 @@ use std::sync::Arc;
 use formation::model::Message;
 use formation::protocol::SourceId;
 use formation_msgs::{
-    Eviction, Heartbeat, MessageError, ModuleStates, Roster, SpotClaim, TargetConfiguration,
+    Eviction, Heartbeat, InSession, MessageError, ModuleStates, Roster, SessionId, SpotClaim,
+    TargetConfiguration,
 };
 use futures::stream::LocalBoxStream;
 use ros_runtime::session::{ParticipantId, Session, SessionError};
@@ -25,8 +26,14 @@ pub struct Received {
     pub messages: Vec<Message>,
 }
 
+/// The session to which the messages of a node belong.
+#[must_use]
+pub fn session_of(session: &Session) -> SessionId {
+    SessionId(session.node_parameters().session.unwrap_or_default().into())
+}
+
 /// A sample type whose samples carry messages of the core.
-pub trait Sample: DeserializeOwned + 'static {
+pub trait Sample: InSession + DeserializeOwned + 'static {
     /// The messages of one sample, or what is wrong with it; a sample is accepted whole or not at all.
     ///
     /// # Errors
@@ -63,6 +70,15 @@ pub fn source_id(participant: ParticipantId) -> SourceId {
     SourceId(participant.0)
 }
 
+/// The messages of a sample, if it belongs to this node's session.
+fn accepted<M: Sample>(sample: M, ours: SessionId) -> Result<Vec<Message>, String> {
+    let theirs = sample.session();
+    if theirs != ours {
+        return Err(format!("it belongs to {theirs}, and this node to {ours}"));
+    }
+    sample.into_messages().map_err(|error| error.to_string())
+}
+
 /// Subscribes one topic of the protocol.
 ///
 /// # Errors
@@ -72,8 +88,9 @@ pub fn subscribe<M: Sample>(
     topic: &Topic<M>,
 ) -> Result<LocalBoxStream<'static, Received>, SessionError> {
     let name = topic.name();
+    let ours = session_of(session);
     session.subscription(topic, move |sender, sample: M| {
-        let messages = sample.into_messages().map_err(|error| error.to_string())?;
+        let messages = accepted(sample, ours)?;
         Ok(Received {
             topic: name,
             source: source_id(sender),
@@ -110,6 +127,7 @@ mod tests {
 
     fn heartbeat(module: u32) -> formation::model::Heartbeat {
         formation::model::Heartbeat {
+            store: None,
             module: ModuleId(module),
             incarnation: Incarnation(1),
             sequence: 1,
@@ -129,6 +147,16 @@ mod tests {
         assert_eq!(
             messages,
             Ok(vec![Message::Heartbeat(one), Message::Heartbeat(two)])
+        );
+    }
+
+    #[test]
+    fn a_sample_of_another_session_is_refused_by_name() {
+        let of = |session| Heartbeat::new([&heartbeat(1)]).in_session(SessionId(session));
+        assert_eq!(accepted(of(4), SessionId(4)).unwrap().len(), 1);
+        assert_eq!(
+            accepted(of(3), SessionId(4)),
+            Err("it belongs to session 3, and this node to session 4".to_owned())
         );
     }
 

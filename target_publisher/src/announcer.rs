@@ -6,8 +6,8 @@ use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::model::TargetAnnouncement;
-use formation_msgs::{TargetConfiguration, WithdrawTargetResponse, bounds};
-use formation_node::messages::Received;
+use formation_msgs::{InSession, SessionId, TargetConfiguration, WithdrawTargetResponse, bounds};
+use formation_node::messages::{Received, session_of};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::action::ActionRequest;
@@ -87,6 +87,7 @@ impl TargetPublisher {
             },
             parameters,
             announced: None,
+            session: session_of(&session),
             target,
             action,
         };
@@ -96,6 +97,7 @@ impl TargetPublisher {
 
 struct Announcer<'a> {
     start: Instant,
+    session: SessionId,
     tracker: &'a mut GoalTracker<RequestId>,
     resolver: GoalResolver,
     parameters: PublisherParameters,
@@ -202,7 +204,7 @@ impl Announcer<'_> {
         self.announced = Some(own.revision);
         let mut sample = TargetConfiguration::from(own.as_ref());
         sample.header.stamp = stamp::header("").stamp;
-        self.target.publish(sample);
+        self.target.publish(sample.in_session(self.session));
         let (revision, name) = (own.revision, &own.name);
         match &own.target {
             Some(target) => {

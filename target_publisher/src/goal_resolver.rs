@@ -77,6 +77,7 @@ impl GoalResolver {
         let scenario = read_scenario(&path).map_err(|failure| format!("scenario: {failure}"))?;
         let problem = scenario.problem();
         Ok(TargetAnnouncement {
+            founders: Vec::new(),
             revision: 0,
             name: scenario.name().to_owned(),
             target: Some(Arc::clone(problem.target())),

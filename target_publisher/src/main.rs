@@ -7,13 +7,14 @@ mod goal_resolver;
 mod goal_tracker;
 mod parameters;
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 use std::sync::Arc;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation::model::TargetAnnouncement;
+use formation::model::{ModuleId, TargetAnnouncement};
 use formation_node::scenario::read_scenario;
 use formation_node::{Program, stamp};
 use ros_runtime::exit::{Failure, STATUS_DONE};
@@ -38,6 +39,10 @@ struct Arguments {
     /// How many modules take part; without it, gathering ends when no further module comes
     #[arg(long, value_name = "NUMBER", value_parser = clap::value_parser!(u32).range(1..=10_000))]
     expected_modules: Option<u32>,
+    /// The modules that found the formation, such as 1,2,3: the first roster needs all of them, and every later one needs one of
+    /// them [default: a majority of --expected-modules]
+    #[arg(long, value_name = "IDS", value_delimiter = ',', requires = "scenario")]
+    founders: Vec<u32>,
     /// The revision of the target; the highest one is formed [default: the wall clock in milliseconds]
     #[arg(long, value_name = "NUMBER", requires = "scenario")]
     revision: Option<u64>,
@@ -48,10 +53,12 @@ struct Arguments {
 
 impl Program for Arguments {
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        let founders: BTreeSet<ModuleId> = self.founders.iter().copied().map(ModuleId).collect();
         let scenario = self.scenario.as_deref().map(read_scenario).transpose()?;
         let announcement = scenario.map(|scenario| {
             let problem = scenario.problem();
             TargetAnnouncement {
+                founders: founders.iter().copied().collect(),
                 revision: self.revision.unwrap_or_else(stamp::revision),
                 name: scenario.name().to_owned(),
                 target: (!self.withdraw).then(|| Arc::clone(problem.target())),

@@ -192,6 +192,7 @@ pub(crate) mod tests {
 
     pub(crate) fn state(module: u32, sequence: u64, pose: Pose) -> ModuleState {
         ModuleState {
+            store: None,
             module: ModuleId(module),
             incarnation: Incarnation(1),
             sequence,
@@ -227,8 +228,14 @@ pub(crate) mod tests {
 
     fn roster(number: u64) -> Message {
         Message::Roster(RosterMessage::Plan(Arc::new(Roster {
+            timing: formation::model::Timing {
+                heartbeat: Duration::from_millis(500),
+                suspicion: Duration::from_secs(5),
+                lease: Duration::from_millis(2_500),
+            },
             epoch: epoch(number),
             target: TargetAnnouncement {
+                founders: Vec::new(),
                 revision: 1,
                 name: String::new(),
                 target: None,
@@ -275,6 +282,7 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
         .unwrap();
         let mut scene = DrawnScene::new(Duration::from_secs(5));
         let announcement = TargetAnnouncement {
+            founders: Vec::new(),
             revision: 1,
             name: String::new(),
             target: Some(Arc::clone(scenario.problem().target())),
@@ -338,6 +346,7 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
         assert!(!figure(&scene, 2).is_live);
         scene.was_drawn();
         let beat = Heartbeat {
+            store: None,
             module: ModuleId(2),
             incarnation: Incarnation(1),
             sequence: 2,

@@ -141,8 +141,13 @@ impl Start<'_> {
             .args(["--domain", &self.environment.domain.to_string()])
             .args(["--discovery-range", &self.environment.range.to_string()])
             .args(options);
+        command.args([
+            "--ros-args",
+            "-p",
+            &format!("session:={}", self.arguments.session),
+        ]);
         if !self.serves_parameters() {
-            command.args(["--ros-args", "-p", "start_parameter_services:=false"]);
+            command.args(["-p", "start_parameter_services:=false"]);
         }
         let context = format!("cannot start {name}");
         supervisor

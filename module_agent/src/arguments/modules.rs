@@ -174,6 +174,7 @@ impl ModuleArguments {
         Ok(Identity {
             module,
             incarnation: stamp::incarnation(),
+            store: None,
             pose,
             links,
             configuration: configuration.transpose()?,
@@ -221,6 +222,7 @@ fn identity(module: &PlanningModule) -> Identity {
     Identity {
         module: module.id,
         incarnation: stamp::incarnation(),
+        store: None,
         pose: module.pose,
         links: module.links.clone(),
         configuration: module.configuration,

@@ -21,6 +21,7 @@ fn host(modules: &[u32]) -> (Host, Message) {
         .iter()
         .filter(|module| modules.contains(&module.id.0))
         .map(|module| Identity {
+            store: None,
             module: module.id,
             incarnation: Incarnation(1),
             pose: module.pose,
@@ -36,6 +37,7 @@ fn host(modules: &[u32]) -> (Host, Message) {
     };
     let host = Host::new(source, identities, AgentParameters::default(), &motion);
     let target = Message::Target(Arc::new(TargetAnnouncement {
+        founders: Vec::new(),
         revision: 1,
         name: String::new(),
         target: Some(Arc::clone(problem.target())),
@@ -201,6 +203,7 @@ fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
     assert_eq!(phase_of(&host, 17), Some(ModulePhase::Spare));
     // The target is not announced again.
     let newcomer = Identity {
+        store: None,
         module: ModuleId(18),
         incarnation: Incarnation(2),
         pose: Pose::default(),

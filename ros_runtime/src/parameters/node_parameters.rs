@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use super::tunable::{Tunable, Tunables, choice, seconds_in, switch};
+use super::tunable::{Tunable, Tunables, choice, seconds_in, switch, whole_number};
 use crate::service_mapping::ServiceMapping;
 use crate::words::Words;
 
@@ -17,6 +17,8 @@ pub struct NodeParameters {
     pub diagnostics_period: Duration,
     /// Whether `/clock` gives the time, which is not supported.
     pub use_sim_time: bool,
+    /// The session to which the node's messages belong; `None` for number 0.
+    pub session: Option<u32>,
 }
 
 impl Default for NodeParameters {
@@ -26,6 +28,7 @@ impl Default for NodeParameters {
             service_mapping: None,
             diagnostics_period: Duration::from_secs(1),
             use_sim_time: false,
+            session: None,
         }
     }
 }
@@ -73,6 +76,13 @@ impl Tunables for NodeParameters {
                 "Whether /clock gives the time; durations are measured on each process' own clock, so it must be false",
             )
             .at_start("simulated time is not supported"),
+            Tunable::new(
+                "session",
+                whole_number(u32::MAX),
+                |node: &mut Self| &mut node.session,
+                "The session, equal for all programs of one formation: messages of another session are refused",
+            )
+            .at_start("all messages of a node belong to one session"),
         ]
     }
 }

@@ -38,6 +38,7 @@ fn stamp(seconds: i32) -> Time {
 fn pair() -> Result<TargetAnnouncement, String> {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     Ok(TargetAnnouncement {
+        founders: Vec::new(),
         revision: 0,
         name: scenario.name().to_owned(),
         target: Some(Arc::clone(scenario.problem().target())),
@@ -68,6 +69,7 @@ fn ended(tracker: &mut GoalTracker<u32>, now: Duration) -> Option<(GoalStatusEnu
 
 fn beat(tracker: &mut GoalTracker<u32>, now: Duration, module: u32, phase: ModulePhase) {
     let heartbeat = Heartbeat {
+        store: None,
         module: ModuleId(module),
         incarnation: Incarnation(1),
         sequence: u64::try_from(now.as_millis()).unwrap(),
@@ -98,10 +100,16 @@ fn plan(tracker: &mut GoalTracker<u32>, now: Duration) {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     let modules = scenario.problem().modules().iter();
     let roster = Roster {
+        timing: formation::model::Timing {
+            heartbeat: Duration::from_millis(500),
+            suspicion: Duration::from_secs(5),
+            lease: Duration::from_millis(2_500),
+        },
         epoch: EPOCH,
         target: tracker.status.own().unwrap().as_ref().clone(),
         members: modules
             .map(|module| RosterMember {
+                store: None,
                 incarnation: Incarnation(1),
                 service: Service::Active,
                 module: module.clone(),
