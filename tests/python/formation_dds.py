@@ -21,6 +21,7 @@ import time
 
 MESSAGES = pathlib.Path(__file__).resolve().parents[2] / "msgs" / "msg"
 PACKAGE = "formation_msgs"
+PROTOCOL_VERSION = 2
 NAMESPACE = "/formation"
 
 # Type and whether late subscribers get the latest samples.
@@ -107,8 +108,10 @@ class Types:
         raise ValueError(f"unexpected kind of field: {kind.name}")
 
     def value(self, name, raw):
-        """A message of that type from JSON; fields that are left out are zero, empty or false."""
+        """A message of that type from JSON; fields that are left out are zero, empty or false, but for the version."""
         _, fields = self.definitions[name]
+        if any(field == "protocol_version" for field, _ in fields):
+            raw = {"protocol_version": PROTOCOL_VERSION} | raw
         unknown = set(raw) - {field for field, _ in fields}
         if unknown:
             raise ValueError(f"{name} has no field {', '.join(sorted(unknown))}")

@@ -196,6 +196,7 @@ fn parameters_are_listed_described_read_and_changed() {
         "speed",
         "lease_s",
         "plan_only",
+        "session",
         "start_parameter_services",
         "use_sim_time",
     ] {
