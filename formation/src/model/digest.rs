@@ -3,7 +3,8 @@
 use sha2::{Digest as _, Sha256};
 
 use crate::model::{
-    Decision, Digest, ModuleId, NO_ID, PlannerParameters, Pose, Roster, TargetAnnouncement,
+    Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule, PlanningProblem, Pose,
+    Roster, Target, TargetAnnouncement,
 };
 
 /// Feeds numbers to SHA-256 in a fixed layout. The length of every list precedes it, so that different inputs never have
@@ -64,9 +65,14 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
     canonical.number(u64::from(parameters.keep_all_spots));
 }
 
-fn put_target(canonical: &mut Canonical, announcement: &TargetAnnouncement) {
-    put_parameters(canonical, &announcement.parameters);
-    let Some(target) = &announcement.target else {
+fn put_announcement(canonical: &mut Canonical, announcement: &TargetAnnouncement) {
+    let target = announcement.target.as_deref();
+    put_target(canonical, &announcement.parameters, target);
+}
+
+fn put_target(canonical: &mut Canonical, parameters: &PlannerParameters, target: Option<&Target>) {
+    put_parameters(canonical, parameters);
+    let Some(target) = target else {
         canonical.number(0);
         return;
     };
@@ -85,11 +91,34 @@ fn put_target(canonical: &mut Canonical, announcement: &TargetAnnouncement) {
     }
 }
 
+fn put_placement(canonical: &mut Canonical, module: &PlanningModule) {
+    canonical.pose(&module.pose);
+    canonical.length(module.links.len());
+    for link in &module.links {
+        canonical.identifier(Some(link.0));
+    }
+    canonical.identifier(module.configuration.map(|id| id.0));
+    canonical.identifier(module.leader.map(|id| id.0));
+    canonical.identifier(module.pin.map(|id| id.0));
+}
+
+/// The digest of the input of a plan.
+pub(crate) fn of_problem(problem: &PlanningProblem) -> Digest {
+    let mut canonical = Canonical::new("formation problem 1");
+    put_target(&mut canonical, problem.parameters(), Some(problem.target()));
+    canonical.length(problem.modules().len());
+    for module in problem.modules() {
+        canonical.identifier(Some(module.id.0));
+        put_placement(&mut canonical, module);
+    }
+    canonical.finish()
+}
+
 /// The digest of a target and the planner's parameters: equal for announcements that lead to the same plans, whatever
 /// their revision and name.
 pub(crate) fn of_target(announcement: &TargetAnnouncement) -> Digest {
     let mut canonical = Canonical::new("formation target 1");
-    put_target(&mut canonical, announcement);
+    put_announcement(&mut canonical, announcement);
     canonical.finish()
 }
 
@@ -98,7 +127,7 @@ pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Di
     let mut canonical = Canonical::new("formation plan 3");
     canonical.number(roster.epoch.number);
     canonical.identifier(Some(roster.epoch.convener.0));
-    put_target(&mut canonical, &roster.target);
+    put_announcement(&mut canonical, &roster.target);
     canonical.length(roster.members.len());
     for member in &roster.members {
         let module = &member.module;
@@ -106,14 +135,7 @@ pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Di
         canonical.number(member.incarnation.0);
         canonical.number(member.store.map_or(0, |store| store.0.get()));
         canonical.number(member.service as u64);
-        canonical.pose(&module.pose);
-        canonical.length(module.links.len());
-        for link in &module.links {
-            canonical.identifier(Some(link.0));
-        }
-        canonical.identifier(module.configuration.map(|id| id.0));
-        canonical.identifier(module.leader.map(|id| id.0));
-        canonical.identifier(module.pin.map(|id| id.0));
+        put_placement(&mut canonical, module);
     }
     canonical.length(decisions.len());
     for (claimant, decision) in decisions {

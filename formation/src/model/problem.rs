@@ -6,8 +6,8 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::model::{
-    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
-    Topology,
+    ConfigurationId, Digest, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
+    Topology, digest,
 };
 
 /// The data about one module on which planning depends.
@@ -116,6 +116,21 @@ impl PlanningProblem {
             parameters,
             modules,
         })
+    }
+
+    /// The same problem without the pins to some spots.
+    pub(crate) fn without_pins(&self, released: &BTreeSet<SpotId>) -> Self {
+        let mut problem = self.clone();
+        for module in &mut problem.modules {
+            module.pin = module.pin.filter(|pin| !released.contains(pin));
+        }
+        problem
+    }
+
+    /// Equal for equal problems, and different for others up to collisions of 64-bit hashes.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        digest::of_problem(self)
     }
 
     /// The target to form.

@@ -15,5 +15,7 @@ mod value;
 
 pub(crate) use cut_nodes::cut_nodes;
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
-pub use turns::{ClaimRefused, PlanOutcome, Planning, Turn, plan};
+pub use turns::{
+    ClaimRefused, PlanOutcome, PlannedTurns, Planning, Turn, plan, plan_releasing_pins,
+};
 pub use value::{Utilities, betweenness};

@@ -42,6 +42,11 @@ pub(super) fn order(problem: &PlanningProblem, plan: &Plan, values: &[MicroUnits
     order_within(problem, plan, values, SEARCH_STEPS_MAX)
 }
 
+/// The same with less of a search: for a look at many orders of which one is to be used.
+pub(super) fn try_order(problem: &PlanningProblem, plan: &Plan, values: &[MicroUnits]) -> Assembly {
+    order_within(problem, plan, values, SEARCH_STEPS_MAX / 8)
+}
+
 fn order_within(
     problem: &PlanningProblem,
     plan: &Plan,

@@ -3,6 +3,8 @@
 mod block_allocation;
 mod decision;
 mod outcome;
+mod pin_release;
+mod planned_turns;
 mod planning;
 mod separators;
 mod start;
@@ -11,4 +13,6 @@ mod turn_order;
 mod turn_result;
 
 pub use outcome::{PlanOutcome, plan};
+pub use pin_release::plan_releasing_pins;
+pub use planned_turns::PlannedTurns;
 pub use planning::{ClaimRefused, Planning, Turn};

@@ -45,20 +45,24 @@ impl Planning {
     /// The plan once no turn is left; `None` before. Each call computes the acting order.
     #[must_use]
     pub fn finish(&self) -> Option<Plan> {
-        if self.queue.next().is_some() {
-            return None;
-        }
+        self.queue.next().is_none().then(|| self.ordered())
+    }
+
+    /// The plan as far as it is decided, with an acting order.
+    pub(super) fn ordered(&self) -> Plan {
         let mut plan = self.allocated();
+        plan.assembly = assembly::order(self.problem(), &plan, &self.spot_values());
+        plan
+    }
+
+    /// The value of each spot of the problem's target, by position; zero for those that were trimmed.
+    pub(super) fn spot_values(&self) -> Vec<MicroUnits> {
         let (target, utilities) = (&self.instance.target, &self.instance.utilities);
         let spots = self.problem().target().spots().iter();
-        let values: Vec<MicroUnits> = spots
-            .map(|spot| {
-                let position = target.position_of(spot.id);
-                position.map_or(MicroUnits::ZERO, |position| utilities.value(position))
-            })
-            .collect();
-        plan.assembly = assembly::order(self.problem(), &plan, &values);
-        Some(plan)
+        let value = |position| utilities.value(position);
+        spots
+            .map(|spot| target.position_of(spot.id).map_or(MicroUnits::ZERO, value))
+            .collect()
     }
 
     /// Sums up a plan after [`Self::take_all_turns`]; without an acting order if turns are left.
