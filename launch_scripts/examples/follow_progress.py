@@ -20,6 +20,7 @@ TRANSIENT_LOCAL = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LO
 PHASES = {
     ModuleState.PHASE_LISTENING: "listening",
     ModuleState.PHASE_GATHERED: "gathered",
+    ModuleState.PHASE_COMPUTING: "computing its plan",
     ModuleState.PHASE_PLANNING: "planning",
     ModuleState.PHASE_AGREEING: "agreeing",
     ModuleState.PHASE_WAITING: "waiting",

@@ -10,8 +10,8 @@ use formation::model::{
 };
 use formation::motion::{DockingAction, DriveCommand};
 use formation::protocol::{
-    Agent, AgentParameters, Command, Event, Identity, Input, Output, RefusalCounts, Severity,
-    SourceId,
+    Agent, AgentParameters, Command, ComputedPlan, Event, Identity, Input, Output, PlanJob,
+    RefusalCounts, Severity, SharedPlans, SourceId,
 };
 use formation_node::topics;
 use ros_runtime::diagnostics::Report;
@@ -68,6 +68,7 @@ pub(crate) struct Host {
     /// How many modules can be hosted.
     room: usize,
     modules: Vec<Hosted>,
+    plans: SharedPlans,
     /// Messages from a hosted module to the others, by the sender's index.
     local: VecDeque<(usize, Message)>,
     outgoing: Vec<Outgoing>,
@@ -88,6 +89,7 @@ impl Host {
             motion: motion.clone(),
             room: 0,
             modules: Vec::new(),
+            plans: SharedPlans::default(),
             local: VecDeque::new(),
             outgoing: Vec::new(),
         };
@@ -99,10 +101,13 @@ impl Host {
     }
 
     fn push(&mut self, now: Duration, identity: Identity, service: Service) {
+        let agent = Agent::new(identity.clone(), self.parameters, now)
+            .in_service(service)
+            .with_plans_of_host();
         self.modules.push(Hosted {
-            identity: identity.clone(),
             drive: Drive::new(&identity, &self.motion, self.parameters.lease),
-            agent: Agent::new(identity, self.parameters, now).in_service(service),
+            identity,
+            agent,
             state: None,
             state_is_new: false,
             heartbeat: None,
@@ -240,6 +245,20 @@ impl Host {
         }
     }
 
+    /// The next plan to compute; no other before it is handed in.
+    pub(crate) fn next_job(&mut self) -> Option<PlanJob> {
+        self.plans.next_job()
+    }
+
+    /// Hands in a plan to the modules that wait for it.
+    pub(crate) fn handle_computed(&mut self, now: Duration, computed: &Arc<ComputedPlan>) {
+        for module in self.plans.finish(Arc::clone(computed)) {
+            if let Some(index) = self.index_of(module) {
+                self.pass(index, now, Input::Computed(Arc::clone(computed)));
+            }
+        }
+    }
+
     /// When [`Self::advance`] is due next.
     pub(crate) fn due(&self) -> Option<Duration> {
         if !self.local.is_empty() {
@@ -344,13 +363,23 @@ impl Host {
     /// Carries out the outputs of an agent.
     fn carry_out(&mut self, index: usize, now: Duration) {
         while let Some(output) = self.modules[index].agent.poll_output() {
-            let drive = &mut self.modules[index].drive;
+            let Hosted {
+                identity,
+                agent,
+                drive,
+                ..
+            } = &mut self.modules[index];
             match output {
                 Output::Publish(message) => self.publish(index, message),
                 Output::Move(goal) => drive.go(now, goal),
                 Output::Halt => drive.halt(now),
                 Output::Dock(other) => drive.ask(now, DockingAction::Dock, other),
                 Output::Undock(other) => drive.ask(now, DockingAction::Undock, other),
+                Output::Compute(job) => {
+                    if let Some(computed) = self.plans.ask(identity.module, job) {
+                        agent.handle(now, Input::Computed(computed));
+                    }
+                }
                 Output::Event(event) => self.modules[index].handle_event(&event),
                 // Only modules with a store give anything to it.
                 Output::Persist { .. } => debug_assert!(false, "no module has a store"),
@@ -377,7 +406,11 @@ impl Host {
             Message::Heartbeat(heartbeat) => self.modules[index].heartbeat = Some(*heartbeat),
             Message::Roster(roster) => self.outgoing.push(Outgoing::Roster(roster.clone())),
             Message::Claim(claim) => self.outgoing.push(Outgoing::Claim(Arc::clone(claim))),
-            Message::Eviction(notice) => self.outgoing.push(Outgoing::Eviction(*notice)),
+            Message::Eviction(notice) => {
+                // It is for observers: the claim contains it.
+                self.outgoing.push(Outgoing::Eviction(*notice));
+                return;
+            }
             // No agent announces targets.
             Message::Target(_) => return,
         }

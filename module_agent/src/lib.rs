@@ -8,6 +8,7 @@ mod drivers;
 mod host;
 mod membership;
 mod module_diagnostics;
+mod plan_worker;
 mod process;
 
 pub use process::ModuleProcess;

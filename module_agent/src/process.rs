@@ -1,11 +1,12 @@
 //! The node of a process that hosts modules.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::Instant;
 
 use async_channel::Receiver;
 use formation::model::{ModuleId, Service};
-use formation::protocol::Identity;
+use formation::protocol::{ComputedPlan, Identity};
 use formation_msgs::{Eviction, Heartbeat, InSession, ModuleStates, Roster, SpotClaim};
 use formation_node::messages::{Received, session_of, source_id, subscribe_all};
 use formation_node::{stamp, topics};
@@ -23,6 +24,7 @@ use crate::arguments::{Motion, MotionMode, Timing};
 use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
+use crate::plan_worker::PlanWorker;
 
 /// A process that hosts modules.
 #[derive(Clone, Debug)]
@@ -93,6 +95,8 @@ impl ModuleProcess {
                 Input::Membership(MembershipRequest::Retire(call))
             });
         }
+        let (plans, computed) = PlanWorker::start()?;
+        inputs.add(computed, Input::Computed);
         let source = source_id(session.participant());
         let mut node = ModuleNode {
             start: Instant::now(),
@@ -105,6 +109,7 @@ impl ModuleProcess {
                 drivers,
             },
             host: Host::new(source, modules.iter().cloned(), timing.0, &motion),
+            plans: Some(plans),
             frame_id: self.frame_id.clone(),
         };
         let ended = session.run(&mut node, inputs, stop);
@@ -125,6 +130,8 @@ enum Input {
     Messages(Received),
     Driver(ModuleId, DriverMessage),
     Membership(MembershipRequest),
+    /// `None` if plans are no longer computed.
+    Computed(Option<Arc<ComputedPlan>>),
 }
 
 struct Publishers {
@@ -141,6 +148,8 @@ struct ModuleNode {
     start: Instant,
     publishers: Publishers,
     host: Host,
+    /// `None` if its thread has ended.
+    plans: Option<PlanWorker>,
     frame_id: String,
 }
 
@@ -159,11 +168,20 @@ impl Node for ModuleNode {
             }
             Input::Driver(module, message) => self.host.handle_driver(now, module, message),
             Input::Membership(request) => request.carry_out(&mut self.host, now),
+            Input::Computed(Some(computed)) => self.host.handle_computed(now, &computed),
+            Input::Computed(None) => self.plans = None,
         }
     }
 
     fn advance(&mut self, session: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        let Some(plans) = &self.plans else {
+            let reason = "the thread that computes plans has ended";
+            return Err(SessionError::Failed(reason.to_owned()));
+        };
         self.host.advance(self.start.elapsed());
+        if let Some(job) = self.host.next_job() {
+            plans.compute(job);
+        }
         for outgoing in self.host.take_outgoing() {
             self.publish(session, outgoing)?;
         }

@@ -71,6 +71,7 @@ enumeration! {
         PHASE_SETTLED SETTLED 7 = Settled,
         PHASE_SPARE SPARE 8 = Spare,
         PHASE_WAITING_FOR_QUORUM WAITING_FOR_QUORUM 9 = WaitingForQuorum,
+        PHASE_COMPUTING COMPUTING 10 = Computing,
     }
 }
 

@@ -102,7 +102,7 @@ fn drain(agent: &mut Agent, now: Duration, said: &mut Vec<Message>) {
             Output::Halt => MotionReport::Halted(agent.pose()),
             Output::Dock(other) => MotionReport::Docked(other),
             Output::Undock(other) => MotionReport::Undocked(other),
-            Output::Event(_) | Output::Persist { .. } => continue,
+            Output::Event(_) | Output::Persist { .. } | Output::Compute(_) => continue,
         };
         agent.handle(now, Input::Motion(report));
     }

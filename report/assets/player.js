@@ -10,8 +10,8 @@
   const speed = byId("speed");
 
   const PHASES = {
-    ABSENT: "not joined yet", LISTENING: "listening", GATHERED: "gathered", PLANNING: "planning", AGREEING: "agreeing",
-    WAITING: "waiting", MOVING: "moving", SETTLED: "settled", SPARE: "spare", WAITING_FOR_QUORUM: "waiting for quorum",
+    ABSENT: "not joined yet", LISTENING: "listening", GATHERED: "gathered", COMPUTING: "computing its plan",
+    PLANNING: "planning", AGREEING: "agreeing", WAITING: "waiting", MOVING: "moving", SETTLED: "settled", SPARE: "spare", WAITING_FOR_QUORUM: "waiting for quorum",
   };
 
   const make = (name, parent, className) => {

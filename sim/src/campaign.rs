@@ -42,6 +42,8 @@ pub struct CampaignParameters {
     pub stores: Option<bool>,
     /// Whether to keep the transcript of each run.
     pub transcripts: bool,
+    /// If set, agents ask their host for plans, and each plan takes up to this time.
+    pub plan_time_max: Option<Duration>,
     /// Makes the agents.
     pub agents: AgentFactory,
 }
@@ -57,6 +59,7 @@ impl Default for CampaignParameters {
             patience: Duration::from_secs(900),
             stores: None,
             transcripts: false,
+            plan_time_max: None,
             agents: AgentFactory::default(),
         }
     }
@@ -180,6 +183,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     let cluster_parameters = ClusterParameters {
         stores,
         names_founders: stores || memory.below(2) == 0,
+        plan_time_max: parameters.plan_time_max,
         ..cluster_parameters(parameters.faults)
     };
     let network = cluster_parameters.network;

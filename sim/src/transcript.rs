@@ -262,6 +262,7 @@ fn noted(event: &Event) -> Entry {
             let entry = Entry::of("evicted").spot("from", Some(*from));
             entry.with("by", by.0)
         }
+        Event::PlanOverdue(epoch) => Entry::of("plan_overdue").epoch(*epoch),
         Event::MotionOverdue(spot) => Entry::of("motion_overdue").spot("spot", Some(*spot)),
         Event::MotionFailed(spot) => Entry::of("motion_failed").spot("spot", *spot),
         Event::Retired => Entry::of("retired"),

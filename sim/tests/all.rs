@@ -16,6 +16,7 @@ mod forming;
 mod majority_model;
 mod mutations;
 mod observed;
+mod planning;
 mod recovery;
 mod service;
 mod stores;

@@ -2,6 +2,8 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use std::time::Duration;
+
 use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed, run_seeds};
 
 /// The number of seeds; the soak script runs more.
@@ -53,6 +55,20 @@ fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
 fn tail(transcript: &str) -> String {
     let lines: Vec<&str> = transcript.lines().collect();
     lines[lines.len().saturating_sub(60)..].join("\n")
+}
+
+#[test]
+fn faults_while_plans_are_computed_leave_no_hole() {
+    for faults in [FaultKind::Mixed, FaultKind::Hostile] {
+        let parameters = CampaignParameters {
+            faults,
+            modules_max: 12,
+            // Longer than `suspicion_s` and `stuck_s`.
+            plan_time_max: Some(Duration::from_secs(12)),
+            ..CampaignParameters::default()
+        };
+        run_all(&parameters, 0..seeds() / 8);
+    }
 }
 
 #[test]

@@ -38,6 +38,8 @@ pub enum ModulePhase {
     Listening,
     /// Halted, in an epoch that gathers its members.
     Gathered,
+    /// Halted; computes the plan of its epoch, or as its convener which pins stay.
+    Computing,
     /// Taking turns.
     Planning,
     /// All turns are applied; waits until all members show the same digest.
@@ -60,6 +62,7 @@ impl ModulePhase {
         match self {
             Self::Listening => "LISTENING",
             Self::Gathered => "GATHERED",
+            Self::Computing => "COMPUTING",
             Self::Planning => "PLANNING",
             Self::Agreeing => "AGREEING",
             Self::Waiting => "WAITING",

@@ -2,12 +2,14 @@
 
 use std::collections::BTreeSet;
 use std::hash::{Hash, Hasher};
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
     ConfigurationId, Digest, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember,
     Service, SpotId, StoreId, TargetAnnouncement, Voter, digest,
 };
+use crate::planner::PlannedTurns;
 
 use super::body::Body;
 use super::event::Event;
@@ -18,6 +20,7 @@ use super::outbox::Outbox;
 use super::pacing::EpochPacing;
 use super::parameters::AgentParameters;
 use super::peers::{Liveness, Peers};
+use super::plans::{PlanJob, Plans};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
 
@@ -47,6 +50,7 @@ pub(super) struct Context {
     pub target: KnownTarget,
     pub memory: Memory,
     pub pacing: EpochPacing,
+    pub plans: Plans,
     /// The majority that an epoch would need and that is not within reach.
     pub shortfall: Option<Shortfall>,
     pub outbox: Outbox,
@@ -70,6 +74,7 @@ impl Context {
             target: KnownTarget::default(),
             memory: Memory::default(),
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
+            plans: Plans::default(),
             shortfall: None,
             outbox: Outbox::new(now, identity.store.is_some()),
         }
@@ -199,6 +204,11 @@ impl Context {
         }
     }
 
+    /// The plan of a job; `None` until the host has computed it.
+    pub fn plan(&mut self, job: PlanJob) -> Option<Arc<PlannedTurns>> {
+        self.plans.get(job, &mut self.outbox)
+    }
+
     /// Records that an epoch was opened, by this module or another.
     pub fn note_opened(&mut self, epoch: Epoch) {
         self.memory.note_epoch(epoch);
@@ -247,7 +257,8 @@ impl Context {
 }
 
 impl Hash for Context {
-    /// Everything that the behaviour of one run depends on. Times are compared with the time of the search itself.
+    /// Everything that the behaviour of one run depends on. Times are compared with the time of the search itself. The plans
+    /// of an agent that computes them itself follow from its stage.
     fn hash<H: Hasher>(&self, state: &mut H) {
         let Self {
             now: _,
@@ -259,6 +270,7 @@ impl Hash for Context {
             target,
             memory,
             pacing,
+            plans: _,
             shortfall,
             outbox,
         } = self;

@@ -1,5 +1,6 @@
 //! Opening epochs: which module convenes, when, and why.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::model::{
@@ -68,23 +69,15 @@ impl Stage {
                 None => return Some(EpochReason::NewTarget),
             },
         };
-        if has_new_target(roster, context) {
-            return Some(EpochReason::NewTarget);
-        }
         let is_outside = matches!(self, Self::Outsider(_));
-        if is_outside && others(roster, context).any(|member| is_in_charge(member.run(), context)) {
-            // The members judge which modules are missing and which are wanted. A module that receives nothing from a
-            // member, or that does not receive all of them, would halt them again and again.
-            return None;
-        }
-        if let Some(reason) = missing_members(roster, context) {
-            return Some(reason);
-        }
-        let leaving = leaving(roster, context);
-        if !leaving.is_empty() {
-            let live = context.live_voters();
-            let some_is_active = live.iter().any(|voter| context.is_active(voter.module));
-            return some_is_active.then_some(EpochReason::OutOfService(leaving));
+        let judged = (
+            roster.epoch,
+            context.target.revision(),
+            context.body.service,
+        );
+        let is_calm = !is_outside && context.peers.is_calm(context.now, judged);
+        if !is_calm && let Err(verdict) = judge_members(roster, is_outside, context) {
+            return verdict;
         }
         let stuck = self.stuck_members(context);
         if stuck.contains(&context.module()) {
@@ -111,23 +104,53 @@ impl Stage {
         if has_mismatch && context.memory.mismatches <= 1 {
             return Some(EpochReason::DigestMismatch);
         }
+        if is_calm {
+            return None;
+        }
         let newcomers = wanted_newcomers(roster, context);
-        (!newcomers.is_empty()).then_some(EpochReason::Newcomers(newcomers))
+        if newcomers.is_empty() {
+            context.peers.note_calm(context.liveness(), judged);
+            return None;
+        }
+        Some(EpochReason::Newcomers(newcomers))
     }
 
     /// The members that keep the epoch from going on: considered failed, they are left out of the next one.
     fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
         match self {
-            Self::Planning(planning) => {
-                let stuck = context.parameters.stuck;
-                let claimant = planning.stuck_claimant(context.now, stuck);
-                claimant.into_iter().collect()
-            }
+            Self::Planning(planning) => planning.stuck_claimant(context).into_iter().collect(),
             Self::Agreeing(agreeing) => agreeing.stuck_members(context),
             Self::Acting(acting) => acting.stuck_members(context),
             Self::Listening(_) | Self::Gathering(_) | Self::Outsider(_) => Vec::new(),
         }
     }
+}
+
+/// Judges whether the members can go on with their roster; otherwise returns the reason for another epoch, or `None` if
+/// others have to decide.
+fn judge_members(
+    roster: &Roster,
+    is_outside: bool,
+    context: &Context,
+) -> Result<(), Option<EpochReason>> {
+    if has_new_target(roster, context) {
+        return Err(Some(EpochReason::NewTarget));
+    }
+    if is_outside && others(roster, context).any(|member| is_in_charge(member.run(), context)) {
+        // The members judge which modules are missing and which are wanted. A module that receives nothing from a
+        // member, or that does not receive all of them, would halt them again and again.
+        return Err(None);
+    }
+    if let Some(reason) = missing_members(roster, context) {
+        return Err(Some(reason));
+    }
+    let leaving = leaving(roster, context);
+    if leaving.is_empty() {
+        return Ok(());
+    }
+    let live = context.live_voters();
+    let some_is_active = live.iter().any(|voter| context.is_active(voter.module));
+    Err(some_is_active.then_some(EpochReason::OutOfService(leaving)))
 }
 
 /// Whether a later revision announces another target than the roster's.
@@ -201,9 +224,9 @@ fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
     if !has_open_spots || context.bugs.ignore_newcomers() {
         return Vec::new();
     }
-    let is_planned = |module: ModuleId| active(roster).any(|member| member == module);
+    let planned: BTreeSet<ModuleId> = active(roster).collect();
     let live = context.live_voters().into_iter().map(|voter| voter.module);
-    live.filter(|&module| !is_planned(module) && context.is_active(module))
+    live.filter(|&module| !planned.contains(&module) && context.is_active(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))
         .collect()

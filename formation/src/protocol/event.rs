@@ -43,6 +43,8 @@ pub enum Event {
         /// The time since the roster became known.
         elapsed: Duration,
     },
+    /// It still computes its plan after the time for which the other members wait for it.
+    PlanOverdue(Epoch),
     /// All members show the same digest.
     Agreed(Epoch),
     /// It starts to move to its spot.
@@ -203,6 +205,10 @@ impl fmt::Display for Event {
                     "planned {epoch} in {turns} turns and {millis} ms, digest {digest}"
                 )
             }
+            Self::PlanOverdue(epoch) => write!(
+                formatter,
+                "still computes the plan of {epoch} after plan_limit_s: the others leave it out"
+            ),
             Self::Agreed(epoch) => write!(formatter, "all members agree on {epoch}"),
             Self::MotionBegun(spot) => write!(formatter, "moving to {spot}"),
             Self::Settled(spot) => write!(formatter, "settled on {spot}"),
@@ -325,6 +331,7 @@ impl Event {
             | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }
+            | Self::PlanOverdue(_)
             | Self::WaitingForQuorum { .. }
             | Self::AgreementLapsed(_)
             | Self::SpotsLeftOpen(_)

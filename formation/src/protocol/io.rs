@@ -1,6 +1,7 @@
 //! The inputs and outputs of an agent.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use crate::model::{
     ConfigurationId, Incarnation, Message, MicroUnits, ModuleId, ModuleRun, Pose, StoreId, Voter,
@@ -8,6 +9,7 @@ use crate::model::{
 
 use super::durable::DurableState;
 use super::event::Event;
+use super::plans::{ComputedPlan, PlanJob};
 
 /// The sender of a message as the transport identifies it: one value a participant.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -91,6 +93,8 @@ pub enum Input {
     Command(Command),
     /// The store holds what this [`Output::Persist`], and every earlier one, gave to it, whatever happens to the process.
     Persisted(u64),
+    /// The plan of [`Output::Compute`].
+    Computed(Arc<ComputedPlan>),
     /// The time that [`super::Agent::poll_timeout`] returned has come.
     Timeout,
 }
@@ -125,6 +129,9 @@ pub enum Output {
         /// What the store has to hold.
         state: Box<DurableState>,
     },
+    /// Compute this plan, and hand it in as [`Input::Computed`]; it takes the place of an earlier request. Only agents
+    /// [with plans of their host](super::Agent::with_plans_of_host) ask.
+    Compute(PlanJob),
     /// Log an event.
     Event(Event),
 }

@@ -31,6 +31,7 @@ mod parameters;
 mod peer;
 mod peers;
 mod pins;
+mod plans;
 mod publishing;
 mod quorum;
 mod refusal;
@@ -51,6 +52,7 @@ pub use io::{Command, Identity, Input, MotionGoal, MotionReport, Output, SourceI
 #[cfg(feature = "mutations")]
 pub use mutation::Mutation;
 pub use parameters::{AgentParameters, ParametersError};
+pub use plans::{ComputedPlan, PlanJob, SharedPlans};
 pub use quorum::QUORUM_BASES_MAX;
 pub use refusal::{Refusal, RefusalCounts};
 
@@ -96,6 +98,13 @@ impl Agent {
         self
     }
 
+    /// The same agent, which asks its host for plans by [`Output::Compute`] and does not compute them itself.
+    #[must_use]
+    pub fn with_plans_of_host(mut self) -> Self {
+        self.context.plans.by_host = true;
+        self
+    }
+
     /// The same agent with a bug, for tests of what should detect it.
     #[cfg(feature = "mutations")]
     #[must_use]
@@ -121,6 +130,7 @@ impl Agent {
                 self.handle_command(command);
                 true
             }
+            Input::Computed(computed) => self.context.plans.receive(computed),
             Input::Persisted(_) | Input::Timeout => true,
         };
         if may_change_what_is_due {
@@ -176,7 +186,7 @@ impl Agent {
     /// The plan that it acts on.
     #[must_use]
     pub fn plan(&self) -> Option<&Plan> {
-        Some(&self.stage.held_plan()?.plan)
+        Some(&*self.stage.held_plan()?.plan)
     }
 
     /// Its pose, as last reported by its drive.

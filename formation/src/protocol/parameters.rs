@@ -24,6 +24,8 @@ pub struct AgentParameters {
     pub gather_limit: Duration,
     /// A claimant, or a member whose agreement is missing, is considered failed after this long without progress.
     pub stuck: Duration,
+    /// A member that computes its plan has this long before it is considered failed; `stuck` does not apply to it.
+    pub plan_limit: Duration,
     /// A module must reach its spot within this time of starting to move.
     pub motion_limit: Duration,
     /// The least time between two epochs; it doubles with every epoch that does not agree.
@@ -46,6 +48,7 @@ impl Default for AgentParameters {
             gather: Duration::from_millis(2_000),
             gather_limit: Duration::from_secs(30),
             stuck: Duration::from_secs(10),
+            plan_limit: Duration::from_secs(60),
             motion_limit: Duration::from_secs(120),
             epoch_interval: Duration::from_secs(1),
             epoch_interval_limit: Duration::from_secs(16),
@@ -93,6 +96,7 @@ impl AgentParameters {
             ("suspicion", self.suspicion, "lease", self.lease),
             ("gather_limit", self.gather_limit, "gather", self.gather),
             ("stuck", self.stuck, "lease", self.lease),
+            ("plan_limit", self.plan_limit, "lease", self.lease),
             ("motion_limit", self.motion_limit, "lease", self.lease),
         ];
         for (longer, longer_value, shorter, shorter_value) in pairs {

@@ -1,10 +1,14 @@
 //! The other modules, and which of them are live.
 
 use std::collections::BTreeMap;
+use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::model::{Heartbeat, Incarnation, MODULES_MAX, ModuleId, ModuleRun, ModuleState};
+use crate::model::{
+    Epoch, Heartbeat, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    Service,
+};
 
 use super::io::SourceId;
 use super::mutation::Bugs;
@@ -38,12 +42,52 @@ pub(super) enum HeartbeatNews {
     New,
 }
 
+/// What a judgement of all peers depends on, apart from them: the epoch, the revision of the target, and the module's own
+/// service.
+pub(super) type Judged = (Epoch, Option<u64>, Service);
+
+/// A judgement of all peers that gave no reason for an epoch.
+#[derive(Clone, Copy, Debug)]
+struct Calm {
+    judged: Judged,
+    /// The number of changes to the peers at that time.
+    changes: u64,
+    /// When time alone may change the judgement.
+    until: Duration,
+}
+
 /// All other modules that sent a message.
-#[derive(Clone, Debug, Hash)]
+#[derive(Clone, Debug)]
 pub(super) struct Peers {
     peers: BTreeMap<ModuleId, Peer>,
     /// The greatest number of peers that are kept.
     room: usize,
+    /// Counts the changes to peers that may give a reason for an epoch.
+    changes: u64,
+    /// The last judgement without a reason. Between changes it saves a look at every peer at every message.
+    calm: Option<Calm>,
+    shown: Shown,
+}
+
+/// How often a heartbeat showed another epoch or digest than the one before it, and of which module the last of these was.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Shown {
+    count: u64,
+    last: Option<ModuleId>,
+}
+
+impl Shown {
+    /// The only module of which this changed since `earlier`, if there is just one.
+    pub fn only_since(self, earlier: Self) -> Option<ModuleId> {
+        self.last.filter(|_| self.count == earlier.count + 1)
+    }
+}
+
+impl Hash for Peers {
+    /// The judgement follows from the peers, and the count only saves work.
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        (&self.peers, self.room).hash(state);
+    }
 }
 
 impl Default for Peers {
@@ -51,6 +95,9 @@ impl Default for Peers {
         Self {
             peers: BTreeMap::new(),
             room: MODULES_MAX,
+            changes: 0,
+            calm: None,
+            shown: Shown::default(),
         }
     }
 }
@@ -85,6 +132,19 @@ impl Peers {
         self.peers.get(&module)?.heartbeat
     }
 
+    /// Counts the changes of what heartbeats show.
+    pub fn shown(&self) -> Shown {
+        self.shown
+    }
+
+    /// Whether a module's latest heartbeat shows that it computes a plan in this epoch.
+    pub fn computes(&self, module: ModuleId, epoch: Epoch) -> bool {
+        let heartbeat = self.heartbeat(module);
+        heartbeat.is_some_and(|heartbeat| {
+            heartbeat.epoch == Some(epoch) && heartbeat.phase == ModulePhase::Computing
+        })
+    }
+
     /// The latest state of a module.
     pub fn state(&self, module: ModuleId) -> Option<&Arc<ModuleState>> {
         self.peers.get(&module)?.state.as_ref()
@@ -114,6 +174,7 @@ impl Peers {
         };
         if self.get(run.module).is_some_and(is_gone) {
             self.peers.remove(&run.module);
+            self.changes += 1;
         }
     }
 
@@ -133,15 +194,17 @@ impl Peers {
             return Err(Refusal::TooManyModules);
         }
         let now = liveness.now;
-        let peer = self
-            .peers
-            .entry(run.module)
-            .or_insert_with(|| Peer::new(run.incarnation, source, now));
+        let changes = &mut self.changes;
+        let peer = self.peers.entry(run.module).or_insert_with(|| {
+            *changes += 1;
+            Peer::new(run.incarnation, source, now)
+        });
         if run.incarnation > peer.incarnation {
             let silence = now.saturating_sub(peer.last_seen());
             if !liveness.bugs.ignore_restarts() && silence <= liveness.suspicion {
                 return Err(Refusal::DuplicateModule);
             }
+            self.changes += 1;
             let kept = peer.successor.take();
             *peer = Peer::new(run.incarnation, source, now);
             peer.state = kept
@@ -176,6 +239,15 @@ impl Peers {
             peer.sent_at(now, heartbeat.uptime)
         };
         peer.note_heartbeat(heartbeat, sent_at);
+        let was_live = age.is_some_and(|age| age <= liveness.suspicion);
+        if !was_live || known.is_none_or(|known| known.epoch != heartbeat.epoch) {
+            self.changes += 1;
+        }
+        let plan = |heartbeat: Heartbeat| (heartbeat.epoch, heartbeat.digest);
+        if known.map(plan) != Some(plan(heartbeat)) {
+            self.shown.count += 1;
+            self.shown.last = Some(heartbeat.module);
+        }
         let shows = |heartbeat: Heartbeat| (heartbeat.epoch, heartbeat.digest, heartbeat.phase);
         Ok(match (known, age) {
             (Some(known), Some(age)) if shows(known) == shows(heartbeat) => {
@@ -209,7 +281,10 @@ impl Peers {
         if known.is_some_and(|known| known.sequence >= state.sequence) {
             return Ok(false);
         }
+        let service = known.map(|known| known.service);
+        let changes = service != Some(state.service);
         peer.state = Some(without_proofs(state));
+        self.changes += u64::from(changes);
         Ok(true)
     }
 
@@ -242,6 +317,7 @@ impl Peers {
     pub fn exclude(&mut self, module: ModuleId, until: Duration) {
         if let Some(peer) = self.peers.get_mut(&module) {
             peer.excluded_until = peer.excluded_until.max(until);
+            self.changes += 1;
         }
     }
 
@@ -261,6 +337,7 @@ impl Peers {
         least: Duration,
         members: &BTreeMap<ModuleId, Incarnation>,
     ) {
+        self.changes += 1;
         for (module, peer) in &mut self.peers {
             if members.contains_key(module) {
                 peer.note_agreement();
@@ -268,6 +345,44 @@ impl Peers {
                 peer.note_agreement_without(now, least);
             }
         }
+    }
+
+    /// Each of these modules with its peer, if that is known.
+    pub fn along<'a, T>(
+        &'a self,
+        modules: &'a BTreeMap<ModuleId, T>,
+    ) -> impl Iterator<Item = (ModuleId, &'a T, Option<&'a Peer>)> {
+        let mut peers = self.peers.iter().peekable();
+        modules.iter().map(move |(&module, value)| {
+            while peers.next_if(|&(&id, _)| id < module).is_some() {}
+            let peer = peers.next_if(|&(&id, _)| id == module);
+            (module, value, peer.map(|(_, peer)| peer))
+        })
+    }
+
+    /// No peer gives a reason for an epoch.
+    pub fn note_calm(&mut self, liveness: Liveness, judged: Judged) {
+        let times = self.peers.values().flat_map(|peer| {
+            let age = peer
+                .age(liveness.now)
+                .filter(|&age| age <= liveness.suspicion);
+            let silent_at = age.map(|age| liveness.now + (liveness.suspicion - age));
+            let ends = [peer.excluded_until, peer.unwanted_until];
+            let ends = ends.into_iter().filter(|&end| end > liveness.now);
+            silent_at.into_iter().chain(ends)
+        });
+        self.calm = Some(Calm {
+            judged,
+            changes: self.changes,
+            until: times.min().unwrap_or(Duration::MAX),
+        });
+    }
+
+    /// Whether no peer gave a reason for an epoch, and none has changed since.
+    pub fn is_calm(&self, now: Duration, judged: Judged) -> bool {
+        self.calm.is_some_and(|calm| {
+            calm.judged == judged && calm.changes == self.changes && now < calm.until
+        })
     }
 
     /// Whether an epoch may be opened to include a module.
@@ -297,7 +412,6 @@ fn without_proofs(state: Arc<ModuleState>) -> Arc<ModuleState> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::ModulePhase;
 
     fn at(seconds: u64) -> Liveness {
         Liveness {

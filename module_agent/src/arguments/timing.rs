@@ -55,6 +55,11 @@ impl Tunables for Timing {
                 "A claimant, or a member that owes agreement, is left out after this time without progress",
             ),
             time(
+                "plan_limit_s",
+                |own| &mut own.0.plan_limit,
+                "A member that computes its plan is left out after this time; stuck_s does not apply to it",
+            ),
+            time(
                 "motion_limit_s",
                 |own| &mut own.0.motion_limit,
                 "A unit must reach its spots within this after it starts to move",

@@ -54,6 +54,7 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
     while now < limit {
         for speaker in 0..hosts.len() {
             hosts[speaker].advance(now);
+            compute(&mut hosts[speaker], now);
             let outgoing = hosts[speaker].take_outgoing();
             let source = hosts[speaker].source;
             for listener in (0..hosts.len()).filter(|&listener| listener != speaker) {
@@ -70,6 +71,13 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
             .map_or(limit, |due| due.max(now + Duration::from_millis(1)));
     }
     said
+}
+
+/// Computes all plans that a host asks for.
+fn compute(host: &mut Host, now: Duration) {
+    while let Some(job) = host.next_job() {
+        host.handle_computed(now, &Arc::new(job.run()));
+    }
 }
 
 fn phase_of(host: &Host, module: u32) -> Option<ModulePhase> {
@@ -186,6 +194,7 @@ fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
         let end = now + Duration::from_secs(seconds);
         while now < end {
             host.advance(now);
+            compute(host, now);
             host.take_outgoing();
             let due = host.due().unwrap_or(end);
             now = due.max(now + Duration::from_millis(1)).min(end);
@@ -215,4 +224,45 @@ fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
     pass(&mut host, 40);
     let phase = phase_of(&host, 18);
     assert_eq!(phase, Some(ModulePhase::Settled));
+}
+
+#[test]
+fn one_plan_serves_all_modules_and_heartbeats_continue_until_it_is_computed() {
+    let (mut host, target) = host(&[4, 5, 17]);
+    host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
+    let mut now = Duration::ZERO;
+    let mut job = None;
+    let mut heartbeats = Vec::new();
+    while now < Duration::from_secs(40) {
+        host.advance(now);
+        if let Some(next) = host.next_job() {
+            assert_eq!(job.replace((now, next)), None, "a second job");
+        }
+        for outgoing in host.take_outgoing() {
+            if let Outgoing::Heartbeats(beats) = outgoing {
+                heartbeats.extend(beats.into_iter().map(|heartbeat| (now, heartbeat)));
+            }
+        }
+        let due = host.due().unwrap();
+        now = due.max(now + Duration::from_millis(1));
+    }
+    let (asked_at, job) = job.expect("all modules are there");
+    for module in [4, 5, 17] {
+        assert_eq!(phase_of(&host, module), Some(ModulePhase::Computing));
+        let sent = heartbeats.iter().filter(|(at, heartbeat)| {
+            let is_later = *at > asked_at + Duration::from_secs(1);
+            is_later && heartbeat.module.0 == module
+        });
+        let sent = sent.count();
+        let seconds = (now - asked_at).as_secs();
+        assert!(
+            u64::try_from(sent).unwrap() >= 2 * (seconds - 3),
+            "{sent} in {seconds} s"
+        );
+    }
+    host.handle_computed(now, &Arc::new(job.run()));
+    for module in [4, 5, 17] {
+        assert_ne!(phase_of(&host, module), Some(ModulePhase::Computing));
+    }
+    assert_eq!(host.next_job(), None);
 }

@@ -6,10 +6,11 @@ use std::time::Duration;
 
 use formation::model::{Incarnation, Message, ModuleId};
 use formation::motion::SimulatedDrive;
-use formation::protocol::{Input, MotionReport, Output};
+use formation::protocol::{ComputedPlan, Input, MotionReport, Output, PlanJob};
 
 use super::schedule::{Delivery, Happening};
 use super::{Cluster, Observation};
+use crate::network::duration_below;
 use crate::process::{Clock, Inbox, Process};
 
 /// A store takes less than this to write.
@@ -27,6 +28,9 @@ impl Cluster {
             }
             Some(Happening::Persisted(module, incarnation, number)) => {
                 self.finish_writing(module, incarnation, number);
+            }
+            Some(Happening::Computed(module, incarnation, computed)) => {
+                self.hand_in(module, incarnation, computed);
             }
             None => return false,
         }
@@ -81,14 +85,16 @@ impl Cluster {
         );
         let local = clock.local(self.now());
         let has_store = identity.store.is_some();
-        let mut agent = self
-            .agents
-            .make(identity.clone(), self.parameters.agent, local);
+        let incarnation = identity.incarnation;
+        let mut agent = self.agents.make(identity, self.parameters.agent, local);
+        if self.parameters.plan_time_max.is_some() {
+            agent = agent.with_plans_of_host();
+        }
         if has_store {
             agent = agent.restored(self.stores.get(&module).cloned());
         }
         let process = Process {
-            incarnation: identity.incarnation,
+            incarnation,
             agent,
             clock,
             inbox: Inbox::default(),
@@ -104,6 +110,24 @@ impl Cluster {
         self.processes.insert(module, process);
         self.catch_up(module);
         self.input(module, Input::Timeout);
+    }
+
+    /// Computes a plan, which the agent gets when the time that this takes has passed.
+    fn compute(&mut self, module: ModuleId, incarnation: Incarnation, job: PlanJob) {
+        let given = self.plan_times.get(&module).copied();
+        let time = given.unwrap_or_else(|| {
+            let longest = self.parameters.plan_time_max.unwrap_or_default();
+            duration_below(&mut self.random, longest)
+        });
+        let computed = Happening::Computed(module, incarnation, Arc::new(job.run()));
+        self.schedule.add(self.now() + time, computed);
+    }
+
+    fn hand_in(&mut self, module: ModuleId, incarnation: Incarnation, computed: Arc<ComputedPlan>) {
+        let process = self.processes.get(&module);
+        if process.is_some_and(|process| process.incarnation == incarnation) {
+            self.input(module, Input::Computed(computed));
+        }
     }
 
     fn draw_clock(&mut self) -> Clock {
@@ -204,6 +228,10 @@ impl Cluster {
                 Output::Undock(other) => {
                     let report = Input::Motion(MotionReport::Undocked(other));
                     process.agent.handle(local, report);
+                }
+                Output::Compute(job) => {
+                    let incarnation = process.incarnation;
+                    self.compute(module, incarnation, job);
                 }
             }
         }

@@ -17,6 +17,11 @@ impl Cluster {
         self.late.insert(module, at);
     }
 
+    /// Lets each plan of a module take this time.
+    pub fn plan_slowly(&mut self, module: ModuleId, time: Duration) {
+        self.plan_times.insert(module, time);
+    }
+
     /// Commands a module to leave the formation or to take part again.
     pub fn command(&mut self, module: ModuleId, command: Command) {
         if self.processes.contains_key(&module) {

@@ -45,6 +45,8 @@ pub struct ClusterParameters {
     pub stores: bool,
     /// Whether the target names its founders, which are all modules of the problem.
     pub names_founders: bool,
+    /// If set, agents ask their host for plans, and each plan takes up to this time. Otherwise they compute them in no time.
+    pub plan_time_max: Option<Duration>,
 }
 
 impl Default for ClusterParameters {
@@ -58,6 +60,7 @@ impl Default for ClusterParameters {
             drift_ppm_max: 200,
             stores: false,
             names_founders: false,
+            plan_time_max: None,
         }
     }
 }
@@ -77,6 +80,8 @@ pub struct Cluster {
     announcement: Option<Arc<TargetAnnouncement>>,
     /// The modules whose processes start later than the others.
     late: BTreeMap<ModuleId, Duration>,
+    /// The times that plans take where they are given.
+    plan_times: BTreeMap<ModuleId, Duration>,
     forges_claims: bool,
     record: Record,
 }
@@ -110,6 +115,7 @@ impl Cluster {
             stores: BTreeMap::new(),
             announcement: None,
             late: BTreeMap::new(),
+            plan_times: BTreeMap::new(),
             forges_claims: false,
             record: Record::default(),
         };

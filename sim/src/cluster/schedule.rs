@@ -2,10 +2,11 @@
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
+use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{Incarnation, Message, ModuleId, ModuleRun};
-use formation::protocol::SourceId;
+use formation::protocol::{ComputedPlan, SourceId};
 
 use crate::network::Channel;
 
@@ -16,6 +17,7 @@ pub(super) enum Happening {
     DriveTick(ModuleId, Incarnation),
     /// The store of a module holds its state of this number.
     Persisted(ModuleId, Incarnation, u64),
+    Computed(ModuleId, Incarnation, Arc<ComputedPlan>),
 }
 
 /// A message on its way to one reader.

@@ -206,7 +206,8 @@ impl Explorer {
                         let report = MotionReport::Undocked(other);
                         actor.agent.handle(now, Input::Motion(report));
                     }
-                    Output::Event(_) | Output::Persist { .. } => {}
+                    // These agents compute their plans themselves.
+                    Output::Event(_) | Output::Persist { .. } | Output::Compute(_) => {}
                 }
             }
             actor.hash = hash_of(&(

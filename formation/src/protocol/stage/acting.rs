@@ -163,13 +163,13 @@ impl Acting {
         if self.held.note_mismatch(context) {
             return Progress::Wait;
         }
-        let lagging = self.held.lagging_for_motion(context);
         // A module that the roster left out stops within the lease, since the members no longer show its epoch.
         let first_motion = self.agreed_at + context.bugs.lease_wait(context.parameters.lease);
         if context.now < first_motion {
             context.wake_at(first_motion);
             return Progress::Wait;
         }
+        let lagging = self.held.lagging_for_motion(context);
         let to_act = self.unit_to_act(context);
         let unit = to_act.as_ref().map(|&(unit, _)| unit);
         if self.unit_since.0 != unit || !lagging.is_empty() {
@@ -308,9 +308,9 @@ impl Acting {
     /// When the oldest heartbeat of a member becomes older than the lease, unless a newer one comes.
     fn next_lapse(&self, context: &Context) -> Option<Duration> {
         let margin = Duration::from_millis(1);
-        let members = self.held.members.keys();
+        let members = context.peers.along(&self.held.members);
         members
-            .filter_map(|&module| context.peers.get(module)?.age(context.now))
+            .filter_map(|(_, _, peer)| peer?.age(context.now))
             .map(|age| context.now + context.parameters.lease.saturating_sub(age) + margin)
             .min()
     }

@@ -13,6 +13,8 @@ use super::{Acting, HeldPlan, Stage, Step};
 pub(in crate::protocol) struct Agreeing {
     pub held: HeldPlan,
     since: Duration,
+    /// Since when members are missing that do not compute their plan.
+    missing_since: Duration,
     /// The members that were last reported as missing.
     reported: Vec<ModuleId>,
     reported_sides: bool,
@@ -23,6 +25,7 @@ impl Agreeing {
         Self {
             held,
             since: now,
+            missing_since: now,
             reported: Vec::new(),
             reported_sides: false,
         }
@@ -30,8 +33,8 @@ impl Agreeing {
 
     /// The members whose agreement has been missing for longer than `stuck`.
     pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
-        let is_stuck = context.now.saturating_sub(self.since) > context.parameters.stuck;
-        if self.held.has_mismatch || !is_stuck {
+        let waited = context.now.saturating_sub(self.missing_since);
+        if self.held.has_mismatch || waited <= context.parameters.stuck {
             return Vec::new();
         }
         self.held.lagging(context, context.parameters.suspicion)
@@ -42,13 +45,23 @@ impl Agreeing {
         if self.held.note_mismatch(context) {
             return Step::Stay(Stage::Agreeing(self));
         }
+        let lease = context.parameters.lease;
+        let is_report_due = self.held.has_mismatch || context.now > self.since + lease;
+        if !is_report_due && self.held.still_lags(context) {
+            return Step::Stay(Stage::Agreeing(self));
+        }
         let lagging = self.held.lagging_for_motion(context);
+        self.held.waits_for = lagging.first().copied();
         if lagging.is_empty() && context.outbox.may_show_plan_of(self.held.epoch()) {
             let acting = Acting::begin(self.held, self.since, context);
             return Step::Enter(Stage::Acting(Box::new(acting)));
         }
+        let computes = |&module: &ModuleId| context.peers.computes(module, self.held.epoch());
+        let waited = context.now.saturating_sub(self.since);
+        if waited <= context.parameters.plan_limit && lagging.iter().any(computes) {
+            self.missing_since = context.now;
+        }
         self.report_sides(context);
-        let lease = context.parameters.lease;
         if self.reported != lagging && context.now > self.since + lease {
             self.reported.clone_from(&lagging);
             context.emit(Event::WaitingForAgreement(lagging));

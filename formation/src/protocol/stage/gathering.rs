@@ -21,6 +21,8 @@ use super::{Stage, Step};
 pub(in crate::protocol) struct Gathering {
     pub epoch: Epoch,
     since: Duration,
+    /// Since when a member waits for a convener that does not compute which pins stay.
+    waits_since: Duration,
     /// The target that the gathering is for, unless another is announced meanwhile: the members freeze with pins for this one.
     target: Digest,
     role: Role,
@@ -46,6 +48,8 @@ struct Collection {
     changed_at: Duration,
     reported_missing: bool,
     reported_limit: bool,
+    /// Whether the plan that shows which pins stay is being computed.
+    computes: bool,
 }
 
 /// Whether a collection is complete.
@@ -74,6 +78,7 @@ impl Gathering {
             changed_at: context.now,
             reported_missing: false,
             reported_limit: false,
+            computes: false,
         };
         Self::enter(context, epoch, target, Role::Convener(collection))
     }
@@ -97,6 +102,7 @@ impl Gathering {
         Self {
             epoch,
             since: context.now,
+            waits_since: context.now,
             target,
             role,
             claims: EarlyClaims::default(),
@@ -106,6 +112,13 @@ impl Gathering {
     /// Whether this module convenes.
     pub fn is_convener(&self) -> bool {
         matches!(self.role, Role::Convener(_))
+    }
+
+    pub fn phase(&self) -> ModulePhase {
+        match &self.role {
+            Role::Convener(collection) if collection.computes => ModulePhase::Computing,
+            Role::Convener(_) | Role::Member(_) => ModulePhase::Gathered,
+        }
     }
 
     pub fn describe(&self, state: &mut ModuleState, context: &Context) {
@@ -131,13 +144,17 @@ impl Gathering {
                     && heartbeat.epoch == Some(self.epoch)
                     && heartbeat.digest.is_none()
             });
-        let is_overdue = context.now > self.since + patience && !still_waits;
+        let is_overdue = context.now > self.waits_since + patience && !still_waits;
         (!is_live || is_overdue).then_some(EpochReason::ConvenerSilent(convener))
     }
 
-    /// As the convener, publishes the roster once all members have frozen or the time is up.
+    /// Waits for the roster; as the convener, publishes it once all members have frozen or the time is up.
     pub fn step(mut self, context: &mut Context) -> Step {
         let Role::Convener(collection) = &mut self.role else {
+            let computes = context.peers.computes(self.epoch.convener, self.epoch);
+            if computes && context.now <= self.since + context.parameters.plan_limit {
+                self.waits_since = context.now;
+            }
             return Step::Stay(Stage::Gathering(self));
         };
         let frozen = frozen_states(self.epoch, context);
@@ -153,11 +170,12 @@ impl Gathering {
         if reports_limit {
             report_missing(&frozen, context);
         }
+        collection.computes = false;
         self.close(&frozen, context)
     }
 
     /// Publishes the roster, unless it lacks a quorum or the target has changed.
-    fn close(self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Step {
+    fn close(mut self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Step {
         let Some(announcement) = context.target.announcement().cloned() else {
             return Step::Stay(Stage::Gathering(self));
         };
@@ -168,9 +186,6 @@ impl Gathering {
         if !members.iter().any(is_active) {
             // There is nothing to plan until a member takes part again.
             return Step::Stay(Stage::Gathering(self));
-        }
-        if let Some(target) = &announcement.target {
-            pins::release(&mut members, target, announcement.parameters);
         }
         let voters: Vec<Voter> = members.iter().map(RosterMember::voter).collect();
         let shortfall =
@@ -185,6 +200,14 @@ impl Gathering {
             // their pins for the new one.
             let next = Self::convene(context, &announcement, EpochReason::NewTarget);
             return Step::Enter(Stage::Gathering(next));
+        }
+        if let Some(target) = &announcement.target
+            && pins::release(&mut members, target, announcement.parameters, context).is_none()
+        {
+            if let Role::Convener(collection) = &mut self.role {
+                collection.computes = true;
+            }
+            return Step::Stay(Stage::Gathering(self));
         }
         let roster = Arc::new(Roster {
             epoch: self.epoch,

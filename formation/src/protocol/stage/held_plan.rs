@@ -6,14 +6,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    ActingUnit, CausalMark, Digest, Epoch, Incarnation, MicroUnits, ModuleId, ModulePhase,
-    ModuleState, Plan, Roster, SpotId,
+    ActingUnit, CausalMark, Digest, Epoch, Heartbeat, Incarnation, MicroUnits, ModuleId,
+    ModulePhase, ModuleState, Plan, Roster, SpotId,
 };
 
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::io::MotionGoal;
-use super::super::peers::Peers;
+use super::super::peer::Peer;
+use super::super::peers::{Peers, Shown};
 
 /// This module's place in a plan.
 #[derive(Clone, Copy, Debug)]
@@ -28,7 +29,7 @@ pub(super) struct Place {
 pub(in crate::protocol) struct HeldPlan {
     own: ModuleId,
     pub roster: Arc<Roster>,
-    pub plan: Plan,
+    pub plan: Arc<Plan>,
     pub digest: Digest,
     /// The number of turns of the plan.
     pub turns: u32,
@@ -37,6 +38,10 @@ pub(in crate::protocol) struct HeldPlan {
     pub(super) members: BTreeMap<ModuleId, Incarnation>,
     /// Whether some member showed another digest for this epoch.
     pub has_mismatch: bool,
+    /// What heartbeats had shown when they were last compared with the digest.
+    compared: Option<Shown>,
+    /// A member of which an agreement was missing. While it is, the others need not be looked at.
+    pub(super) waits_for: Option<ModuleId>,
 }
 
 impl Hash for HeldPlan {
@@ -47,7 +52,13 @@ impl Hash for HeldPlan {
 }
 
 impl HeldPlan {
-    pub fn new(own: ModuleId, roster: Arc<Roster>, plan: Plan, digest: Digest, turns: u32) -> Self {
+    pub fn new(
+        own: ModuleId,
+        roster: Arc<Roster>,
+        plan: Arc<Plan>,
+        digest: Digest,
+        turns: u32,
+    ) -> Self {
         let units = plan.assembly.units.iter().enumerate();
         let mut placements = units.flat_map(|(unit, acting)| {
             let placements = acting.placements.iter();
@@ -70,6 +81,8 @@ impl HeldPlan {
             turns,
             members,
             has_mismatch: false,
+            compared: None,
+            waits_for: None,
         }
     }
 
@@ -103,22 +116,40 @@ impl HeldPlan {
 
     /// The members whose latest heartbeat does not show this plan, or is older than `limit`.
     pub(super) fn lagging(&self, context: &Context, limit: Duration) -> Vec<ModuleId> {
-        let shows_plan = |module: ModuleId, incarnation: Incarnation| {
-            context.peers.get(module).is_some_and(|peer| {
-                let is_member = peer.incarnation == incarnation || context.bugs.ignore_restarts();
-                let shows = peer.heartbeat.is_some_and(|heartbeat| {
-                    heartbeat.epoch == Some(self.epoch()) && heartbeat.digest == Some(self.digest)
-                });
-                is_member && shows && peer.age(context.now).is_some_and(|age| age <= limit)
+        let members = context.peers.along(&self.members);
+        members
+            .filter(|&(module, &incarnation, peer)| {
+                module != self.own && !self.is_shown_by(incarnation, peer, context, limit)
             })
-        };
-        self.members
-            .iter()
-            .filter(|&(&module, &incarnation)| {
-                module != self.own && !shows_plan(module, incarnation)
-            })
-            .map(|(&module, _)| module)
+            .map(|(module, ..)| module)
             .collect()
+    }
+
+    /// Whether a member's latest heartbeat shows this plan and is not older than `limit`.
+    fn is_shown_by(
+        &self,
+        incarnation: Incarnation,
+        peer: Option<&Peer>,
+        context: &Context,
+        limit: Duration,
+    ) -> bool {
+        peer.is_some_and(|peer| {
+            let is_member = peer.incarnation == incarnation || context.bugs.ignore_restarts();
+            let shows = peer.heartbeat.is_some_and(|heartbeat| {
+                heartbeat.epoch == Some(self.epoch()) && heartbeat.digest == Some(self.digest)
+            });
+            is_member && shows && peer.age(context.now).is_some_and(|age| age <= limit)
+        })
+    }
+
+    /// Whether [`Self::waits_for`] is among [`Self::lagging_for_motion`].
+    pub(super) fn still_lags(&self, context: &Context) -> bool {
+        let lags = |module: ModuleId| {
+            let incarnation = *self.members.get(&module)?;
+            let (peer, lease) = (context.peers.get(module), context.parameters.lease);
+            Some(!self.is_shown_by(incarnation, peer, context, lease))
+        };
+        !context.bugs.skip_digest_barrier() && self.waits_for.and_then(lags).unwrap_or(false)
     }
 
     /// The members without whose agreement no module may move.
@@ -134,12 +165,24 @@ impl HeldPlan {
         if self.has_mismatch {
             return false;
         }
-        let mismatch = self.members.keys().find_map(|&module| {
-            let heartbeat = context.peers.heartbeat(module)?;
+        let shown = context.peers.shown();
+        let compared = self.compared.replace(shown);
+        if compared == Some(shown) {
+            return false;
+        }
+        let other_digest = |module: ModuleId, heartbeat: Option<Heartbeat>| {
+            let heartbeat = heartbeat?;
             let theirs = heartbeat.digest?;
             (heartbeat.epoch == Some(self.epoch()) && theirs != self.digest)
                 .then_some((module, theirs))
-        });
+        };
+        let mismatch = match compared.and_then(|compared| shown.only_since(compared)) {
+            Some(module) => (self.members.contains_key(&module))
+                .then(|| other_digest(module, context.peers.heartbeat(module)))
+                .flatten(),
+            None => (context.peers.along(&self.members))
+                .find_map(|(module, _, peer)| other_digest(module, peer?.heartbeat)),
+        };
         let Some((module, theirs)) = mismatch else {
             return false;
         };

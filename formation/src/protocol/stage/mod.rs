@@ -107,8 +107,8 @@ impl Stage {
     pub fn phase(&self) -> ModulePhase {
         match self {
             Self::Listening(_) => ModulePhase::Listening,
-            Self::Gathering(_) => ModulePhase::Gathered,
-            Self::Planning(_) => ModulePhase::Planning,
+            Self::Gathering(gathering) => gathering.phase(),
+            Self::Planning(planning) => planning.phase(),
             Self::Agreeing(_) => ModulePhase::Agreeing,
             Self::Acting(acting) => acting.phase(),
             Self::Outsider(_) => ModulePhase::Spare,

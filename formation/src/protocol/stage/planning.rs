@@ -5,13 +5,14 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Decision, Digest, EvictionNotice, Message, ModuleId, Plan, Roster, SpotClaim, digest,
+    Decision, Digest, EvictionNotice, Message, ModuleId, ModulePhase, Roster, SpotClaim, digest,
 };
-use crate::planner::{self, ClaimRefused};
+use crate::planner::{ClaimRefused, PlannedTurns};
 
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::mutation::Bugs;
+use super::super::plans::PlanJob;
 use super::super::refusal::Refusal;
 use super::claims::EarlyClaims;
 use super::{Agreeing, HeldPlan, Stage, Step, hash_roster};
@@ -20,19 +21,25 @@ use super::{Agreeing, HeldPlan, Stage, Step, hash_roster};
 #[derive(Clone)]
 pub(in crate::protocol) struct Planning {
     pub roster: Arc<Roster>,
-    planner: planner::Planning,
+    job: PlanJob,
+    /// Every turn as this replica decides it; `None` until the plan is computed.
+    planned: Option<Arc<PlannedTurns>>,
+    /// The number of turns that have been applied.
+    applied: u32,
     decisions: Vec<(ModuleId, Decision)>,
     claims: EarlyClaims,
     began: Duration,
-    /// When the last turn was applied, or the planning began.
+    /// When the last turn was applied, the plan was computed, or the claimant was last seen to compute its own.
     progress_at: Duration,
+    reported_overdue: bool,
 }
 
 impl Hash for Planning {
     /// The decisions follow from the roster and the number of turns.
     fn hash<H: Hasher>(&self, state: &mut H) {
         hash_roster(&self.roster, state);
-        (self.applied(), &self.claims, self.progress_at).hash(state);
+        let progress = (self.planned.is_some(), self.applied, self.progress_at);
+        (progress, &self.claims).hash(state);
     }
 }
 
@@ -51,15 +58,17 @@ impl Planning {
             context.refuse(Some(epoch.convener), Refusal::BadRoster);
             return None;
         };
-        context.mark_state_changed();
         context.emit(Event::PlanningBegun { epoch, members });
         Some(Self {
-            planner: planner::Planning::new(Arc::new(problem)),
+            job: PlanJob::plan(problem),
+            planned: None,
+            applied: 0,
             roster,
             decisions: Vec::new(),
             claims: EarlyClaims::default(),
             began: context.now,
             progress_at: context.now,
+            reported_overdue: false,
         })
     }
 
@@ -70,14 +79,22 @@ impl Planning {
     }
 
     pub fn applied(&self) -> u32 {
-        self.planner.applied_turns()
+        self.applied
+    }
+
+    pub fn phase(&self) -> ModulePhase {
+        if self.planned.is_some() {
+            ModulePhase::Planning
+        } else {
+            ModulePhase::Computing
+        }
     }
 
     /// The module whose claim has been due for longer than `stuck`.
-    pub fn stuck_claimant(&self, now: Duration, stuck: Duration) -> Option<ModuleId> {
-        let is_stuck = now.saturating_sub(self.progress_at) > stuck;
-        let turn = self.planner.turn().filter(|_| is_stuck)?;
-        Some(turn.claimant)
+    pub fn stuck_claimant(&self, context: &Context) -> Option<ModuleId> {
+        let (claimant, _) = self.planned.as_ref()?.turn(self.applied)?;
+        let waited = context.now.saturating_sub(self.progress_at);
+        (waited > context.parameters.stuck).then_some(claimant)
     }
 
     /// Keeps a claim of a member for its turn.
@@ -87,7 +104,7 @@ impl Planning {
         if member.is_none_or(|member| member.incarnation != claim.incarnation) {
             return Err(Refusal::UnknownModule);
         }
-        if claim.turn < self.applied() {
+        if claim.turn < self.applied {
             return Err(Refusal::StaleEpoch);
         }
         if context.bugs.record_claims_out_of_turn() {
@@ -99,30 +116,60 @@ impl Planning {
 
     /// Takes this module's turns and applies the claims of others, as far as they are known.
     pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
-        while let Some(turn) = self.planner.turn() {
-            let is_applied = if turn.claimant == context.module() {
-                self.take_turn(context)
+        let Some(planned) = self.planned(context) else {
+            return Step::Stay(Stage::Planning(self));
+        };
+        while let Some((claimant, decision)) = planned.turn(self.applied) {
+            let is_applied = if claimant == context.module() {
+                self.take_turn(&planned, decision, context)
             } else {
-                self.apply_claims(context)
+                self.apply_claims(&planned, context)
             };
             if !is_applied {
+                let waited = context.now.saturating_sub(self.began);
+                let computes = context.peers.computes(claimant, self.roster.epoch);
+                if computes && waited <= context.parameters.plan_limit {
+                    self.progress_at = context.now;
+                }
                 return Step::Stay(Stage::Planning(self));
             }
         }
-        match self.planner.finish() {
-            Some(plan) => Step::Enter(self.finish(plan, context)),
-            None => Step::Stay(Stage::Planning(self)),
+        Step::Enter(self.finish(&planned, context))
+    }
+
+    /// Every turn as this replica decides it; `None` until the plan is computed.
+    fn planned(&mut self, context: &mut Context) -> Option<Arc<PlannedTurns>> {
+        if self.planned.is_none() {
+            self.planned = context.plan(self.job.clone());
+            if self.planned.is_some() {
+                self.progress_at = context.now;
+                context.mark_state_changed();
+            } else {
+                self.report_overdue(context);
+            }
+        }
+        self.planned.clone()
+    }
+
+    /// Reports once that the plan takes longer than the other members wait for it.
+    fn report_overdue(&mut self, context: &mut Context) {
+        let limit = context.parameters.plan_limit;
+        let is_overdue = context.now.saturating_sub(self.began) > limit;
+        if is_overdue && !std::mem::replace(&mut self.reported_overdue, true) {
+            context.emit(Event::PlanOverdue(self.roster.epoch));
         }
     }
 
     /// Decides for the unit that this module leads, and publishes the claim.
-    fn take_turn(&mut self, context: &mut Context) -> bool {
-        let turn = self.applied();
-        let Some(decision) = self.planner.decide() else {
-            return false;
-        };
+    fn take_turn(
+        &mut self,
+        planned: &PlannedTurns,
+        decision: &Decision,
+        context: &mut Context,
+    ) -> bool {
+        let turn = self.applied;
         let claimant = context.module();
-        if let Err(refusal) = self.apply(claimant, &decision, context) {
+        if let Err(refusal) = self.apply(planned, claimant, decision, context) {
             context.refuse(Some(claimant), refusal);
             return false;
         }
@@ -139,15 +186,15 @@ impl Planning {
             turn,
             claimant,
             incarnation: context.own.run.incarnation,
-            decision,
+            decision: decision.clone(),
         })));
         true
     }
 
     /// Applies the first right claim for the present turn, and refuses the wrong ones before it.
-    fn apply_claims(&mut self, context: &mut Context) -> bool {
-        for claim in self.claims.take(self.applied()) {
-            match self.apply(claim.claimant, &claim.decision, context) {
+    fn apply_claims(&mut self, planned: &PlannedTurns, context: &mut Context) -> bool {
+        for claim in self.claims.take(self.applied) {
+            match self.apply(planned, claim.claimant, &claim.decision, context) {
                 Ok(()) => {
                     report_own_eviction(&claim.decision, context);
                     return true;
@@ -160,20 +207,18 @@ impl Planning {
 
     fn apply(
         &mut self,
+        planned: &PlannedTurns,
         claimant: ModuleId,
         decision: &Decision,
         context: &Context,
     ) -> Result<(), Refusal> {
-        match self.planner.apply(claimant, decision) {
+        match planned.check(self.applied, claimant, decision) {
             Ok(()) => {}
-            Err(ClaimRefused::DifferentDecision { expected, .. })
-                if context.bugs.accept_any_decision() =>
-            {
-                let _ = self.planner.apply(claimant, &expected);
-            }
+            Err(ClaimRefused::DifferentDecision { .. }) if context.bugs.accept_any_decision() => {}
             Err(ClaimRefused::DifferentDecision { .. }) => return Err(Refusal::DifferentDecision),
             Err(_) => return Err(Refusal::WrongClaimant),
         }
+        self.applied += 1;
         if !context.bugs.record_claims_out_of_turn() {
             self.decisions.push((claimant, decision.clone()));
         }
@@ -181,16 +226,17 @@ impl Planning {
         Ok(())
     }
 
-    fn finish(self: Box<Self>, plan: Plan, context: &mut Context) -> Stage {
+    fn finish(self: Box<Self>, planned: &PlannedTurns, context: &mut Context) -> Stage {
         let epoch = self.roster.epoch;
         let digest = self.digest(context.bugs);
-        let turns = self.applied();
+        let turns = self.applied;
         context.emit(Event::Planned {
             epoch,
             digest,
             turns,
             elapsed: context.now.saturating_sub(self.began),
         });
+        let plan = Arc::clone(planned.plan());
         for &warning in &plan.assembly.warnings {
             context.emit(Event::AssemblyWarning(warning));
         }

@@ -1,0 +1,245 @@
+//! The plans of an agent: jobs that its host may run on another thread, and share between agents.
+//!
+//! A plan can take seconds, in which a process must go on sending heartbeats. An agent therefore asks for its plan
+//! ([`Output::Compute`]) and continues when the plan comes ([`Input::Computed`]); meanwhile it shows the phase COMPUTING.
+//! The alternative, planning in slices between heartbeats, would have to interrupt every search of the planner, and its
+//! slices would still have to be short against the heartbeats of the slowest machine.
+//!
+//! A plan follows from its problem alone, and only [`PlanJob::run`] makes a [`ComputedPlan`]. What an agent takes from a
+//! host therefore equals what it would have computed, and one computation serves all agents of a process
+//! ([`SharedPlans`]). An agent takes no other plan than the one that it asked for.
+//!
+//! [`Input::Computed`]: super::Input::Computed
+
+use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
+
+use crate::model::{ModuleId, PlanningProblem};
+use crate::planner::{PlannedTurns, plan_releasing_pins};
+
+use super::io::Output;
+use super::outbox::Outbox;
+
+/// The number of plans that are kept for other agents and for the next epoch.
+const PLANS_KEPT: usize = 3;
+
+/// A plan that an agent needs.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlanJob {
+    problem: Arc<PlanningProblem>,
+    /// Whether the pins that wall in spots are released first.
+    releases_pins: bool,
+}
+
+/// The result of a job.
+#[derive(Clone, Debug)]
+pub struct ComputedPlan {
+    job: PlanJob,
+    planned: Arc<PlannedTurns>,
+}
+
+impl PlanJob {
+    /// The plan for a problem as it is.
+    pub(super) fn plan(problem: PlanningProblem) -> Self {
+        Self {
+            problem: Arc::new(problem),
+            releases_pins: false,
+        }
+    }
+
+    /// The plan for a problem after the release of the pins that wall in spots.
+    pub(super) fn release(problem: PlanningProblem) -> Self {
+        Self {
+            problem: Arc::new(problem),
+            releases_pins: true,
+        }
+    }
+
+    /// Computes the plan. Depends on nothing else, so it may run on any thread.
+    #[must_use]
+    pub fn run(self) -> ComputedPlan {
+        let problem = Arc::clone(&self.problem);
+        let planned = if self.releases_pins {
+            plan_releasing_pins(problem)
+        } else {
+            PlannedTurns::of(problem)
+        };
+        ComputedPlan {
+            job: self,
+            planned: Arc::new(planned),
+        }
+    }
+}
+
+impl ComputedPlan {
+    /// The plan, if it is the one of this job. After a release of pins it is also the plan for the pins that stay.
+    fn answer_to(&self, job: &PlanJob) -> Option<&Arc<PlannedTurns>> {
+        let is_for_rest = !job.releases_pins && *self.planned.problem() == job.problem;
+        (is_for_rest || self.job == *job).then_some(&self.planned)
+    }
+}
+
+/// The plan that an agent has asked for last.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Plans {
+    /// Whether the host computes plans; otherwise the agent does.
+    pub by_host: bool,
+    asked: Option<PlanJob>,
+    computed: Option<Arc<ComputedPlan>>,
+}
+
+impl Plans {
+    /// The plan of a job if it is known; otherwise the host is asked for it, once.
+    pub fn get(&mut self, job: PlanJob, outbox: &mut Outbox) -> Option<Arc<PlannedTurns>> {
+        let known = self.computed.as_ref();
+        if let Some(planned) = known.and_then(|computed| computed.answer_to(&job)) {
+            return Some(Arc::clone(planned));
+        }
+        if !self.by_host {
+            let computed = self.computed.insert(Arc::new(job.run()));
+            return Some(Arc::clone(&computed.planned));
+        }
+        if self.asked.as_ref() != Some(&job) {
+            self.asked = Some(job.clone());
+            outbox.push(Output::Compute(job));
+        }
+        None
+    }
+
+    /// Takes a plan of the host; returns whether it is the one that was asked for.
+    pub fn receive(&mut self, computed: Arc<ComputedPlan>) -> bool {
+        let is_asked = |job: &mut PlanJob| computed.answer_to(job).is_some();
+        let is_answer = self.asked.take_if(is_asked).is_some();
+        if is_answer {
+            self.computed = Some(computed);
+        }
+        is_answer
+    }
+}
+
+/// The plans of a host: what its agents wait for, what runs, and what was computed lately.
+#[derive(Debug, Default)]
+pub struct SharedPlans {
+    /// The job that each agent waits for.
+    waiting: BTreeMap<ModuleId, PlanJob>,
+    /// The modules that asked for a job that no other had asked for, in this order.
+    queue: VecDeque<ModuleId>,
+    running: Option<PlanJob>,
+    computed: VecDeque<Arc<ComputedPlan>>,
+}
+
+impl SharedPlans {
+    /// Takes the request of an agent, in the place of its last one. Returns the plan if it is known.
+    pub fn ask(&mut self, module: ModuleId, job: PlanJob) -> Option<Arc<ComputedPlan>> {
+        self.waiting.remove(&module);
+        let mut computed = self.computed.iter();
+        if let Some(known) = computed.find(|computed| computed.answer_to(&job).is_some()) {
+            return Some(Arc::clone(known));
+        }
+        self.waiting.insert(module, job);
+        self.queue.retain(|&other| other != module);
+        self.queue.push_back(module);
+        None
+    }
+
+    /// The next job to run; `None` while another runs, or if no agent waits.
+    pub fn next_job(&mut self) -> Option<PlanJob> {
+        if self.running.is_some() {
+            return None;
+        }
+        let module = self.queue.pop_front()?;
+        self.running = self.waiting.get(&module).cloned();
+        self.running.clone()
+    }
+
+    /// Takes the result of a job. Returns the modules that waited for it.
+    pub fn finish(&mut self, computed: Arc<ComputedPlan>) -> Vec<ModuleId> {
+        self.running.take_if(|job| *job == computed.job);
+        let served: Vec<ModuleId> = self
+            .waiting
+            .iter()
+            .filter(|(_, job)| computed.answer_to(job).is_some())
+            .map(|(&module, _)| module)
+            .collect();
+        for module in &served {
+            self.waiting.remove(module);
+        }
+        self.queue.retain(|module| !served.contains(module));
+        self.computed.push_front(computed);
+        self.computed.truncate(PLANS_KEPT);
+        served
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::generate::{GeneratorParameters, Grouping, generate};
+    use crate::model::Scenario;
+
+    fn problem(seed: u64) -> PlanningProblem {
+        let parameters = GeneratorParameters::new(6, 6, seed).grouped(Grouping::Mixed);
+        let raw = generate(&parameters).unwrap();
+        Scenario::try_from(raw).unwrap().problem().clone()
+    }
+
+    #[test]
+    fn agents_that_ask_for_the_same_share_one_plan() {
+        let mut plans = SharedPlans::default();
+        let modules: Vec<ModuleId> = (0..4).map(ModuleId).collect();
+        for &module in &modules[..3] {
+            assert!(plans.ask(module, PlanJob::plan(problem(1))).is_none());
+        }
+        assert!(plans.ask(modules[3], PlanJob::plan(problem(2))).is_none());
+        let first = plans.next_job().unwrap();
+        assert_eq!(plans.next_job(), None, "one runs already");
+        // This one now needs another plan.
+        assert!(plans.ask(modules[2], PlanJob::plan(problem(2))).is_none());
+        let first = Arc::new(first.run());
+        assert_eq!(plans.finish(Arc::clone(&first)), modules[..2]);
+        let second = plans.next_job().unwrap();
+        assert_eq!(plans.finish(Arc::new(second.run())), modules[2..]);
+        assert_eq!(plans.next_job(), None);
+        // The next epoch may have the same problem.
+        let known = plans.ask(modules[3], PlanJob::plan(problem(1))).unwrap();
+        assert!(Arc::ptr_eq(&known, &first));
+        assert_eq!(
+            *known.planned,
+            PlannedTurns::of(Arc::new(problem(1))),
+            "what an agent would have computed"
+        );
+    }
+
+    #[test]
+    fn a_release_of_pins_answers_for_the_pins_that_stay() {
+        let job = PlanJob::release(problem(3));
+        let mut plans = SharedPlans::default();
+        assert!(plans.ask(ModuleId(1), job.clone()).is_none());
+        let computed = Arc::new(plans.next_job().unwrap().run());
+        assert_eq!(plans.finish(Arc::clone(&computed)), [ModuleId(1)]);
+        assert!(plans.ask(ModuleId(1), job).is_some());
+        let kept = PlanningProblem::clone(computed.planned.problem());
+        assert!(plans.ask(ModuleId(2), PlanJob::plan(kept)).is_some());
+    }
+
+    #[test]
+    fn an_agent_takes_the_plan_that_it_asked_for_only() {
+        let mut outbox = Outbox::default();
+        let mut plans = Plans {
+            by_host: true,
+            ..Plans::default()
+        };
+        let (wanted, other) = (PlanJob::plan(problem(4)), PlanJob::plan(problem(5)));
+        assert!(plans.get(wanted.clone(), &mut outbox).is_none());
+        assert!(plans.get(wanted.clone(), &mut outbox).is_none());
+        let asked = std::iter::from_fn(|| outbox.pop()).collect::<Vec<_>>();
+        assert!(matches!(&asked[..], [Output::Compute(job)] if *job == wanted));
+        assert!(!plans.receive(Arc::new(other.run())));
+        assert!(plans.get(wanted.clone(), &mut outbox).is_none());
+        let computed = Arc::new(wanted.clone().run());
+        assert!(plans.receive(Arc::clone(&computed)));
+        assert!(!plans.receive(computed), "it has it");
+        let taken = plans.get(wanted, &mut outbox).unwrap();
+        assert_eq!(*taken, PlannedTurns::of(Arc::new(problem(4))));
+    }
+}
