@@ -4,6 +4,7 @@ use std::path::Path;
 
 use formation::model::Scenario;
 use formation::model::text::counted;
+use formation::planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
 
 use crate::{console, scenario_file, warnings};
@@ -14,8 +15,18 @@ use crate::{console, scenario_file, warnings};
 /// Names the file, the place and what is wrong there.
 pub fn check(path: &Path) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
+    refuse_long_plans(path, &scenario)?;
     warn(path, &scenario);
     console::result_line(&format!("{}: {}", path.display(), summary(&scenario)))
+}
+
+/// Refuses a scenario whose plan would take real processes too long.
+///
+/// # Errors
+/// Names the field to which the most time is due, and the limit.
+pub fn refuse_long_plans(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
+    let refused = PlanSize::of(scenario.problem()).check();
+    refused.map_err(|reason| Failure::bad_input(format_args!("{}: {reason}", path.display())))
 }
 
 /// Prints a warning for all that is valid and yet looks like a mistake.

@@ -31,7 +31,7 @@ fn what_is_generated_passes_the_check() {
             "23 modules (4 configurations, 3 singletons); 30 spots (tree)",
         ),
         (
-            "--modules 10000 --spots 10000 --mixed --seed 18446744073709551615",
+            "--modules 10000 --spots 10000 --configuration-size 10 --seed 18446744073709551615",
             "10000 spots (tree)",
         ),
     ] {
@@ -56,6 +56,24 @@ fn what_is_generated_passes_the_check() {
         generate("--modules 9 --spots 9 --seed 1").stdout,
         generate("--modules 9 --spots 9 --seed 2").stdout
     );
+}
+
+#[test]
+fn what_would_be_planned_for_minutes_is_refused_by_name() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("generated.yaml");
+    let output = generate("--modules 10000 --spots 10000 --seed 1");
+    fs::write(&path, &output.stdout).unwrap();
+    let check = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .arg("check")
+        .arg(&path)
+        .output()
+        .unwrap();
+    assert_eq!(check.status.code(), Some(2));
+    let stderr = String::from_utf8(check.stderr).unwrap();
+    let expected = "modules: a plan for 10000 modules and 10000 spots may take 750 s, and real processes are given at \
+                    most 30 s: use fewer modules\n";
+    assert!(stderr.ends_with(expected), "{stderr}");
 }
 
 #[test]

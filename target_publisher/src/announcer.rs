@@ -20,7 +20,7 @@ use ros_runtime::settings::Settings;
 use ros2_client::builtin_interfaces::Time;
 
 use crate::endpoints::{self, FormConfigurationServer, Input};
-use crate::goal_resolver::GoalResolver;
+use crate::goal_resolver::{GoalResolver, refuse_long_plans};
 use crate::goal_tracker::GoalTracker;
 use crate::parameters::PublisherParameters;
 
@@ -63,6 +63,7 @@ impl TargetPublisher {
                 expected_modules: parameters.expected_modules,
                 ..announcement.clone()
             };
+            refuse_long_plans(&announcement).map_err(SessionError::BadInput)?;
             tracker.status.announce(start.elapsed(), announcement);
         }
         let mut session = Session::join(&self.settings, NODE_NAME, declared)?;

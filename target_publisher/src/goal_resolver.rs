@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use formation::model::{MODULES_MAX, TargetAnnouncement};
+use formation::planner::PlanSize;
 use formation_msgs::FormConfigurationGoal;
 use formation_node::scenario::read_scenario;
 
@@ -42,13 +43,15 @@ impl GoalResolver {
                     .to_owned(),
             );
         }
-        Ok(TargetAnnouncement {
+        let announcement = TargetAnnouncement {
             expected_modules: (expected > 0)
                 .then_some(expected)
                 .or(announcement.expected_modules)
                 .or(self.expected_modules),
             ..announcement
-        })
+        };
+        refuse_long_plans(&announcement)?;
+        Ok(announcement)
     }
 
     fn of_scenario(&self, name: &str) -> Result<TargetAnnouncement, String> {
@@ -107,8 +110,25 @@ impl GoalResolver {
     }
 }
 
+/// Refuses a target whose plan would take the modules too long; says why.
+pub(crate) fn refuse_long_plans(announcement: &TargetAnnouncement) -> Result<(), String> {
+    let Some(target) = &announcement.target else {
+        return Ok(());
+    };
+    let modules = announcement.expected_modules.unwrap_or(0) as usize;
+    let size = PlanSize {
+        target,
+        parameters: &announcement.parameters,
+        modules,
+        // How the modules are docked is not known, and single ones take longer, except on large targets with cycles.
+        configured: 0,
+    };
+    size.check().map_err(|refused| refused.to_string())
+}
+
 #[cfg(test)]
 mod tests {
+    use formation::model::{PlannerParameters, RawSpot, RawTarget};
     use formation_msgs::{Edge, Spot, TargetConfiguration};
 
     use super::*;
@@ -146,6 +166,40 @@ mod tests {
         }
         let reason = GoalResolver::default().resolve(named("singletons_10"));
         assert!(reason.unwrap_err().contains("--scenario-folder"));
+    }
+
+    #[test]
+    fn a_target_that_would_be_planned_for_minutes_is_refused() {
+        let spots = 5_000;
+        let raw = RawTarget {
+            frame_id: "map".to_owned(),
+            spots: (0..spots)
+                .map(|id| RawSpot {
+                    id,
+                    x: f64::from(id),
+                    y: 0.0,
+                    theta: 0.0,
+                })
+                .collect(),
+            edges: (1..spots).map(|id| [id - 1, id]).collect(),
+        };
+        let mut announcement = TargetAnnouncement {
+            revision: 1,
+            name: String::new(),
+            target: Some(Arc::new(raw.try_into().unwrap())),
+            parameters: PlannerParameters::default(),
+            expected_modules: Some(1_000),
+            founders: Vec::new(),
+        };
+        assert_eq!(refuse_long_plans(&announcement), Ok(()));
+        announcement.expected_modules = Some(spots);
+        let reason = refuse_long_plans(&announcement).unwrap_err();
+        assert!(
+            reason.starts_with("modules: a plan for 5000 modules and 5000 spots may take 93 s"),
+            "{reason}"
+        );
+        announcement.target = None;
+        assert_eq!(refuse_long_plans(&announcement), Ok(()));
     }
 
     #[test]

@@ -6,6 +6,7 @@
 mod assembly;
 pub mod assignment;
 pub mod baseline;
+mod cost;
 mod cut_nodes;
 pub mod placement;
 mod rooted_tree;
@@ -14,6 +15,7 @@ mod turns;
 mod value;
 
 pub(crate) use cut_nodes::cut_nodes;
+pub use cost::{PLAN_TIME_MAX, PlanSize, PlanTooLong};
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{
     ClaimRefused, PlanOutcome, PlannedTurns, Planning, Turn, plan, plan_releasing_pins,
