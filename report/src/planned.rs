@@ -82,6 +82,8 @@ impl<'a> Course<'a> {
         course.note(Event::Roster {
             epoch,
             modules: problem.modules().iter().map(|module| module.id).collect(),
+            out_of_service: Vec::new(),
+            problem: Some(problem.digest()),
         });
         course
     }

@@ -177,6 +177,8 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             Event::Roster {
                 epoch: epoch(1),
                 modules: vec![ModuleId(7), ModuleId(8)],
+                out_of_service: Vec::new(),
+                problem: None,
             },
         ),
         (1_020, claim(epoch(1), 7)),
@@ -196,6 +198,8 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             Event::Roster {
                 epoch: epoch(2),
                 modules: vec![ModuleId(8)],
+                out_of_service: Vec::new(),
+                problem: None,
             },
         ),
         (9_020, claim(epoch(2), 8)),

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId};
+use crate::model::{Decision, Digest, Epoch, ModuleId, ModulePhase, Pose, SpotId};
 
 pub use recorder::{POSE_INTERVAL, Recorder};
 pub use scene::{Changes, Scene, SceneModule};
@@ -47,6 +47,12 @@ pub enum Event {
         epoch: Epoch,
         /// Its members, ascending.
         modules: Vec<ModuleId>,
+        /// Those of them that take no spot, because they are retired or their motion failed; ascending.
+        #[serde(default)]
+        out_of_service: Vec<ModuleId>,
+        /// The digest of the problem for which they plan; `None` if they have nothing to plan.
+        #[serde(default)]
+        problem: Option<Digest>,
     },
     /// A unit took its turn. Within an epoch these come in the order of turns, without a gap.
     Claim {

@@ -6,7 +6,8 @@ use std::time::Duration;
 
 use super::{Entry, Event, ModuleSnapshot, milliseconds};
 use crate::model::{
-    Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState, RosterMessage, SpotClaim,
+    Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState, Roster, RosterMember,
+    RosterMessage, Service, SpotClaim,
 };
 
 /// The usual least time between two recorded poses of one module.
@@ -66,9 +67,7 @@ impl Recorder {
                 self.advance_to(epoch);
                 if self.epoch == Some((epoch, false)) {
                     self.epoch = Some((epoch, true));
-                    let members = roster.members.iter();
-                    let modules = members.map(|member| member.module.id).collect();
-                    events.push(Event::Roster { epoch, modules });
+                    events.push(roster_event(roster));
                     self.record_claims_due(&mut events);
                 }
             }
@@ -177,6 +176,20 @@ impl Recorder {
             },
             false => Event::State(snapshot),
         })
+    }
+}
+
+fn roster_event(roster: &Roster) -> Event {
+    let ids = |members: &mut dyn Iterator<Item = &RosterMember>| -> Vec<ModuleId> {
+        members.map(|member| member.module.id).collect()
+    };
+    let members = || roster.members.iter();
+    let problem = roster.problem().ok().flatten();
+    Event::Roster {
+        epoch: roster.epoch,
+        modules: ids(&mut members()),
+        out_of_service: ids(&mut members().filter(|member| member.service != Service::Active)),
+        problem: problem.map(|problem| problem.digest()),
     }
 }
 

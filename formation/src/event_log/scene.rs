@@ -53,7 +53,7 @@ impl Scene {
                     changes.steps.push(Step::Regathering(*epoch));
                 }
             }
-            Event::Roster { epoch, modules } => {
+            Event::Roster { epoch, modules, .. } => {
                 self.begin(*epoch, &mut changes);
                 self.stage = FormationStage::Planning;
                 let members = modules.len();

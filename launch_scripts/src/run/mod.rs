@@ -58,6 +58,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();
     let environment = network::prepare(arguments, modules, hosts.len())?;
+    check::refuse_long_plans(path, &scenario)?;
     check::warn(path, &scenario);
     let plan = CheckedPlan::of(&scenario)?;
     plan.warn(path);
@@ -74,7 +75,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         environment,
     };
     let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
-    let result = judgement.map(|judgement| RunReport::new(&plan, judgement, &observed));
+    let result =
+        judgement.map(|judgement| RunReport::new(&plan, judgement, &observed, arguments.timeout));
     if let Some(directory) = directory {
         // What was observed of a run without a verdict may say why there is none.
         let report = result.as_ref();

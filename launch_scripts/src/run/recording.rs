@@ -1,6 +1,7 @@
 //! The event log of a run, kept for its report.
 
 use formation::event_log::{Entry, Event};
+use formation::model::{Digest, Epoch, ModuleId};
 
 /// The most entries that are kept: some hundred megabytes, and far more than a run of 100 modules has.
 const ENTRIES_MAX: usize = 200_000;
@@ -12,6 +13,17 @@ const ENTRIES_WITH_POSES_MAX: usize = 100_000;
 pub struct Recording {
     entries: Vec<Entry>,
     left_out: usize,
+}
+
+/// The roster of an epoch, as far as the event log shows it.
+#[derive(Clone, Copy, Debug)]
+pub struct SeenRoster<'a> {
+    /// Its members.
+    pub modules: &'a [ModuleId],
+    /// Those of them that take no spot.
+    pub out_of_service: &'a [ModuleId],
+    /// The digest of the problem for which they plan.
+    pub problem: Option<Digest>,
 }
 
 impl Recording {
@@ -33,6 +45,26 @@ impl Recording {
         &self.entries
     }
 
+    /// The roster of an epoch.
+    pub fn roster(&self, wanted: Epoch) -> Option<SeenRoster<'_>> {
+        self.entries
+            .iter()
+            .rev()
+            .find_map(|entry| match &entry.event {
+                Event::Roster {
+                    epoch,
+                    modules,
+                    out_of_service,
+                    problem,
+                } if *epoch == wanted => Some(SeenRoster {
+                    modules,
+                    out_of_service,
+                    problem: *problem,
+                }),
+                _ => None,
+            })
+    }
+
     /// How many entries there was no room for.
     pub fn left_out(&self) -> usize {
         self.left_out
@@ -41,7 +73,7 @@ impl Recording {
 
 #[cfg(test)]
 mod tests {
-    use formation::model::{Epoch, ModuleId, Pose};
+    use formation::model::Pose;
 
     use super::*;
 

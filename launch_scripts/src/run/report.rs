@@ -1,11 +1,12 @@
 //! The result of a run.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
 
 use anyhow::anyhow;
 use formation::event_log::milliseconds;
 use formation::model::text::listed_in_full;
-use formation::model::{Assignment, ModuleId, SpotId};
+use formation::model::{Assignment, Epoch, ModuleId, SpotId};
 use formation::verify::{Outcome, outcome_text};
 use formation_report::Fact;
 use ros_runtime::exit::Failure;
@@ -50,15 +51,65 @@ pub struct RunReport {
     planning_ms: Option<u64>,
     acting_ms: Option<u64>,
     dead: Deaths,
+    #[serde(flatten)]
+    participation: Participation,
+    /// The time limit, if the run ended because the time was up.
+    #[serde(rename = "timed_out", serialize_with = "is_some")]
+    time_limit: Option<Duration>,
     #[serde(skip)]
     filled_spots: usize,
     #[serde(skip)]
     planned: Vec<Assignment>,
 }
 
+fn is_some<S: Serializer>(limit: &Option<Duration>, serializer: S) -> Result<S::Ok, S::Error> {
+    serializer.serialize_bool(limit.is_some())
+}
+
+/// How the final roster relates to the modules and the poses of the scenario.
+#[derive(Debug, Default, Serialize)]
+struct Participation {
+    /// Whether the roster is another than the one that the offline plan is for, so that the two plans may differ.
+    replanned: bool,
+    /// Members that took no spot, because they were retired or their motion failed.
+    out_of_service: Vec<ModuleId>,
+    /// Modules that are no members, although their processes run.
+    left_out: Vec<ModuleId>,
+}
+
+impl Participation {
+    fn new(plan: &CheckedPlan, epoch: Option<Epoch>, observed: &Observed) -> Self {
+        let dead = observed.deaths.modules();
+        let Some(roster) = epoch.and_then(|epoch| observed.recording.roster(epoch)) else {
+            return Self::default();
+        };
+        let all = plan.problem.modules().iter().map(|module| module.id);
+        Self {
+            replanned: roster.problem != Some(plan.problem.digest()),
+            out_of_service: roster.out_of_service.to_vec(),
+            left_out: all
+                .filter(|module| !dead.contains(module) && !roster.modules.contains(module))
+                .collect(),
+        }
+    }
+}
+
 impl RunReport {
-    /// Combines the offline plan, the verifier's judgement and what the launcher observed.
-    pub fn new(plan: &CheckedPlan, judgement: Judgement, observed: &Observed) -> Self {
+    /// Combines the offline plan, the verifier's judgement and what the launcher observed of a run with this time limit.
+    pub fn new(
+        plan: &CheckedPlan,
+        judgement: Judgement,
+        observed: &Observed,
+        time_limit: Duration,
+    ) -> Self {
+        // The verifier names what is missing when its time is up.
+        let (epoch, is_late) = match &judgement {
+            Judgement::Verdict(verdict) => (
+                verdict.epoch,
+                verdict.outcome == Outcome::Failed && !verdict.missing.is_empty(),
+            ),
+            Judgement::Agreement(agreement) => (Some(agreement.epoch), false),
+        };
         let mut report = Self {
             verdict: RunOutcome::Agreed,
             planned: plan.statistics.assignments.clone(),
@@ -69,6 +120,8 @@ impl RunReport {
             planning_ms: None,
             acting_ms: None,
             dead: observed.deaths.clone(),
+            participation: Participation::new(plan, epoch, observed),
+            time_limit: (is_late || observed.timed_out).then_some(time_limit),
             filled_spots: 0,
         };
         let statistics = &mut report.plan.statistics;
@@ -133,7 +186,7 @@ impl RunReport {
         if self.verdict != RunOutcome::Judged(Outcome::Failed) {
             if self.differences().is_empty() {
                 lines.push(plan.text(name));
-            } else if self.dead.of_agents() > 0 {
+            } else if self.may_differ() {
                 lines.push(self.placement_text());
             }
         }
@@ -150,6 +203,7 @@ impl RunReport {
         }
         let violations = self.violations.iter();
         lines.extend(violations.map(|sentence| format!("violation: {sentence}")));
+        lines.extend(self.time_was_up());
         let missing = self.missing.iter().flatten();
         lines.extend(missing.map(|sentence| format!("missing: {sentence}")));
         lines.extend(self.dead.iter().map(|death| format!("dead: {death}")));
@@ -176,7 +230,12 @@ impl RunReport {
         let spots = filled + self.plan.statistics.open_spots.len();
         match self.verdict {
             RunOutcome::Judged(Outcome::Partial) if filled < self.planned.len() => {
-                format!("PARTIAL: {filled} of {spots} spots are filled, one by each living module")
+                let absences = self.absences();
+                let by = match absences.is_empty() {
+                    true => ", one by each living module".to_owned(),
+                    false => format!("; {}", absences.join(", ")),
+                };
+                format!("PARTIAL: {filled} of {spots} spots are filled{by}")
             }
             RunOutcome::Judged(outcome) => outcome_text(outcome, filled, spots),
             RunOutcome::Agreed => {
@@ -200,15 +259,42 @@ impl RunReport {
     /// All that is wrong, one sentence each.
     pub fn faults(&self) -> Vec<String> {
         let mut faults = self.violations.clone();
+        faults.extend(self.time_was_up());
         faults.extend(self.missing.iter().flatten().cloned());
         faults.extend(self.dead.iter().map(ToString::to_string));
-        if self.dead.of_agents() == 0 {
+        faults.extend(self.absences());
+        if !self.may_differ() {
             let differences = self.differences().into_iter();
             faults.extend(
                 differences.map(|difference| format!("unlike in the offline plan, {difference}")),
             );
         }
         faults
+    }
+
+    /// Whether a plan that differs from the offline plan may be right: it was made for another roster.
+    fn may_differ(&self) -> bool {
+        self.participation.replanned || self.dead.of_agents() > 0
+    }
+
+    /// That the time was up, if it was.
+    fn time_was_up(&self) -> Option<String> {
+        let limit = self.time_limit?.as_secs_f64();
+        Some(format!("the time was up after {limit} s (--timeout)"))
+    }
+
+    /// Which living modules took no spot, and why.
+    fn absences(&self) -> Vec<String> {
+        let Participation {
+            out_of_service,
+            left_out,
+            ..
+        } = &self.participation;
+        [(out_of_service, "left service"), (left_out, "did not join")]
+            .into_iter()
+            .filter(|(modules, _)| !modules.is_empty())
+            .map(|(modules, what)| format!("{} {what}", listed_in_full(modules.iter().copied())))
+            .collect()
     }
 
     /// Whether the run reached what it was started for.
@@ -222,44 +308,54 @@ impl RunReport {
             || is_agreed && !self.violations.is_empty()
         {
             let missing = self.missing.iter().flatten();
-            let reasons: Vec<&str> = self
-                .violations
-                .iter()
-                .chain(missing)
-                .map(String::as_str)
-                .collect();
+            let reasons = self.violations.iter().chain(missing).cloned();
+            let reasons: Vec<String> = self.time_was_up().into_iter().chain(reasons).collect();
             return failed(format!("the formation failed: {}", reasons.join("; ")));
         }
-        if self.dead.of_agents() > 0 {
-            // The offline plan is made for all modules. With fewer, its spots still have to be filled.
-            if !is_agreed && self.filled_spots < self.planned.len() {
-                return failed(format!(
-                    "the formation has a hole: {} open; {} died, and no spare was left",
-                    listed_in_full(self.plan.statistics.open_spots.iter().copied()),
-                    listed_in_full(self.dead.modules())
-                ));
-            }
-            return Ok(());
+        // The offline plan is made for all modules. With fewer, its spots still have to be filled.
+        let filled = match self.verdict {
+            RunOutcome::Judged(_) => self.filled_spots,
+            RunOutcome::Agreed => self.assignments().len(),
+        };
+        let has_hole = filled < self.planned.len();
+        if self.may_differ() && has_hole && !(is_agreed && self.dead.of_agents() > 0) {
+            return failed(self.hole());
         }
         let differences = self.differences();
-        if differences.is_empty() {
+        if self.may_differ() || differences.is_empty() {
             return Ok(());
         }
-        let seated: BTreeSet<ModuleId> = self.assignments().iter().map(|one| one.module).collect();
-        let planned = self.planned.iter().map(|one| one.module);
-        let left_out: Vec<ModuleId> = planned.filter(|one| !seated.contains(one)).collect();
-        let advice = match left_out.as_slice() {
-            [] => String::new(),
-            modules => format!(
-                "; a module that joins after the gathering is left out, as {} may have been: on a busy machine, \
-                 host several modules in each process with --modules-per-process",
-                listed_in_full(modules.iter().copied())
-            ),
-        };
         failed(format!(
-            "the processes formed another allocation than the offline plan: {}{advice}",
+            "the processes formed another allocation than the offline plan: {}",
             differences.join("; ")
         ))
+    }
+
+    /// Which spots are open, and why.
+    fn hole(&self) -> String {
+        let dead = self.dead.modules();
+        let mut causes = Vec::new();
+        if !dead.is_empty() {
+            causes.push(format!("{} died", listed_in_full(dead)));
+        }
+        causes.extend(self.absences());
+        causes.push("and no spare was left".to_owned());
+        let hole = match self.verdict {
+            RunOutcome::Judged(_) => {
+                let open = self.plan.statistics.open_spots.iter().copied();
+                format!("the formation has a hole: {} open", listed_in_full(open))
+            }
+            RunOutcome::Agreed => "the plan has a hole".to_owned(),
+        };
+        let time = self.time_was_up().map(|time| format!("; {time}"));
+        let advice = match self.participation.left_out.is_empty() {
+            true => "",
+            false => {
+                "; on a busy machine, host several modules in each process with --modules-per-process"
+            }
+        };
+        let time = time.unwrap_or_default();
+        format!("{hole}; {}{time}{advice}", causes.join(", "))
     }
 
     /// Where the run differs from the plan.
@@ -298,14 +394,21 @@ impl RunReport {
 mod tests {
     use std::os::unix::process::ExitStatusExt;
     use std::process::ExitStatus;
-    use std::time::Duration;
 
-    use formation::model::{Epoch, Scenario};
+    use formation::event_log::{Entry, Event};
+    use formation::model::Scenario;
     use formation::verify::{AgreementReport, VerdictReport};
     use serde_json::{Value, json};
 
+    use super::super::recording::Recording;
     use super::super::roles::Death;
     use super::*;
+
+    const EPOCH: Epoch = Epoch {
+        number: 1,
+        convener: ModuleId(7),
+    };
+    const TIMEOUT: Duration = Duration::from_secs(60);
 
     fn plan() -> CheckedPlan {
         let scenario = Scenario::from_yaml(
@@ -333,7 +436,7 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
         };
         VerdictReport {
             outcome,
-            epoch: None,
+            epoch: Some(EPOCH),
             filled_spots: 2,
             assignments: assignments(&[(7, spots[0]), (8, spots[1])]),
             unassigned: Vec::new(),
@@ -347,13 +450,56 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
         }
     }
 
+    /// An epoch whose roster lists the scenario's modules as they started, but for those out of service.
+    fn roster(plan: &CheckedPlan, modules: &[u32], out_of_service: &[u32]) -> Recording {
+        let ids = |ids: &[u32]| ids.iter().copied().map(ModuleId).collect::<Vec<_>>();
+        let is_whole = modules.len() == 2 && out_of_service.is_empty();
+        let mut recording = Recording::default();
+        recording.keep(Entry {
+            at_ms: 1,
+            event: Event::Roster {
+                epoch: EPOCH,
+                modules: ids(modules),
+                out_of_service: ids(out_of_service),
+                problem: is_whole.then(|| plan.problem.digest()),
+            },
+        });
+        recording
+    }
+
     fn report(outcome: Outcome, spots: [u32; 2]) -> RunReport {
         let observed = Observed {
             discovery: Some(Duration::from_millis(1_500)),
             ..Observed::default()
         };
-        let judgement = Judgement::Verdict(verdict(outcome, spots));
-        RunReport::new(&plan(), judgement, &observed)
+        report_on(verdict(outcome, spots), observed, &[7, 8], &[])
+    }
+
+    /// The report on a run whose last roster listed these modules.
+    fn report_on(
+        verdict: VerdictReport,
+        observed: Observed,
+        modules: &[u32],
+        out_of_service: &[u32],
+    ) -> RunReport {
+        let plan = plan();
+        let observed = Observed {
+            recording: roster(&plan, modules, out_of_service),
+            ..observed
+        };
+        let judgement = Judgement::Verdict(verdict);
+        RunReport::new(&plan, judgement, &observed, TIMEOUT)
+    }
+
+    /// A verdict on a formation in which only module 8 has settled, on spot 2.
+    fn half(outcome: Outcome) -> VerdictReport {
+        VerdictReport {
+            filled_spots: 1,
+            assignments: assignments(&[(8, 2)]),
+            open_spots: vec![SpotId(1)],
+            violations: Vec::new(),
+            ..verdict(outcome, [1, 2])
+        }
     }
 
     /// The report on a run during which this module died.
@@ -365,7 +511,7 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             status: ExitStatus::from_raw(9),
             after: Duration::from_millis(5_230),
         });
-        RunReport::new(&plan(), Judgement::Verdict(verdict), &observed)
+        report_on(verdict, observed, &[7, 8], &[])
     }
 
     fn json_of(report: &RunReport) -> Value {
@@ -442,6 +588,10 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             "planning_ms": 12,
             "acting_ms": 345,
             "dead": [],
+            "replanned": false,
+            "out_of_service": [],
+            "left_out": [],
+            "timed_out": false,
         });
         expected.extend(run.as_object().unwrap().clone());
         assert_eq!(json, Value::Object(expected));
@@ -460,29 +610,105 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
     }
 
     #[test]
+    fn another_plan_for_another_roster_is_no_fault() {
+        // Module 7 was out of reach for a while: it has moved since the start.
+        let observed = Observed {
+            recording: {
+                let mut recording = roster(&plan(), &[7, 8], &[]);
+                let mut later = recording.entries()[0].clone();
+                if let Event::Roster { problem, .. } = &mut later.event {
+                    *problem = None;
+                }
+                recording.keep(later);
+                recording
+            },
+            ..Observed::default()
+        };
+        let judgement = Judgement::Verdict(verdict(Outcome::Complete, [2, 1]));
+        let report = RunReport::new(&plan(), judgement, &observed, TIMEOUT);
+        assert!(report.conclusion().is_ok());
+        assert_eq!(json_of(&report)["replanned"], true);
+        assert_eq!(report.faults(), Vec::<String>::new());
+        let text = report.text(&plan(), "two");
+        assert!(text.starts_with("module  spot\n     7     2\n"), "{text}");
+    }
+
+    #[test]
+    fn a_module_that_left_service_is_named_and_no_other_plan() {
+        let partial = report_on(half(Outcome::Partial), Observed::default(), &[7, 8], &[7]);
+        assert_eq!(
+            partial.conclusion().unwrap_err().to_string(),
+            "the formation has a hole: spot 1 open; module 7 left service, and no spare was left"
+        );
+        assert_eq!(
+            partial.outcome_text(),
+            "PARTIAL: 1 of 2 spots are filled; module 7 left service"
+        );
+        assert_eq!(json_of(&partial)["out_of_service"], json!([7]));
+        let complete = report_on(
+            verdict(Outcome::Complete, [2, 1]),
+            Observed::default(),
+            &[7, 8, 9],
+            &[9],
+        );
+        assert!(complete.conclusion().is_ok());
+    }
+
+    #[test]
+    fn a_time_that_was_up_is_named_with_what_was_missing() {
+        let mut late = half(Outcome::Failed);
+        late.missing = vec!["spot 1 is open".to_owned()];
+        let report = report_on(late, Observed::default(), &[7, 8], &[]);
+        assert_eq!(
+            report.conclusion().unwrap_err().to_string(),
+            "the formation failed: the time was up after 60 s (--timeout); spot 1 is open"
+        );
+        let text = report.text(&plan(), "two");
+        assert!(
+            text.contains("\nthe time was up after 60 s (--timeout)\nmissing: spot 1 is open\n"),
+            "{text}"
+        );
+        assert_eq!(json_of(&report)["timed_out"], true);
+        let observed = Observed {
+            timed_out: true,
+            ..Observed::default()
+        };
+        let report = report_on(half(Outcome::Partial), observed, &[8], &[]);
+        assert_eq!(
+            report.conclusion().unwrap_err().to_string(),
+            "the formation has a hole: spot 1 open; module 7 did not join, and no spare was left; the time was up after \
+             60 s (--timeout); on a busy machine, host several modules in each process with --modules-per-process"
+        );
+        assert_eq!(
+            report.outcome_text(),
+            "PARTIAL: 1 of 2 spots are filled; module 7 did not join"
+        );
+    }
+
+    #[test]
     fn modules_that_were_left_out_are_named() {
         let agreement = AgreementReport {
-            epoch: Epoch {
-                number: 1,
-                convener: ModuleId(7),
-            },
+            epoch: EPOCH,
             assignments: assignments(&[(8, 1)]),
             planning_ms: 12,
             violations: Vec::new(),
         };
         let judgement = Judgement::Agreement(agreement);
-        let report = RunReport::new(&plan(), judgement, &Observed::default());
+        let observed = Observed {
+            recording: roster(&plan(), &[8], &[]),
+            ..Observed::default()
+        };
+        let report = RunReport::new(&plan(), judgement, &observed, TIMEOUT);
         let failure = report.conclusion().unwrap_err().to_string();
         assert!(
-            failure.contains("module 7 took no spot instead of spot 1"),
-            "{failure}"
-        );
-        assert!(
-            failure.contains("is left out, as module 7 may have been"),
+            failure.starts_with(
+                "the plan has a hole; module 7 did not join, and no spare was left; on a busy machine"
+            ),
             "{failure}"
         );
         let json = json_of(&report);
         assert_eq!(json["verdict"], "AGREED");
+        assert_eq!(json["left_out"], json!([7]));
         assert_eq!(json["missing"], Value::Null);
         assert_eq!(json["acting_ms"], Value::Null);
     }

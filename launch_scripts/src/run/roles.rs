@@ -25,6 +25,11 @@ pub struct ProcessRoles {
 }
 
 impl ProcessRoles {
+    /// The modules of all processes.
+    pub fn modules(&self) -> impl Iterator<Item = ModuleId> {
+        self.agents.values().flatten().copied()
+    }
+
     /// Whether a run can continue without a process that ended. A process that fails at its start would fail again, so
     /// a person has to act; a formation has to tolerate a process that ends later.
     pub fn can_continue_without(

@@ -56,12 +56,15 @@ pub struct Observed {
     pub recording: Recording,
     /// The processes that ended while the run continued.
     pub deaths: Deaths,
+    /// Whether the time was up before a verdict was final.
+    pub timed_out: bool,
 }
 
 /// Watches the processes until the verifier has judged, something failed, or the time is up.
 ///
 /// The run continues when a process of modules ends. A verdict that relies on such a module is set aside: the verifier,
-/// which finds the module silent later, will retract it and give another.
+/// which finds the module silent later, will retract it and give another. PARTIAL is set aside as well while the roster
+/// leaves out modules whose processes run: they may be cut off, and join later.
 pub struct RunLoop<'a, 'b> {
     /// The processes.
     pub supervisor: &'a mut Supervisor,
@@ -106,13 +109,16 @@ impl RunLoop<'_, '_> {
                     self.display.refresh();
                     None
                 }
-                ProcessEvent::TimedOut => Some(match set_aside.take() {
-                    Some(verdict) => RunEnd::Judged(Judgement::Verdict(VerdictReport {
-                        outcome: Outcome::Failed,
-                        ..verdict
-                    })),
-                    None => RunEnd::TimedOut,
-                }),
+                ProcessEvent::TimedOut => {
+                    self.observed.timed_out = true;
+                    Some(set_aside.take().map_or(RunEnd::TimedOut, |verdict| {
+                        let outcome = match self.relies_on_the_dead(&verdict) {
+                            true => Outcome::Failed,
+                            false => verdict.outcome,
+                        };
+                        RunEnd::Judged(Judgement::Verdict(VerdictReport { outcome, ..verdict }))
+                    }))
+                }
             };
             if let Some(end) = end {
                 return end;
@@ -144,7 +150,10 @@ impl RunLoop<'_, '_> {
             Ok(ReportLine::Verdict(verdict)) => {
                 let may_change = match verdict.outcome {
                     Outcome::Failed => set_aside.is_some(),
-                    Outcome::Complete | Outcome::Partial => self.relies_on_the_dead(&verdict),
+                    Outcome::Complete => self.relies_on_the_dead(&verdict),
+                    Outcome::Partial => {
+                        self.relies_on_the_dead(&verdict) || self.leaves_out_the_living(&verdict)
+                    }
                 };
                 if may_change {
                     *set_aside = Some(verdict);
@@ -166,6 +175,18 @@ impl RunLoop<'_, '_> {
         let dead = self.observed.deaths.modules();
         let mut settled = verdict.assignments.iter();
         settled.any(|assignment| dead.contains(&assignment.module))
+    }
+
+    /// Whether spots are open and modules whose processes run are not members.
+    fn leaves_out_the_living(&self, verdict: &VerdictReport) -> bool {
+        let roster = verdict
+            .epoch
+            .and_then(|epoch| self.observed.recording.roster(epoch));
+        let dead = self.observed.deaths.modules();
+        let mut living = self.roles.modules().filter(|module| !dead.contains(module));
+        roster.is_some_and(|roster| {
+            !verdict.open_spots.is_empty() && living.any(|module| !roster.modules.contains(&module))
+        })
     }
 
     fn take_exit(&mut self, process: ProcessId, status: ExitStatus) -> Option<RunEnd> {
@@ -209,8 +230,9 @@ mod tests {
     use std::path::Path;
     use std::process::Command;
 
+    use formation::event_log::{Entry, Event};
     use formation::model::text::listed_in_full;
-    use formation::model::{Assignment, FormationStage, ModuleId, SpotId};
+    use formation::model::{Assignment, Epoch, FormationStage, ModuleId, SpotId};
 
     use super::super::display::{LineThrottle, progress_line};
     use super::super::supervisor::Output;
@@ -276,18 +298,41 @@ mod tests {
         }))
     }
 
+    const EPOCH: Epoch = Epoch {
+        number: 1,
+        convener: ModuleId(1),
+    };
+
+    /// The roster of the only epoch.
+    fn roster(modules: &[u32], out_of_service: &[u32]) -> String {
+        let ids = |ids: &[u32]| ids.iter().copied().map(ModuleId).collect();
+        prints(&ReportLine::Entry(Entry {
+            at_ms: 1,
+            event: Event::Roster {
+                epoch: EPOCH,
+                modules: ids(modules),
+                out_of_service: ids(out_of_service),
+                problem: None,
+            },
+        }))
+    }
+
     /// Settled on spot 1, and nothing else.
     fn verdict(outcome: Outcome, module: u32) -> String {
+        let open_spots = match outcome {
+            Outcome::Partial => vec![SpotId(2)],
+            _ => Vec::new(),
+        };
         prints(&ReportLine::Verdict(VerdictReport {
             outcome,
-            epoch: None,
+            epoch: Some(EPOCH),
             filled_spots: 1,
             assignments: vec![Assignment {
                 module: ModuleId(module),
                 spot: SpotId(1),
             }],
             unassigned: Vec::new(),
-            open_spots: Vec::new(),
+            open_spots,
             violations: Vec::new(),
             missing: Vec::new(),
             timings_ms: Default::default(),
@@ -394,6 +439,27 @@ mod tests {
         ]);
         assert_eq!(judged(end).assignments[0].module, ModuleId(2));
         assert_eq!(observed.deaths.modules(), [ModuleId(1)].into());
+    }
+
+    #[test]
+    fn partial_is_not_final_while_living_modules_are_left_out() {
+        let stay = "exec sleep 30";
+        let partial = [roster(&[1], &[]), verdict(Outcome::Partial, 1)].join("\n");
+        let healed = [&partial, "sleep 1", &verdict(Outcome::Complete, 1), stay].join("\n");
+        let (end, ..) = run(&[&healed, stay, stay, stay]);
+        assert_eq!(judged(end).outcome, Outcome::Complete);
+        // The time is up before module 2 is back.
+        let verifier = format!("{partial}\n{stay}");
+        let (end, observed, _) = run_for(2, &[&verifier, stay, stay, stay]);
+        assert_eq!(judged(end).outcome, Outcome::Partial);
+        assert!(observed.timed_out);
+        // No further module can come.
+        for roster in [roster(&[1, 2], &[2]), roster(&[1, 2], &[])] {
+            let verifier = [&roster, verdict(Outcome::Partial, 1).as_str(), stay].join("\n");
+            let (end, observed, _) = run(&[&verifier, stay, stay, stay]);
+            assert_eq!(judged(end).outcome, Outcome::Partial);
+            assert!(!observed.timed_out);
+        }
     }
 
     #[test]

@@ -23,6 +23,8 @@ fn roster(number: u64, modules: &[u32]) -> Event {
     Event::Roster {
         epoch: epoch(number),
         modules: modules.iter().copied().map(ModuleId).collect(),
+        out_of_service: Vec::new(),
+        problem: None,
     }
 }
 
