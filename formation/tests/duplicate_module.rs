@@ -36,12 +36,8 @@ fn successor(now: Duration) -> Agent {
     };
     let mut agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
     let target = Message::Target(Arc::new(TargetAnnouncement {
-        founders: Vec::new(),
-        revision: 1,
-        name: String::new(),
-        target: Some(Arc::clone(problem.target())),
-        parameters: *problem.parameters(),
         expected_modules: Some(1),
+        ..TargetAnnouncement::new(problem, 1)
     }));
     handle(&mut agent, Duration::ZERO, target);
     let mut time = Duration::ZERO;

@@ -5,13 +5,13 @@ use std::path::Path;
 use anyhow::{Context, anyhow};
 use formation::model::{Scenario, ScenarioError};
 use ros_runtime::arguments::read_bounded;
-use ros_runtime::exit::Failure;
+use ros_runtime::exit::{Failure, shortened};
 
 /// Files above this size are refused; the largest valid scenario is far smaller.
 pub const SCENARIO_FILE_BYTES_MAX: u64 = 16 * 1024 * 1024;
 
 /// A longer message of the parser is cut.
-const MESSAGE_CHARACTERS_MAX: usize = 400;
+const MESSAGE_BYTES_MAX: usize = 400;
 
 /// Reads and validates a scenario file.
 ///
@@ -32,7 +32,7 @@ fn located(error: &ScenarioError) -> anyhow::Error {
         return anyhow!(message);
     };
     // The parser quotes what it does not understand, however long it is.
-    let message = shortened(&message);
+    let message = shortened(message, MESSAGE_BYTES_MAX);
     let Some(location) = yaml.location() else {
         return anyhow!("is no scenario: {message}");
     };
@@ -42,11 +42,4 @@ fn located(error: &ScenarioError) -> anyhow::Error {
         .trim()
         .to_owned();
     anyhow!("line {line} column {column}: {reason}")
-}
-
-fn shortened(message: &str) -> String {
-    match message.char_indices().nth(MESSAGE_CHARACTERS_MAX) {
-        Some((end, _)) => format!("{}...", &message[..end]),
-        None => message.to_owned(),
-    }
 }

@@ -45,10 +45,9 @@ impl Program for Arguments {
         let hosted = HostedModules::from_scenario(&[module], &scenario).map_err(wrong)?;
         ModuleProcess {
             settings,
-            modules: hosted.modules,
+            hosted,
             timing: self.timing.0,
             motion: self.motion.0,
-            frame_id: hosted.frame_id,
         }
         .run(stop)?;
         Ok(STATUS_DONE)

@@ -28,13 +28,11 @@ struct Arguments {
 
 impl Program for Arguments {
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
-        let hosted = self.modules.resolve()?;
         ModuleProcess {
             settings,
-            modules: hosted.modules,
+            hosted: self.modules.resolve()?,
             timing: self.timing.0,
             motion: self.motion.0,
-            frame_id: hosted.frame_id,
         }
         .run(stop)?;
         Ok(STATUS_DONE)

@@ -20,7 +20,7 @@ use ros_runtime::settings::Settings;
 use ros_runtime::topic::Topic;
 use serde::Serialize;
 
-use crate::arguments::{Motion, MotionMode, Timing};
+use crate::arguments::{HostedModules, Motion, MotionMode, Timing};
 use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
@@ -31,14 +31,12 @@ use crate::plan_worker::PlanWorker;
 pub struct ModuleProcess {
     /// Its place in the ROS 2 graph.
     pub settings: Settings,
-    /// Identity and initial state of each hosted module; at least one.
-    pub modules: Vec<Identity>,
+    /// The modules that it hosts; at least one.
+    pub hosted: HostedModules,
     /// How long the agents wait.
     pub timing: Timing,
     /// How the modules move.
     pub motion: Motion,
-    /// The frame of all poses (REP-105).
-    pub frame_id: String,
 }
 
 impl ModuleProcess {
@@ -50,10 +48,11 @@ impl ModuleProcess {
     /// # Errors
     /// The ROS 2 graph could not be joined, or no driver sent a pose.
     pub fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
-        let ids: Vec<u32> = self.modules.iter().map(|module| module.module.0).collect();
+        let hosted = self.hosted.modules.iter();
+        let ids: Vec<u32> = hosted.clone().map(|module| module.module.0).collect();
         let name = node_name(&ids);
         let active = |module: &Identity| (module.clone(), Service::Active);
-        let mut modules = self.modules.iter().map(active).collect();
+        let mut modules = hosted.map(active).collect();
         rejoining(|| self.take_part(&name, &mut modules, stop))
     }
 
@@ -75,7 +74,7 @@ impl ModuleProcess {
         let mut drivers = None;
         if motion.mode == MotionMode::External {
             let ids = modules.iter().map(|(identity, _)| identity.module);
-            let frame_id = motion.frame_id.as_deref().unwrap_or(&self.frame_id);
+            let frame_id = motion.frame_id.as_deref().unwrap_or(&self.hosted.frame_id);
             let (mut messages, publishers) =
                 drivers::open(&mut session, ids, motion.pose_source, frame_id)?;
             if !drivers::wait_for_poses(&mut messages, modules, &motion, &session, stop)? {
@@ -110,7 +109,7 @@ impl ModuleProcess {
             },
             host: Host::new(source, modules.iter().cloned(), timing.0, &motion),
             plans: Some(plans),
-            frame_id: self.frame_id.clone(),
+            frame_id: self.hosted.frame_id.clone(),
         };
         let ended = session.run(&mut node, inputs, stop);
         for (module, refusals) in node.host.refusals() {

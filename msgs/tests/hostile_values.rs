@@ -116,14 +116,8 @@ fn target() -> Message {
          singletons: [{id: 1, x: 1.0, y: 0.0}, {id: 2, x: 2.0, y: 0.0}]",
     )
     .unwrap();
-    Message::Target(Arc::new(formation::model::TargetAnnouncement {
-        founders: Vec::new(),
-        revision: 1,
-        name: String::new(),
-        target: Some(Arc::clone(scenario.problem().target())),
-        parameters: *scenario.problem().parameters(),
-        expected_modules: None,
-    }))
+    let announcement = formation::model::TargetAnnouncement::new(scenario.problem(), 1);
+    Message::Target(Arc::new(announcement))
 }
 
 proptest! {

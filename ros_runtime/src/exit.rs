@@ -22,8 +22,8 @@ pub const STATUS_BAD_INPUT: u8 = 2;
 /// How long a process that was asked to end has to leave the graph.
 pub const EXIT_GRACE: Duration = Duration::from_millis(1_500);
 
-/// The longest error message, in characters: a parser may quote a whole file.
-const CHARACTERS_MAX: usize = 1_000;
+/// The longest error message, in bytes: a parser may quote a whole file.
+const MESSAGE_BYTES_MAX: usize = 1_000;
 
 /// Why a process could not do its work.
 #[derive(Debug, Error)]
@@ -70,7 +70,7 @@ pub fn conclude(result: Result<u8, Failure>) -> ExitCode {
         Err(failure) => failure,
     };
     if !matches!(failure, Failure::OutputClosed) {
-        let message = shortened(failure.to_string());
+        let message = shortened(failure.to_string(), MESSAGE_BYTES_MAX);
         // If the stream is closed, the line is lost.
         let _ = writeln!(io::stderr().lock(), "error: {message}");
     }
@@ -89,11 +89,16 @@ pub fn one_line(text: &str) -> String {
     words.join(" ")
 }
 
-fn shortened(line: String) -> String {
-    match line.char_indices().nth(CHARACTERS_MAX) {
-        Some((end, _)) => format!("{} ...", &line[..end]),
-        None => line,
+/// The text, without what is beyond `bytes_max`, which dots then stand for.
+#[must_use]
+pub fn shortened(mut text: String, bytes_max: usize) -> String {
+    if text.len() > bytes_max {
+        let mut ends = (0..=bytes_max).rev();
+        let end = ends.find(|&end| text.is_char_boundary(end));
+        text.truncate(end.unwrap_or_default());
+        text.push_str(" ...");
     }
+    text
 }
 
 /// The request to end; yields once, on the first SIGINT or SIGTERM.
@@ -161,7 +166,7 @@ mod tests {
     fn an_error_is_reported_in_one_bounded_line_with_all_its_causes() {
         let failure = Failure::BadInput(anyhow::anyhow!("line\r\n  end\tof it").context("file"));
         assert_eq!(failure.to_string(), "file: line end of it");
-        let long = shortened("\u{e4}".repeat(5_000));
-        assert_eq!(long.chars().count(), CHARACTERS_MAX + 4);
+        assert_eq!(shortened("\u{e4}\u{e4}".to_owned(), 3), "\u{e4} ...");
+        assert_eq!(shortened("\u{e4}\u{e4}".to_owned(), 4), "\u{e4}\u{e4}");
     }
 }

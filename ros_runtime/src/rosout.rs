@@ -11,6 +11,8 @@ use tracing::{Event, Level, Subscriber};
 use tracing_subscriber::Layer;
 use tracing_subscriber::layer::Context;
 
+use crate::exit::shortened;
+
 /// How many lines wait for the node to publish them; a line that finds no room is counted, and goes to the console only.
 const WAITING_MAX: usize = 256;
 /// The greatest length of a line in bytes; a longer one is cut.
@@ -96,17 +98,8 @@ struct Text {
 }
 
 impl Text {
-    fn joined(mut self) -> String {
-        self.message.push_str(&self.fields);
-        if self.message.len() > MESSAGE_BYTES_MAX {
-            let end = (0..=MESSAGE_BYTES_MAX)
-                .rev()
-                .find(|&end| self.message.is_char_boundary(end))
-                .unwrap_or_default();
-            self.message.truncate(end);
-            self.message.push_str(" ...");
-        }
-        self.message
+    fn joined(self) -> String {
+        shortened(self.message + &self.fields, MESSAGE_BYTES_MAX)
     }
 }
 

@@ -207,12 +207,9 @@ singletons: [{id: 1, x: 3.0, y: 9.5}, {id: 2, x: 0.0, y: 0.0}]
     fn announcement(revision: u64) -> TargetAnnouncement {
         let scenario = Scenario::from_yaml(SCENARIO).unwrap();
         TargetAnnouncement {
-            founders: Vec::new(),
-            revision,
             name: scenario.name().to_owned(),
-            target: Some(Arc::clone(scenario.problem().target())),
-            parameters: *scenario.problem().parameters(),
             expected_modules: Some(2),
+            ..TargetAnnouncement::new(scenario.problem(), revision)
         }
     }
 

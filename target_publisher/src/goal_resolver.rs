@@ -1,7 +1,6 @@
 //! What a goal asks for: the target that it has, or that of a scenario which it names.
 
 use std::path::PathBuf;
-use std::sync::Arc;
 
 use formation::model::{MODULES_MAX, TargetAnnouncement};
 use formation::planner::PlanSize;
@@ -78,14 +77,9 @@ impl GoalResolver {
             ));
         }
         let scenario = read_scenario(&path).map_err(|failure| format!("scenario: {failure}"))?;
-        let problem = scenario.problem();
         Ok(TargetAnnouncement {
-            founders: Vec::new(),
-            revision: 0,
             name: scenario.name().to_owned(),
-            target: Some(Arc::clone(problem.target())),
-            parameters: *problem.parameters(),
-            expected_modules: None,
+            ..TargetAnnouncement::new(scenario.problem(), 0)
         })
     }
 

@@ -10,7 +10,6 @@ mod parameters;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
-use std::sync::Arc;
 
 use async_channel::Receiver;
 use clap::Parser;
@@ -56,14 +55,14 @@ impl Program for Arguments {
         let founders: BTreeSet<ModuleId> = self.founders.iter().copied().map(ModuleId).collect();
         let scenario = self.scenario.as_deref().map(read_scenario).transpose()?;
         let announcement = scenario.map(|scenario| {
-            let problem = scenario.problem();
+            let revision = self.revision.unwrap_or_else(stamp::revision);
+            let announcement = TargetAnnouncement::new(scenario.problem(), revision);
             TargetAnnouncement {
-                founders: founders.iter().copied().collect(),
-                revision: self.revision.unwrap_or_else(stamp::revision),
                 name: scenario.name().to_owned(),
-                target: (!self.withdraw).then(|| Arc::clone(problem.target())),
-                parameters: *problem.parameters(),
+                target: announcement.target.filter(|_| !self.withdraw),
                 expected_modules: self.expected_modules,
+                founders: founders.iter().copied().collect(),
+                ..announcement
             }
         });
         let folder = self.scenario_folder.or_else(|| {

@@ -281,14 +281,7 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
         )
         .unwrap();
         let mut scene = DrawnScene::new(Duration::from_secs(5));
-        let announcement = TargetAnnouncement {
-            founders: Vec::new(),
-            revision: 1,
-            name: String::new(),
-            target: Some(Arc::clone(scenario.problem().target())),
-            parameters: *scenario.problem().parameters(),
-            expected_modules: None,
-        };
+        let announcement = TargetAnnouncement::new(scenario.problem(), 1);
         scene.handle(Duration::ZERO, &Message::Target(Arc::new(announcement)));
         for (module, x) in [(2, 0.0), (3, 1.0)] {
             let state = state(module, 1, pose(x, 0.0));

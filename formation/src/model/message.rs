@@ -30,6 +30,21 @@ pub struct TargetAnnouncement {
     pub founders: Vec<ModuleId>,
 }
 
+impl TargetAnnouncement {
+    /// The target of a problem, without a name, a number of modules and founders.
+    #[must_use]
+    pub fn new(problem: &PlanningProblem, revision: u64) -> Self {
+        Self {
+            revision,
+            name: String::new(),
+            target: Some(Arc::clone(problem.target())),
+            parameters: *problem.parameters(),
+            expected_modules: None,
+            founders: Vec::new(),
+        }
+    }
+}
+
 /// The phase in which a module is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "SCREAMING_SNAKE_CASE")]

@@ -5,9 +5,7 @@ use std::path::PathBuf;
 use std::str::FromStr;
 
 use clap::Args;
-use formation::model::{
-    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlanningModule, Pose, PoseError, Scenario,
-};
+use formation::model::{ConfigurationId, MODULES_MAX, ModuleId, NO_ID, Pose, PoseError, Scenario};
 use formation::protocol::Identity;
 
 use formation_node::scenario::read_scenario;
@@ -208,25 +206,21 @@ impl HostedModules {
                 let module = problem
                     .module(id)
                     .ok_or_else(|| format!("there is no {id} in this scenario"))?;
-                Ok(identity(module))
+                Ok(Identity {
+                    module: id,
+                    incarnation: stamp::incarnation(),
+                    store: None,
+                    pose: module.pose,
+                    links: module.links.clone(),
+                    configuration: module.configuration,
+                    leader: module.leader,
+                })
             })
             .collect::<Result<_, String>>()?;
         Ok(Self {
             modules,
             frame_id: problem.target().frame_id().to_owned(),
         })
-    }
-}
-
-fn identity(module: &PlanningModule) -> Identity {
-    Identity {
-        module: module.id,
-        incarnation: stamp::incarnation(),
-        store: None,
-        pose: module.pose,
-        links: module.links.clone(),
-        configuration: module.configuration,
-        leader: module.leader,
     }
 }
 

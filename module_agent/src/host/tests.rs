@@ -37,12 +37,8 @@ fn host(modules: &[u32]) -> (Host, Message) {
     };
     let host = Host::new(source, identities, AgentParameters::default(), &motion);
     let target = Message::Target(Arc::new(TargetAnnouncement {
-        founders: Vec::new(),
-        revision: 1,
-        name: String::new(),
-        target: Some(Arc::clone(problem.target())),
-        parameters: *problem.parameters(),
         expected_modules: Some(3),
+        ..TargetAnnouncement::new(problem, 1)
     }));
     (host, target)
 }

@@ -38,12 +38,9 @@ fn stamp(seconds: i32) -> Time {
 fn pair() -> Result<TargetAnnouncement, String> {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     Ok(TargetAnnouncement {
-        founders: Vec::new(),
-        revision: 0,
         name: scenario.name().to_owned(),
-        target: Some(Arc::clone(scenario.problem().target())),
-        parameters: *scenario.problem().parameters(),
         expected_modules: Some(2),
+        ..TargetAnnouncement::new(scenario.problem(), 0)
     })
 }
 

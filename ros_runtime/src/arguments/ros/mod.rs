@@ -7,8 +7,6 @@ mod assignments;
 mod log_levels;
 mod names;
 mod remapping;
-#[cfg(test)]
-mod table;
 mod yaml;
 
 use std::ffi::OsString;
@@ -176,3 +174,6 @@ fn text(argument: &OsString) -> Result<&str, String> {
         .to_str()
         .ok_or_else(|| format!("{argument:?} is not UTF-8"))
 }
+
+#[cfg(test)]
+mod tests;
