@@ -117,7 +117,7 @@ fn module_states() {
             "module_states: modules[1].digest: must be 0 while has_digest is false";
         sample => sample.modules[1].phase = 0,
             "module_states: modules[1].phase: 0 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
-             WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9";
+             WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9, COMPUTING 10";
         sample => sample.modules[1].service = 0,
             "module_states: modules[1].service: 0 is unknown; known are ACTIVE 1, RETIRED 2, MOTION_FAILED 3";
         sample => sample.modules[1].x = f64::NAN,
@@ -432,9 +432,9 @@ fn heartbeats() {
             let module = &mut sample.modules[1];
             (module.epoch, module.has_digest, module.digest_since) = (NO_EPOCH, false, 0);
         }, "heartbeats: modules[1].applied_turns: must be 0 without an epoch";
-        sample => sample.modules[1].phase = 10,
-            "heartbeats: modules[1].phase: 10 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
-             WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9";
+        sample => sample.modules[1].phase = 11,
+            "heartbeats: modules[1].phase: 11 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
+             WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9, COMPUTING 10";
         sample => sample.modules = vec![heartbeat(1); bounds::MODULES_MAX + 1],
             "heartbeats: modules: 10001 entries, at most 10000 are allowed";
     );

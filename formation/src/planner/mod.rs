@@ -14,8 +14,8 @@ mod statistics;
 mod turns;
 mod value;
 
-pub(crate) use cut_nodes::cut_nodes;
 pub use cost::{PLAN_TIME_MAX, PlanSize, PlanTooLong};
+pub(crate) use cut_nodes::cut_nodes;
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{
     ClaimRefused, PlanOutcome, PlannedTurns, Planning, Turn, plan, plan_releasing_pins,
