@@ -219,13 +219,6 @@ fn module_range(text: &str) -> Result<(usize, usize), String> {
 
 /// Which experiments to run, and how.
 #[derive(Debug, Args)]
-#[cfg_attr(
-    not(feature = "experiments"),
-    expect(
-        dead_code,
-        reason = "without the experiments, the arguments are only checked"
-    )
-)]
 pub struct ExperimentsArguments {
     /// The directory for the results; created if it does not exist.
     #[arg(value_name = "OUT")]
