@@ -184,7 +184,7 @@ fn constants_agree() {
         EvictionRecord: NONE;
         ModuleState:
             NONE, PHASE_LISTENING, PHASE_GATHERED, PHASE_PLANNING, PHASE_AGREEING, PHASE_WAITING,
-            PHASE_MOVING, PHASE_SETTLED, PHASE_SPARE, PHASE_WAITING_FOR_QUORUM,
+            PHASE_MOVING, PHASE_SETTLED, PHASE_SPARE, PHASE_WAITING_FOR_QUORUM, PHASE_COMPUTING,
             SERVICE_ACTIVE, SERVICE_RETIRED, SERVICE_MOTION_FAILED;
         PlannerParameters:
             POLICY_EXACT, POLICY_PAPER, POLICY_AUCTION, POLICY_HUNGARIAN, ORDER_RANK, ORDER_SIZE_FIRST,
@@ -198,6 +198,30 @@ fn constants_agree() {
     assert_eq!(of_rust, of_files);
 }
 
+/// What a file states of its lists, as "At most N.": a bound in the type would have the type support of Fast DDS walk, and
+/// reserve, the largest message, which takes seconds and gigabytes where bounded lists are nested.
+fn stated_bounds(name: &str) -> BTreeMap<String, usize> {
+    let (kind, file, section) = KINDS
+        .iter()
+        .flat_map(|&(kind, ends)| {
+            let sections = ends.iter().enumerate();
+            sections.map(move |(section, end)| (kind, end, section))
+        })
+        .filter_map(|(kind, end, section)| Some((kind, name.strip_suffix(end)?, section)))
+        .map(|(kind, stem, section)| (kind, format!("{stem}.{kind}"), section))
+        .find(|(kind, file, _)| files(kind).contains(file))
+        .unwrap();
+    sections(kind, &file)[section]
+        .lines()
+        .filter_map(|line| {
+            let (declaration, comment) = line.split_once(" # ")?;
+            let (_, bound) = comment.rsplit_once("At most ")?;
+            let field = declaration.split_whitespace().nth(1)?;
+            Some((field.to_owned(), bound.strip_suffix('.')?.parse().ok()?))
+        })
+        .collect()
+}
+
 #[test]
 fn bounds_agree() {
     let Some(definitions) = definitions() else {
@@ -207,11 +231,19 @@ fn bounds_agree() {
         .iter()
         .flat_map(|(name, definition)| {
             let name = name.rsplit('/').next().unwrap_or_default();
+            let stated = stated_bounds(name);
             definition
                 .fields
                 .iter()
                 .filter(|(_, kind, ..)| kind.ends_with("[]") || kind == "string")
-                .map(move |(field, _, list, string)| (format!("{name}.{field}"), *list, *string))
+                .map(move |(field, _, list, string)| {
+                    assert_eq!(
+                        *list, None,
+                        "{name}.{field}: a list with a bound in its type"
+                    );
+                    let list = stated.get(field).copied();
+                    (format!("{name}.{field}"), list, *string)
+                })
         })
         .collect();
     let list = |field: &str, bound| (field.to_owned(), Some(bound), None);
