@@ -48,6 +48,7 @@ impl Session {
                     return Ok(());
                 }
                 self.check_liveness()?;
+                self.matched_readers.update();
                 interfaces.report(self, || node.reports())?;
                 let retry = self.flush().then_some(RETRY_AFTER);
                 let latest = Instant::now() + retry.unwrap_or(LIVENESS_INTERVAL);

@@ -21,6 +21,7 @@ pub mod goals;
 pub mod inputs;
 pub mod interfaces;
 mod logging;
+mod matched_readers;
 pub mod node;
 mod node_interfaces;
 pub mod parameters;

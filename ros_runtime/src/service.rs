@@ -12,11 +12,12 @@ use futures::stream::{LocalBoxStream, poll_fn};
 use futures::{Stream, StreamExt};
 use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
 use ros2_client::{ReadResult, RmwRequestId, Server, ServiceTypeName, WriteResult};
-use rustdds::{DomainParticipant, GUID, RTPSEntity};
+use rustdds::{DomainParticipant, RTPSEntity};
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
 use crate::arguments::Resource;
+use crate::matched_readers::MatchedReaders;
 use crate::session::{Session, SessionError, library_name};
 
 /// A service that takes `Q` and answers `A`.
@@ -66,6 +67,8 @@ impl<T: Serialize + DeserializeOwned> ros2_client::Message for Carried<T> {}
 const WAITING_MAX: usize = 16;
 /// A client whose subscription to replies is not discovered within this is answered all the same.
 const CLIENT_WAIT: Duration = Duration::from_secs(1);
+/// Neither is one waited for that was discovered so long ago, as the library may have dropped the event that it matched.
+const MATCH_WAIT: Duration = Duration::from_millis(250);
 /// Between two looks for it.
 const CLIENT_INTERVAL: Duration = Duration::from_millis(10);
 
@@ -127,12 +130,21 @@ where
 
 /// The clients of a service, as discovery shows them.
 ///
-/// A client may ask before this process has discovered its subscription to the replies, and would never receive an
-/// answer that is sent at once. A request is therefore passed on when that subscription is known.
+/// A client may ask before this process has matched its subscription to the replies, and would never receive an answer
+/// that is sent at once. A request is therefore passed on when that subscription is matched.
 pub(crate) struct Clients {
     service: String,
     participant: DomainParticipant,
+    matched: MatchedReaders,
     reply_topic: String,
+}
+
+/// How far this process knows a client's subscription to the replies.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Subscription {
+    Unknown,
+    Discovered,
+    Matched,
 }
 
 impl Clients {
@@ -140,6 +152,7 @@ impl Clients {
     pub(crate) fn of(session: &Session, name: &str) -> Rc<Self> {
         Rc::new(Self {
             participant: session.participant.clone(),
+            matched: session.matched_readers.clone(),
             reply_topic: format!("rr{name}Reply"),
             service: name.to_owned(),
         })
@@ -152,36 +165,48 @@ impl Clients {
         }
     }
 
-    /// Waits until a client's subscription to the replies is discovered, for at most [`CLIENT_WAIT`].
+    /// Waits until a client's subscription to the replies is matched: for at most [`CLIENT_WAIT`] until it is
+    /// discovered, and then for at most [`MATCH_WAIT`].
     async fn wait_for(&self, id: RequestId) {
-        let deadline = Instant::now() + CLIENT_WAIT;
-        let mut waited = false;
-        while !self.knows(id) {
+        let mut deadline = Instant::now() + CLIENT_WAIT;
+        let mut known = Subscription::Unknown;
+        loop {
+            let before = known;
+            known = self.subscription(id);
+            match known {
+                Subscription::Matched => return,
+                Subscription::Discovered if before == Subscription::Unknown => {
+                    deadline = Instant::now() + MATCH_WAIT;
+                }
+                Subscription::Discovered | Subscription::Unknown => {}
+            }
             if Instant::now() >= deadline {
-                tracing::debug!(
-                    service = self.service,
-                    "a client shows no subscription to replies"
-                );
+                tracing::debug!(service = self.service, "a client's replies are {known:?}");
                 return;
             }
-            waited = true;
-            Timer::after(CLIENT_INTERVAL).await;
-        }
-        if waited {
-            // What discovery knows reaches the sending end of the reply a moment later.
             Timer::after(CLIENT_INTERVAL).await;
         }
     }
 
-    fn knows(&self, id: RequestId) -> bool {
+    fn subscription(&self, id: RequestId) -> Subscription {
         let client = &id.writer_gid.to_bytes16()[..CLIENT_BYTES];
-        let is_own = self.participant.guid().to_bytes()[..CLIENT_BYTES] == *client;
-        is_own
-            || self.participant.discovered_readers().iter().any(|reader| {
-                let guid: GUID = reader.reader_proxy.remote_reader_guid;
-                guid.to_bytes()[..CLIENT_BYTES] == *client
-                    && *reader.subscription_topic_data.topic_name() == self.reply_topic
-            })
+        if self.participant.guid().to_bytes()[..CLIENT_BYTES] == *client {
+            return Subscription::Matched;
+        }
+        let discovered = self.participant.discovered_readers();
+        let mut readers = discovered
+            .iter()
+            .filter(|reader| *reader.subscription_topic_data.topic_name() == self.reply_topic)
+            .map(|reader| reader.reader_proxy.remote_reader_guid)
+            .filter(|reader| reader.to_bytes()[..CLIENT_BYTES] == *client)
+            .peekable();
+        if readers.peek().is_none() {
+            Subscription::Unknown
+        } else if readers.all(|reader| self.matched.contains(reader)) {
+            Subscription::Matched
+        } else {
+            Subscription::Discovered
+        }
     }
 }
 

@@ -20,6 +20,7 @@ use crate::environment::DiscoveryRange;
 use crate::exit::Failure;
 use crate::interfaces::{discovery_obstacle, interfaces};
 use crate::logging;
+use crate::matched_readers::MatchedReaders;
 use crate::parameters::{NodeParameters, ParameterError, Parameters, Tunables};
 use crate::publisher_queue::{Flush, PublisherQueue, Sink};
 use crate::rosout::LogLines;
@@ -44,6 +45,7 @@ pub struct Session {
     )]
     context: Context,
     pub(crate) participant: DomainParticipant,
+    pub(crate) matched_readers: MatchedReaders,
     liveness: LivenessWatchdog,
     deadlock: DeadlockWatchdog,
     identity: NodeIdentity,
@@ -139,6 +141,7 @@ impl Session {
         Ok(Self {
             node,
             context,
+            matched_readers: MatchedReaders::of(&participant),
             participant,
             liveness,
             deadlock,

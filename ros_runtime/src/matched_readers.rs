@@ -1,0 +1,54 @@
+//! Which subscriptions of other processes receive what this process sends.
+
+use std::cell::RefCell;
+use std::collections::BTreeSet;
+use std::rc::Rc;
+
+use rustdds::{
+    DomainParticipant, DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID,
+    StatusEvented,
+};
+
+/// The remote readers that a writer of this participant has matched.
+///
+/// Discovery lists a reader before the writer knows it, and a volatile sample that is sent between the two never reaches
+/// that reader. The library's events are the only evidence that the writer knows it.
+#[derive(Clone)]
+pub(crate) struct MatchedReaders(Rc<RefCell<State>>);
+
+struct State {
+    events: DomainParticipantStatusListener,
+    readers: BTreeSet<GUID>,
+}
+
+impl MatchedReaders {
+    /// Reads the events of this participant. Nothing else may read them, as each is given out once.
+    pub(crate) fn of(participant: &DomainParticipant) -> Self {
+        Self(Rc::new(RefCell::new(State {
+            events: participant.status_listener(),
+            readers: BTreeSet::new(),
+        })))
+    }
+
+    /// Takes in the events so far; the library drops events when 2,048 wait.
+    pub(crate) fn update(&self) {
+        let state = &mut *self.0.borrow_mut();
+        while let Some(event) = state.events.try_recv_status() {
+            match event {
+                DomainParticipantStatusEvent::RemoteReaderMatched { remote_reader, .. } => {
+                    state.readers.insert(remote_reader);
+                }
+                DomainParticipantStatusEvent::ReaderLost { guid, .. } => {
+                    state.readers.remove(&guid);
+                }
+                _ => {}
+            }
+        }
+    }
+
+    /// Whether a writer of this process has matched the reader.
+    pub(crate) fn contains(&self, reader: GUID) -> bool {
+        self.update();
+        self.0.borrow().readers.contains(&reader)
+    }
+}
