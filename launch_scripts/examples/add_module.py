@@ -14,6 +14,7 @@ import subprocess
 import sys
 
 import rclpy
+from ask import ask
 from formation_msgs.msg import ModuleState, ModuleStates
 from formation_msgs.srv import AddModule
 from rclpy.executors import ExternalShutdownException
@@ -51,12 +52,8 @@ def start_process(options):
 def ask_agent(observer, options):
     """Requests a running agent to host the module."""
     client = observer.create_client(AddModule, f"{options.agent}/add_module")
-    if not client.wait_for_service(timeout_sec=10.0):
-        sys.exit(f"no node serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
     request = AddModule.Request(module_id=options.module, x=options.x, y=options.y, theta=options.theta)
-    answer = client.call_async(request)
-    rclpy.spin_until_future_complete(observer, answer)
-    response: AddModule.Response = answer.result()
+    response: AddModule.Response = ask(observer, client, request)
     print(response.message, flush=True)
     if not response.success:
         sys.exit(1)

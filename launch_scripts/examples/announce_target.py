@@ -35,16 +35,24 @@ def announcement(scenario, expected_modules):
 
 
 class Announcer(Node):
-    """Publishes one target, once."""
+    """Publishes one target, at the start and once more after a second.
+
+    Fast DDS may send the first sample before a subscription is matched, and offers it again after three seconds only.
+    """
 
     def __init__(self, options):
         super().__init__("announce_target", namespace=options.namespace)
         scenario = yaml.safe_load(pathlib.Path(options.scenario).read_text(encoding="utf-8"))
-        message = announcement(scenario, options.expected_modules)
-        message.header.stamp = self.get_clock().now().to_msg()
+        self.message = announcement(scenario, options.expected_modules)
+        self.message.header.stamp = self.get_clock().now().to_msg()
         self.publisher = self.create_publisher(TargetConfiguration, "target", TRANSIENT_LOCAL)
-        self.publisher.publish(message)
-        self.get_logger().info(f"announced `{message.name}` with {len(message.spots)} spots; Ctrl-C ends")
+        self.publisher.publish(self.message)
+        self.timer = self.create_timer(1.0, self.publish_again)
+        self.get_logger().info(f"announced `{self.message.name}` with {len(self.message.spots)} spots; Ctrl-C ends")
+
+    def publish_again(self):
+        self.publisher.publish(self.message)
+        self.timer.cancel()
 
 
 def main():

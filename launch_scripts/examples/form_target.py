@@ -7,6 +7,7 @@ modules then stand still. Ends with status 0 when the formation is as complete a
 
 import argparse
 import sys
+import time
 
 import rclpy
 from action_msgs.msg import GoalStatus
@@ -45,10 +46,14 @@ def main():
     client = ActionClient(node, FormConfiguration, "form_configuration")
     if not client.wait_for_server(timeout_sec=10.0):
         sys.exit("no node serves form_configuration: is target_publisher running, and RMW_IMPLEMENTATION the same?")
+    # A client of Fast DDS can find the server before the server has matched it, and would then wait three seconds.
+    time.sleep(0.2)
     goal = FormConfiguration.Goal(scenario=options.scenario, expected_modules=options.expected_modules)
     sent = client.send_goal_async(goal, feedback_callback=show)
-    rclpy.spin_until_future_complete(node, sent)
+    rclpy.spin_until_future_complete(node, sent, timeout_sec=10.0)
     handle = sent.result()
+    if handle is None:
+        sys.exit("form_configuration did not answer within 10 s")
     if not handle.accepted:
         sys.exit("the goal was not accepted")
     ended = handle.get_result_async()

@@ -9,6 +9,7 @@ import argparse
 import sys
 
 import rclpy
+from ask import ask
 from formation_msgs.srv import RetireModule
 from rclpy.node import Node
 
@@ -23,11 +24,8 @@ def main():
     rclpy.init(args=sys.argv)
     node = Node("retire_module", namespace=options.namespace)
     client = node.create_client(RetireModule, f"{options.agent}/retire_module")
-    if not client.wait_for_service(timeout_sec=10.0):
-        sys.exit(f"no node serves {client.srv_name}: is the agent running, and RMW_IMPLEMENTATION the same?")
-    answer = client.call_async(RetireModule.Request(module_id=options.module, rejoin=options.rejoin))
-    rclpy.spin_until_future_complete(node, answer)
-    response: RetireModule.Response = answer.result()
+    request = RetireModule.Request(module_id=options.module, rejoin=options.rejoin)
+    response: RetireModule.Response = ask(node, client, request)
     print(response.message)
     rclpy.try_shutdown()
     return 0 if response.success else 1
