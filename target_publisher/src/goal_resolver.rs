@@ -122,6 +122,8 @@ pub(crate) fn refuse_long_plans(announcement: &TargetAnnouncement) -> Result<(),
 
 #[cfg(test)]
 mod tests {
+    use std::sync::Arc;
+
     use formation::model::{PlannerParameters, RawSpot, RawTarget};
     use formation_msgs::{Edge, Spot, TargetConfiguration};
 
