@@ -49,9 +49,14 @@ impl<R: Clone + Default, Q> Goals<R, Q> {
         self.goals.iter_mut().find(|goal| goal.info.goal_id == id)
     }
 
+    /// Whether a goal with this identifier was accepted, and is not forgotten.
+    pub fn knows(&self, id: GoalId) -> bool {
+        self.goals.iter().any(|goal| goal.info.goal_id == id)
+    }
+
     /// Accepts a goal that is executed at once; false if a goal with its identifier is known.
     pub fn accept(&mut self, id: GoalId, stamp: Time) -> bool {
-        if self.find(id).is_some() {
+        if self.knows(id) {
             return false;
         }
         let ended = |goal: &Goal<R, Q>| goal.has_ended();

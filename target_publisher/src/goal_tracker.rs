@@ -69,9 +69,8 @@ impl<Q> GoalTracker<Q> {
         self.progress_may_be_new = true;
     }
 
-    /// Accepts a goal at `stamp` by the wall clock; false if its identifier is in use. Its target is announced under a
-    /// revision of at least `fresh`; a goal without a target that can be formed ends at once, with the reason, and changes
-    /// nothing.
+    /// Accepts a goal at `stamp` by the wall clock, and announces its target under a revision of at least `fresh`. False if
+    /// its identifier is in use, or its target cannot be formed: the goal then changes nothing.
     pub(crate) fn begin(
         &mut self,
         now: Duration,
@@ -80,29 +79,32 @@ impl<Q> GoalTracker<Q> {
         fresh: u64,
         target: Result<TargetAnnouncement, String>,
     ) -> bool {
-        if !self.goals.accept(goal, stamp) {
+        if self.goals.knows(goal) {
             return false;
         }
-        self.goal_states_are_new = true;
-        match target.and_then(|target| self.status.announce_above_all(now, fresh, target)) {
-            Ok(revision) => {
-                self.end(replaced);
-                self.pursuit = Some(Pursuit {
-                    goal,
-                    stamp,
-                    began: now,
-                    revision,
-                    cancelled: None,
-                    published: None,
-                    feedback_due: now,
-                });
-                self.progress_may_be_new = true;
-            }
+        let announced =
+            target.and_then(|target| self.status.announce_above_all(now, fresh, target));
+        let revision = match announced {
+            Ok(revision) => revision,
             Err(reason) => {
-                tracing::warn!("a goal cannot be pursued: {reason}");
-                self.conclude(goal, GoalStatusEnum::Aborted, &without_verdict(reason));
+                // The answer to a goal has no room for a reason, so clients read it in the log.
+                tracing::warn!("rejected a goal: {reason}");
+                return false;
             }
-        }
+        };
+        self.goals.accept(goal, stamp);
+        self.goal_states_are_new = true;
+        self.end(replaced);
+        self.pursuit = Some(Pursuit {
+            goal,
+            stamp,
+            began: now,
+            revision,
+            cancelled: None,
+            published: None,
+            feedback_due: now,
+        });
+        self.progress_may_be_new = true;
         true
     }
 

@@ -31,7 +31,11 @@ impl Python {
             // Cargo runs tests within their package, but people name a path as seen from the repository.
             Ok(named) if named.contains('/') => Ok(root().join(named)),
             Ok(named) if !named.is_empty() => Ok(named.into()),
-            _ => environment(&target_directory()),
+            _ => environment(
+                &target_directory().join("python"),
+                &requirements(),
+                IS_RECENT,
+            ),
         });
         tool_or_skip(Tool::Python, found.clone()).map(|path| Self { path })
     }
@@ -77,27 +81,26 @@ fn requirements() -> PathBuf {
     root().join("tests/requirements.txt")
 }
 
-/// The interpreter of the environment in this directory. Test processes that need it at the same time wait for the one that
-/// makes it.
-fn environment(directory: &Path) -> Result<PathBuf, String> {
-    let lock = File::create(directory.join("python.lock"));
-    lock.and_then(|lock| lock.lock().map(|()| lock))
-        .map_err(|error| format!("cannot lock {}/python.lock: {error}", directory.display()))
-        .and_then(|_lock| made(&directory.join("python")))
-}
-
-/// Makes the environment unless it is complete, of which a copy of the requirements is the sign.
-fn made(environment: &Path) -> Result<PathBuf, String> {
+/// The interpreter of this environment, which is made unless it is complete; a copy of the requirements is the sign that it
+/// is. `is_suitable` is code that ends with the reason if the interpreter on the path is not. Test processes that need the
+/// environment at the same time wait for the one that makes it.
+pub(crate) fn environment(
+    environment: &Path,
+    requirements: &Path,
+    is_suitable: &str,
+) -> Result<PathBuf, String> {
+    let _lock = locked(environment)?;
     let python = environment.join("bin/python");
     let complete = environment.join("requirements.txt");
-    let wanted = fs::read(requirements()).unwrap();
+    let wanted = fs::read(requirements).unwrap();
     if python.is_file() && fs::read(&complete).is_ok_and(|made| made == wanted) {
         return Ok(python);
     }
     let base = on_path(&["python3"])?;
-    run(Command::new(&base).args(["-c", IS_RECENT]))?;
+    run(Command::new(&base).args(["-c", is_suitable]))?;
     report(&format!(
-        "Installing the Python packages of tests/requirements.txt into {}, which takes about a minute, once.",
+        "Installing the Python packages of {} into {}, which takes about a minute, once.",
+        requirements.display(),
         environment.display()
     ));
     if environment.exists() {
@@ -120,7 +123,7 @@ fn made(environment: &Path) -> Result<PathBuf, String> {
         run(Command::new(&python)
             .args(["-m", "pip"])
             .args(install)
-            .arg(requirements()))?;
+            .arg(requirements))?;
     } else {
         // Debian splits `ensurepip` off into python3-venv; a pip of its own will do as well.
         venv(&["--clear", "--without-pip"])?;
@@ -128,15 +131,23 @@ fn made(environment: &Path) -> Result<PathBuf, String> {
             .args(["-m", "pip", "--python"])
             .arg(&python)
             .args(install)
-            .arg(requirements()))
+            .arg(requirements))
         .map_err(|error| format!("python3 has neither `ensurepip` nor a recent pip ({error})"))?;
     }
     fs::write(complete, wanted).unwrap();
     Ok(python)
 }
 
+/// A lock that processes hold while they make this folder.
+pub(crate) fn locked(folder: &Path) -> Result<File, String> {
+    let path = folder.with_extension("lock");
+    File::create(&path)
+        .and_then(|lock| lock.lock().map(|()| lock))
+        .map_err(|error| format!("cannot lock {}: {error}", path.display()))
+}
+
 /// Runs a command to its end; where it fails, the last line of what it said.
-fn run(command: &mut Command) -> Result<(), String> {
+pub(crate) fn run(command: &mut Command) -> Result<(), String> {
     let output = command.stdin(Stdio::null()).output();
     let output = output.map_err(|error| format!("cannot start {command:?}: {error}"))?;
     if output.status.success() {

@@ -2,7 +2,7 @@
 
 use std::collections::VecDeque;
 use std::io::{BufRead, BufReader, Read, Write};
-use std::process::{Child, ChildStdout, Stdio};
+use std::process::{Child, ChildStdout, Command, Stdio};
 
 use serde_json::{Value, json};
 
@@ -33,15 +33,23 @@ impl RosTool {
     fn start_script(name: &str, arguments: &[&str]) -> Option<Self> {
         let python = Python::find()?;
         let script = format!("tests/python/{name}");
-        let mut child = python.start(&script, arguments, Stdio::inherit());
+        let child = python.start(&script, arguments, Stdio::inherit());
+        Some(Self::of_child(child, &python.advice()))
+    }
+
+    /// Starts a command whose input and output are piped; `advice` says what to do if it fails.
+    pub(crate) fn of(mut command: Command, advice: &str) -> Self {
+        Self::of_child(command.spawn().unwrap(), advice)
+    }
+
+    fn of_child(mut child: Child, advice: &str) -> Self {
         let output = BufReader::new(child.stdout.take().unwrap());
-        let advice = python.advice();
-        Some(Self {
+        Self {
             child,
             output,
             kept: VecDeque::new(),
-            advice,
-        })
+            advice: advice.to_owned(),
+        }
     }
 
     /// The next line that it prints.

@@ -14,6 +14,8 @@ const REQUIRED: &str = "FORMATION_REQUIRE_TOOLS";
 pub enum Tool {
     /// Python with the packages of `tests/requirements.txt`.
     Python,
+    /// rclpy over Fast DDS, from wheels, and a C++ compiler for our interface package.
+    Rclpy,
     /// Wireshark's dissector on the command line.
     Tshark,
     /// Chromium and its WebDriver.
@@ -26,6 +28,7 @@ impl Tool {
     fn name(self) -> &'static str {
         match self {
             Self::Python => "python",
+            Self::Rclpy => "rclpy",
             Self::Tshark => "tshark",
             Self::Browser => "browser",
             Self::Namespaces => "namespaces",
@@ -38,6 +41,10 @@ impl Tool {
             Self::Python => {
                 "install Python 3.11 or later with venv and pip (Debian, Ubuntu: `apt-get install python3-venv`), or set \
                  FORMATION_PYTHON to an interpreter that has the packages of tests/requirements.txt"
+            }
+            Self::Rclpy => {
+                "its wheels need Python 3.11 as `python3`, with venv and pip, on x86-64; and a C++ compiler (Debian, Ubuntu: \
+                 `apt-get install g++`)"
             }
             Self::Tshark => "install it (Debian, Ubuntu: `apt-get install tshark`)",
             Self::Browser => {

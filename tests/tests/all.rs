@@ -13,6 +13,7 @@ mod external_motion;
 mod faults;
 mod formations;
 mod python_files;
+mod rclpy;
 mod report;
 mod ros_tools;
 mod rtps;

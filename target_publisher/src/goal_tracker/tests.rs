@@ -227,14 +227,14 @@ fn a_cancelled_goal_does_not_wait_for_modules_that_have_another_target() {
 }
 
 #[test]
-fn what_cannot_be_formed_ends_at_once_and_leaves_the_goal_on_its_way() {
+fn what_cannot_be_formed_is_rejected_and_leaves_the_goal_on_its_way() {
     let (mut tracker, _) = begun();
     let other = GoalId::new_random();
     let wrong = Err("scenario: there is none".to_owned());
-    assert!(tracker.begin(at(2), stamp(1_002), other, FRESH, wrong));
+    assert!(!tracker.begin(at(2), stamp(1_002), other, FRESH, wrong));
     tracker.ask(other, 8);
     let answers = tracker.take_answers();
-    assert_eq!((answers[0].0, answers[0].1), (8, GoalStatusEnum::Aborted));
+    assert_eq!((answers[0].0, answers[0].1), (8, GoalStatusEnum::Unknown));
     assert_eq!(tracker.status.own().unwrap().revision, FRESH);
     assert_eq!(ended(&mut tracker, at(3)), None);
 }

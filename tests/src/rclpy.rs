@@ -1,0 +1,108 @@
+//! rclpy over Fast DDS, the default middleware of ROS 2, with the Python package of our interface files.
+
+use std::fs;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+
+use crate::programs::{root, target_directory};
+use crate::python::{environment, locked, run};
+use crate::ros_tool::RosTool;
+use crate::tools::{Tool, on_path, report, tool_or_skip};
+
+const IS_3_11: &str = "import sys; \
+    sys.version_info[:2] == (3, 11) or sys.exit('Python 3.11 is needed, but python3 is ' + sys.version.split()[0])";
+
+/// An environment with rclpy, Fast DDS and `formation_msgs`.
+pub struct Rclpy {
+    python: PathBuf,
+    interfaces: PathBuf,
+}
+
+impl Rclpy {
+    /// The environment under the build's target directory, which this makes where it is missing or made for other wheels or
+    /// interface files. `None`, after a line that says so, where the wheels or a compiler cannot be had.
+    ///
+    /// # Panics
+    /// When it cannot be had and `FORMATION_REQUIRE_TOOLS` names it.
+    #[must_use]
+    pub fn find() -> Option<Self> {
+        tool_or_skip(Tool::Rclpy, made())
+    }
+
+    /// Starts a script of the repository, named as seen from its root, on a domain of loopback.
+    #[must_use]
+    pub fn start(&self, script: &str, domain: &str, arguments: &[&str]) -> RosTool {
+        let installed = self.interfaces.join("lib/python3.11/site-packages");
+        let environment = self.python.ancestors().nth(2).unwrap();
+        let libraries = format!(
+            "{}:{}",
+            self.interfaces.join("lib").display(),
+            environment.join("lib").display()
+        );
+        let prefixes = format!("{}:{}", self.interfaces.display(), environment.display());
+        let mut command = Command::new(&self.python);
+        command
+            .arg(root().join(script))
+            .args(arguments)
+            .env("PYTHONPATH", installed)
+            .env("LD_LIBRARY_PATH", libraries)
+            .env("AMENT_PREFIX_PATH", prefixes)
+            .env("RMW_IMPLEMENTATION", "rmw_fastrtps_cpp")
+            .env("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+            .env("ROS_DOMAIN_ID", domain)
+            .stdin(Stdio::piped())
+            .stdout(Stdio::piped());
+        RosTool::of(command, "see tests/src/rclpy.rs")
+    }
+}
+
+fn made() -> Result<Rclpy, String> {
+    on_path(&["c++", "g++"])?;
+    let folder = target_directory().join("rclpy");
+    let requirements = root().join("tests/rclpy_requirements.txt");
+    let python = environment(&folder, &requirements, IS_3_11)?;
+    let build = target_directory().join("rclpy_interfaces");
+    let _lock = locked(&build)?;
+    let complete = build.join("built_from");
+    let wanted = sources();
+    if fs::read(&complete).ok().as_deref() != Some(wanted.as_bytes()) {
+        report(
+            "Building the Python package of the interface files, which takes one to three minutes, once.",
+        );
+        if build.exists() {
+            fs::remove_dir_all(&build).unwrap();
+        }
+        fs::create_dir_all(&build).unwrap();
+        run(Command::new(&python)
+            .arg(root().join("tests/python/build_interfaces.py"))
+            .arg(&folder)
+            .arg(&build))?;
+        fs::write(complete, wanted).unwrap();
+    }
+    let interfaces = build.join("install");
+    Ok(Rclpy { python, interfaces })
+}
+
+/// All files that the package is built from.
+fn sources() -> String {
+    let package = root().join("msgs");
+    let mut files: Vec<PathBuf> = vec![
+        package.join("CMakeLists.txt"),
+        package.join("package.xml"),
+        root().join("tests/rclpy_requirements.txt"),
+    ];
+    for kind in ["msg", "srv", "action"] {
+        files.extend(entries(&package.join(kind)));
+    }
+    files.sort();
+    files
+        .iter()
+        .map(|file| fs::read_to_string(file).unwrap())
+        .collect()
+}
+
+fn entries(folder: &Path) -> impl Iterator<Item = PathBuf> {
+    fs::read_dir(folder)
+        .unwrap()
+        .map(|entry| entry.unwrap().path())
+}
