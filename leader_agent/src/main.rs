@@ -12,7 +12,7 @@ use formation::model::ModuleId;
 use formation_node::Program;
 use formation_node::scenario::read_scenario;
 use module_agent::ModuleProcess;
-use module_agent::arguments::{HostedModules, Motion, Timing, require_leader};
+use module_agent::arguments::{HostedModules, Memory, Motion, Timing, require_leader};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -34,6 +34,8 @@ struct Arguments {
     motion: Tuned<Motion>,
     #[command(flatten)]
     timing: Tuned<Timing>,
+    #[command(flatten)]
+    memory: Tuned<Memory>,
 }
 
 impl Program for Arguments {
@@ -48,6 +50,7 @@ impl Program for Arguments {
             hosted,
             timing: self.timing.0,
             motion: self.motion.0,
+            memory: self.memory.0,
         }
         .run(stop)?;
         Ok(STATUS_DONE)

@@ -20,6 +20,7 @@ use ros_runtime::topic_statistics::is_logged;
 use crate::arguments::{Motion, MotionMode};
 use crate::drive::Drive;
 use crate::drivers::DriverMessage;
+use crate::journal::{Journal, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
 
 /// After this many messages between hosted modules, the event loop turns to the network again: modules that answer each
@@ -69,6 +70,8 @@ pub(crate) struct Host {
     room: usize,
     modules: Vec<Hosted>,
     plans: SharedPlans,
+    /// `None` if what the modules agree on ends with the process.
+    journal: Option<Journal>,
     /// Messages from a hosted module to the others, by the sender's index.
     local: VecDeque<(usize, Message)>,
     outgoing: Vec<Outgoing>,
@@ -76,12 +79,13 @@ pub(crate) struct Host {
 
 impl Host {
     /// Hosts an agent for each module, started at time zero in or out of service; `source` is the participant that
-    /// publishes for them.
+    /// publishes for them. With a journal, each continues from what its store holds.
     pub(crate) fn new(
         source: SourceId,
         modules: impl IntoIterator<Item = (Identity, Service)>,
         parameters: AgentParameters,
         motion: &Motion,
+        journal: Option<Journal>,
     ) -> Self {
         let mut host = Self {
             source,
@@ -90,6 +94,7 @@ impl Host {
             room: 0,
             modules: Vec::new(),
             plans: SharedPlans::default(),
+            journal,
             local: VecDeque::new(),
             outgoing: Vec::new(),
         };
@@ -101,9 +106,12 @@ impl Host {
     }
 
     fn push(&mut self, now: Duration, identity: Identity, service: Service) {
-        let agent = Agent::new(identity.clone(), self.parameters, now)
+        let mut agent = Agent::new(identity.clone(), self.parameters, now)
             .in_service(service)
             .with_plans_of_host();
+        if let Some(journal) = &self.journal {
+            agent = agent.restored(journal.state_of(identity.module));
+        }
         self.modules.push(Hosted {
             drive: Drive::new(&identity, &self.motion, self.parameters.lease),
             identity,
@@ -121,7 +129,7 @@ impl Host {
     ///
     /// # Errors
     /// Says why this process takes no more.
-    pub(crate) fn add(&mut self, now: Duration, identity: Identity) -> Result<(), String> {
+    pub(crate) fn add(&mut self, now: Duration, mut identity: Identity) -> Result<(), String> {
         if self.motion.mode == MotionMode::External {
             return Err(format!(
                 "the modules of this process have external drivers, which are set up at its start; start another \
@@ -134,6 +142,9 @@ impl Host {
                 "this process keeps the decisions of at most {} modules for late subscribers; start another process",
                 self.room
             ));
+        }
+        if let Some(journal) = &mut self.journal {
+            journal.add(&mut identity)?;
         }
         let missed = self.latched_snapshot(identity.module);
         let index = self.modules.len();
@@ -259,6 +270,34 @@ impl Host {
         }
     }
 
+    /// The next contents of the store to write; no others before they are written.
+    pub(crate) fn next_write(&mut self) -> Option<WriteJob> {
+        self.journal.as_mut()?.next_job()
+    }
+
+    /// The store holds the contents of this number: the modules act on what they gave to it.
+    pub(crate) fn handle_written(&mut self, now: Duration, number: u64) {
+        let journal = self.journal.as_mut();
+        for (module, number) in journal.map_or_else(Vec::new, |journal| journal.finish(number)) {
+            if let Some(index) = self.index_of(module) {
+                self.pass(index, now, Input::Persisted(number));
+            }
+        }
+    }
+
+    /// Answers a request once the store, if there is one, holds what was done.
+    pub(crate) fn answer(&mut self, answer: impl FnOnce() + 'static) {
+        match &mut self.journal {
+            Some(journal) => journal.answer(Box::new(answer)),
+            None => answer(),
+        }
+    }
+
+    /// Takes the journal, for a host that takes the modules over.
+    pub(crate) fn take_journal(&mut self) -> Option<Journal> {
+        self.journal.take()
+    }
+
     /// When [`Self::advance`] is due next.
     pub(crate) fn due(&self) -> Option<Duration> {
         if !self.local.is_empty() {
@@ -381,8 +420,13 @@ impl Host {
                     }
                 }
                 Output::Event(event) => self.modules[index].handle_event(&event),
-                // Only modules with a store give anything to it.
-                Output::Persist { .. } => debug_assert!(false, "no module has a store"),
+                Output::Persist { number, state } => {
+                    let journal = self.journal.as_mut();
+                    debug_assert!(journal.is_some(), "only a module with a store gives to it");
+                    if let Some(journal) = journal {
+                        journal.persist(identity.module, number, *state);
+                    }
+                }
             }
         }
         let Hosted {

@@ -6,9 +6,11 @@ pub mod arguments;
 mod drive;
 mod drivers;
 mod host;
+mod journal;
 mod membership;
 mod module_diagnostics;
-mod plan_worker;
 mod process;
+mod store;
+mod worker;
 
 pub use process::ModuleProcess;

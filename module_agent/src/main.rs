@@ -6,7 +6,7 @@ use async_channel::Receiver;
 use clap::Parser;
 use formation_node::Program;
 use module_agent::ModuleProcess;
-use module_agent::arguments::{ModuleArguments, Motion, Timing};
+use module_agent::arguments::{Memory, ModuleArguments, Motion, Timing};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -24,6 +24,8 @@ struct Arguments {
     motion: Tuned<Motion>,
     #[command(flatten)]
     timing: Tuned<Timing>,
+    #[command(flatten)]
+    memory: Tuned<Memory>,
 }
 
 impl Program for Arguments {
@@ -33,6 +35,7 @@ impl Program for Arguments {
             hosted: self.modules.resolve()?,
             timing: self.timing.0,
             motion: self.motion.0,
+            memory: self.memory.0,
         }
         .run(stop)?;
         Ok(STATUS_DONE)

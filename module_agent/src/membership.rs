@@ -29,16 +29,16 @@ pub(crate) enum MembershipRequest {
 }
 
 impl MembershipRequest {
-    /// Carries out the request if possible, and answers with what will happen.
+    /// Carries out the request if possible, and answers with what will happen, once the store holds it.
     pub(crate) fn carry_out(self, host: &mut Host, now: Duration) {
         match self {
             Self::Add(Call { request, reply }) => {
                 let (success, message) = answer(request.module_id, add(host, now, request));
-                reply(AddModuleResponse { success, message });
+                host.answer(move || reply(AddModuleResponse { success, message }));
             }
             Self::Retire(Call { request, reply }) => {
                 let (success, message) = answer(request.module_id, retire(host, now, request));
-                reply(RetireModuleResponse { success, message });
+                host.answer(move || reply(RetireModuleResponse { success, message }));
             }
         }
     }
@@ -165,7 +165,7 @@ mod tests {
         };
         let modules = [(identity, InService::Active)];
         let parameters = AgentParameters::default();
-        let mut host = Host::new(SourceId(1), modules, parameters, motion);
+        let mut host = Host::new(SourceId(1), modules, parameters, motion, None);
         host.advance(NOW);
         host
     }
@@ -254,7 +254,7 @@ mod tests {
 
         let parameters = AgentParameters::default();
         let motion = Motion::default();
-        let mut next = Host::new(SourceId(1), host.modules(), parameters, &motion);
+        let mut next = Host::new(SourceId(1), host.modules(), parameters, &motion, None);
         assert_eq!(service_of(&next, 4), Some(InService::Retired));
         let answer = retire(&mut next, NOW, ask(4, true)).unwrap();
         assert!(answer.contains("takes part again"), "{answer}");

@@ -1,12 +1,13 @@
 //! The node of a process that hosts modules.
 
 use std::ops::ControlFlow;
+use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
 use async_channel::Receiver;
-use formation::model::{ModuleId, Service};
-use formation::protocol::{ComputedPlan, Identity};
+use formation::model::{Incarnation, ModuleId, Service};
+use formation::protocol::{ComputedPlan, Identity, PlanJob};
 use formation_msgs::{Eviction, Heartbeat, InSession, ModuleStates, Roster, SpotClaim};
 use formation_node::messages::{Received, session_of, source_id, subscribe_all};
 use formation_node::{stamp, topics};
@@ -14,17 +15,18 @@ use ros_runtime::PublisherQueue;
 use ros_runtime::diagnostics::Report;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::parameters::{NodeParameters, ParameterError, Tunables, Values};
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 use ros_runtime::topic::Topic;
 use serde::Serialize;
 
-use crate::arguments::{HostedModules, Motion, MotionMode, Timing};
+use crate::arguments::{HostedModules, Memory, Motion, MotionMode, Timing};
 use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing};
+use crate::journal::{Journal, WriteJob};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
-use crate::plan_worker::PlanWorker;
+use crate::worker::Worker;
 
 /// A process that hosts modules.
 #[derive(Clone, Debug)]
@@ -37,6 +39,8 @@ pub struct ModuleProcess {
     pub timing: Timing,
     /// How the modules move.
     pub motion: Motion,
+    /// Where they keep what they agreed on.
+    pub memory: Memory,
 }
 
 impl ModuleProcess {
@@ -46,14 +50,15 @@ impl ModuleProcess {
     /// were added and those out of service as well.
     ///
     /// # Errors
-    /// The ROS 2 graph could not be joined, or no driver sent a pose.
+    /// The ROS 2 graph could not be joined, no driver sent a pose, or the store cannot be used.
     pub fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
         let hosted = self.hosted.modules.iter();
         let ids: Vec<u32> = hosted.clone().map(|module| module.module.0).collect();
         let name = node_name(&ids);
         let active = |module: &Identity| (module.clone(), Service::Active);
         let mut modules = hosted.map(active).collect();
-        rejoining(|| self.take_part(&name, &mut modules, stop))
+        let mut journal = None;
+        rejoining(|| self.take_part(&name, &mut modules, &mut journal, stop))
     }
 
     /// Takes part with these modules until `stop` yields or the library no longer receives, and leaves them as they are
@@ -62,13 +67,16 @@ impl ModuleProcess {
         &self,
         name: &str,
         modules: &mut Vec<(Identity, Service)>,
+        journal: &mut Option<Journal>,
         stop: &Receiver<()>,
     ) -> Result<(), SessionError> {
         let mut declarations = self.timing.declarations();
         declarations.extend(self.motion.declarations());
+        declarations.extend(self.memory.declarations());
         let parameters = self.settings.declare(name, declarations)?;
         let timing = self.timing.read(parameters.values())?;
         let motion = self.motion.clone().read(parameters.values())?;
+        self.begin_runs(name, parameters.values(), modules, journal)?;
         let mut session = Session::join(&self.settings, name, parameters)?;
         let mut inputs = Inputs::default();
         let mut drivers = None;
@@ -83,32 +91,24 @@ impl ModuleProcess {
             inputs.append(messages, |(module, message)| Input::Driver(module, message));
             drivers = Some(publishers);
         }
-        for messages in subscribe_all(&mut session, modules.len())? {
-            inputs.add(messages, Input::Messages);
-        }
-        // Left out where the node serves no tools, as discovery grows with the number of endpoints.
-        if session.node_parameters().start_parameter_services {
-            let (add, retire) = (session.serve(&ADD_MODULE)?, session.serve(&RETIRE_MODULE)?);
-            inputs.add(add, |call| Input::Membership(MembershipRequest::Add(call)));
-            inputs.add(retire, |call| {
-                Input::Membership(MembershipRequest::Retire(call))
-            });
-        }
-        let (plans, computed) = PlanWorker::start()?;
-        inputs.add(computed, Input::Computed);
+        add_topics_and_services(&mut inputs, &mut session, modules.len())?;
+        let workers = Workers::start(&mut inputs, journal.as_ref())?;
         let source = source_id(session.participant());
+        let publishers = Publishers {
+            states: session.publisher(&topics::MODULE_STATES)?,
+            claims: session.publisher(&topics::claims(modules.len()))?,
+            heartbeats: session.publisher(&topics::HEARTBEATS)?,
+            roster: None,
+            evictions: None,
+            drivers,
+        };
+        let starting = modules.iter().cloned();
         let mut node = ModuleNode {
             start: Instant::now(),
-            publishers: Publishers {
-                states: session.publisher(&topics::MODULE_STATES)?,
-                claims: session.publisher(&topics::claims(modules.len()))?,
-                heartbeats: session.publisher(&topics::HEARTBEATS)?,
-                roster: None,
-                evictions: None,
-                drivers,
-            },
-            host: Host::new(source, modules.iter().cloned(), timing.0, &motion),
-            plans: Some(plans),
+            publishers,
+            host: Host::new(source, starting, timing.0, &motion, journal.take()),
+            workers,
+            failure: None,
             frame_id: self.hosted.frame_id.clone(),
         };
         let ended = session.run(&mut node, inputs, stop);
@@ -117,20 +117,99 @@ impl ModuleProcess {
                 tracing::info!(module = module.0, "refused: {refusals}");
             }
         }
+        *journal = node.host.take_journal();
         *modules = node.host.modules();
         for (identity, _) in modules {
-            identity.incarnation = stamp::incarnation();
+            let next = Incarnation(identity.incarnation.0.saturating_add(1));
+            identity.incarnation = stamp::incarnation().max(next);
         }
         ended
     }
+
+    /// Opens the store when the process starts, and writes the incarnations of the runs that begin, if there is a store.
+    fn begin_runs(
+        &self,
+        name: &str,
+        values: &Values,
+        modules: &mut Vec<(Identity, Service)>,
+        journal: &mut Option<Journal>,
+    ) -> Result<(), SessionError> {
+        let Some(directory) = self.memory.clone().read(values)?.state_dir else {
+            return Ok(());
+        };
+        let opened = match journal {
+            Some(opened) => opened,
+            none => {
+                let session = NodeParameters::default().read(values)?.session;
+                let session = session.unwrap_or_default();
+                let opened = Journal::open(Path::new(&directory), name, session, modules);
+                none.insert(opened.map_err(SessionError::BadInput)?)
+            }
+        };
+        opened.begin(modules).map_err(SessionError::Failed)
+    }
+}
+
+fn add_topics_and_services(
+    inputs: &mut Inputs<Input>,
+    session: &mut Session,
+    modules: usize,
+) -> Result<(), SessionError> {
+    for messages in subscribe_all(session, modules)? {
+        inputs.add(messages, Input::Messages);
+    }
+    // Left out where the node serves no tools, as discovery grows with the number of endpoints.
+    if session.node_parameters().start_parameter_services {
+        let (add, retire) = (session.serve(&ADD_MODULE)?, session.serve(&RETIRE_MODULE)?);
+        inputs.add(add, |call| Input::Membership(MembershipRequest::Add(call)));
+        inputs.add(retire, |call| {
+            Input::Membership(MembershipRequest::Retire(call))
+        });
+    }
+    Ok(())
 }
 
 enum Input {
     Messages(Received),
     Driver(ModuleId, DriverMessage),
     Membership(MembershipRequest),
-    /// `None` if plans are no longer computed.
-    Computed(Option<Arc<ComputedPlan>>),
+    Computed(Arc<ComputedPlan>),
+    /// The store holds the contents of this number.
+    Written(u64),
+    /// What the process cannot go on without has ended, for this reason.
+    Failed(String),
+}
+
+/// What takes long, each on a thread of its own.
+struct Workers {
+    plans: Worker<PlanJob>,
+    /// `None` without a store.
+    store: Option<Worker<WriteJob>>,
+}
+
+impl Workers {
+    fn start(inputs: &mut Inputs<Input>, journal: Option<&Journal>) -> Result<Self, SessionError> {
+        let ended = |name: &str| Input::Failed(format!("the thread for {name} has ended"));
+        let (plans, computed) = Worker::start("plans", |job: PlanJob| Arc::new(job.run()))?;
+        inputs.add(computed, move |computed| match computed {
+            Some(computed) => Input::Computed(computed),
+            None => ended("plans"),
+        });
+        let Some(journal) = journal else {
+            return Ok(Self { plans, store: None });
+        };
+        let store = journal.store();
+        let (writer, written) = Worker::start("store", move |job: WriteJob| job.run(&store))?;
+        inputs.add(written, move |written| match written {
+            Some(Ok(number)) => Input::Written(number),
+            Some(Err(reason)) => Input::Failed(format!(
+                "{reason}; the modules stop, as they would not know after a restart what they agreed on"
+            )),
+            None => ended("the store"),
+        });
+        let store = Some(writer);
+        Ok(Self { plans, store })
+    }
 }
 
 struct Publishers {
@@ -147,8 +226,9 @@ struct ModuleNode {
     start: Instant,
     publishers: Publishers,
     host: Host,
-    /// `None` if its thread has ended.
-    plans: Option<PlanWorker>,
+    workers: Workers,
+    /// Why the process cannot go on.
+    failure: Option<String>,
     frame_id: String,
 }
 
@@ -167,19 +247,24 @@ impl Node for ModuleNode {
             }
             Input::Driver(module, message) => self.host.handle_driver(now, module, message),
             Input::Membership(request) => request.carry_out(&mut self.host, now),
-            Input::Computed(Some(computed)) => self.host.handle_computed(now, &computed),
-            Input::Computed(None) => self.plans = None,
+            Input::Computed(computed) => self.host.handle_computed(now, &computed),
+            Input::Written(number) => self.host.handle_written(now, number),
+            Input::Failed(reason) => self.failure = Some(reason),
         }
     }
 
     fn advance(&mut self, session: &mut Session) -> Result<ControlFlow<()>, SessionError> {
-        let Some(plans) = &self.plans else {
-            let reason = "the thread that computes plans has ended";
-            return Err(SessionError::Failed(reason.to_owned()));
-        };
+        if let Some(reason) = self.failure.take() {
+            return Err(SessionError::Failed(reason));
+        }
         self.host.advance(self.start.elapsed());
         if let Some(job) = self.host.next_job() {
-            plans.compute(job);
+            self.workers.plans.start_job(job);
+        }
+        if let Some(writer) = &self.workers.store
+            && let Some(job) = self.host.next_write()
+        {
+            writer.start_job(job);
         }
         for outgoing in self.host.take_outgoing() {
             self.publish(session, outgoing)?;
@@ -302,6 +387,7 @@ mod tests {
         let shipped = shipped.map(|(name, assignment)| (name, &assignment.value));
         let mut declarations = Timing::default().declarations();
         declarations.extend(Motion::default().declarations());
+        declarations.extend(Memory::default().declarations());
         let parameters = settings.declare("module_4", declarations).unwrap();
         let declared = parameters
             .values()

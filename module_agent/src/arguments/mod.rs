@@ -1,9 +1,11 @@
 //! The arguments of agents.
 
+mod memory;
 mod modules;
 mod motion;
 mod timing;
 
+pub use memory::Memory;
 pub use modules::{HostedModules, ModuleArguments, ModuleList, require_leader};
 pub use motion::{Motion, MotionMode, PoseSource};
 pub use timing::Timing;

@@ -1,6 +1,10 @@
 //! Processes that host several modules, without DDS between them.
 
-use formation::model::{Incarnation, Scenario, TargetAnnouncement};
+use std::cell::Cell;
+use std::path::Path;
+use std::rc::Rc;
+
+use formation::model::{Epoch, Incarnation, Scenario, TargetAnnouncement};
 
 use super::*;
 
@@ -14,6 +18,11 @@ const TARGET_PUBLISHER: SourceId = SourceId(1);
 const OTHER_PROCESS: SourceId = SourceId(2);
 
 fn host(modules: &[u32]) -> (Host, Message) {
+    host_with(modules, None)
+}
+
+/// The same with a store in a directory, if one is given.
+fn host_with(modules: &[u32], stores: Option<&Path>) -> (Host, Message) {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     let problem = scenario.problem();
     let identities = problem
@@ -30,12 +39,25 @@ fn host(modules: &[u32]) -> (Host, Message) {
             leader: module.leader,
         })
         .map(|identity| (identity, Service::Active));
+    let mut identities = identities.collect();
+    let journal = stores.map(|directory| {
+        let name = format!("module_{}", modules[0]);
+        let mut journal = Journal::open(directory, &name, 7, &mut identities).unwrap();
+        journal.begin(&identities).unwrap();
+        journal
+    });
     let source = SourceId(u128::from(modules[0]) + 100);
     let motion = Motion {
         speed: 5.0,
         ..Motion::default()
     };
-    let host = Host::new(source, identities, AgentParameters::default(), &motion);
+    let host = Host::new(
+        source,
+        identities,
+        AgentParameters::default(),
+        &motion,
+        journal,
+    );
     let target = Message::Target(Arc::new(TargetAnnouncement {
         expected_modules: Some(3),
         ..TargetAnnouncement::new(problem, 1)
@@ -51,6 +73,7 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
         for speaker in 0..hosts.len() {
             hosts[speaker].advance(now);
             compute(&mut hosts[speaker], now);
+            write(&mut hosts[speaker], now);
             let outgoing = hosts[speaker].take_outgoing();
             let source = hosts[speaker].source;
             for listener in (0..hosts.len()).filter(|&listener| listener != speaker) {
@@ -73,6 +96,14 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
 fn compute(host: &mut Host, now: Duration) {
     while let Some(job) = host.next_job() {
         host.handle_computed(now, &Arc::new(job.run()));
+    }
+}
+
+/// Writes all that a host gives to its store, if it has one.
+fn write(host: &mut Host, now: Duration) {
+    while let Some(job) = host.next_write() {
+        let store = host.journal.as_ref().unwrap().store();
+        host.handle_written(now, job.run(&store).unwrap());
     }
 }
 
@@ -261,4 +292,105 @@ fn one_plan_serves_all_modules_and_heartbeats_continue_until_it_is_computed() {
         assert_ne!(phase_of(&host, module), Some(ModulePhase::Computing));
     }
     assert_eq!(host.next_job(), None);
+}
+
+/// Lets three processes with stores form the target; returns where their modules settled, the last epoch, and whether any
+/// module moved.
+fn form_with_stores(directory: &Path) -> (BTreeMap<ModuleId, Pose>, Option<Epoch>, bool) {
+    let mut hosts = Vec::new();
+    for module in [4, 5, 17] {
+        let (mut host, target) = host_with(&[module], Some(directory));
+        host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
+        hosts.push(host);
+    }
+    let said = run(&mut hosts, Duration::from_secs(40));
+    let states = || states_of(&said).into_iter().flatten();
+    let settled = states().filter(|state| state.phase == ModulePhase::Settled);
+    let epoch = settled.clone().filter_map(|state| state.epoch).max();
+    let places = settled.map(|state| (state.module, state.pose)).collect();
+    let moved = states().any(|state| state.phase == ModulePhase::Moving);
+    (places, epoch, moved)
+}
+
+#[test]
+fn processes_that_all_restart_continue_from_their_stores() {
+    let directory = tempfile::tempdir().unwrap();
+    let (before, first, moved) = form_with_stores(directory.path());
+    assert_eq!((before.len(), moved), (3, true));
+    let (after, second, moved) = form_with_stores(directory.path());
+    assert_eq!(
+        (&after, moved),
+        (&before, false),
+        "each module stays on its spot"
+    );
+    assert!(second > first, "{second:?} follows {first:?}");
+}
+
+#[test]
+fn modules_of_a_process_share_a_write_and_say_nothing_before_it() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut host, _) = host_with(&[4, 5, 17], Some(directory.path()));
+    host.advance(Duration::ZERO);
+    let job = host.next_write().unwrap();
+    assert!(host.next_write().is_none(), "one write for all three");
+    assert_eq!(host.take_outgoing(), []);
+    let store = host.journal.as_ref().unwrap().store();
+    host.handle_written(Duration::ZERO, job.run(&store).unwrap());
+    let Some(Outgoing::Heartbeats(heartbeats)) = host.take_outgoing().pop() else {
+        panic!("no heartbeats");
+    };
+    assert_eq!(heartbeats.len(), 3);
+    assert!(heartbeats.iter().all(|heartbeat| heartbeat.store.is_some()));
+}
+
+#[test]
+fn a_retirement_is_confirmed_once_the_store_holds_it_and_outlives_the_process() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut host, _) = host_with(&[17], Some(directory.path()));
+    host.advance(Duration::ZERO);
+    write(&mut host, Duration::ZERO);
+    host.command(Duration::ZERO, ModuleId(17), Command::Retire);
+    let is_confirmed = Rc::new(Cell::new(false));
+    let confirm = Rc::clone(&is_confirmed);
+    host.answer(move || confirm.set(true));
+    assert!(!is_confirmed.get());
+    write(&mut host, Duration::ZERO);
+    assert!(is_confirmed.get());
+    drop(host);
+    let (host, _) = host_with(&[17], Some(directory.path()));
+    let service = host.status_of(ModuleId(17)).map(|(service, _)| service);
+    assert_eq!(service, Some(Service::Retired));
+}
+
+#[test]
+fn a_module_that_was_added_is_hosted_again_where_it_stood() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut host, _) = host_with(&[17], Some(directory.path()));
+    let pose = Pose::from_units(2.0, 3.0, 0.0).unwrap();
+    let newcomer = Identity {
+        store: None,
+        module: ModuleId(18),
+        incarnation: Incarnation(u64::MAX - 9),
+        pose,
+        links: [].into(),
+        configuration: None,
+        leader: None,
+    };
+    host.add(Duration::ZERO, newcomer.clone()).unwrap();
+    host.advance(Duration::ZERO);
+    write(&mut host, Duration::ZERO);
+    drop(host);
+    let (host, _) = host_with(&[17], Some(directory.path()));
+    let (again, _) = host.modules().pop().unwrap();
+    assert_eq!((again.module, again.pose), (ModuleId(18), pose));
+    assert_eq!(
+        again.incarnation,
+        Incarnation(u64::MAX - 8),
+        "after the last"
+    );
+    drop(host);
+    // In another process, a module whose memory is here would begin without it.
+    let (mut other, _) = host_with(&[5], Some(directory.path()));
+    let reason = other.add(Duration::ZERO, newcomer).unwrap_err();
+    assert!(reason.contains("module_17.session_7.json"), "{reason}");
 }
