@@ -92,8 +92,13 @@ pub struct RunArguments {
     #[arg(long, value_name = "on|off", value_parser = [ON, "off"])]
     pub parameter_services: Option<String>,
     /// The session of the run: modules refuse messages of another session, such as late ones of an earlier run
-    #[arg(long, value_name = "NUMBER", default_value_t = 0)]
-    pub session: u32,
+    /// [default: drawn at random, and printed]
+    #[arg(long, value_name = "NUMBER")]
+    pub session: Option<u32>,
+    /// Keep in this directory what modules agreed on: another run of the same session and --modules-per-process continues
+    /// from it [default: a directory that is deleted with the run]
+    #[arg(long, value_name = "DIR")]
+    pub state_dir: Option<PathBuf>,
     /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,

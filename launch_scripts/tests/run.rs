@@ -190,19 +190,14 @@ fn every_process_is_started_with_its_arguments_and_stopped_in_the_end() {
         .iter()
         .map(|(program, ..)| program.as_str())
         .collect();
-    assert_eq!(
-        programs,
-        [
-            "module_agent",
-            "module_agent",
-            "target_publisher",
-            "verifier"
-        ]
-    );
+    let expected = "module_agent module_agent target_publisher verifier";
+    assert_eq!(programs.join(" "), expected);
+    let session = &json["session"];
     for (program, _, arguments) in &started {
         assert!(
             arguments.contains("--domain 9 --discovery-range LOCALHOST")
-                && arguments.contains("--stop-with-parent"),
+                && arguments.contains("--stop-with-parent")
+                && arguments.contains(&format!("-p session:={session}")),
             "{program} {arguments}"
         );
         assert!(arguments.contains("scenario.yaml"), "{program} {arguments}");
@@ -213,8 +208,35 @@ fn every_process_is_started_with_its_arguments_and_stopped_in_the_end() {
         .collect();
     modules.sort_unstable();
     assert!(modules[0].starts_with("7 ") && modules[1].starts_with("8 "));
-    assert!(started[2].2.contains("--expected-modules 2"));
+    assert!(started[2].2.contains("--expected-modules 2 --founders 7,8"));
+    let printed = format!("session {session}\n");
+    assert!(finished.stderr.contains(&printed), "{}", finished.stderr);
+    let stores = state_dir_of(&started[0].2);
+    assert_eq!(stores, state_dir_of(&started[1].2));
+    assert!(!Path::new(stores).exists(), "they end with the run");
     sandbox.assert_nothing_runs();
+}
+
+/// The directory of the stores, from the arguments of an agent.
+fn state_dir_of(arguments: &str) -> &str {
+    let mut words = arguments
+        .split(' ')
+        .skip_while(|word| *word != "--state-dir");
+    words.nth(1).unwrap()
+}
+
+#[test]
+fn a_session_and_its_stores_are_kept_on_request() {
+    let sandbox = Sandbox::new(&verdict(Outcome::Complete, [1, 2]));
+    let stores = tempfile::tempdir().unwrap();
+    let kept = stores.path().to_str().unwrap();
+    let finished = sandbox.run(&["--session", "0", "--state-dir", kept]);
+    assert_eq!(finished.status, Some(0), "{}", finished.stderr);
+    assert!(!finished.stderr.contains("session"), "{}", finished.stderr);
+    let (_, _, arguments) = &sandbox.started()[0];
+    assert_eq!(state_dir_of(arguments), kept);
+    assert!(arguments.contains("-p session:=0"), "{arguments}");
+    assert!(stores.path().exists());
 }
 
 #[test]

@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use formation::model::{PlanningModule, Scenario};
 use serde_json::Value;
+use tempfile::TempDir;
 
 use crate::namespaces::Namespace;
 use crate::programs::Running;
@@ -65,6 +66,7 @@ pub struct Fleet {
     leaders: BTreeSet<u32>,
     modules: Vec<u32>,
     agents: BTreeMap<u32, Running>,
+    stores: Option<TempDir>,
 }
 
 impl Fleet {
@@ -88,7 +90,18 @@ impl Fleet {
                 .collect(),
             modules: problem.modules().iter().map(|module| module.id.0).collect(),
             agents: BTreeMap::new(),
+            stores: None,
         }
+    }
+
+    /// The same with a store for each module, and with all modules named as founders.
+    ///
+    /// # Panics
+    /// When no directory can be created.
+    #[must_use]
+    pub fn with_stores(mut self) -> Self {
+        self.stores = Some(tempfile::tempdir().unwrap());
+        self
     }
 
     /// Every module of the scenario.
@@ -127,6 +140,9 @@ impl Fleet {
         let mut arguments = vec!["--module", &id, "--scenario", self.file.path()];
         arguments.extend(["--speed", &self.speed]);
         arguments.extend(self.timing.arguments());
+        if let Some(stores) = &self.stores {
+            arguments.extend(["--state-dir", stores.path().to_str().unwrap()]);
+        }
         let agent = self.started(network, program, &arguments);
         let earlier = self.agents.insert(module, agent);
         assert!(earlier.is_none(), "module {module} runs already");
@@ -215,12 +231,13 @@ impl Fleet {
     #[must_use]
     pub fn announce(&self, network: Option<&Namespace>) -> Running {
         let expected = self.modules.len().to_string();
-        let arguments = [
-            "--scenario",
-            self.file.path(),
-            "--expected-modules",
-            &expected,
-        ];
+        let ids: Vec<String> = self.modules.iter().map(u32::to_string).collect();
+        let founders = ids.join(",");
+        let mut arguments = vec!["--scenario", self.file.path()];
+        arguments.extend(["--expected-modules", &expected]);
+        if self.stores.is_some() {
+            arguments.extend(["--founders", &founders]);
+        }
         self.started(network, "target_publisher", &arguments)
     }
 

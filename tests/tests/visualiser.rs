@@ -54,6 +54,9 @@ fn another_vendor_decodes_the_markers_and_transforms_of_a_run() {
         "4",
         "--timeout",
         "60",
+        // That of a visualiser that is given none.
+        "--session",
+        "0",
     ];
     let run = Running::start("formation", domain, &arguments).finish(PATIENCE);
     assert_eq!(run.status, 0, "{}{}", run.stdout, run.stderr);

@@ -1,6 +1,7 @@
 //! `formation run`: every module in a process of its own, and a verdict from an independent one.
 
 mod display;
+mod memory;
 mod network;
 mod page;
 mod processes;
@@ -19,6 +20,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use ros_runtime::exit::Failure;
+use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::arguments::RunArguments;
@@ -26,6 +28,7 @@ use crate::checked_plan::CheckedPlan;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use display::{Display, progress_line};
+use memory::RunMemory;
 use programs::Programs;
 use report::RunReport;
 use run_loop::{Judgement, Observed, RunEnd, RunLoop};
@@ -67,9 +70,11 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .as_deref()
         .map(ReportDirectory::create)
         .transpose()?;
+    let memory = RunMemory::prepare(arguments)?;
     let start = Start {
         arguments,
-        modules,
+        memory: &memory,
+        problem: scenario.problem(),
         programs: &programs,
         hosts: &hosts,
         environment,
@@ -77,11 +82,12 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
     let result =
         judgement.map(|judgement| RunReport::new(&plan, judgement, &observed, arguments.timeout));
+    let session = memory.session();
     if let Some(directory) = directory {
         // What was observed of a run without a verdict may say why there is none.
         let report = result.as_ref();
         if let Ok(report) = report {
-            directory.write_json(report)?;
+            directory.write_json(&OfSession { session, report })?;
         }
         let course = observed.recording.entries();
         let subject = page::subject(&plan, scenario.name(), course, report.ok());
@@ -90,11 +96,20 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     }
     let report = result?;
     if arguments.json {
-        console::result_json(&report)?;
+        let report = &report;
+        console::result_json(&OfSession { session, report })?;
     } else {
         console::result_line(&report.text(&plan, scenario.name()))?;
     }
     report.conclusion()
+}
+
+/// A report as `--json` prints it.
+#[derive(Serialize)]
+struct OfSession<'a> {
+    session: u32,
+    #[serde(flatten)]
+    report: &'a RunReport,
 }
 
 /// Starts all processes, waits for the verdict and stops them again. Returns what was observed also of a run without a
@@ -116,7 +131,7 @@ fn form(
         RunLoop {
             supervisor: &mut supervisor,
             roles: &roles,
-            modules: start.modules,
+            modules: start.problem.modules().len(),
             start: began,
             deadline,
             display,

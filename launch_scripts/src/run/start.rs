@@ -5,11 +5,12 @@ use std::os::unix::process::CommandExt;
 use std::process::Command;
 
 use anyhow::Context;
-use formation::model::ModuleId;
 use formation::model::text::ranges;
+use formation::model::{ModuleId, PlanningProblem};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
+use super::memory::RunMemory;
 use super::processes::Host;
 use super::programs::Programs;
 use super::roles::ProcessRoles;
@@ -24,8 +25,10 @@ const PARAMETER_SERVICES_PROCESSES_MAX: usize = 25;
 pub struct Start<'a> {
     /// The user's choices.
     pub arguments: &'a RunArguments,
-    /// How many modules the scenario has.
-    pub modules: usize,
+    /// The session of the run, and the directory of its stores.
+    pub memory: &'a RunMemory,
+    /// The modules and their target.
+    pub problem: &'a PlanningProblem,
     /// Where the programs are.
     pub programs: &'a Programs,
     /// The processes of modules.
@@ -45,12 +48,18 @@ impl Start<'_> {
             self.driver(supervisor, driver)?;
         }
         let agents = self.agents(supervisor)?;
-        let modules = self.modules.to_string();
+        let modules = self.problem.modules().iter();
+        let ids: Vec<String> = modules.map(|module| module.id.0.to_string()).collect();
         let target_publisher = self.program(
             supervisor,
             "target_publisher",
             "target_publisher".to_owned(),
-            &["--expected-modules", &modules],
+            &[
+                "--expected-modules",
+                &ids.len().to_string(),
+                "--founders",
+                &ids.join(","),
+            ],
             Output::Discarded,
         )?;
         Ok(ProcessRoles {
@@ -85,7 +94,9 @@ impl Start<'_> {
     ) -> Result<BTreeMap<ProcessId, Vec<ModuleId>>, Failure> {
         let motion = &self.arguments.motion;
         let speed = motion.speed.to_string();
-        let mut common = vec!["--speed", &speed, "--motion", motion.mode()];
+        let state_dir = self.memory.directory().to_string_lossy();
+        let mut common = vec!["--state-dir", &state_dir];
+        common.extend(["--speed", &speed, "--motion", motion.mode()]);
         common.extend(motion.module_option.iter().map(String::as_str));
         if self.arguments.plan_only {
             common.push("--plan-only");
@@ -144,7 +155,7 @@ impl Start<'_> {
         command.args([
             "--ros-args",
             "-p",
-            &format!("session:={}", self.arguments.session),
+            &format!("session:={}", self.memory.session()),
         ]);
         if !self.serves_parameters() {
             command.args(["-p", "start_parameter_services:=false"]);

@@ -14,6 +14,7 @@ mod kills;
 mod launcher;
 mod partition;
 mod restarts;
+mod stores;
 
 use std::time::Duration;
 
