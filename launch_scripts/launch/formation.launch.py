@@ -24,6 +24,7 @@ from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch.substitutions import LaunchConfiguration
 from launch_ros.actions import Node
+from launch_ros.parameter_descriptions import ParameterValue
 
 PACKAGE = "formation_launch"
 
@@ -34,6 +35,8 @@ ARGUMENTS = {
     "modules_per_process": ("1", "how many modules a process hosts"),
     "motion": ("simulated", "who moves the modules: simulated or external"),
     "speed": ("1.0", "speed of simulated modules, in units a second"),
+    "session": ("0", "session of all nodes: messages of another session are refused"),
+    "state_dir": ("", "directory in which agents keep what they agreed on; empty for none"),
     "visualiser": ("false", "whether to publish markers and transforms for RViz and Foxglove"),
     "rviz": ("false", "whether to start RViz as well"),
     "time_limit_s": ("600.0", "after this many seconds the verifier calls the formation failed"),
@@ -89,6 +92,7 @@ def launch_setup(context):
             name=name,
             namespace=value["namespace"],
             arguments=[*arguments, "--log-level", value["log_level"]],
+            parameters=[{"session": int(value["session"])}],
             output="screen",
         )
 
@@ -98,11 +102,16 @@ def launch_setup(context):
     time_limit = ["--time-limit-s", value["time_limit_s"]]
     verifier = node("verifier", "verifier", time_limit if ends else [*time_limit, "--keep-watching"])
     motion = ["--motion", value["motion"], "--speed", value["speed"]]
+    memory = ["--state-dir", value["state_dir"]] if value["state_dir"] else []
     agents = [
-        node(program, name, [*hosted, *scenario, *motion])
+        node(program, name, [*hosted, *scenario, *motion, *memory])
         for program, name, hosted in processes(modules, leaders, modules_per_process)
     ]
-    publisher = node("target_publisher", "target_publisher", [*scenario, "--expected-modules", str(len(modules))])
+    # With stores more than half of the founders suffice, and without them all would be needed.
+    founders = ["--founders", ",".join(str(module) for module in modules)] if memory else []
+    publisher = node(
+        "target_publisher", "target_publisher", [*scenario, "--expected-modules", str(len(modules)), *founders]
+    )
     # The verifier comes first, so that it receives all messages, and the target last.
     return [
         verifier,
@@ -125,6 +134,7 @@ def generate_launch_description():
         executable="visualiser",
         name="visualiser",
         namespace=LaunchConfiguration("namespace"),
+        parameters=[{"session": ParameterValue(LaunchConfiguration("session"), value_type=int)}],
         condition=IfCondition(LaunchConfiguration("visualiser")),
         output="screen",
     )

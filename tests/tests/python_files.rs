@@ -91,15 +91,30 @@ fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_hav
     for (program, options) in [
         (
             "module_agent",
-            ["--module", "--modules", "--motion", "--speed", "--scenario"].as_slice(),
+            [
+                "--module",
+                "--modules",
+                "--motion",
+                "--speed",
+                "--scenario",
+                "--state-dir",
+            ]
+            .as_slice(),
         ),
         (
             "leader_agent",
-            ["--module", "--motion", "--speed", "--scenario"].as_slice(),
+            [
+                "--module",
+                "--motion",
+                "--speed",
+                "--scenario",
+                "--state-dir",
+            ]
+            .as_slice(),
         ),
         (
             "target_publisher",
-            ["--expected-modules", "--scenario"].as_slice(),
+            ["--expected-modules", "--founders", "--scenario"].as_slice(),
         ),
         ("verifier", ["--time-limit-s", "--keep-watching"].as_slice()),
     ] {

@@ -2,8 +2,9 @@
 //!
 //! The rule is that of a write-ahead log: whatever an agent publishes or does as a result of an input leaves the agent only
 //! after its store holds what the result depends on (compare the `HardState` of raft). So the module never denies, after a
-//! restart, an epoch that it entered, a digest that it showed, or a retirement that it confirmed. Halting needs no store, and
-//! heartbeats go on meanwhile: they repeat what was shown before.
+//! restart, an epoch that it entered, a digest that it showed, or a retirement that it confirmed, and a simulated module stands
+//! where the others last saw it stand, docked to the same modules. Halting needs no store, and heartbeats go on meanwhile: they
+//! repeat what was shown before.
 
 use std::collections::BTreeSet;
 
@@ -39,12 +40,15 @@ pub struct DurableState {
 }
 
 /// The part of a durable state without which nothing may be published.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct SyncKey {
     entered: Option<Epoch>,
     shows_digest: bool,
     service: Service,
     settled_on: Option<SettledOn>,
+    /// Where the module stands; `None` on its way.
+    stands_at: Option<Pose>,
+    links: BTreeSet<ModuleId>,
 }
 
 impl SyncKey {
@@ -101,11 +105,14 @@ impl Agent {
     }
 
     pub(super) fn sync_key(&self) -> SyncKey {
+        let body = &self.context.body;
         SyncKey {
             entered: self.stage.epoch(),
             shows_digest: self.stage.held_plan().is_some(),
-            service: self.context.body.service,
-            settled_on: self.context.body.settled_on,
+            service: body.service,
+            settled_on: body.settled_on,
+            stands_at: (!body.moving).then_some(body.pose),
+            links: body.links.clone(),
         }
     }
 
@@ -115,7 +122,7 @@ impl Agent {
             return;
         }
         let key = self.sync_key();
-        let is_new = self.context.outbox.durable.given != Some(key);
+        let is_new = self.context.outbox.durable.given.as_ref() != Some(&key);
         let state = is_new.then(|| self.durable_state());
         self.context.outbox.write_ahead(key, state);
     }

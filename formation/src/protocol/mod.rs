@@ -246,7 +246,11 @@ impl Agent {
         self.context.outbox.forget_wakes();
         let stands_back = self.succession.still_stands_back(self.context.now);
         if !stands_back && self.context.target.is_set() {
+            let had_settled = self.stage.is_settled();
             self.run_stage();
+            if !had_settled && self.stage.is_settled() {
+                self.adjust_links_to_neighbours();
+            }
             self.consider_new_epoch();
         }
         self.publish_due();

@@ -81,6 +81,14 @@ impl Agent {
         }
     }
 
+    /// Follows the links that neighbours reported before this module settled.
+    pub(super) fn adjust_links_to_neighbours(&mut self) {
+        let neighbours = self.stage.held_plan().map(|held| held.neighbours());
+        for module in neighbours.unwrap_or_default() {
+            self.adjust_links_to(module);
+        }
+    }
+
     /// Follows the links that another module reports: it docked to this one, or undocked from it.
     pub(super) fn adjust_links_to(&mut self, other: ModuleId) {
         let Some(held) = self.stage.held_plan() else {
@@ -100,7 +108,7 @@ impl Agent {
         }
         let is_wanted = held.ends_linked_to(other);
         let has_settled = state.phase == ModulePhase::Settled;
-        let is_settled = matches!(&self.stage, Stage::Acting(acting) if acting.is_settled());
+        let is_settled = self.stage.is_settled();
         if is_linked && !is_wanted && (has_settled || state.phase == ModulePhase::Moving) {
             body.links.remove(&other);
         } else if !is_linked && is_wanted && has_settled && is_settled {

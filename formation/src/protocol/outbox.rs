@@ -126,8 +126,9 @@ impl Outbox {
 
     /// Whether the plan for this epoch may be shown: the store, if there is one, holds what it depends on.
     pub fn may_show_plan_of(&self, epoch: Epoch) -> bool {
-        let holds = |given: SyncKey| given.shows_plan_of(epoch) && !self.is_writing();
-        !self.has_store || self.durable.given.is_some_and(holds)
+        let given = self.durable.given.as_ref();
+        let holds = |given: &SyncKey| given.shows_plan_of(epoch) && !self.is_writing();
+        !self.has_store || given.is_some_and(holds)
     }
 
     /// Gives a state to the store if there is a new one, and lets the results of the present input wait for the store. A halt,
@@ -221,7 +222,7 @@ impl Hash for Outbox {
         (wake, heartbeats, states).hash(state);
         let waiting = durable.waiting.len();
         (
-            durable.given,
+            &durable.given,
             durable.given_count - durable.held_count,
             waiting,
         )

@@ -1,6 +1,7 @@
 //! Processes that host several modules, without DDS between them.
 
 use std::cell::Cell;
+use std::collections::BTreeSet;
 use std::path::Path;
 use std::rc::Rc;
 
@@ -294,9 +295,12 @@ fn one_plan_serves_all_modules_and_heartbeats_continue_until_it_is_computed() {
     assert_eq!(host.next_job(), None);
 }
 
+/// Where modules settled, and to which others they are docked there.
+type Places = BTreeMap<ModuleId, (Pose, BTreeSet<ModuleId>)>;
+
 /// Lets three processes with stores form the target; returns where their modules settled, the last epoch, and whether any
 /// module moved.
-fn form_with_stores(directory: &Path) -> (BTreeMap<ModuleId, Pose>, Option<Epoch>, bool) {
+fn form_with_stores(directory: &Path) -> (Places, Option<Epoch>, bool) {
     let mut hosts = Vec::new();
     for module in [4, 5, 17] {
         let (mut host, target) = host_with(&[module], Some(directory));
@@ -307,7 +311,9 @@ fn form_with_stores(directory: &Path) -> (BTreeMap<ModuleId, Pose>, Option<Epoch
     let states = || states_of(&said).into_iter().flatten();
     let settled = states().filter(|state| state.phase == ModulePhase::Settled);
     let epoch = settled.clone().filter_map(|state| state.epoch).max();
-    let places = settled.map(|state| (state.module, state.pose)).collect();
+    let places = settled
+        .map(|state| (state.module, (state.pose, state.links.clone())))
+        .collect();
     let moved = states().any(|state| state.phase == ModulePhase::Moving);
     (places, epoch, moved)
 }
@@ -324,6 +330,25 @@ fn processes_that_all_restart_continue_from_their_stores() {
         "each module stays on its spot"
     );
     assert!(second > first, "{second:?} follows {first:?}");
+}
+
+#[test]
+fn a_link_that_one_of_two_stores_lacks_is_there_again() {
+    let directory = tempfile::tempdir().unwrap();
+    let (before, ..) = form_with_stores(directory.path());
+    for module in [4, 5, 17] {
+        let (host, _) = host_with(&[module], Some(directory.path()));
+        let mut journal = host.journal.unwrap();
+        let mut state = journal.state_of(ModuleId(module)).unwrap();
+        assert!(!state.links.is_empty(), "module {module}");
+        state.links.clear();
+        journal.persist(ModuleId(module), 1, state);
+        let store = journal.store();
+        journal.next_job().unwrap().run(&store).unwrap();
+        drop((journal, store));
+        let (after, ..) = form_with_stores(directory.path());
+        assert_eq!(after, before, "without the links of module {module}");
+    }
 }
 
 #[test]

@@ -42,10 +42,16 @@ fn a_formation_whose_processes_are_all_killed_goes_on_from_its_stores() {
     assert_eq!(moved, None, "each is on its spot");
 }
 
+/// One spot for one module.
+const ONE: &str = "
+target: {spots: [{id: 1, x: 5, y: 5}]}
+singletons: [{id: 4, x: 1, y: 1}]
+";
+
 #[test]
 fn a_store_serves_one_process_and_ends_it_when_it_cannot_be_written() {
     let domain = &*Domain::shared();
-    let fleet = Fleet::new("one-store", SPARES, domain, Timing::Quick);
+    let fleet = Fleet::new("one-store", ONE, domain, Timing::Quick);
     let directory = tempfile::tempdir().unwrap();
     let state_dir = directory.path().to_str().unwrap();
     let start = || {

@@ -275,6 +275,14 @@ impl HeldPlan {
         self.plan.kept_links.contains(&pair)
     }
 
+    /// The modules on the spots next to the one that the plan gives to this module.
+    pub fn neighbours(&self) -> Vec<ModuleId> {
+        let place = self.place.iter();
+        place
+            .flat_map(|place| self.adjacent_holders(place.spot))
+            .collect()
+    }
+
     /// Whether the two modules are docked at the end of the plan.
     pub fn ends_linked_to(&self, other: ModuleId) -> bool {
         self.keeps_link_to(other)

@@ -95,6 +95,11 @@ impl Stage {
         }
     }
 
+    /// Whether the module has settled.
+    pub fn is_settled(&self) -> bool {
+        matches!(self, Self::Acting(acting) if acting.is_settled())
+    }
+
     /// The complete plan that this module holds.
     pub fn held_plan(&self) -> Option<&HeldPlan> {
         match self {
