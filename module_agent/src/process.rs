@@ -3,7 +3,7 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::model::{Incarnation, ModuleId, Service};
@@ -18,6 +18,7 @@ use ros_runtime::node::Node;
 use ros_runtime::parameters::{NodeParameters, ParameterError, Tunables, Values};
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
+use ros_runtime::stamp::since_boot;
 use ros_runtime::topic::Topic;
 use serde::Serialize;
 
@@ -104,7 +105,7 @@ impl ModuleProcess {
         };
         let starting = modules.iter().cloned();
         let mut node = ModuleNode {
-            start: Instant::now(),
+            start: since_boot(),
             publishers,
             host: Host::new(source, starting, timing.0, &motion, journal.take()),
             workers,
@@ -223,7 +224,8 @@ struct Publishers {
 }
 
 struct ModuleNode {
-    start: Instant,
+    /// The time since the machine started, when the node did.
+    start: Duration,
     publishers: Publishers,
     host: Host,
     workers: Workers,
@@ -236,7 +238,7 @@ impl Node for ModuleNode {
     type Input = Input;
 
     fn handle(&mut self, input: Input) {
-        let now = self.start.elapsed();
+        let now = self.now();
         match input {
             Input::Messages(Received {
                 source, messages, ..
@@ -257,7 +259,7 @@ impl Node for ModuleNode {
         if let Some(reason) = self.failure.take() {
             return Err(SessionError::Failed(reason));
         }
-        self.host.advance(self.start.elapsed());
+        self.host.advance(self.now());
         if let Some(job) = self.host.next_job() {
             self.workers.plans.start_job(job);
         }
@@ -273,7 +275,9 @@ impl Node for ModuleNode {
     }
 
     fn due(&self) -> Option<Instant> {
-        self.host.due().map(|due| self.start + due)
+        let due = self.host.due()?;
+        // After a suspension this is late by at most the interval between two looks of the event loop.
+        Some(Instant::now() + due.saturating_sub(self.now()))
     }
 
     fn set_parameters(&mut self, values: &Values) -> Result<(), ParameterError> {
@@ -281,17 +285,21 @@ impl Node for ModuleNode {
             Timing::default().read(values)?,
             Motion::default().read(values)?,
         );
-        self.host
-            .set_parameters(self.start.elapsed(), timing.0, motion);
+        self.host.set_parameters(self.now(), timing.0, motion);
         Ok(())
     }
 
     fn reports(&self) -> Vec<Report> {
-        self.host.reports(self.start.elapsed())
+        self.host.reports(self.now())
     }
 }
 
 impl ModuleNode {
+    /// The time of the agents.
+    fn now(&self) -> Duration {
+        since_boot().saturating_sub(self.start)
+    }
+
     fn publish(&mut self, session: &mut Session, outgoing: Outgoing) -> Result<(), SessionError> {
         let own = session_of(session);
         let publishers = &mut self.publishers;

@@ -1,8 +1,9 @@
-//! Wall-clock time, for stamps.
+//! Wall-clock time, for stamps, and the time of a clock that continues while the machine is suspended.
 
 use std::time::{Duration, SystemTime, UNIX_EPOCH};
 
 use ros2_client::builtin_interfaces::Time;
+use rustix::time::{ClockId, clock_gettime};
 use serde::{Deserialize, Serialize};
 
 /// When and in which frame, as `std_msgs/msg/Header` has it.
@@ -22,6 +23,18 @@ pub fn since_epoch() -> Duration {
         .unwrap_or_default()
 }
 
+/// The time since the machine started, with the time in which it was suspended. [`std::time::Instant`] does not count that:
+/// what a process received before would seem to be recent when it continues.
+#[must_use]
+pub fn since_boot() -> Duration {
+    let now = clock_gettime(ClockId::Boottime);
+    // Neither is negative.
+    Duration::new(
+        now.tv_sec.try_into().unwrap_or_default(),
+        now.tv_nsec.try_into().unwrap_or_default(),
+    )
+}
+
 impl Header {
     /// A header for data taken now that has no frame.
     #[must_use]
@@ -30,5 +43,21 @@ impl Header {
             stamp: Time::now(),
             frame_id: String::new(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::fs;
+
+    use super::*;
+
+    #[test]
+    fn the_clock_counts_what_the_kernel_counts_as_uptime() {
+        let uptime = fs::read_to_string("/proc/uptime").unwrap();
+        let uptime = uptime.split_whitespace().next().unwrap();
+        let uptime = Duration::from_secs_f64(uptime.parse().unwrap());
+        let difference = since_boot().abs_diff(uptime);
+        assert!(difference < Duration::from_secs(5), "{difference:?}");
     }
 }

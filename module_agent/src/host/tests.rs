@@ -148,7 +148,7 @@ fn assert_all_settle(groups: &[&[u32]]) {
             settled.insert(state.module.0, state.spot.map(|spot| spot.0));
         }
     }
-    let spots: std::collections::BTreeSet<_> = settled.values().copied().collect();
+    let spots: BTreeSet<_> = settled.values().copied().collect();
     assert_eq!(settled.len(), 3, "{groups:?}: {settled:?}");
     assert_eq!(spots, [Some(1), Some(2), Some(3)].into(), "{groups:?}");
 }
