@@ -6,6 +6,7 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
+use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};
 
@@ -33,6 +34,10 @@ fn bad_input_is_reported_in_one_line_before_anything_starts() {
         env!("CARGO_MANIFEST_DIR"),
         "/../launch_scripts/scenarios/figure1_ladder17.yaml"
     );
+    let stores = tempfile::tempdir().unwrap();
+    let torn = stores.path().join("module_1.session_0.json");
+    fs::write(&torn, "{\"format\": 1, \"sess").unwrap();
+    let torn = format!("{}: is damaged (EOF while parsing", torn.display());
     for (arguments, expected) in [
         (
             format!("--module 99 --scenario {scenario}"),
@@ -49,6 +54,13 @@ fn bad_input_is_reported_in_one_line_before_anything_starts() {
         (
             "--module 1 --x 0 --y 0 --lease-s 9".to_owned(),
             "parameter `suspicion_s`: must be greater than lease_s (9s), got 5s",
+        ),
+        (
+            format!(
+                "--module 1 --x 0 --y 0 --state-dir {}",
+                stores.path().display()
+            ),
+            &torn,
         ),
     ] {
         let output = agent("1", &arguments).output().unwrap();
