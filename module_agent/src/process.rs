@@ -204,7 +204,7 @@ impl Workers {
         inputs.add(written, move |written| match written {
             Some(Ok(number)) => Input::Written(number),
             Some(Err(reason)) => Input::Failed(format!(
-                "{reason}; the modules stop, as they would not know after a restart what they agreed on"
+                "{reason}; the modules stop, because after a restart they would lack what they agreed on"
             )),
             None => ended("the store"),
         });

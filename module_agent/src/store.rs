@@ -242,8 +242,7 @@ fn read(path: &Path, session: u32) -> Result<Option<Contents>, String> {
 }
 
 fn parsed(text: &[u8], session: u32) -> Result<Contents, String> {
-    const DAMAGED: &str = "without it these modules have forgotten what they agreed on, so begin a new session, or \
-                           restore the file";
+    const DAMAGED: &str = "it holds what these modules agreed on, so begin a new session";
     if text.len() as u64 > FILE_BYTES_MAX {
         return Err(too_large());
     }

@@ -77,12 +77,15 @@ impl Agent {
         memory.quorum.learn(&stored.quorum_bases);
         context.body.service = stored.service;
         let has_stayed = context.body.pose.distance_to(&stored.pose) <= RETENTION_DISTANCE;
+        let is_as_stored = context.body.pose == stored.pose && context.body.links == stored.links;
         context.body.settled_on = stored
             .settled_on
             .filter(|_| has_stayed)
             .map(|(spot, target)| SettledOn { spot, target });
         self.stage = Stage::Listening(stored.entered);
-        self.context.outbox.durable.given = Some(self.sync_key());
+        if is_as_stored {
+            self.context.outbox.durable.given = Some(self.sync_key());
+        }
         self
     }
 

@@ -352,7 +352,7 @@ fn a_link_that_one_of_two_stores_lacks_is_there_again() {
 }
 
 #[test]
-fn modules_of_a_process_share_a_write_and_say_nothing_before_it() {
+fn modules_of_a_process_share_a_write_and_publish_nothing_before_it() {
     let directory = tempfile::tempdir().unwrap();
     let (mut host, _) = host_with(&[4, 5, 17], Some(directory.path()));
     host.advance(Duration::ZERO);
@@ -385,6 +385,37 @@ fn a_retirement_is_confirmed_once_the_store_holds_it_and_outlives_the_process() 
     let (host, _) = host_with(&[17], Some(directory.path()));
     let service = host.status_of(ModuleId(17)).map(|(service, _)| service);
     assert_eq!(service, Some(Service::Retired));
+}
+
+#[test]
+fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut host, _) = host_with(&[17], Some(directory.path()));
+    host.advance(Duration::ZERO);
+    write(&mut host, Duration::ZERO);
+    host.command(Duration::ZERO, ModuleId(17), Command::Retire);
+    // The thread that wrote for the first host has not finished, and must not undo what the second one writes.
+    let late = host.next_write().unwrap();
+    let mut modules = host.modules();
+    let mut journal = host.take_journal().unwrap();
+    modules[0].0.incarnation.0 += 5;
+    journal.begin(&modules).unwrap();
+    late.run(&journal.store()).unwrap();
+    let (parameters, motion) = (AgentParameters::default(), Motion::default());
+    let next = Host::new(
+        SourceId(9),
+        modules.clone(),
+        parameters,
+        &motion,
+        Some(journal),
+    );
+    assert_eq!(next.modules(), modules);
+    assert_eq!(modules[0].1, Service::Retired);
+    drop(next);
+    let (again, _) = host_with(&[17], Some(directory.path()));
+    let (identity, service) = again.modules().pop().unwrap();
+    assert_eq!(service, Service::Retired);
+    assert!(identity.incarnation > modules[0].0.incarnation);
 }
 
 #[test]
