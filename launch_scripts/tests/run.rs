@@ -311,13 +311,10 @@ fn a_formation_that_failed_is_status_1() {
     assert_eq!(finished.status, Some(1));
     let json: Value = serde_json::from_str(&finished.stdout).unwrap();
     assert_eq!(json["verdict"], "FAILED");
-    assert!(
-        finished
-            .stderr
-            .ends_with("error: the formation failed: spot 9 is empty\n"),
-        "{}",
-        finished.stderr
-    );
+    // The verifier lists what is missing when the time that the launcher gave it is up.
+    let error =
+        "error: the formation failed: the time was up after 120 s (--timeout); spot 9 is empty\n";
+    assert!(finished.stderr.ends_with(error), "{}", finished.stderr);
     sandbox.assert_nothing_runs();
 }
 

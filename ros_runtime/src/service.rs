@@ -67,7 +67,7 @@ impl<T: Serialize + DeserializeOwned> ros2_client::Message for Carried<T> {}
 const WAITING_MAX: usize = 16;
 /// A client whose subscription to replies is not discovered within this is answered all the same.
 const CLIENT_WAIT: Duration = Duration::from_secs(1);
-/// Neither is one waited for that was discovered so long ago, as the library may have dropped the event that it matched.
+/// A subscription that was discovered this long ago is not waited for either: the library may have dropped its event.
 const MATCH_WAIT: Duration = Duration::from_millis(250);
 /// Between two looks for it.
 const CLIENT_INTERVAL: Duration = Duration::from_millis(10);

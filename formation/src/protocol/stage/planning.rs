@@ -226,7 +226,7 @@ impl Planning {
         Ok(())
     }
 
-    fn finish(self: Box<Self>, planned: &PlannedTurns, context: &mut Context) -> Stage {
+    fn finish(self, planned: &PlannedTurns, context: &mut Context) -> Stage {
         let epoch = self.roster.epoch;
         let digest = self.digest(context.bugs);
         let turns = self.applied;
