@@ -19,10 +19,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 TRANSIENT_LOCAL = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def announcement(scenario, expected_modules):
+def announcement(scenario, options):
     """The message for a scenario; planner parameters that the scenario leaves out keep the defaults of the message."""
     target = scenario["target"]
-    message = TargetConfiguration(name=scenario.get("name", ""), expected_modules=expected_modules)
+    message = TargetConfiguration(name=scenario.get("name", ""), expected_modules=options.expected_modules)
+    message.session = options.session
     message.header.frame_id = target.get("frame_id", "map")
     # The highest revision holds, so later announcements replace this one.
     message.revision = int(time.time() * 1000)
@@ -43,7 +44,7 @@ class Announcer(Node):
     def __init__(self, options):
         super().__init__("announce_target", namespace=options.namespace)
         scenario = yaml.safe_load(pathlib.Path(options.scenario).read_text(encoding="utf-8"))
-        self.message = announcement(scenario, options.expected_modules)
+        self.message = announcement(scenario, options)
         self.message.header.stamp = self.get_clock().now().to_msg()
         self.publisher = self.create_publisher(TargetConfiguration, "target", TRANSIENT_LOCAL)
         self.publisher.publish(self.message)
@@ -59,6 +60,7 @@ def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", required=True)
     parser.add_argument("--expected-modules", type=int, default=0, help="how many modules take part; 0: not known")
+    parser.add_argument("--session", type=int, default=0, help="the session of the agents, which `formation run` prints")
     parser.add_argument("--namespace", default="/formation")
     options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
     rclpy.init(args=sys.argv)
