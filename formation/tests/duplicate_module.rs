@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Heartbeat, Incarnation, Message, ModuleId, ModulePhase, Scenario, TargetAnnouncement,
+    Heartbeat, Incarnation, Message, ModuleId, ModulePhase, Scenario, Stop, TargetAnnouncement,
 };
 use formation::protocol::{Agent, AgentParameters, Identity, Input, Output, SourceId};
 
@@ -73,6 +73,7 @@ fn heartbeat_of_the_earlier_run() -> Message {
         digest_since: 0,
         applied_turns: 0,
         phase: ModulePhase::Listening,
+        stop: Stop::default(),
     })
 }
 

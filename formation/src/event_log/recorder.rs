@@ -77,7 +77,12 @@ impl Recorder {
                 }
             }
             // Claims carry their evictions, and states carry all of a heartbeat that an entry needs.
-            Message::Target(_) | Message::Eviction(_) | Message::Heartbeat(_) => {}
+            Message::Target(_)
+            | Message::Eviction(_)
+            | Message::Heartbeat(_)
+            | Message::OtherSessionState(_)
+            | Message::Stop(_)
+            | Message::Removal(_) => {}
         }
         let at_ms = milliseconds(now);
         let entries = events.into_iter();

@@ -3,8 +3,8 @@
 use sha2::{Digest as _, Sha256};
 
 use crate::model::{
-    Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule, PlanningProblem, Pose,
-    Roster, Target, TargetAnnouncement,
+    BodyReport, Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule,
+    PlanningProblem, Pose, Roster, Target, TargetAnnouncement, Whereabouts,
 };
 
 /// Feeds numbers to SHA-256 in a fixed layout. The length of every list precedes it, so that different inputs never have
@@ -114,6 +114,27 @@ pub(crate) fn of_problem(problem: &PlanningProblem) -> Digest {
     canonical.finish()
 }
 
+fn put_bodies(canonical: &mut Canonical, bodies: &[BodyReport]) {
+    canonical.length(bodies.len());
+    for body in bodies {
+        canonical.identifier(Some(body.module.0));
+        canonical.number(body.incarnation.0);
+        canonical.number(body.epoch.map_or(0, |epoch| epoch.number));
+        canonical.identifier(body.epoch.map(|epoch| epoch.convener.0));
+        canonical.number(body.sequence);
+        let (kind, poses): (u64, &[Pose]) = match &body.whereabouts {
+            Whereabouts::Seen(pose) => (0, &[*pose]),
+            Whereabouts::OnTheWay { from, to } => (1, &[*from, *to]),
+            Whereabouts::Halted(pose) => (2, &[*pose]),
+            Whereabouts::Removed => (3, &[]),
+        };
+        canonical.number(kind);
+        for pose in poses {
+            canonical.pose(pose);
+        }
+    }
+}
+
 /// The digest of a target and the planner's parameters: equal for announcements that lead to the same plans, whatever
 /// their revision and name.
 pub(crate) fn of_target(announcement: &TargetAnnouncement) -> Digest {
@@ -137,6 +158,7 @@ pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Di
         canonical.number(member.service as u64);
         put_placement(&mut canonical, module);
     }
+    put_bodies(&mut canonical, &roster.bodies);
     canonical.length(decisions.len());
     for (claimant, decision) in decisions {
         canonical.identifier(Some(claimant.0));

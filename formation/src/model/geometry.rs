@@ -3,7 +3,7 @@
 use nalgebra::{Isometry2, Vector2};
 use serde::{Deserialize, Serialize};
 
-use crate::model::{MicroUnits, QuantiseError};
+use crate::model::{COORDINATE_LIMIT_UNITS, MicroUnits, QuantiseError};
 
 /// A full turn in micro-radians.
 const FULL_TURN: i64 = 6_283_185;
@@ -53,6 +53,14 @@ impl Pose {
     pub(crate) fn to_isometry(self) -> Isometry2<f64> {
         let translation = Vector2::new(self.x.to_units(), self.y.to_units());
         Isometry2::new(translation, self.theta.to_units())
+    }
+
+    /// Whether its position is one that [`Self::from_units`] accepts.
+    pub(crate) fn is_within_limits(&self) -> bool {
+        let limit = MicroUnits::from_units(COORDINATE_LIMIT_UNITS).unwrap_or_default();
+        [self.x, self.y]
+            .iter()
+            .all(|coordinate| coordinate.0.abs() <= limit.0)
     }
 
     /// The angle between the two headings in micro-radians, at most half a turn.

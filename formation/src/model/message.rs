@@ -8,8 +8,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::model::{
-    ConfigurationId, Digest, Epoch, Incarnation, ModuleId, ModuleRun, PlannerParameters,
-    PlanningModule, PlanningProblem, Pose, ProblemError, SpotId, StoreId, Target, Voter,
+    BlockedSpot, BodyReport, ConfigurationId, Digest, Epoch, Incarnation, ModuleId, ModuleRun,
+    PlannerParameters, PlanningModule, PlanningProblem, Pose, ProblemError, SpotId, StoreId,
+    Target, Voter, body,
 };
 
 /// A target as announced to all modules.
@@ -163,6 +164,8 @@ pub struct ModuleState {
     pub agreed_on: Vec<CausalMark>,
     /// In GATHERED: the rosters known to it of which a new one must contain a majority.
     pub quorum_bases: Vec<QuorumBasis>,
+    /// In GATHERED: the known bodies and removals of modules that are absent, ascending by module.
+    pub bodies: Vec<BodyReport>,
 }
 
 impl ModuleState {
@@ -229,6 +232,8 @@ pub struct Roster {
     pub quorum_bases: Vec<QuorumBasis>,
     /// The times that all members must have in common.
     pub timing: Timing,
+    /// The known bodies and removals of modules that are no members, ascending by module.
+    pub bodies: Vec<BodyReport>,
 }
 
 /// The times that all members of a roster must have in common for the lease to be safe.
@@ -267,21 +272,42 @@ impl Roster {
             .collect()
     }
 
-    /// The planning input of this roster, its active members only; `None` when its target is withdrawn.
+    /// The spots of its target that bodies cover, ascending.
+    pub fn blocked_spots(&self) -> Vec<BlockedSpot> {
+        let target = self.target.target.as_ref();
+        target.map_or_else(Vec::new, |target| {
+            body::blocked_spots(target, &self.members, &self.bodies)
+        })
+    }
+
+    /// The part of its target that bodies leave open; `None` when they leave none, or the target is withdrawn.
+    pub fn open_target(&self) -> Option<Arc<Target>> {
+        let target = self.target.target.as_ref()?;
+        body::open_part(target, &self.members, &self.blocked_spots())
+    }
+
+    /// The planning input of this roster: the part of its target that bodies leave open, and its active members. A pin outside
+    /// of that part does not count. `None` when there is nothing to form.
     ///
     /// # Errors
     /// Names the contradiction in the roster.
     pub fn problem(&self) -> Result<Option<PlanningProblem>, ProblemError> {
-        let Some(target) = &self.target.target else {
+        let (Some(whole), Some(target)) = (&self.target.target, self.open_target()) else {
             return Ok(None);
         };
-        let modules = self
+        let is_outside =
+            |spot: SpotId| whole.position_of(spot).is_some() && target.position_of(spot).is_none();
+        let active = self
             .members
             .iter()
-            .filter(|member| member.service == Service::Active)
-            .map(|member| member.module.clone())
-            .collect();
-        PlanningProblem::new(Arc::clone(target), self.target.parameters, modules).map(Some)
+            .filter(|member| member.service == Service::Active);
+        let modules = active.map(|member| {
+            let mut module = member.module.clone();
+            module.pin = module.pin.filter(|&spot| !is_outside(spot));
+            module
+        });
+        let modules = modules.collect();
+        PlanningProblem::new(target, self.target.parameters, modules).map(Some)
     }
 }
 
@@ -395,6 +421,26 @@ pub struct Heartbeat {
     pub applied_turns: u32,
     /// Its phase.
     pub phase: ModulePhase,
+    /// The latest command to stop or to resume that it knows.
+    pub stop: Stop,
+}
+
+/// A command to all modules to stand still, or to move again; the highest revision applies. Revision 0 stands for none.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct Stop {
+    /// Rises with every command.
+    pub revision: u64,
+    /// Whether the modules are to stand still; of two commands of one revision, the one to stand still applies.
+    pub stopped: bool,
+}
+
+/// The report that the body of a module was taken away.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Removal {
+    /// The module.
+    pub module: ModuleId,
+    /// The run of its process that is gone, with all earlier ones; `None` for the latest that the receiver knows.
+    pub incarnation: Option<Incarnation>,
 }
 
 /// A message that an agent can receive, by its topic.
@@ -404,6 +450,8 @@ pub enum Message {
     Target(Arc<TargetAnnouncement>),
     /// On `module_states`.
     ModuleState(Arc<ModuleState>),
+    /// On `module_states`, of another session: the module takes no part, and its body stands there.
+    OtherSessionState(Arc<ModuleState>),
     /// On `roster`.
     Roster(RosterMessage),
     /// On `claims`.
@@ -412,4 +460,8 @@ pub enum Message {
     Eviction(EvictionNotice),
     /// On `heartbeats`.
     Heartbeat(Heartbeat),
+    /// On `commands`.
+    Stop(Stop),
+    /// On `commands`.
+    Removal(Removal),
 }

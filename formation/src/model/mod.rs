@@ -3,6 +3,7 @@
 //!
 //! Raw input becomes a validated type here, and nowhere else.
 
+pub(crate) mod body;
 pub(crate) mod digest;
 mod field;
 mod fixed;
@@ -19,6 +20,7 @@ mod target;
 pub mod text;
 mod topology;
 
+pub use body::{BlockedSpot, BodyReport, Whereabouts};
 pub use field::FieldError;
 pub use fixed::*;
 pub use geometry::*;

@@ -7,10 +7,11 @@ use std::time::Duration;
 
 use crate::model::{
     ConfigurationId, Digest, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember,
-    Service, SpotId, StoreId, TargetAnnouncement, Voter, digest,
+    Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter, digest,
 };
 use crate::planner::PlannedTurns;
 
+use super::bodies::Bodies;
 use super::body::Body;
 use super::event::Event;
 use super::io::{Identity, Output};
@@ -47,6 +48,9 @@ pub(super) struct Context {
     pub bugs: Bugs,
     pub body: Body,
     pub peers: Peers,
+    pub bodies: Bodies,
+    /// The latest command to stop or to resume.
+    pub stop: Stop,
     pub target: KnownTarget,
     pub memory: Memory,
     pub pacing: EpochPacing,
@@ -71,6 +75,8 @@ impl Context {
             bugs: Bugs::default(),
             body: Body::new(identity.pose, identity.links),
             peers: Peers::default(),
+            bodies: Bodies::default(),
+            stop: Stop::default(),
             target: KnownTarget::default(),
             memory: Memory::default(),
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
@@ -197,7 +203,7 @@ impl Context {
     /// The drive or a port failed, or took too long: the module takes no spot until it receives the command to rejoin.
     pub fn fail_motion(&mut self, spot: Option<SpotId>) {
         self.leave_spot();
-        if self.body.service == Service::Active {
+        if self.body.service != Service::MotionFailed {
             self.body.service = Service::MotionFailed;
             self.mark_state_changed();
             self.emit(Event::MotionFailed(spot));
@@ -267,6 +273,8 @@ impl Hash for Context {
             bugs: _,
             body,
             peers,
+            bodies,
+            stop,
             target,
             memory,
             pacing,
@@ -274,7 +282,7 @@ impl Hash for Context {
             shortfall,
             outbox,
         } = self;
-        (own.run, body, peers, target).hash(state);
+        (own.run, body, peers, bodies, stop, target).hash(state);
         (memory, pacing, shortfall, outbox).hash(state);
     }
 }

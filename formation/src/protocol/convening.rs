@@ -46,7 +46,8 @@ impl Agent {
         if shortfall.is_none()
             && let Some(announcement) = announcement
         {
-            let gathering = Gathering::convene(context, &announcement, reason);
+            self.remember_members();
+            let gathering = Gathering::convene(&mut self.context, &announcement, reason);
             self.stage = Stage::Gathering(gathering);
             self.run_stage();
         }
@@ -74,6 +75,7 @@ impl Stage {
             roster.epoch,
             context.target.revision(),
             context.body.service,
+            context.bodies.version(),
         );
         let is_calm = !is_outside && context.peers.is_calm(context.now, judged);
         if !is_calm && let Err(verdict) = judge_members(roster, is_outside, context) {
@@ -103,6 +105,9 @@ impl Stage {
         let has_mismatch = self.held_plan().is_some_and(|held| held.has_mismatch);
         if has_mismatch && context.memory.mismatches <= 1 {
             return Some(EpochReason::DigestMismatch);
+        }
+        if let Some(reason) = context.doubt_bodies(roster, self.held_plan()) {
+            return Some(reason);
         }
         if is_calm {
             return None;
@@ -201,11 +206,16 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
     (!silent.is_empty()).then_some(EpochReason::Silent(silent))
 }
 
-/// The members that were active when the roster was made and are not any more.
+/// The members that left service since the roster was made, or that were retired then and cannot move any more.
 fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
-    active(roster)
-        .filter_map(|module| Some((module, context.service_of(module)?)))
-        .filter(|&(_, service)| service != Service::Active)
+    let members = roster.members.iter();
+    members
+        .filter_map(|member| {
+            let service = context.service_of(member.module.id)?;
+            let has_failed = service == Service::MotionFailed && service != member.service;
+            let leaves = member.service == Service::Active && service != Service::Active;
+            (has_failed || leaves).then_some((member.module.id, service))
+        })
         .collect()
 }
 
@@ -217,19 +227,22 @@ fn active(roster: &Roster) -> impl Iterator<Item = ModuleId> {
         .map(|member| member.module.id)
 }
 
-/// The live modules that the roster does not list, if it leaves spots open.
+/// The live modules that the roster does not list, if more spots can be filled with them.
 fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
-    let target = roster.target.target.as_ref();
-    let has_open_spots = target.is_some_and(|target| active(roster).count() < target.spots().len());
-    if !has_open_spots || context.bugs.ignore_newcomers() {
+    if context.bugs.ignore_newcomers() {
         return Vec::new();
     }
     let planned: BTreeSet<ModuleId> = active(roster).collect();
     let live = context.live_voters().into_iter().map(|voter| voter.module);
-    live.filter(|&module| !planned.contains(&module) && context.is_active(module))
+    let mut newcomers: Vec<ModuleId> = live
+        .filter(|&module| !planned.contains(&module) && context.is_active(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))
-        .collect()
+        .collect();
+    if !context.could_fill_more(roster, &newcomers) {
+        newcomers.clear();
+    }
+    newcomers
 }
 
 /// Whether a module knows this epoch. A module that receives the members' messages follows them to their epoch; one that does

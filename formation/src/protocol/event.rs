@@ -3,7 +3,7 @@
 use std::fmt;
 use std::time::Duration;
 
-use crate::model::{AssemblyWarning, Digest, Epoch, ModuleId, Service, SpotId};
+use crate::model::{AssemblyWarning, BlockedSpot, Digest, Epoch, ModuleId, Service, SpotId};
 
 use super::refusal::Refusal;
 
@@ -112,6 +112,20 @@ pub enum Event {
     Rejoined,
     /// These spots stay open, as there are too few modules that could take them. Emitted by the convener.
     SpotsLeftOpen(Vec<SpotId>),
+    /// Bodies of modules that take no part cover these spots, which stay open. Emitted by the convener.
+    SpotsBlocked(Vec<BlockedSpot>),
+    /// These spots stay open, as blocked ones separate them from the rest. Emitted by the convener.
+    SpotsCutOff(Vec<SpotId>),
+    /// It has no spot, stands on one that another module takes, and moves off it.
+    MakingRoom,
+    /// It received the report that the body of this module was removed.
+    BodyRemoved(ModuleId),
+    /// This run of its module was reported as removed; it takes no part until its process restarts.
+    RunRemoved,
+    /// All modules stand still on command, until they are resumed.
+    Stopped,
+    /// The modules may move again, on command.
+    Resumed,
     /// The plan's acting order has a flaw.
     AssemblyWarning(AssemblyWarning),
     /// The target was withdrawn; modules stay where they are.
@@ -133,6 +147,12 @@ pub enum EpochReason {
     Stuck(Vec<ModuleId>),
     /// Members have entered a later epoch than this module.
     MembersAhead(Vec<ModuleId>),
+    /// A roster opened spots that the bodies of these modules cover.
+    BodiesUnlisted(Vec<ModuleId>),
+    /// Bodies cover spots that the plan is still to fill.
+    SpotsBlocked(Vec<BlockedSpot>),
+    /// Bodies no longer cover these spots.
+    SpotsFreed(Vec<SpotId>),
     /// Members no longer take spots.
     OutOfService(Vec<(ModuleId, Service)>),
     /// Members hold different plans.
@@ -145,6 +165,11 @@ pub enum EpochReason {
 fn listed(numbers: impl Iterator<Item = u32>) -> String {
     let texts: Vec<String> = numbers.map(|number| number.to_string()).collect();
     texts.join(", ")
+}
+
+fn sentences(blocked: &[BlockedSpot]) -> String {
+    let sentences: Vec<String> = blocked.iter().map(BlockedSpot::to_string).collect();
+    sentences.join("; ")
 }
 
 fn ids(modules: &[ModuleId]) -> String {
@@ -169,6 +194,14 @@ impl fmt::Display for EpochReason {
             Self::Stuck(modules) => write!(formatter, "no progress: {}", ids(modules)),
             Self::MembersAhead(modules) => {
                 write!(formatter, "in a later epoch: {}", ids(modules))
+            }
+            Self::BodiesUnlisted(modules) => {
+                write!(formatter, "the roster lacks bodies: {}", ids(modules))
+            }
+            Self::SpotsBlocked(blocked) => formatter.write_str(&sentences(blocked)),
+            Self::SpotsFreed(spots) => {
+                let spots = listed(spots.iter().map(|spot| spot.0));
+                write!(formatter, "no body blocks these spots any more: {spots}")
             }
             Self::OutOfService(modules) => {
                 let named: Vec<String> = modules
@@ -254,6 +287,27 @@ impl fmt::Display for Event {
             Self::Retired => write!(formatter, "retired: it leaves the formation"),
             Self::Rejoined => write!(formatter, "takes part again"),
             Self::SpotsLeftOpen(spots) => write_open(formatter, spots),
+            Self::SpotsBlocked(blocked) => formatter.write_str(&sentences(blocked)),
+            Self::SpotsCutOff(spots) => {
+                let spots = listed(spots.iter().map(|spot| spot.0));
+                write!(
+                    formatter,
+                    "blocked spots cut off spots {spots}, which stay open"
+                )
+            }
+            Self::MakingRoom => write!(formatter, "moving off a spot that another module takes"),
+            Self::BodyRemoved(module) => {
+                write!(formatter, "the body of {module} was reported as removed")
+            }
+            Self::RunRemoved => write!(
+                formatter,
+                "this run was reported as removed: it takes no part until its process restarts"
+            ),
+            Self::Stopped => write!(
+                formatter,
+                "stopped on command: no module moves until resumed"
+            ),
+            Self::Resumed => write!(formatter, "resumed on command"),
             Self::AssemblyWarning(warning) => write!(formatter, "acting order: {warning}"),
             Self::TargetWithdrawn => write!(formatter, "the target was withdrawn"),
         }
@@ -328,6 +382,7 @@ impl Event {
             | Self::PlansDiffer(_)
             | Self::DuplicateModule(_)
             | Self::MotionOverdue(_)
+            | Self::RunRemoved
             | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }
@@ -335,6 +390,9 @@ impl Event {
             | Self::WaitingForQuorum { .. }
             | Self::AgreementLapsed(_)
             | Self::SpotsLeftOpen(_)
+            | Self::SpotsBlocked(_)
+            | Self::SpotsCutOff(_)
+            | Self::Stopped
             | Self::AssemblyWarning(_) => Severity::Warning,
             _ => Severity::Info,
         }

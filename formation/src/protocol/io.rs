@@ -75,6 +75,8 @@ pub enum Command {
     Retire,
     /// Take part again, after [`Self::Retire`] or after a failure of the drive or ports.
     Rejoin,
+    /// The body of this run of another module, and of all its earlier ones, was taken away: it blocks no spot any more.
+    Remove(ModuleRun),
 }
 
 /// One input of an agent.
@@ -89,7 +91,7 @@ pub enum Input {
     },
     /// A report from the drive or the docking ports.
     Motion(MotionReport),
-    /// A command for this module.
+    /// A command.
     Command(Command),
     /// The store holds what this [`Output::Persist`], and every earlier one, gave to it, whatever happens to the process.
     Persisted(u64),

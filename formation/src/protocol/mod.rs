@@ -16,6 +16,7 @@
 //! each input the stage takes steps until none leads to another stage. A step depends on the whole state and not on an
 //! earlier message, so messages may come late, twice or in any order across writers.
 
+mod bodies;
 mod body;
 mod context;
 mod convening;
@@ -38,6 +39,7 @@ mod refusal;
 mod rosters;
 mod snapshot;
 mod stage;
+mod stop;
 mod succession;
 
 use std::collections::BTreeSet;
@@ -245,7 +247,9 @@ impl Agent {
     fn step(&mut self) {
         self.context.outbox.forget_wakes();
         let stands_back = self.succession.still_stands_back(self.context.now);
-        if !stands_back && self.context.target.is_set() {
+        if self.context.is_removed() {
+            self.leave_epoch();
+        } else if !stands_back && self.context.target.is_set() {
             let had_settled = self.stage.is_settled();
             self.run_stage();
             if !had_settled && self.stage.is_settled() {
@@ -272,6 +276,7 @@ impl Agent {
 
     /// Leaves the epoch, and stands still.
     fn leave_epoch(&mut self) {
+        self.remember_members();
         self.context.stand_still();
         self.stage = Stage::Listening(self.stage.epoch());
     }
@@ -286,6 +291,9 @@ impl Agent {
             Message::Heartbeat(heartbeat) => return self.handle_heartbeat(source, heartbeat),
             // A claim contains its evictions.
             Message::Eviction(_) => {}
+            Message::OtherSessionState(state) => self.handle_other_session_state(&state),
+            Message::Stop(stop) => self.handle_stop(stop),
+            Message::Removal(removal) => self.handle_removal_report(removal),
         }
         true
     }
@@ -337,7 +345,10 @@ impl Agent {
             .peers
             .handle_state(context.liveness(), state, source)
         {
-            Ok(true) => self.adjust_links_to(module),
+            Ok(true) => {
+                self.note_body(module);
+                self.adjust_links_to(module);
+            }
             Ok(false) => {}
             Err(refusal) => self.refuse_run(module, incarnation, refusal),
         }
@@ -356,6 +367,8 @@ impl Agent {
             Ok(HeartbeatNews::Old) => return false,
             Ok(HeartbeatNews::StillLive { age }) => return age > context.parameters.lease,
             Ok(HeartbeatNews::New) => {
+                self.handle_stop(heartbeat.stop);
+                self.context.exclude_if_removed(module);
                 self.note_shown(&heartbeat);
                 self.handle_early_roster(module);
             }

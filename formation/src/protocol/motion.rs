@@ -61,11 +61,13 @@ impl Agent {
 
     /// A module that is out of service stays a member: it freezes, computes and agrees like any other, and so counts
     /// towards the majority of earlier rosters. Later rosters need no majority that includes it. Only the plan passes it
-    /// over: a spare takes its spot, or the spot is reported open. It undocks from all modules and stays where it is.
+    /// over: a spare takes its spot, or the spot is reported open. It undocks from all modules, and moves off a spot that
+    /// another one takes.
     pub(super) fn handle_command(&mut self, command: Command) {
         let (service, event) = match command {
             Command::Retire => (Service::Retired, Event::Retired),
             Command::Rejoin => (Service::Active, Event::Rejoined),
+            Command::Remove(run) => return self.handle_removal(run),
         };
         if self.context.body.service == service {
             return;

@@ -53,6 +53,8 @@ pub enum Mutation {
     DifferentPlan,
     /// Never includes a late module to fill an open spot.
     IgnoreNewcomers,
+    /// Plans as if absent modules had no bodies.
+    IgnoreBodies,
 }
 
 /// The bug that an agent has, if any; none outside of tests.
@@ -156,4 +158,5 @@ predicates! {
     trust_buffered_heartbeats: TrustBufferedHeartbeats,
     ignore_newcomers: IgnoreNewcomers,
     learn_unjudged: LearnUnjudged,
+    ignore_bodies: IgnoreBodies,
 }

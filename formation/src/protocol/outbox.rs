@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::hash::{Hash, Hasher};
 use std::time::Duration;
 
-use crate::model::{Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase};
+use crate::model::{Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, Stop};
 
 use super::durable::{DurableState, SyncKey};
 use super::event::Event;
@@ -17,6 +17,7 @@ pub(super) struct Shown {
     pub epoch: Option<Epoch>,
     pub digest: Option<Digest>,
     pub phase: ModulePhase,
+    pub stop: Stop,
 }
 
 impl Shown {
@@ -25,6 +26,7 @@ impl Shown {
             epoch: heartbeat.epoch,
             digest: heartbeat.digest,
             phase: heartbeat.phase,
+            stop: heartbeat.stop,
         }
     }
 }

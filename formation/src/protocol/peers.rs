@@ -42,9 +42,9 @@ pub(super) enum HeartbeatNews {
     New,
 }
 
-/// What a judgement of all peers depends on, apart from them: the epoch, the revision of the target, and the module's own
-/// service.
-pub(super) type Judged = (Epoch, Option<u64>, Service);
+/// What a judgement of all peers depends on, apart from them: the epoch, the revision of the target, the module's own
+/// service, and the version of the known bodies.
+pub(super) type Judged = (Epoch, Option<u64>, Service, u64);
 
 /// A judgement of all peers that gave no reason for an epoch.
 #[derive(Clone, Copy, Debug)]
@@ -150,6 +150,11 @@ impl Peers {
         self.peers.get(&module)?.state.as_ref()
     }
 
+    /// The latest states of all modules.
+    pub fn states(&self) -> impl Iterator<Item = &Arc<ModuleState>> {
+        self.peers.values().filter_map(|peer| peer.state.as_ref())
+    }
+
     /// Checks that a message of a run comes from the process that sends for its module, where that is known.
     pub fn check_source(&self, run: ModuleRun, source: Option<SourceId>) -> Result<(), Refusal> {
         let Some(peer) = self.peers.get(&run.module) else {
@@ -248,7 +253,7 @@ impl Peers {
             self.shown.count += 1;
             self.shown.last = Some(heartbeat.module);
         }
-        let shows = |heartbeat: Heartbeat| (heartbeat.epoch, heartbeat.digest, heartbeat.phase);
+        let shows = |heartbeat: Heartbeat| (plan(heartbeat), heartbeat.phase, heartbeat.stop);
         Ok(match (known, age) {
             (Some(known), Some(age)) if shows(known) == shows(heartbeat) => {
                 HeartbeatNews::StillLive { age }
@@ -412,6 +417,7 @@ fn without_proofs(state: Arc<ModuleState>) -> Arc<ModuleState> {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::model::Stop;
 
     fn at(seconds: u64) -> Liveness {
         Liveness {
@@ -434,6 +440,7 @@ mod tests {
             digest_since: 0,
             applied_turns: 0,
             phase: ModulePhase::Listening,
+            stop: Stop::default(),
         }
     }
 

@@ -24,6 +24,7 @@ impl Agent {
             epoch: self.epoch(),
             digest: self.digest(),
             phase: self.phase(),
+            stop: self.context.stop,
         };
         // What the store does not hold is not shown yet.
         let is_writing = self.context.outbox.is_writing();
@@ -64,8 +65,9 @@ impl Agent {
             waited_for: Vec::new(),
             agreed_on: Vec::new(),
             quorum_bases: Vec::new(),
+            bodies: Vec::new(),
         };
-        self.stage.describe(&mut state, &self.context);
+        self.stage.describe(&mut state, &mut self.context);
         state
     }
 
@@ -84,6 +86,7 @@ impl Agent {
             digest_since: heartbeats.digest_since(shown.digest),
             applied_turns,
             phase: shown.phase,
+            stop: shown.stop,
         }
     }
 }

@@ -53,6 +53,10 @@ refusals! {
     BadRoster = "bad_roster": "its roster contradicts itself or our announced state",
     /// Its roster lacks a majority of an earlier one.
     NoQuorum = "no_quorum": "its roster lacks a majority of an earlier one",
+    /// Its roster opens a spot on which this module knows a body.
+    UnlistedBody = "unlisted_body": "its roster opens a spot on which a body is known to stand",
+    /// Its command to stop or to resume is too far ahead of the latest known one.
+    ImplausibleStop = "implausible_stop": "its stop command is too far ahead of the latest known one",
     /// Its epoch is too far ahead of every known epoch.
     ImplausibleEpoch = "implausible_epoch": "its epoch is too far ahead of every known epoch",
     /// Its incarnation is too far ahead of this module's clock.

@@ -60,6 +60,7 @@ impl Agent {
         match message {
             RosterMessage::Gather { .. } if current == Some(epoch) => {}
             RosterMessage::Gather { target, .. } => {
+                self.remember_members();
                 let context = &mut self.context;
                 let gathering = Gathering::join(context, epoch, run.incarnation, target);
                 self.stage = Stage::Gathering(gathering);
@@ -111,13 +112,19 @@ impl Agent {
             self.check_own_entry(&roster, mine, is_frozen)?;
         }
         self.check_target(&roster)?;
-        self.context.memory = self.judge_quorum(&roster)?;
+        let memory = self.judge_quorum(&roster)?;
+        if mine.is_some() {
+            self.context.check_bodies(&roster)?;
+        }
+        self.context.memory = memory;
         if self.context.target.revision() < Some(roster.target.revision) {
             self.context.target.set(Arc::new(roster.target.clone()));
         }
         if mine.is_some() {
             self.begin_turns(roster);
         } else {
+            self.remember_members();
+            self.context.learn_roster_bodies(&roster);
             self.context.stand_still();
             self.context.note_opened(roster.epoch);
             self.context.mark_state_changed();

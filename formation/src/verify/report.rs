@@ -8,11 +8,15 @@ use serde::{Deserialize, Serialize};
 
 use super::{Agreement, Counts, Outcome, Progress, Timings, Verdict};
 use crate::event_log::{Entry, milliseconds};
-use crate::model::{Assignment, Epoch, ModuleId, SpotId};
+use crate::model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
 
 /// One line: an object with one key, which says what the line is about.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "one line at a time exists, so its size does not matter"
+)]
 pub enum ReportLine {
     /// The progress, whenever it changes.
     Progress(Progress),
@@ -39,6 +43,9 @@ pub struct VerdictReport {
     pub unassigned: Vec<ModuleId>,
     /// The spots that are not filled, ascending.
     pub open_spots: Vec<SpotId>,
+    /// The spots that bodies block, and the modules of these bodies, ascending by spot.
+    #[serde(default)]
+    pub blocked_spots: Vec<BlockedSpot>,
     /// What was done wrong, one sentence each.
     pub violations: Vec<String>,
     /// What was not done in time, one sentence each.
@@ -89,6 +96,7 @@ impl From<&Verdict> for VerdictReport {
             assignments: by_module(&verdict.assignments),
             unassigned: verdict.unassigned.clone(),
             open_spots: verdict.open_spots.clone(),
+            blocked_spots: verdict.blocked_spots.clone(),
             violations: sentences(&verdict.violations),
             missing: sentences(&verdict.missing),
             planning_ms: between(timings.roster_known, timings.last_claim),
@@ -121,11 +129,14 @@ impl From<&Agreement> for AgreementReport {
     }
 }
 
-/// The outcome in one line, with the numbers of filled spots and of all spots.
+/// The outcome in one line, with the numbers of filled spots, of all spots, and of those that bodies block.
 #[must_use]
-pub fn outcome_text(outcome: Outcome, filled: usize, spots: usize) -> String {
+pub fn outcome_text(outcome: Outcome, filled: usize, spots: usize, blocked: usize) -> String {
     match outcome {
         Outcome::Complete => format!("COMPLETE: all {spots} spots are filled, hole-free"),
+        Outcome::Partial if blocked > 0 => format!(
+            "PARTIAL: {filled} of {spots} spots are filled, as many connected ones as bodies leave open, hole-free"
+        ),
         Outcome::Partial => format!(
             "PARTIAL: {filled} of {spots} spots are filled, as many as there are modules, hole-free"
         ),
@@ -177,6 +188,10 @@ mod tests {
             epoch: Some(EPOCH),
             filled_spots: 1,
             open_spots: vec![SpotId(2)],
+            blocked_spots: vec![BlockedSpot {
+                spot: SpotId(2),
+                module: ModuleId(9),
+            }],
             assignments: [(ModuleId(4), SpotId(1))].into(),
             unassigned: vec![ModuleId(5)],
             violations: Vec::new(),
@@ -197,6 +212,7 @@ mod tests {
                 "assignments": [{"module": 4, "spot": 1}],
                 "unassigned": [5],
                 "open_spots": [2],
+                "blocked_spots": [{"spot": 2, "module": 9}],
                 "violations": [],
                 "missing": ["spot 2 is empty"],
                 "timings_ms": {"roster_known": 700, "last_claim": 725, "first_moving": null, "completed": null},
@@ -240,6 +256,7 @@ mod tests {
                 agreed: 0,
                 settled: 0,
                 to_fill: 0,
+                stopped: false,
                 waiting_for: vec![ModuleId(7)],
             })
         };

@@ -42,6 +42,7 @@ fn state(module: u32, incarnation: u64, sequence: u64, phase: ModulePhase, x: i6
         waited_for: Vec::new(),
         agreed_on: Vec::new(),
         quorum_bases: Vec::new(),
+        bodies: Vec::new(),
     }))
 }
 
@@ -87,6 +88,7 @@ fn roster(number: u64) -> Message {
         },
         members: Vec::new(),
         quorum_bases: Vec::new(),
+        bodies: Vec::new(),
     })))
 }
 

@@ -42,8 +42,8 @@ pub(in crate::protocol) struct Acting {
     proofs: Proofs,
     /// The modules that were last reported as waited for.
     reported: Vec<ModuleId>,
-    /// The unit that is to act now, if any is left, and since when.
-    unit_since: (Option<usize>, Duration),
+    /// The step of the plan that is due now, if any is left, and since when.
+    step_since: (Option<usize>, Duration),
 }
 
 /// What a part of a step leads to.
@@ -70,22 +70,18 @@ impl Acting {
         if !has_place {
             context.emit(Event::Spare);
         }
-        let open = held.open_spots();
-        if epoch.convener == context.module() && !open.is_empty() {
-            context.emit(Event::SpotsLeftOpen(open));
+        if epoch.convener == context.module() {
+            held.report_open_spots(context);
         }
+        let moves = has_place || held.aside().is_some();
         Self {
             held,
             agreed_at: now,
-            task: if has_place {
-                Task::Waiting
-            } else {
-                Task::Spare
-            },
+            task: if moves { Task::Waiting } else { Task::Spare },
             asked_to_dock: BTreeSet::new(),
             proofs: Proofs::default(),
             reported: Vec::new(),
-            unit_since: (Some(0), planned_at),
+            step_since: (Some(0), planned_at),
         }
     }
 
@@ -104,6 +100,11 @@ impl Acting {
         self.task == Task::Settled
     }
 
+    /// Whether it has done its part of the plan.
+    pub fn has_acted(&self) -> bool {
+        matches!(self.task, Task::Settled | Task::Spare)
+    }
+
     pub fn describe(&mut self, state: &mut ModuleState) {
         self.held.describe(state);
         if self.is_settled() {
@@ -115,7 +116,10 @@ impl Acting {
     /// The drive has reached its goal.
     pub fn arrive(&mut self) {
         if matches!(self.task, Task::Moving { .. }) {
-            self.task = Task::Docking;
+            self.task = match self.held.place {
+                Some(_) => Task::Docking,
+                None => Task::Spare,
+            };
         }
     }
 
@@ -130,13 +134,13 @@ impl Acting {
         }
     }
 
-    /// The modules of the unit that acts, if it has not settled for longer than a motion may take.
+    /// The modules that act, if they have not settled for longer than a motion may take.
     pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
-        let (unit, since) = self.unit_since;
+        let (step, since) = self.step_since;
         let limit = context.parameters.motion_limit + context.parameters.stuck;
         let is_overdue = context.now.saturating_sub(since) > limit;
-        unit.filter(|_| is_overdue)
-            .map(|unit| self.unsettled_in(unit, context))
+        step.filter(|_| is_overdue)
+            .map(|step| self.unsettled_in(step, context))
             .unwrap_or_default()
     }
 
@@ -146,7 +150,7 @@ impl Acting {
         let lease = context.parameters.lease;
         let may_move =
             || context.bugs.ignore_lapses() || self.held.lagging(context, lease).is_empty();
-        if moves && may_move() {
+        if moves && !context.stop.stopped && may_move() {
             self.held.goal()
         } else {
             None
@@ -169,13 +173,19 @@ impl Acting {
             context.wake_at(first_motion);
             return Progress::Wait;
         }
-        let lagging = self.held.lagging_for_motion(context);
-        let to_act = self.unit_to_act(context);
-        let unit = to_act.as_ref().map(|&(unit, _)| unit);
-        if self.unit_since.0 != unit || !lagging.is_empty() {
-            self.unit_since = (unit, context.now);
+        let mut lagging = self.held.lagging_for_motion(context);
+        if context.stop.stopped && lagging.is_empty() {
+            lagging.push(context.module());
+        }
+        let to_act = self.step_to_act(context);
+        let step = to_act.as_ref().map(|&(step, _)| step);
+        if self.step_since.0 != step || !lagging.is_empty() {
+            self.step_since = (step, context.now);
         }
         match self.held.place {
+            None if self.held.aside().is_some() && !self.has_acted() => {
+                self.make_room(to_act, &lagging, context)
+            }
             None => {
                 // A module out of service undocks as soon as a plan without it is agreed on.
                 if lagging.is_empty() && context.body.service != Service::Active {
@@ -206,7 +216,8 @@ impl Acting {
             }
             Task::Waiting => {
                 let earlier = to_act
-                    .filter(|&(unit, _)| unit < place.unit && !context.bugs.ignore_acting_order());
+                    .filter(|&(step, _)| step < self.held.step_of_unit(place.unit))
+                    .filter(|_| !context.bugs.ignore_acting_order());
                 if let Some((_, unsettled)) = earlier {
                     if self.reported != unsettled {
                         self.reported.clone_from(&unsettled);
@@ -226,7 +237,7 @@ impl Acting {
                 Progress::Wait
             }
             Task::Moving { since, held } => {
-                self.watch_motion(place, since, held, lagging, context);
+                self.watch_motion(since, held, lagging, context);
                 Progress::Wait
             }
             Task::Docking => {
@@ -235,6 +246,34 @@ impl Acting {
             }
             Task::Spare | Task::Settled | Task::Failed => Progress::Wait,
         }
+    }
+
+    /// Moves off a spot that another module takes: undocks from all modules, and goes where it is in no way.
+    fn make_room(
+        &mut self,
+        to_act: Option<(usize, Vec<ModuleId>)>,
+        lagging: &[ModuleId],
+        context: &mut Context,
+    ) -> Progress {
+        let is_due = to_act.is_some_and(|(_, modules)| modules.contains(&context.module()));
+        match self.task {
+            Task::Waiting if is_due && lagging.is_empty() && !context.parameters.plan_only => {
+                self.proofs = Proofs::of_making_room(&self.held, context);
+                self.task = Task::Undocking;
+                context.body.settled_on = None;
+                context.mark_state_changed();
+                context.emit(Event::MakingRoom);
+                let links = context.body.links.clone();
+                context.undock(links);
+                return Progress::Again;
+            }
+            Task::Undocking if context.body.links.is_empty() && lagging.is_empty() => {
+                self.move_to_spot(context);
+            }
+            Task::Moving { since, held } => self.watch_motion(since, held, lagging, context),
+            _ => {}
+        }
+        Progress::Wait
     }
 
     /// Stays on its spot, and undocks from modules that the target does not have there, such as a failed neighbour.
@@ -271,26 +310,35 @@ impl Acting {
     /// Halts when agreement lapses, continues when it is back, and fails when the time is up.
     fn watch_motion(
         &mut self,
-        place: Place,
         since: Duration,
         held: bool,
         lagging: &[ModuleId],
         context: &mut Context,
     ) {
+        // The limit counts from the end of a stop.
+        let since = if context.stop.stopped {
+            context.now
+        } else {
+            since
+        };
         let overdue_at = since + context.parameters.motion_limit;
         if context.now >= overdue_at {
             context.stand_still();
-            context.emit(Event::MotionOverdue(place.spot));
             let spot = self.abandon();
+            if let Some(spot) = spot {
+                context.emit(Event::MotionOverdue(spot));
+            }
             context.fail_motion(spot);
             return;
         }
         context.wake_at(overdue_at);
-        let hold = !lagging.is_empty() && !context.bugs.ignore_lapses();
+        let hold = context.stop.stopped || !lagging.is_empty() && !context.bugs.ignore_lapses();
         self.task = Task::Moving { since, held: hold };
         if hold && !held {
             context.stand_still();
-            context.emit(Event::AgreementLapsed(lagging.to_vec()));
+            if !context.stop.stopped {
+                context.emit(Event::AgreementLapsed(lagging.to_vec()));
+            }
             return;
         }
         if !hold
@@ -342,29 +390,25 @@ impl Acting {
 
     fn has_settled(&self, module: ModuleId, context: &Context) -> bool {
         if module == context.module() {
-            self.is_settled()
+            self.has_acted()
         } else {
-            self.held.settled_state(&context.peers, module).is_some()
+            self.held.has_acted(&context.peers, module)
         }
     }
 
-    /// The modules of a unit that have not settled.
-    fn unsettled_in(&self, unit: usize, context: &Context) -> Vec<ModuleId> {
-        let units = &self.held.plan.assembly.units;
-        units
-            .get(unit)
-            .into_iter()
-            .flat_map(|unit| &unit.placements)
-            .map(|&(module, _)| module)
+    /// The modules of a step that have not done their part.
+    fn unsettled_in(&self, step: usize, context: &Context) -> Vec<ModuleId> {
+        let modules = self.held.step_modules(step).into_iter();
+        modules
             .filter(|&module| !self.has_settled(module, context))
             .collect()
     }
 
-    /// The first unit of which not all modules have settled, with those that have not.
-    fn unit_to_act(&self, context: &Context) -> Option<(usize, Vec<ModuleId>)> {
-        let units = 0..self.held.plan.assembly.units.len();
-        units
-            .map(|unit| (unit, self.unsettled_in(unit, context)))
+    /// The first step of which not all modules have done their part, with those that have not.
+    fn step_to_act(&self, context: &Context) -> Option<(usize, Vec<ModuleId>)> {
+        let steps = 0..self.held.steps();
+        steps
+            .map(|step| (step, self.unsettled_in(step, context)))
             .find(|(_, unsettled)| !unsettled.is_empty())
     }
 }

@@ -121,7 +121,8 @@ impl Gathering {
         }
     }
 
-    pub fn describe(&self, state: &mut ModuleState, context: &Context) {
+    pub fn describe(&self, state: &mut ModuleState, context: &mut Context) {
+        state.bodies = context.absent_bodies();
         state.spot = context.pin_for(self.target);
         state.quorum_bases = context.memory.quorum.bases();
     }
@@ -131,6 +132,9 @@ impl Gathering {
         let Role::Member(incarnation) = self.role else {
             return None;
         };
+        if let Some(reason) = context.bodies.contested_in(self.epoch) {
+            return Some(reason);
+        }
         let convener = self.epoch.convener;
         let peer = context.peers.get(convener);
         let is_live = context.peers.is_live(context.liveness(), convener)
@@ -167,6 +171,7 @@ impl Gathering {
         }
         let expected = context.target.expected_modules();
         context.memory.learn_from(&frozen, self.epoch, expected);
+        context.learn_bodies(&frozen);
         if reports_limit {
             report_missing(&frozen, context);
         }
@@ -188,6 +193,19 @@ impl Gathering {
             return Step::Stay(Stage::Gathering(self));
         }
         let voters: Vec<Voter> = members.iter().map(RosterMember::voter).collect();
+        let mut roster = Roster {
+            epoch: self.epoch,
+            target: (*announcement).clone(),
+            bodies: context.bodies_outside(&members),
+            members,
+            quorum_bases: context.memory.quorum.bases(),
+            timing: context.parameters.timing(),
+        };
+        let Some(open) = roster.open_target() else {
+            // Bodies block every spot.
+            context.report_blocked(roster.blocked_spots());
+            return Step::Stay(Stage::Gathering(self));
+        };
         let shortfall =
             context.shortfall_of(&context.memory, &voters, announcement.expected_modules);
         context.set_shortfall(shortfall);
@@ -201,21 +219,14 @@ impl Gathering {
             let next = Self::convene(context, &announcement, EpochReason::NewTarget);
             return Step::Enter(Stage::Gathering(next));
         }
-        if let Some(target) = &announcement.target
-            && pins::release(&mut members, target, announcement.parameters, context).is_none()
-        {
+        let parameters = announcement.parameters;
+        if pins::release(&mut roster.members, &open, parameters, context).is_none() {
             if let Role::Convener(collection) = &mut self.role {
                 collection.computes = true;
             }
             return Step::Stay(Stage::Gathering(self));
         }
-        let roster = Arc::new(Roster {
-            epoch: self.epoch,
-            target: (*announcement).clone(),
-            members,
-            quorum_bases: context.memory.quorum.bases(),
-            timing: context.parameters.timing(),
-        });
+        let roster = Arc::new(roster);
         let plan = RosterMessage::Plan(Arc::clone(&roster));
         context.publish(Message::Roster(plan));
         match Planning::begin(roster, context) {

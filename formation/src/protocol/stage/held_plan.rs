@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::model::{
     ActingUnit, CausalMark, Digest, Epoch, Heartbeat, Incarnation, MicroUnits, ModuleId,
-    ModulePhase, ModuleState, Plan, Roster, SpotId,
+    ModulePhase, ModuleState, Plan, Pose, Roster, SpotId,
 };
 
 use super::super::context::Context;
@@ -15,6 +15,7 @@ use super::super::event::Event;
 use super::super::io::MotionGoal;
 use super::super::peer::Peer;
 use super::super::peers::{Peers, Shown};
+use super::aside;
 
 /// This module's place in a plan.
 #[derive(Clone, Copy, Debug)]
@@ -34,6 +35,8 @@ pub(in crate::protocol) struct HeldPlan {
     /// The number of turns of the plan.
     pub turns: u32,
     pub(super) place: Option<Place>,
+    /// The modules without a spot that move off one before any unit acts, in that order, and where they go.
+    asides: Vec<(ModuleId, Pose)>,
     /// The incarnation of each member in the roster.
     pub(super) members: BTreeMap<ModuleId, Incarnation>,
     /// Whether some member showed another digest for this epoch.
@@ -75,6 +78,7 @@ impl HeldPlan {
         Self {
             own,
             place,
+            asides: aside::asides(&roster, &plan),
             roster,
             plan,
             digest,
@@ -102,16 +106,126 @@ impl HeldPlan {
         &self.plan.assembly.units[place.unit]
     }
 
-    /// The spots that the plan leaves open.
-    pub(super) fn open_spots(&self) -> Vec<SpotId> {
+    /// Reports the spots that the plan leaves open, and why.
+    pub(super) fn report_open_spots(&self, context: &mut Context) {
         let filled: BTreeSet<SpotId> = self.plan.assignments.values().copied().collect();
-        let target = self.roster.target.target.as_ref();
-        target
-            .into_iter()
+        let open = self.roster.open_target();
+        let blocked = self.roster.blocked_spots();
+        let is_blocked = |spot: SpotId| blocked.iter().any(|blocked| blocked.spot == spot);
+        let is_reachable = |spot: SpotId| {
+            open.as_ref()
+                .is_some_and(|open| open.position_of(spot).is_some())
+        };
+        let target = self.roster.target.target.iter();
+        let empty = target
             .flat_map(|target| target.spots())
             .map(|spot| spot.id)
-            .filter(|spot| !filled.contains(spot))
-            .collect()
+            .filter(|spot| !filled.contains(spot));
+        let (left, others): (Vec<SpotId>, Vec<SpotId>) =
+            empty.partition(|&spot| is_reachable(spot));
+        let cut_off: Vec<SpotId> = others
+            .into_iter()
+            .filter(|&spot| !is_blocked(spot))
+            .collect();
+        context.report_blocked(blocked);
+        if !cut_off.is_empty() {
+            context.emit(Event::SpotsCutOff(cut_off));
+        }
+        if !left.is_empty() {
+            context.emit(Event::SpotsLeftOpen(left));
+        }
+    }
+
+    /// Where this module goes to make room, if it does.
+    pub(super) fn aside(&self) -> Option<Pose> {
+        let mut asides = self.asides.iter();
+        asides
+            .find(|&&(module, _)| module == self.own)
+            .map(|&(_, pose)| pose)
+    }
+
+    /// The modules that act in a step: first those that make room, one by one, then the units.
+    pub(super) fn step_modules(&self, step: usize) -> Vec<ModuleId> {
+        match step.checked_sub(self.asides.len()) {
+            None => vec![self.asides[step].0],
+            Some(unit) => {
+                let units = self.plan.assembly.units.get(unit).into_iter();
+                let placements = units.flat_map(|unit| &unit.placements);
+                placements.map(|&(module, _)| module).collect()
+            }
+        }
+    }
+
+    /// The number of steps.
+    pub(super) fn steps(&self) -> usize {
+        self.asides.len() + self.plan.assembly.units.len()
+    }
+
+    /// The step in which a unit acts.
+    pub(super) fn step_of_unit(&self, unit: usize) -> usize {
+        self.asides.len() + unit
+    }
+
+    /// The step in which a module moves and its goal; `None` if it stays where it is.
+    fn motion_of(&self, module: ModuleId) -> Option<(usize, Pose)> {
+        let aside = self.asides.iter().position(|&(one, _)| one == module);
+        if let Some(step) = aside {
+            return Some((step, self.asides[step].1));
+        }
+        let spot = self.plan.assignments.get(&module)?;
+        let mut units = self.plan.assembly.units.iter();
+        let unit = units.position(|unit| unit.placements.contains(&(module, *spot)))?;
+        let goal = self.roster.target.target.as_ref()?.spot(*spot)?.pose;
+        let moves = !self.plan.assembly.units[unit].pinned;
+        moves.then_some((self.step_of_unit(unit), goal))
+    }
+
+    /// Where another member may be heading for; `None` if it stays where it was last seen. It cannot have set off while this
+    /// module acts before it and has not `acted`.
+    pub(in crate::protocol) fn may_head_for(
+        &self,
+        module: ModuleId,
+        has_acted: bool,
+        peers: &Peers,
+    ) -> Option<Pose> {
+        let (step, goal) = self.motion_of(module)?;
+        let aside = self.asides.iter().position(|&(one, _)| one == self.own);
+        let own = aside.or_else(|| Some(self.step_of_unit(self.place?.unit)));
+        let waits_for_own = !has_acted && own.is_some_and(|own| own < step);
+        let has_ended = self.has_acted(peers, module);
+        (!waits_for_own && !has_ended).then_some(goal)
+    }
+
+    /// Whether the state of another member shows that it has done its part of this plan.
+    pub(super) fn has_acted(&self, peers: &Peers, module: ModuleId) -> bool {
+        if self.plan.assignments.contains_key(&module) {
+            return self.settled_state(peers, module).is_some();
+        }
+        peers.state(module).is_some_and(|state| {
+            state.epoch == Some(self.epoch())
+                && state.digest == Some(self.digest)
+                && state.phase == ModulePhase::Spare
+                && self.members.get(&module) == Some(&state.incarnation)
+        })
+    }
+
+    /// Whether the plan gives a spot to a module that has not settled on it.
+    pub(in crate::protocol) fn is_to_fill(&self, spot: SpotId, context: &Context) -> bool {
+        let mut holders = self.plan.assignments.iter();
+        let holder = holders
+            .find(|&(_, &one)| one == spot)
+            .map(|(&holder, _)| holder);
+        holder.is_some_and(|holder| {
+            let has_settled = if holder == self.own {
+                context
+                    .body
+                    .settled_on
+                    .is_some_and(|settled| settled.spot == spot)
+            } else {
+                self.settled_state(&context.peers, holder).is_some()
+            };
+            !has_settled && self.motion_of(holder).is_some()
+        })
     }
 
     /// The members whose latest heartbeat does not show this plan, or is older than `limit`.
@@ -294,6 +408,14 @@ impl HeldPlan {
 
     /// Where this module goes.
     pub(super) fn goal(&self) -> Option<MotionGoal> {
+        if let Some(pose) = self.aside() {
+            let mut members = self.roster.members.iter();
+            let member = members.find(|member| member.module.id == self.own)?;
+            return Some(MotionGoal {
+                pose,
+                unit_distance: member.module.pose.distance_to(&pose),
+            });
+        }
         let place = self.place?;
         let spot = self.roster.target.target.as_ref()?.spot(place.spot)?;
         Some(MotionGoal {

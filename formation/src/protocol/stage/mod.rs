@@ -2,6 +2,7 @@
 
 mod acting;
 mod agreeing;
+mod aside;
 mod claims;
 mod gathering;
 mod held_plan;
@@ -52,7 +53,7 @@ impl Hash for Outsider {
 /// Hashes a roster. The revision identifies its target.
 pub(super) fn hash_roster(roster: &Roster, state: &mut impl Hasher) {
     (roster.epoch, roster.target.revision).hash(state);
-    (&roster.members, &roster.quorum_bases).hash(state);
+    (&roster.members, &roster.quorum_bases, &roster.bodies).hash(state);
 }
 
 /// The result of a step.
@@ -128,13 +129,18 @@ impl Stage {
         }
     }
 
+    /// Whether this module has done its part of the plan.
+    pub fn has_acted(&self) -> bool {
+        matches!(self, Self::Acting(acting) if acting.has_acted())
+    }
+
     /// Whether a changed state may be published now: a frozen one only at rest, with no port at work.
     pub fn may_publish_state(&self, context: &Context) -> bool {
         !matches!(self, Self::Gathering(_)) || context.body.is_at_rest()
     }
 
     /// Adds to a state what this stage knows.
-    pub fn describe(&mut self, state: &mut ModuleState, context: &Context) {
+    pub fn describe(&mut self, state: &mut ModuleState, context: &mut Context) {
         match self {
             Self::Gathering(gathering) => gathering.describe(state, context),
             Self::Agreeing(agreeing) => agreeing.held.describe(state),

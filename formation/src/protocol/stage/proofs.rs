@@ -50,6 +50,17 @@ impl Proofs {
         }
     }
 
+    /// The proofs of a module that makes room: the heartbeat of every member that showed agreement.
+    pub fn of_making_room(held: &HeldPlan, context: &Context) -> Self {
+        let members = held.members.keys();
+        Self {
+            agreed_on: members
+                .filter_map(|&module| heartbeat_mark(module, context))
+                .collect(),
+            ..Self::default()
+        }
+    }
+
     /// The state with this sequence number shows that the module has settled.
     pub fn note_settled(&mut self, sequence: u64) {
         if self.settled_since == 0 {

@@ -5,9 +5,11 @@ use std::time::Duration;
 
 use super::claims::{Claimed, replay_claims};
 use super::parameters::ObserverParameters;
+use super::received::Received;
 use super::record::{ModuleRecord, PlannedEpoch};
 use crate::model::{
-    Digest, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, SpotId,
+    Digest, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose,
+    SpotId, Whereabouts,
 };
 use crate::verify::plan::check_filled;
 use crate::verify::{Missing, Violation};
@@ -18,6 +20,8 @@ const ON_SPOT: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
 /// The current states of an epoch's members.
 pub(super) struct EndState<'a> {
     modules: &'a BTreeMap<ModuleId, ModuleRecord>,
+    /// Where modules of other sessions were last seen.
+    other_sessions: &'a BTreeMap<ModuleId, (Incarnation, Pose)>,
     planned: PlannedEpoch<'a>,
     pub(super) claimed: Claimed,
     /// The latest state of each member's run.
@@ -31,10 +35,12 @@ pub(super) struct EndState<'a> {
 }
 
 impl<'a> EndState<'a> {
-    pub(super) fn new(
-        modules: &'a BTreeMap<ModuleId, ModuleRecord>,
-        planned: PlannedEpoch<'a>,
-    ) -> Self {
+    pub(super) fn new(received: &'a Received, planned: PlannedEpoch<'a>) -> Self {
+        let Received {
+            modules,
+            other_sessions,
+            ..
+        } = received;
         let states: BTreeMap<ModuleId, &ModuleState> = planned
             .members()
             .iter()
@@ -51,6 +57,7 @@ impl<'a> EndState<'a> {
         let (disagreeing, turns) = disagreement(planned);
         Self {
             modules,
+            other_sessions,
             planned,
             claimed: replay_claims(planned),
             states,
@@ -170,7 +177,8 @@ impl<'a> EndState<'a> {
         violations
     }
 
-    /// No other module, member or not, stands on a spot on which a member has settled.
+    /// No other module, member or not, of this session or another, stands on a spot on which a member has settled. A silent
+    /// module stands where it was last seen, unless the roster says that its body was removed.
     fn check_bodies(
         &self,
         holders: &BTreeMap<SpotId, ModuleId>,
@@ -179,10 +187,20 @@ impl<'a> EndState<'a> {
         violations: &mut Vec<Violation>,
     ) {
         let others = self.modules.iter();
-        let bodies: Vec<(ModuleId, Pose)> = others
+        let mut bodies: Vec<(ModuleId, Pose)> = others
             .filter(|(module, _)| !self.settled.contains_key(module))
-            .filter_map(|(&module, record)| Some((module, record.body(now, silence)?)))
+            .filter_map(|(&module, record)| {
+                let (incarnation, pose, last) = record.body()?;
+                let is_silent = last.is_none_or(|last| now.saturating_sub(last) > silence);
+                let is_gone = is_silent && self.is_removed(module, incarnation);
+                (!is_gone).then_some((module, pose))
+            })
             .collect();
+        let other_sessions = self.other_sessions.iter();
+        let other_sessions = other_sessions.filter(|&(module, &(incarnation, _))| {
+            !self.modules.contains_key(module) && !self.is_removed(*module, incarnation)
+        });
+        bodies.extend(other_sessions.map(|(&module, &(_, pose))| (module, pose)));
         for (&spot, &first) in holders {
             let Some(place) = self.planned.problem.target().spot(spot) else {
                 continue;
@@ -196,6 +214,16 @@ impl<'a> EndState<'a> {
                 second,
             }));
         }
+    }
+
+    /// Whether the roster says that the body of this run was removed.
+    fn is_removed(&self, module: ModuleId, incarnation: Incarnation) -> bool {
+        let mut bodies = self.planned.roster.roster.bodies.iter();
+        bodies.any(|body| {
+            body.module == module
+                && body.incarnation >= incarnation
+                && body.whereabouts == Whereabouts::Removed
+        })
     }
 
     /// The links of settled modules must be exactly the target's edges between filled spots, named by both ends.

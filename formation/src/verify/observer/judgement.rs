@@ -16,6 +16,10 @@ use crate::verify::{Missing, Violation};
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.
     pub(super) fn judge(&mut self, now: Duration) -> Option<Verdict> {
+        if self.is_stopped() {
+            // The time of a stop does not count.
+            self.limit_from = now;
+        }
         let is_late = now >= self.time_limit();
         let missing = self.missing(now);
         if !missing.is_empty() {
@@ -38,12 +42,23 @@ impl Observer {
         (is_final || !is_short).then_some(verdict)
     }
 
+    /// Whether the members of the newest roster are to stand still, by the latest command that any of them shows.
+    pub(super) fn is_stopped(&self) -> bool {
+        let members = self.received.newest().map(|planned| planned.members());
+        let members = members.into_iter().flatten();
+        let latest = members.filter_map(|member| {
+            let record = self.received.modules.get(&member.module.id)?;
+            Some(record.stop_of(member.incarnation))
+        });
+        latest.max().is_some_and(|stop| stop.stopped)
+    }
+
     /// What the target in force still lacks.
     pub(super) fn missing(&self, now: Duration) -> Vec<Missing> {
         let Some(planned) = self.received.current() else {
             return self.missing_roster();
         };
-        let mut missing = EndState::new(&self.received.modules, planned).missing();
+        let mut missing = EndState::new(&self.received, planned).missing();
         missing.extend(self.silent(now, planned));
         if !missing.is_empty() {
             missing.extend(self.absent().map(|module| Missing::Module { module }));
@@ -93,6 +108,7 @@ impl Observer {
             epoch: None,
             filled_spots: 0,
             open_spots: Vec::new(),
+            blocked_spots: Vec::new(),
             assignments: BTreeMap::new(),
             unassigned: Vec::new(),
             violations: self.received.retired.clone(),
@@ -123,15 +139,18 @@ impl Observer {
 
     /// Adds the end state of the current epoch to a report.
     fn report_on(&self, now: Duration, planned: PlannedEpoch<'_>, verdict: &mut Verdict) {
-        let end = EndState::new(&self.received.modules, planned);
+        let end = EndState::new(&self.received, planned);
         let claimed = &end.claimed;
         verdict.epoch = Some(planned.epoch);
         verdict.assignments = end.assignments();
         let filled: BTreeSet<SpotId> = verdict.assignments.values().copied().collect();
-        let spots = planned.problem.target().spots().iter().map(|spot| spot.id);
+        // The whole target: the problem leaves out the spots that bodies block.
+        let target = planned.roster.roster.target.target.iter();
+        let spots = target.flat_map(|target| target.spots()).map(|spot| spot.id);
         let modules = planned.problem.modules().iter().map(|module| module.id);
         verdict.filled_spots = filled.len();
         verdict.open_spots = spots.filter(|spot| !filled.contains(spot)).collect();
+        verdict.blocked_spots = planned.roster.roster.blocked_spots();
         verdict.unassigned = modules
             .filter(|module| !verdict.assignments.contains_key(module))
             .collect();

@@ -21,7 +21,7 @@ pub struct Observer {
     /// Since when an end state that was judged is no longer reached.
     broken_since: Option<Duration>,
     /// The time from which the time limit counts.
-    limit_from: Duration,
+    pub(super) limit_from: Duration,
     /// Whether a target with other content was announced since the verdict.
     has_new_target: bool,
     verdict: Option<Verdict>,

@@ -26,12 +26,13 @@ impl Observer {
             agreed: 0,
             settled: 0,
             to_fill: 0,
+            stopped: self.is_stopped(),
             waiting_for: self.absent().collect(),
         };
         let Some(planned) = self.received.newest() else {
             return progress;
         };
-        let end = EndState::new(&self.received.modules, planned);
+        let end = EndState::new(&self.received, planned);
         let missing = end.missing();
         let (modules, target) = (planned.problem.modules(), planned.problem.target());
         progress.epoch = Some(planned.epoch);
@@ -70,7 +71,7 @@ impl Observer {
     /// The newest plan, once all its members agree on it; `None` before, and once a newer target is announced.
     pub fn agreement(&self) -> Option<Agreement> {
         let planned = self.received.current()?;
-        let end = EndState::new(&self.received.modules, planned);
+        let end = EndState::new(&self.received, planned);
         if !end.is_agreed() || !end.claims_are_whole() {
             return None;
         }

@@ -8,8 +8,8 @@ use super::claims::replay_claims;
 use super::order::Acts;
 use super::record::{EpochRecord, ModuleRecord, PlannedEpoch, ReceivedRoster, entry_within};
 use crate::model::{
-    Epoch, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, RosterMessage,
-    TargetAnnouncement,
+    Epoch, Incarnation, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, Pose,
+    RosterMessage, TargetAnnouncement,
 };
 use crate::verify::Violation;
 
@@ -28,6 +28,8 @@ pub(super) struct Received {
     /// revision.
     withdrawn: Option<u64>,
     pub(super) modules: BTreeMap<ModuleId, ModuleRecord>,
+    /// Where the newest run of each module of another session was last seen.
+    pub(super) other_sessions: BTreeMap<ModuleId, (Incarnation, Pose)>,
     epochs: BTreeMap<Epoch, EpochRecord>,
     /// The violations of epochs that were dropped for newer ones.
     pub(super) retired: Vec<Violation>,
@@ -69,6 +71,9 @@ impl Received {
             }
             // A gathering decides nothing, and eviction notices repeat the claims.
             Message::Roster(RosterMessage::Gather { .. }) | Message::Eviction(_) => true,
+            // Heartbeats repeat what operators command, and rosters what was removed.
+            Message::Stop(_) | Message::Removal(_) => true,
+            Message::OtherSessionState(state) => self.handle_other_session_state(state),
         };
         self.dropped += u64::from(!fits);
         false
@@ -95,6 +100,18 @@ impl Received {
         state
             .epoch
             .is_none_or(|epoch| self.epoch(epoch).handle_state(now, state))
+    }
+
+    fn handle_other_session_state(&mut self, state: &ModuleState) -> bool {
+        match entry_within(&mut self.other_sessions, state.module, MODULES_MAX) {
+            Some(known) => {
+                if known.0 <= state.incarnation {
+                    *known = (state.incarnation, state.pose);
+                }
+                true
+            }
+            None => false,
+        }
     }
 
     /// The record of an epoch. If there are too many to add it, the lowest without a roster is dropped, or else the lowest.

@@ -7,7 +7,7 @@ use std::time::Duration;
 use crate::model::{
     CausalMark, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits, ModuleId,
     ModulePhase, ModuleRun, ModuleState, PlanningProblem, Pose, Roster, RosterMember, SpotClaim,
-    SpotId,
+    SpotId, Stop,
 };
 use crate::verify::Violation;
 
@@ -30,6 +30,8 @@ struct RunRecord {
     first_received: Duration,
     /// The highest sequence number of a heartbeat, and when it was received.
     last_heartbeat: Option<(u64, Duration)>,
+    /// The command to stop or to resume that this heartbeat showed.
+    stop: Stop,
     /// Whether a state MOVING or SETTLED named no epoch.
     moved_outside_epochs: bool,
 }
@@ -49,6 +51,7 @@ impl ModuleRecord {
             latest: None,
             first_received: now,
             last_heartbeat: None,
+            stop: Stop::default(),
             moved_outside_epochs: false,
         })
     }
@@ -64,9 +67,11 @@ impl ModuleRecord {
     }
 
     pub(super) fn handle_heartbeat(&mut self, now: Duration, heartbeat: &Heartbeat) {
-        let last = &mut self.run(heartbeat.incarnation, now).last_heartbeat;
+        let run = self.run(heartbeat.incarnation, now);
+        let last = run.last_heartbeat;
         if last.is_none_or(|(sequence, _)| sequence < heartbeat.sequence) {
-            *last = Some((heartbeat.sequence, now));
+            run.last_heartbeat = Some((heartbeat.sequence, now));
+            run.stop = heartbeat.stop;
         }
     }
 
@@ -76,19 +81,25 @@ impl ModuleRecord {
         Some(received)
     }
 
+    /// The command to stop or to resume that a run shows.
+    pub(super) fn stop_of(&self, incarnation: Incarnation) -> Stop {
+        let run = self.runs.get(&incarnation);
+        run.map_or(Stop::default(), |run| run.stop)
+    }
+
     /// Whether a run published a state MOVING or SETTLED without an epoch.
     pub(super) fn has_moved_outside_epochs(&self, incarnation: Incarnation) -> bool {
         let run = self.runs.get(&incarnation);
         run.is_some_and(|run| run.moved_outside_epochs)
     }
 
-    /// Where the module was last seen, by its newest run that published a state; `None` once that run is silent for longer
-    /// than `silence`.
-    pub(super) fn body(&self, now: Duration, silence: Duration) -> Option<Pose> {
-        let mut runs = self.runs.values().rev();
-        let (run, state) = runs.find_map(|run| Some((run, run.latest.as_ref()?)))?;
-        let (_, last) = run.last_heartbeat?;
-        (now.saturating_sub(last) <= silence).then_some(state.pose)
+    /// The newest run that published a state, where it was last seen, and when its latest heartbeat was received.
+    pub(super) fn body(&self) -> Option<(Incarnation, Pose, Option<Duration>)> {
+        let mut runs = self.runs.iter().rev();
+        runs.find_map(|(&incarnation, run)| {
+            let last = run.last_heartbeat.map(|(_, received)| received);
+            Some((incarnation, run.latest.as_ref()?.pose, last))
+        })
     }
 
     /// The latest state of a member's run, unless a later run has replaced it.

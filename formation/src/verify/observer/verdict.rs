@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{Epoch, FormationStage, ModuleId, SpotId};
+use crate::model::{BlockedSpot, Epoch, FormationStage, ModuleId, SpotId};
 use crate::verify::violation::{Missing, Violation};
 
 /// The outcome of a formation.
@@ -15,8 +15,8 @@ use crate::verify::violation::{Missing, Violation};
 pub enum Outcome {
     /// Every spot of the target has exactly one module, at its pose and docked as in the target.
     Complete,
-    /// There are fewer modules than spots. As many spots as modules are filled and connected, with the poses and links of
-    /// the target.
+    /// There are fewer modules than spots, or bodies block spots. As many spots are filled and connected as there are modules
+    /// or connected spots that no body blocks, with the poses and links of the target.
     Partial,
     /// There are violations, or the formation was not done in time.
     Failed,
@@ -75,6 +75,8 @@ pub struct Verdict {
     pub filled_spots: usize,
     /// The spots without a settled module, ascending.
     pub open_spots: Vec<SpotId>,
+    /// The spots that bodies block, by the judged roster, ascending.
+    pub blocked_spots: Vec<BlockedSpot>,
     /// The spots of the settled modules.
     pub assignments: BTreeMap<ModuleId, SpotId>,
     /// The modules that have not settled on a spot, ascending.
@@ -123,6 +125,9 @@ pub struct Progress {
     pub settled: usize,
     /// The number of spots that the plan fills: the lesser of the numbers of members and spots.
     pub to_fill: usize,
+    /// Whether the modules stand still on command.
+    #[serde(default, skip_serializing_if = "std::ops::Not::not")]
+    pub stopped: bool,
     /// The modules for which the stage waits, ascending.
     pub waiting_for: Vec<ModuleId>,
 }

@@ -15,7 +15,7 @@ use crate::model::{
     CausalMark, Decision, Digest, Epoch, EvictionRecord, FormationStage, Heartbeat, Incarnation,
     Message, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters, PlanningModule,
     Pose, RawSpot, RawTarget, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId,
-    SpotSelection, Target, TargetAnnouncement,
+    SpotSelection, Stop, Target, TargetAnnouncement,
 };
 use crate::verify::{Missing, Violation};
 
@@ -91,6 +91,7 @@ fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
         waited_for: Vec::new(),
         agreed_on: Vec::new(),
         quorum_bases: Vec::new(),
+        bodies: Vec::new(),
     }
 }
 
@@ -206,6 +207,7 @@ fn heartbeat(module: u32, sequence: u64, digest_since: u64) -> Heartbeat {
         digest_since,
         applied_turns: 4,
         phase: ModulePhase::Agreeing,
+        stop: Stop::default(),
     }
 }
 
@@ -268,6 +270,7 @@ impl Sequence {
             target: self.target.clone(),
             members: self.members.clone(),
             quorum_bases: Vec::new(),
+            bodies: Vec::new(),
         }
     }
 

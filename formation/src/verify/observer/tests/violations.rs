@@ -351,8 +351,17 @@ fn of_two_modules_on_one_spot() {
         second: ModuleId(9),
     });
     other.pose.x = MicroUnits(10_500_000);
-    sequence.further[1] = Message::ModuleState(Arc::new(other));
+    sequence.further[1] = Message::ModuleState(Arc::new(other.clone()));
     assert_eq!(sequence.verdict().outcome, Outcome::Complete);
+
+    // Nor does a module of another session stand there.
+    other.pose = pose(10, 1);
+    sequence.further = vec![Message::OtherSessionState(Arc::new(other))];
+    sequence.assert_violates(&Violation::TwoBodies {
+        spot: SpotId(1),
+        first: ModuleId(3),
+        second: ModuleId(9),
+    });
 
     // A member without a spot does not stand on one either.
     let mut sequence = good_sequence();
