@@ -10,6 +10,7 @@ use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, store, store_to_wire};
 use crate::module_state::{phase_from_wire, phase_to_wire};
+use crate::operator::Stop;
 use crate::session::PROTOCOL_VERSION;
 use crate::standard::Duration;
 
@@ -27,6 +28,7 @@ pub struct ModuleHeartbeat {
     pub digest_since: u64,
     pub applied_turns: u32,
     pub phase: u8,
+    pub stop: Stop,
 }
 
 /// See `Heartbeat.msg`.
@@ -51,6 +53,7 @@ impl From<&model::Heartbeat> for ModuleHeartbeat {
             digest_since: heartbeat.digest_since,
             applied_turns: heartbeat.applied_turns,
             phase: phase_to_wire(heartbeat.phase),
+            stop: (&heartbeat.stop).into(),
         }
     }
 }
@@ -81,6 +84,7 @@ impl ModuleHeartbeat {
             digest_since: self.digest_since,
             applied_turns: self.applied_turns,
             phase: phase_from_wire(self.phase)?,
+            stop: self.stop.to_core(),
         })
     }
 }

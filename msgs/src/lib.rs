@@ -75,6 +75,7 @@ macro_rules! interface_types {
     };
 }
 
+mod body;
 pub mod bounds;
 mod check;
 mod claim;
@@ -86,6 +87,7 @@ pub mod external;
 mod form_configuration;
 mod heartbeat;
 mod module_state;
+mod operator;
 mod progress;
 mod roster;
 mod services;
@@ -97,6 +99,7 @@ mod verdict;
 
 use formation::{model, motion};
 
+pub use body::Body;
 pub use claim::{Eviction, EvictionRecord, SpotClaim, SpotSelection};
 pub use docking::{DockingRequest, DockingResult};
 pub use driver_pose::DriverPose;
@@ -107,11 +110,13 @@ pub use form_configuration::{
 };
 pub use heartbeat::{Heartbeat, ModuleHeartbeat};
 pub use module_state::{CausalMark, ModuleState, ModuleStates};
+pub use operator::{OperatorCommand, Removal, Stop};
 pub use progress::Progress;
 pub use roster::{Roster, RosterMember};
 pub use services::{
     AddModuleRequest, AddModuleResponse, QueryStatusRequest, QueryStatusResponse,
-    RetireModuleRequest, RetireModuleResponse, WithdrawTargetRequest, WithdrawTargetResponse,
+    RemoveModuleRequest, RemoveModuleResponse, RetireModuleRequest, RetireModuleResponse,
+    StopFormationRequest, StopFormationResponse, WithdrawTargetRequest, WithdrawTargetResponse,
 };
 pub use session::{InSession, PROTOCOL_VERSION, SessionId};
 pub use standard::{Duration, Header, Time};
@@ -134,6 +139,7 @@ interface_types!("builtin_interfaces": Duration, Time);
 interface_types!("std_msgs": Header);
 interface_types!(
     "formation_msgs":
+    Body,
     CausalMark,
     DockingRequest,
     DockingResult,
@@ -145,14 +151,17 @@ interface_types!(
     ModuleHeartbeat,
     ModuleState,
     ModuleStates,
+    OperatorCommand,
     PlannerParameters,
     Progress,
     QuorumBasis,
+    Removal,
     Roster,
     RosterMember,
     Spot,
     SpotClaim,
     SpotSelection,
+    Stop,
     TargetConfiguration,
     Verdict,
     AddModuleRequest = "AddModule_Request",
@@ -162,8 +171,12 @@ interface_types!(
     FormConfigurationResult = "FormConfiguration_Result",
     QueryStatusRequest = "QueryStatus_Request",
     QueryStatusResponse = "QueryStatus_Response",
+    RemoveModuleRequest = "RemoveModule_Request",
+    RemoveModuleResponse = "RemoveModule_Response",
     RetireModuleRequest = "RetireModule_Request",
     RetireModuleResponse = "RetireModule_Response",
+    StopFormationRequest = "StopFormation_Request",
+    StopFormationResponse = "StopFormation_Response",
     WithdrawTargetRequest = "WithdrawTarget_Request",
     WithdrawTargetResponse = "WithdrawTarget_Response",
 );
@@ -174,6 +187,7 @@ validated! {
     Heartbeat => Vec<model::Heartbeat>, topic::HEARTBEATS;
     ModuleState => model::ModuleState, topic::MODULE_STATES;
     ModuleStates => Vec<model::ModuleState>, topic::MODULE_STATES;
+    OperatorCommand => Vec<model::Message>, topic::COMMANDS;
     Roster => model::RosterMessage, topic::ROSTER;
     SpotClaim => model::SpotClaim, topic::CLAIMS;
     TargetConfiguration => model::TargetAnnouncement, topic::TARGET;

@@ -8,6 +8,7 @@ use formation::model::{
 use serde::{Deserialize, Serialize};
 
 use crate::NONE;
+use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
@@ -45,6 +46,7 @@ pub struct ModuleState {
     pub waited_for: Vec<CausalMark>,
     pub agreed_on: Vec<CausalMark>,
     pub quorum_bases: Vec<QuorumBasis>,
+    pub bodies: Vec<Body>,
 }
 
 /// See `ModuleStates.msg`.
@@ -128,6 +130,7 @@ impl From<&model::ModuleState> for ModuleState {
             waited_for: state.waited_for.iter().map(CausalMark::from).collect(),
             agreed_on: state.agreed_on.iter().map(CausalMark::from).collect(),
             quorum_bases: state.quorum_bases.iter().map(QuorumBasis::from).collect(),
+            bodies: state.bodies.iter().map(Body::from).collect(),
         }
     }
 }
@@ -157,6 +160,7 @@ impl ModuleState {
             waited_for: marks("waited_for", &self.waited_for)?,
             agreed_on: marks("agreed_on", &self.agreed_on)?,
             quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
+            bodies: bodies("bodies", &self.bodies)?,
         })
     }
 }

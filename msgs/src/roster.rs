@@ -11,6 +11,7 @@ use formation::model::{
 use serde::{Deserialize, Serialize};
 
 use crate::NONE;
+use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
@@ -48,6 +49,7 @@ pub struct Roster {
     pub target: TargetConfiguration,
     pub members: Vec<RosterMember>,
     pub quorum_bases: Vec<QuorumBasis>,
+    pub bodies: Vec<Body>,
     pub heartbeat: Duration,
     pub suspicion: Duration,
     pub lease: Duration,
@@ -116,6 +118,7 @@ impl From<&model::Roster> for Roster {
             target: TargetConfiguration::from(&roster.target),
             members: roster.members.iter().map(RosterMember::from).collect(),
             quorum_bases: roster.quorum_bases.iter().map(QuorumBasis::from).collect(),
+            bodies: roster.bodies.iter().map(Body::from).collect(),
             heartbeat: roster.timing.heartbeat.into(),
             suspicion: roster.timing.suspicion.into(),
             lease: roster.timing.lease.into(),
@@ -163,6 +166,7 @@ impl Roster {
             ("target.edges", self.target.edges.len()),
             ("members", self.members.len()),
             ("quorum_bases", self.quorum_bases.len()),
+            ("bodies", self.bodies.len()),
         ];
         check::empty(&lists, "must be empty while the epoch gathers")?;
         Ok(RosterMessage::Gather {
@@ -195,6 +199,7 @@ impl Roster {
             target,
             members,
             quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
+            bodies: bodies("bodies", &self.bodies)?,
             timing: Timing {
                 heartbeat: self.heartbeat.validated("heartbeat")?,
                 suspicion: self.suspicion.validated("suspicion")?,

@@ -55,6 +55,37 @@ pub struct AddModuleResponse {
     pub message: String,
 }
 
+/// The request of `RemoveModule.srv`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename = "RemoveModule_Request")]
+pub struct RemoveModuleRequest {
+    pub module_id: u32,
+    pub incarnation: u64,
+}
+
+/// The response of `RemoveModule.srv`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename = "RemoveModule_Response")]
+pub struct RemoveModuleResponse {
+    pub success: bool,
+    pub message: String,
+}
+
+/// The request of `StopFormation.srv`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename = "StopFormation_Request")]
+pub struct StopFormationRequest {
+    pub resume: bool,
+}
+
+/// The response of `StopFormation.srv`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename = "StopFormation_Response")]
+pub struct StopFormationResponse {
+    pub success: bool,
+    pub message: String,
+}
+
 /// The request of `RetireModule.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "RetireModule_Request")]

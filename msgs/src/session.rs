@@ -5,6 +5,7 @@ use std::fmt;
 use crate::claim::{Eviction, SpotClaim};
 use crate::heartbeat::Heartbeat;
 use crate::module_state::ModuleStates;
+use crate::operator::OperatorCommand;
 use crate::roster::Roster;
 use crate::target::TargetConfiguration;
 
@@ -15,6 +16,11 @@ pub const PROTOCOL_VERSION: u32 = 2;
 /// same; messages of another session change nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub struct SessionId(pub u64);
+
+impl SessionId {
+    /// The session of commands that apply to every session.
+    pub const EVERY: Self = Self(0);
+}
 
 impl fmt::Display for SessionId {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
@@ -51,6 +57,7 @@ in_session!(
     Eviction,
     Heartbeat,
     ModuleStates,
+    OperatorCommand,
     Roster,
     SpotClaim,
     TargetConfiguration,

@@ -14,6 +14,8 @@ pub const CLAIMS: &str = "claims";
 pub const EVICTIONS: &str = "evictions";
 /// Carries [`crate::Heartbeat`].
 pub const HEARTBEATS: &str = "heartbeats";
+/// Carries [`crate::OperatorCommand`].
+pub const COMMANDS: &str = "commands";
 /// Carries [`crate::Verdict`].
 pub const VERDICT: &str = "verdict";
 

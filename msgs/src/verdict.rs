@@ -22,6 +22,7 @@ pub struct Verdict {
     pub open_spots: Vec<u32>,
     pub unassigned_modules: Vec<u32>,
     pub assignments: Vec<SpotSelection>,
+    pub blocked_spots: Vec<SpotSelection>,
     pub violations: Vec<String>,
 }
 
@@ -60,6 +61,14 @@ impl From<&verify::Verdict> for Verdict {
                 .map(|(spot, module)| SpotSelection {
                     spot_id: spot.0,
                     module_id: module.0,
+                })
+                .collect(),
+            blocked_spots: verdict
+                .blocked_spots
+                .iter()
+                .map(|blocked| SpotSelection {
+                    spot_id: blocked.spot.0,
+                    module_id: blocked.module.0,
                 })
                 .collect(),
             violations: bounded(

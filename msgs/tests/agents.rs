@@ -52,6 +52,8 @@ fn check(said: &Message, coverage: &mut Coverage) {
             let sent = over_the_wire(wire::Eviction::from(notice));
             assert_eq!(model::EvictionNotice::try_from(sent).as_ref(), Ok(notice));
         }
+        // No agent sends commands, or messages of another session.
+        Message::OtherSessionState(_) | Message::Stop(_) | Message::Removal(_) => {}
         Message::Heartbeat(heartbeat) => {
             let sent = over_the_wire(wire::Heartbeat::new([heartbeat]));
             assert_eq!(Vec::try_from(sent), Ok(vec![*heartbeat]));

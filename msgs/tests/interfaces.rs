@@ -180,6 +180,7 @@ fn constants_agree() {
         .filter(|(_, constants)| !constants.is_empty())
         .collect();
     let of_rust = constants! {
+        Body: WHEREABOUTS_SEEN, WHEREABOUTS_ON_THE_WAY, WHEREABOUTS_HALTED, WHEREABOUTS_REMOVED;
         DockingRequest: ACTION_DOCK, ACTION_UNDOCK;
         EvictionRecord: NONE;
         ModuleState:
@@ -251,14 +252,17 @@ fn bounds_agree() {
     let of_rust = BTreeSet::from([
         list("Heartbeat.modules", bounds::MODULES_MAX),
         list("ModuleState.agreed_on", bounds::MODULES_MAX),
+        list("ModuleState.bodies", bounds::MODULES_MAX),
         list("ModuleState.links", bounds::LINKS_MAX),
         list("ModuleState.quorum_bases", bounds::QUORUM_BASES_MAX),
         list("ModuleState.waited_for", bounds::MODULES_MAX),
         list("ModuleStates.modules", bounds::MODULES_MAX),
+        list("OperatorCommand.removals", bounds::MODULES_MAX),
         list("Progress.waiting_for", bounds::MODULES_MAX),
         list("QuorumBasis.incarnations", bounds::MODULES_MAX),
         list("QuorumBasis.module_ids", bounds::MODULES_MAX),
         list("QuorumBasis.stores", bounds::MODULES_MAX),
+        list("Roster.bodies", bounds::MODULES_MAX),
         list("Roster.members", bounds::MODULES_MAX),
         list("Roster.quorum_bases", bounds::QUORUM_BASES_MAX),
         list("RosterMember.links", bounds::LINKS_MAX),
@@ -269,6 +273,7 @@ fn bounds_agree() {
         list("TargetConfiguration.founders", bounds::MODULES_MAX),
         list("TargetConfiguration.spots", bounds::SPOTS_MAX),
         list("Verdict.assignments", bounds::SPOTS_MAX),
+        list("Verdict.blocked_spots", bounds::SPOTS_MAX),
         list("Verdict.open_spots", bounds::SPOTS_MAX),
         list("Verdict.unassigned_modules", bounds::MODULES_MAX),
         text("AddModule_Response.message", bounds::ANSWER_BYTES_MAX),
@@ -276,7 +281,9 @@ fn bounds_agree() {
         text("FormConfiguration_Goal.scenario", bounds::NAME_BYTES_MAX),
         text("FormConfiguration_Result.message", bounds::ANSWER_BYTES_MAX),
         text("QueryStatus_Response.target", bounds::NAME_BYTES_MAX),
+        text("RemoveModule_Response.message", bounds::ANSWER_BYTES_MAX),
         text("RetireModule_Response.message", bounds::ANSWER_BYTES_MAX),
+        text("StopFormation_Response.message", bounds::ANSWER_BYTES_MAX),
         text("TargetConfiguration.name", bounds::NAME_BYTES_MAX),
         text("WithdrawTarget_Response.message", bounds::ANSWER_BYTES_MAX),
         (

@@ -63,6 +63,15 @@ fn basis(number: u64) -> wire::QuorumBasis {
     }
 }
 
+fn body(module_id: u32) -> wire::Body {
+    wire::Body {
+        module_id,
+        incarnation: 3,
+        whereabouts: wire::Body::WHEREABOUTS_SEEN,
+        ..wire::Body::default()
+    }
+}
+
 fn state() -> wire::ModuleState {
     wire::ModuleState {
         module_id: 4,
@@ -86,6 +95,7 @@ fn state() -> wire::ModuleState {
         waited_for: vec![mark(5), mark(1)],
         agreed_on: vec![mark(1)],
         quorum_bases: vec![basis(1), basis(2)],
+        bodies: vec![body(7), body(9)],
     }
 }
 
@@ -265,6 +275,7 @@ fn rosters() {
         target: target(),
         members: vec![member(1), member(4)],
         quorum_bases: vec![basis(1), basis(2)],
+        bodies: vec![body(7), body(9)],
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
@@ -303,6 +314,18 @@ fn rosters() {
             "roster: quorum_bases[1]: epoch 1.1 is listed twice";
         roster => roster.quorum_bases = (1..=257).map(basis).collect(),
             "roster: quorum_bases: 257 entries, at most 256 are allowed";
+        roster => roster.bodies.reverse(), "roster: bodies[1]: module 9 must stand after module 7, the list ascends";
+        roster => roster.bodies[1].module_id = 7, "roster: bodies[1]: module 7 is listed twice";
+        roster => roster.bodies[1].whereabouts = 0,
+            "roster: bodies[1].whereabouts: 0 is unknown; known are SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
+        roster => roster.bodies[1].x_micro = 1_000_000_000_001,
+            "roster: bodies[1].x_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
+             1000000000001";
+        roster => roster.bodies[1].to_y_micro = i64::MAX,
+            "roster: bodies[1].to_y_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
+             9223372036854775807";
+        roster => roster.bodies = (0..=10_000).map(body).collect(),
+            "roster: bodies: 10001 entries, at most 10000 are allowed";
     );
     let gather = wire::Roster {
         protocol_version: PROTOCOL_VERSION,
@@ -316,6 +339,7 @@ fn rosters() {
         roster => roster.members = vec![member(1)], "roster: members: must be empty while the epoch gathers";
         roster => roster.quorum_bases = vec![basis(1)],
             "roster: quorum_bases: must be empty while the epoch gathers";
+        roster => roster.bodies = vec![body(1)], "roster: bodies: must be empty while the epoch gathers";
         roster => roster.target.edges = target().edges,
             "roster: target.edges: must be empty while the epoch gathers";
     );
@@ -406,6 +430,7 @@ fn heartbeats() {
         digest_since: 9,
         applied_turns: 4,
         phase: wire::ModuleState::PHASE_AGREEING,
+        stop: wire::Stop::default(),
     };
     let valid = wire::Heartbeat {
         protocol_version: PROTOCOL_VERSION,
@@ -441,5 +466,31 @@ fn heartbeats() {
     refusals!(heartbeat(1), model::Heartbeat:
         heartbeat => heartbeat.module_id = NONE,
             "heartbeats: module_id: 4294967295 stands for none and cannot be used here";
+    );
+}
+
+#[test]
+fn commands() {
+    let removal = |module_id| wire::Removal {
+        module_id,
+        incarnation: 0,
+    };
+    let valid = wire::OperatorCommand {
+        protocol_version: PROTOCOL_VERSION,
+        session: 0,
+        stop: wire::Stop {
+            revision: 1,
+            stopped: true,
+        },
+        removals: vec![removal(4), removal(1)],
+    };
+    refusals!(valid, Vec<model::Message>:
+        sample => sample.protocol_version = 1,
+            "commands: protocol_version: is 1, but this program speaks version 2; run the same build everywhere";
+        sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";
+        sample => sample.removals[1].module_id = NONE,
+            "commands: removals[1].module_id: 4294967295 stands for none and cannot be used here";
+        sample => sample.removals = vec![removal(1); bounds::MODULES_MAX + 1],
+            "commands: removals: 10001 entries, at most 10000 are allowed";
     );
 }

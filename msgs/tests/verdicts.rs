@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{Epoch, ModuleId, SpotId};
+use formation::model::{BlockedSpot, Epoch, ModuleId, SpotId};
 use formation::verify::{Counts, Missing, Outcome, Timings, Verdict, Violation};
 use formation_msgs as wire;
 use formation_msgs::bounds::VIOLATIONS_MAX;
@@ -16,6 +16,10 @@ fn verdict() -> Verdict {
         }),
         filled_spots: 2,
         open_spots: vec![SpotId(7), SpotId(8), SpotId(9)],
+        blocked_spots: vec![BlockedSpot {
+            spot: SpotId(8),
+            module: ModuleId(3),
+        }],
         assignments: BTreeMap::from([(ModuleId(1), SpotId(6)), (ModuleId(2), SpotId(5))]),
         unassigned: vec![ModuleId(4)],
         violations: Vec::new(),
@@ -43,6 +47,7 @@ fn a_verdict_goes_out_whole() {
             open_spots: vec![7, 8, 9],
             unassigned_modules: vec![4],
             assignments: vec![selection(5, 2), selection(6, 1)],
+            blocked_spots: vec![selection(8, 3)],
             violations: Vec::new(),
         }
     );

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice, EvictionRecord,
-    Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters,
-    PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Roster, RosterMember,
-    RosterMessage, Service, SpotClaim, SpotId, SpotSelection, StoreId, Target, TargetAnnouncement,
-    Timing, TurnOrder, Voter, VoterMemory, Weights,
+    BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice,
+    EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState,
+    PlannerParameters, PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Removal,
+    Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId,
+    Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -235,6 +235,38 @@ fn quorum_bases() -> impl Strategy<Value = Vec<QuorumBasis>> {
     })
 }
 
+fn bodies() -> impl Strategy<Value = Vec<BodyReport>> {
+    let whereabouts = prop_oneof![
+        pose().prop_map(Whereabouts::Seen),
+        (pose(), pose()).prop_map(|(from, to)| Whereabouts::OnTheWay { from, to }),
+        pose().prop_map(Whereabouts::Halted),
+        Just(Whereabouts::Removed),
+    ];
+    let body = (
+        module_id(),
+        incarnation(),
+        option::of(epoch()),
+        any::<u64>(),
+        whereabouts,
+    );
+    vec(body, 0..3).prop_map(|mut bodies| {
+        bodies.sort_by_key(|body| body.0);
+        bodies.dedup_by_key(|body| body.0);
+        let reports = bodies.into_iter();
+        reports
+            .map(
+                |(module, incarnation, epoch, sequence, whereabouts)| BodyReport {
+                    module,
+                    incarnation,
+                    epoch,
+                    sequence,
+                    whereabouts,
+                },
+            )
+            .collect()
+    })
+}
+
 fn planning_module() -> impl Strategy<Value = PlanningModule> {
     (
         module_id(),
@@ -269,7 +301,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
         ),
         (phase(), service()),
         (option::of(module_id()), any::<u64>()),
-        (marks(), marks(), quorum_bases()),
+        (marks(), marks(), quorum_bases(), bodies()),
     )
         .prop_map(
             |(
@@ -277,7 +309,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 ((incarnation, store), sequence, (epoch, digest)),
                 (phase, service),
                 (unit, since),
-                (waited_for, agreed_on, quorum_bases),
+                (waited_for, agreed_on, quorum_bases, bodies),
             )| ModuleState {
                 module: module.id,
                 incarnation,
@@ -297,6 +329,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 waited_for,
                 agreed_on,
                 quorum_bases,
+                bodies,
             },
         )
 }
@@ -321,45 +354,49 @@ fn roster() -> impl Strategy<Value = Roster> {
             ),
             1..6,
         ),
-        quorum_bases(),
+        (quorum_bases(), bodies()),
         [0..1_000_000_u64, 0..1_000_000, 0..1_000_000],
     )
-        .prop_map(|(epoch, target, mut members, quorum_bases, times)| {
-            let [heartbeat, suspicion, lease] = times.map(Duration::from_millis);
-            members.sort_by_key(|(_, module, _)| module.id);
-            members.dedup_by_key(|(_, module, _)| module.id);
-            // Pins must be spots of the target, each for one member.
-            let mut free: Vec<SpotId> = target.target.as_ref().map_or_else(Vec::new, |target| {
-                target.spots().iter().map(|spot| spot.id).collect()
-            });
-            for (_, module, index) in &mut members {
-                module.pin = (module.pin.is_some() && !free.is_empty())
-                    .then(|| free.remove(index.index(free.len())));
-            }
-            Roster {
-                epoch,
-                target,
-                members: members
-                    .into_iter()
-                    .enumerate()
-                    .map(
-                        |(index, ((incarnation, store, service), module, _))| RosterMember {
-                            incarnation,
-                            store,
-                            // One member at least must be active for there to be something to plan.
-                            service: if index == 0 { Service::Active } else { service },
-                            module,
-                        },
-                    )
-                    .collect(),
-                quorum_bases,
-                timing: Timing {
-                    heartbeat,
-                    suspicion,
-                    lease,
-                },
-            }
-        })
+        .prop_map(
+            |(epoch, target, mut members, (quorum_bases, bodies), times)| {
+                let [heartbeat, suspicion, lease] = times.map(Duration::from_millis);
+                members.sort_by_key(|(_, module, _)| module.id);
+                members.dedup_by_key(|(_, module, _)| module.id);
+                // Pins must be spots of the target, each for one member.
+                let mut free: Vec<SpotId> =
+                    target.target.as_ref().map_or_else(Vec::new, |target| {
+                        target.spots().iter().map(|spot| spot.id).collect()
+                    });
+                for (_, module, index) in &mut members {
+                    module.pin = (module.pin.is_some() && !free.is_empty())
+                        .then(|| free.remove(index.index(free.len())));
+                }
+                Roster {
+                    epoch,
+                    target,
+                    members: members
+                        .into_iter()
+                        .enumerate()
+                        .map(
+                            |(index, ((incarnation, store, service), module, _))| RosterMember {
+                                incarnation,
+                                store,
+                                // One member at least must be active for there to be something to plan.
+                                service: if index == 0 { Service::Active } else { service },
+                                module,
+                            },
+                        )
+                        .collect(),
+                    quorum_bases,
+                    bodies,
+                    timing: Timing {
+                        heartbeat,
+                        suspicion,
+                        lease,
+                    },
+                }
+            },
+        )
 }
 
 pub fn roster_message() -> impl Strategy<Value = RosterMessage> {
@@ -435,7 +472,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
         epoch_and_digest(),
         any::<Index>(),
         any::<u32>(),
-        phase(),
+        (phase(), any::<(u64, bool)>()),
     )
         .prop_map(
             |(
@@ -446,7 +483,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
                 (epoch, digest),
                 since,
                 turns,
-                phase,
+                (phase, (revision, stopped)),
             )| {
                 let span = usize::try_from(sequence).unwrap_or(usize::MAX);
                 Heartbeat {
@@ -460,6 +497,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
                     digest_since: digest.map_or(0, |_| since.index(span) as u64 + 1),
                     applied_turns: epoch.map_or(0, |_| turns),
                     phase,
+                    stop: Stop { revision, stopped },
                 }
             },
         )
@@ -470,5 +508,23 @@ pub fn heartbeats() -> impl Strategy<Value = Vec<Heartbeat>> {
         let mut seen = BTreeSet::new();
         heartbeats.retain(|heartbeat| seen.insert(heartbeat.module));
         heartbeats
+    })
+}
+
+/// A command to stop or to resume, and bodies that were taken away.
+pub fn commands() -> impl Strategy<Value = (Stop, Vec<Removal>)> {
+    let removal = (
+        module_id(),
+        option::of((1..=u64::MAX).prop_map(Incarnation)),
+    );
+    (any::<(u64, bool)>(), vec(removal, 0..4)).prop_map(|((revision, stopped), removals)| {
+        let mut seen = BTreeSet::new();
+        let removals = removals.into_iter();
+        let removals = removals.map(|(module, incarnation)| Removal {
+            module,
+            incarnation,
+        });
+        let distinct = removals.filter(|removal| seen.insert(removal.module));
+        (Stop { revision, stopped }, distinct.collect())
     })
 }

@@ -55,6 +55,7 @@ impl Collection {
             self.add(&state.epoch);
             self.add_all(&state.waited_for);
             self.add_all(&state.quorum_bases);
+            self.add_all(&state.bodies);
         }
     }
 
@@ -112,6 +113,21 @@ impl Collection {
             success,
             message: message.clone(),
         });
+        self.add(&wire::RemoveModuleRequest {
+            module_id,
+            incarnation: revision,
+        });
+        self.add(&wire::RemoveModuleResponse {
+            success,
+            message: message.clone(),
+        });
+        self.add(&wire::StopFormationRequest {
+            resume: include_waiting,
+        });
+        self.add(&wire::StopFormationResponse {
+            success,
+            message: message.clone(),
+        });
         self.add(&wire::RetireModuleRequest {
             module_id,
             rejoin: include_waiting,
@@ -157,6 +173,7 @@ fn verdict() -> impl Strategy<Value = wire::Verdict> {
                             module_id,
                         })
                         .collect(),
+                    blocked_spots: Vec::new(),
                     violations,
                 }
             },
@@ -238,6 +255,11 @@ pub fn samples(count: usize) -> Vec<Sample> {
         samples.add(&wire::Eviction::from(&notice));
         let heartbeat = wire::Heartbeat::new(&draw(&mut runner, &core_values::heartbeats()));
         samples.add_all(&heartbeat.modules);
+        let (stop, removals) = draw(&mut runner, &core_values::commands());
+        let command = wire::OperatorCommand::new(stop, &removals);
+        samples.add(&command.stop);
+        samples.add_all(&command.removals);
+        samples.add(&command);
         samples.add(&heartbeat);
         let verdict = draw(&mut runner, &verdict());
         samples.add(&verdict);

@@ -1,0 +1,100 @@
+//! What travels on `commands`.
+
+use formation::model::{self, Incarnation, Message, ModuleId};
+use serde::{Deserialize, Serialize};
+
+use crate::bounds::MODULES_MAX;
+use crate::check::{self, Checked};
+use crate::session::PROTOCOL_VERSION;
+
+/// See `Stop.msg`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Stop {
+    pub revision: u64,
+    pub stopped: bool,
+}
+
+impl From<&model::Stop> for Stop {
+    fn from(stop: &model::Stop) -> Self {
+        Self {
+            revision: stop.revision,
+            stopped: stop.stopped,
+        }
+    }
+}
+
+impl Stop {
+    pub(crate) fn to_core(self) -> model::Stop {
+        model::Stop {
+            revision: self.revision,
+            stopped: self.stopped,
+        }
+    }
+}
+
+/// See `Removal.msg`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct Removal {
+    pub module_id: u32,
+    pub incarnation: u64,
+}
+
+impl From<&model::Removal> for Removal {
+    fn from(removal: &model::Removal) -> Self {
+        Self {
+            module_id: removal.module.0,
+            incarnation: removal.incarnation.map_or(0, |incarnation| incarnation.0),
+        }
+    }
+}
+
+impl Removal {
+    fn validated(&self) -> Checked<model::Removal> {
+        Ok(model::Removal {
+            module: check::id("module_id", self.module_id, ModuleId)?,
+            incarnation: (self.incarnation != 0).then_some(Incarnation(self.incarnation)),
+        })
+    }
+}
+
+/// See `OperatorCommand.msg`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the .msg file documents the fields")]
+pub struct OperatorCommand {
+    pub protocol_version: u32,
+    pub session: u64,
+    pub stop: Stop,
+    pub removals: Vec<Removal>,
+}
+
+impl OperatorCommand {
+    /// A sample with these commands, for every session.
+    #[must_use]
+    pub fn new<'a>(
+        stop: model::Stop,
+        removals: impl IntoIterator<Item = &'a model::Removal>,
+    ) -> Self {
+        Self {
+            protocol_version: PROTOCOL_VERSION,
+            session: 0,
+            stop: (&stop).into(),
+            removals: removals.into_iter().map(Removal::from).collect(),
+        }
+    }
+
+    /// One message of the core for each command.
+    pub(crate) fn validated(self) -> Checked<Vec<Message>> {
+        check::version(self.protocol_version)?;
+        let validate = Removal::validated;
+        let removals = check::entries("removals", &self.removals, MODULES_MAX, validate)?;
+        let modules = removals.iter().map(|removal| removal.module);
+        check::distinct("removals", modules)?;
+        let stop = Some(self.stop.to_core()).filter(|stop| stop.revision > 0);
+        let stop = stop.into_iter().map(Message::Stop);
+        Ok(stop
+            .chain(removals.into_iter().map(Message::Removal))
+            .collect())
+    }
+}
