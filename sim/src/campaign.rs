@@ -287,6 +287,7 @@ impl MonitoredRun<'_> {
         match fault {
             Fault::Crash(module) => cluster.crash(*module),
             Fault::Restart(module) => cluster.restart(*module),
+            Fault::Remove(module) => cluster.remove(*module),
             Fault::Pause(module, span) => cluster.pause(*module, *span),
             Fault::Slow { module, lag, span } => cluster.slow_down(*module, *lag, *span),
             Fault::Cut(aside) => cluster.cut(aside),
@@ -294,6 +295,11 @@ impl MonitoredRun<'_> {
             Fault::Heal => cluster.heal(),
             Fault::Command(module, command) => cluster.command(*module, *command),
             Fault::Drive { module, broken } => cluster.break_drive(*module, *broken),
+            Fault::Stop(stop) => {
+                if let Some(&module) = cluster.running().first() {
+                    cluster.stop(module, *stop);
+                }
+            }
             Fault::StartLate(_) => {}
             Fault::ForgeClaims => cluster.forge_claims(),
             Fault::Withdraw => announce(cluster, None),

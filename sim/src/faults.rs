@@ -2,13 +2,13 @@
 
 mod hostile;
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
 use formation::generate::Random;
-use formation::model::ModuleId;
+use formation::model::{ModuleId, Stop};
 use formation::protocol::Command;
 
 use crate::network::duration_below;
@@ -72,6 +72,8 @@ pub enum Fault {
     Crash(ModuleId),
     /// A crashed process starts again.
     Restart(ModuleId),
+    /// The body of a crashed module is taken away, and that is reported.
+    Remove(ModuleId),
     /// A process stops for a while.
     Pause(ModuleId, Duration),
     /// These modules are cut off from the others.
@@ -93,6 +95,8 @@ pub enum Fault {
     StartLate(ModuleId),
     /// A module receives a command.
     Command(ModuleId, Command),
+    /// All modules are to stand still, or to move again.
+    Stop(Stop),
     /// A drive fails whenever it receives a goal, or works again.
     Drive {
         /// The module of the drive.
@@ -159,6 +163,8 @@ pub fn draw(
         FaultKind::Storm => drawing.storm(),
     }
     drawing.faults.sort_by_key(|fault| fault.at);
+    drawing.removals();
+    drawing.faults.sort_by_key(|fault| fault.at);
     drawing.faults
 }
 
@@ -221,6 +227,26 @@ impl Drawing<'_> {
             if self.one_in(2) {
                 let again = self.time(at, self.end);
                 self.add(again, Fault::Restart(module));
+            }
+        }
+    }
+
+    /// The body of every second module that crashes for good is taken away within 20 s. The time of the crash decides, so
+    /// that all other draws stay as they are.
+    fn removals(&mut self) {
+        let mut lost = BTreeMap::new();
+        for ScheduledFault { at, fault } in &self.faults {
+            match fault {
+                Fault::Crash(module) => lost.insert(*module, *at),
+                Fault::Restart(module) => lost.remove(module),
+                _ => None,
+            };
+        }
+        for (module, crashed) in lost {
+            let chance = Random::from_seed(u64::from(crashed.subsec_micros())).below(40_000);
+            if chance < 20_000 {
+                let at = crashed + Duration::from_millis(chance);
+                self.add(at, Fault::Remove(module));
             }
         }
     }

@@ -77,17 +77,19 @@ pub(crate) enum Topic {
     Claims,
     Evictions,
     Heartbeats,
+    Commands,
 }
 
 impl Topic {
     pub fn of(message: &Message) -> Self {
         match message {
             Message::Target(_) => Self::Target,
-            Message::ModuleState(_) => Self::ModuleStates,
+            Message::ModuleState(_) | Message::OtherSessionState(_) => Self::ModuleStates,
             Message::Roster(_) => Self::Roster,
             Message::Claim(_) => Self::Claims,
             Message::Eviction(_) => Self::Evictions,
             Message::Heartbeat(_) => Self::Heartbeats,
+            Message::Stop(_) | Message::Removal(_) => Self::Commands,
         }
     }
 
@@ -99,7 +101,7 @@ impl Topic {
     /// The number of samples that a writer keeps for late readers.
     pub fn depth(self) -> usize {
         match self {
-            Self::Target | Self::ModuleStates | Self::Roster => 1,
+            Self::Target | Self::ModuleStates | Self::Roster | Self::Commands => 1,
             Self::Claims | Self::Evictions => 10_000,
             Self::Heartbeats => 0,
         }

@@ -8,8 +8,8 @@ use std::fmt::{self, Display, Write as _};
 use std::time::Duration;
 
 use formation::model::{
-    AssemblyWarning, Epoch, Message, ModuleId, Roster, RosterMember, RosterMessage, Service,
-    SpotClaim, SpotId,
+    AssemblyWarning, BlockedSpot, BodyReport, Epoch, Message, ModuleId, Roster, RosterMember,
+    RosterMessage, Service, SpotClaim, SpotId, Whereabouts,
 };
 use formation::protocol::{Command, EpochReason, Event};
 
@@ -164,16 +164,41 @@ fn published(message: &Message) -> Option<Entry> {
                 .spot("from", Some(notice.eviction.from))
                 .spot("to", notice.eviction.to),
         ),
-        Message::Target(_) | Message::ModuleState(_) | Message::Heartbeat(_) => None,
+        Message::Target(_)
+        | Message::ModuleState(_)
+        | Message::OtherSessionState(_)
+        | Message::Heartbeat(_)
+        | Message::Stop(_)
+        | Message::Removal(_) => None,
     }
 }
 
 fn roster_entry(roster: &Roster) -> Entry {
-    Entry::of("roster")
+    let entry = Entry::of("roster")
         .epoch(roster.epoch)
         .with("target_revision", roster.target.revision)
         .with("members", list(roster.members.iter().map(member_text)))
-        .with("quorum_bases", roster.quorum_bases.len())
+        .with("quorum_bases", roster.quorum_bases.len());
+    if roster.bodies.is_empty() {
+        entry
+    } else {
+        entry.with("bodies", list(roster.bodies.iter().map(body_text)))
+    }
+}
+
+/// The module, `#` and its run unless that is the first, and whether its body was removed, stands, or may be on its way.
+fn body_text(body: &BodyReport) -> String {
+    let run = match body.incarnation.0 {
+        0 | 1 => String::new(),
+        run => format!("#{run}"),
+    };
+    let kind = match body.whereabouts {
+        Whereabouts::Seen(_) => "seen",
+        Whereabouts::OnTheWay { .. } => "on_the_way",
+        Whereabouts::Halted(_) => "halted",
+        Whereabouts::Removed => "removed",
+    };
+    format!("{}{run}({kind})", body.module.0)
 }
 
 /// The module, `#` and its run unless that is the first, `@` and its pin if it has one, and why it takes no spot if so.
@@ -270,12 +295,30 @@ fn noted(event: &Event) -> Entry {
         Event::SpotsLeftOpen(spots) => {
             Entry::of("spots_left_open").with("spots", list(spots.iter().map(|spot| spot.0)))
         }
+        Event::SpotsBlocked(blocked) => blocked_spots(Entry::of("spots_blocked"), blocked),
+        Event::SpotsCutOff(spots) => {
+            Entry::of("spots_cut_off").with("spots", list(spots.iter().map(|spot| spot.0)))
+        }
+        Event::MakingRoom => Entry::of("making_room"),
+        Event::BodyRemoved(module) => Entry::of("body_removed").module(*module),
+        Event::RunRemoved => Entry::of("run_removed"),
+        Event::Stopped => Entry::of("stopped"),
+        Event::Resumed => Entry::of("resumed"),
         Event::AssemblyWarning(warning) => acting_order(*warning),
     }
 }
 
 fn or_unknown(number: Option<u32>) -> String {
     number.map_or("unknown".to_owned(), |number| number.to_string())
+}
+
+/// Each blocked spot with the module whose body blocks it.
+fn blocked_spots(entry: Entry, blocked: &[BlockedSpot]) -> Entry {
+    let pairs = blocked.iter();
+    entry.with(
+        "spots",
+        list(pairs.map(|blocked| format!("{}:{}", blocked.spot.0, blocked.module.0))),
+    )
 }
 
 /// The sides come in the order of their digests, which is no part of the event.
@@ -309,6 +352,14 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
         EpochReason::Newcomers(modules) => ("newcomers", Some(modules.clone())),
         EpochReason::Stuck(modules) => ("stuck", Some(modules.clone())),
         EpochReason::MembersAhead(modules) => ("members_ahead", Some(modules.clone())),
+        EpochReason::BodiesUnlisted(modules) => ("bodies_unlisted", Some(modules.clone())),
+        EpochReason::SpotsBlocked(blocked) => {
+            return blocked_spots(entry.with("reason", "spots_blocked"), blocked);
+        }
+        EpochReason::SpotsFreed(spots) => {
+            let entry = entry.with("reason", "spots_freed");
+            return entry.with("spots", list(spots.iter().map(|spot| spot.0)));
+        }
         EpochReason::ConvenerSilent(module) => ("convener_silent", Some(vec![*module])),
         EpochReason::OutOfService(modules) => {
             let entry = entry.with("reason", "out_of_service");
@@ -329,6 +380,7 @@ fn fault_entry(fault: &Fault) -> Entry {
     match fault {
         Fault::Crash(module) => Entry::of("crash").module(*module),
         Fault::Restart(module) => Entry::of("restart").module(*module),
+        Fault::Remove(module) => Entry::of("remove").module(*module),
         Fault::Pause(module, span) => Entry::of("pause").module(*module).millis("span_ms", *span),
         Fault::Cut(aside) => {
             Entry::of("cut").with("modules", list(aside.iter().map(|module| module.0)))
@@ -348,8 +400,12 @@ fn fault_entry(fault: &Fault) -> Entry {
         Fault::Command(module, command) => Entry::of(match command {
             Command::Retire => "command_retire",
             Command::Rejoin => "command_rejoin",
+            Command::Remove(_) => "command_remove",
         })
         .module(*module),
+        Fault::Stop(stop) => {
+            Entry::of(if stop.stopped { "stop" } else { "resume" }).with("revision", stop.revision)
+        }
         Fault::Drive { module, broken } => Entry::of(if *broken {
             "drive_broken"
         } else {

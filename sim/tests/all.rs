@@ -8,6 +8,7 @@
 )]
 
 mod attacks;
+mod bodies;
 mod breaks;
 mod exploration;
 mod explorer;
@@ -19,6 +20,7 @@ mod observed;
 mod planning;
 mod recovery;
 mod service;
+mod stop;
 mod stores;
 mod support;
 mod transcripts;

@@ -184,6 +184,7 @@ fn stranger_heartbeat(
         digest_since: 0,
         applied_turns: 0,
         phase: ModulePhase::Listening,
+        stop: formation::model::Stop::default(),
     })
 }
 

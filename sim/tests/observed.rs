@@ -173,6 +173,7 @@ fn a_run_that_lost_a_module_on_the_way_is_judged_by_its_last_epoch() {
         assert!(someone_settled);
         let lost = in_phase(&cluster, ModulePhase::Waiting).unwrap();
         cluster.crash(lost);
+        cluster.remove(lost);
         let end = cluster.now() + Duration::from_secs(60);
         cluster.run_until(end, |_| false);
         assert!(cluster.has_formed(), "seed {seed}");

@@ -16,8 +16,7 @@ fn a_spare_replaces_a_module_that_dies_on_its_way() {
         let mut trial = Trial::new(&drawn(7, 6, Grouping::Singletons, seed), seed);
         trial.until(|cluster| !in_phase(cluster, ModulePhase::Moving).is_empty());
         let lost = trial.in_phase(ModulePhase::Moving)[0];
-        trial.cluster.crash(lost);
-        trial.until_formed_again();
+        trial.until_formed_without(&[lost]);
         let settled = trial.settled();
         assert_eq!(spots(&settled).len(), 6, "seed {seed}");
         assert_eq!(trial.open_spots(), None, "seed {seed}");
@@ -30,8 +29,7 @@ fn without_a_spare_the_spot_of_a_module_that_died_settled_is_named_open() {
         let mut trial = Trial::new(&drawn(6, 6, Grouping::Mixed, seed), seed);
         trial.until(Cluster::has_formed);
         let (lost, spot) = trial.settled()[1];
-        trial.cluster.crash(lost);
-        trial.until_formed_again();
+        trial.until_formed_without(&[lost]);
         assert_eq!(trial.open_spots(), Some(vec![spot]), "seed {seed}");
         assert_eq!(trial.settled().len(), 5, "seed {seed}");
     }
@@ -51,8 +49,7 @@ fn what_is_left_of_a_half_moved_block_carries_on() {
         };
         trial.until(|cluster| on_their_way(cluster).len() >= 3);
         let lost = on_their_way(&trial.cluster)[1];
-        trial.cluster.crash(lost);
-        trial.until_formed_again();
+        trial.until_formed_without(&[lost]);
         let settled = trial.settled();
         assert_eq!(spots(&settled).len(), 7, "seed {seed}");
         assert!(
@@ -143,8 +140,7 @@ fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
         .find(|&(_, spot)| spot == centre)
         .unwrap();
     trial.noted.clear();
-    trial.cluster.crash(lost);
-    trial.until_formed_again();
+    trial.until_formed_without(&[lost]);
     assert_eq!(spots(&trial.settled()).len(), 9);
     let walled =
         |event: &Event| matches!(event, Event::AssemblyWarning(AssemblyWarning::WalledIn(_)));

@@ -52,6 +52,10 @@ impl Cluster {
         let is_skipped =
             self.transport.is_replaced(channel, delivery.sample) && self.random.below(2) == 0;
         if !is_skipped && self.run_of(channel.to) == Some(delivery.reader) {
+            if let Message::ModuleState(state) = &delivery.message {
+                let seen = self.sightings.entry(delivery.reader).or_default();
+                seen.insert(state.module);
+            }
             let (source, message) = (delivery.source, delivery.message);
             self.input(channel.to, Input::Message { source, message });
         }

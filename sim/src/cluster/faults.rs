@@ -4,8 +4,8 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Decision, Message, ModuleId, SpotClaim};
-use formation::protocol::{Command, Input, SourceId};
+use formation::model::{Decision, Message, ModuleId, SpotClaim, Stop};
+use formation::protocol::{Command, Identity, Input, SourceId};
 
 use super::schedule::Happening;
 use super::{Cluster, Observation};
@@ -28,6 +28,14 @@ impl Cluster {
             self.note(Fault::Command(module, command));
             self.input(module, Input::Command(command));
         }
+    }
+
+    /// Gives one module the command to stop or to resume all; the others know it from heartbeats.
+    pub fn stop(&mut self, module: ModuleId, stop: Stop) {
+        self.note(Fault::Stop(stop));
+        let message = Message::Stop(stop);
+        let source = None;
+        self.input(module, Input::Message { source, message });
     }
 
     /// Breaks or repairs a module's drive: a broken one fails whenever it receives a goal. A new process has a new drive.
@@ -106,8 +114,32 @@ impl Cluster {
         self.note(Fault::Crash(module));
     }
 
+    /// Takes away the body of a module whose process has ended, and reports that to all running modules.
+    pub fn remove(&mut self, module: ModuleId) {
+        // A process that never started left no body that others know.
+        if self.processes.contains_key(&module) || self.late.contains_key(&module) {
+            return;
+        }
+        self.taken_away.insert(module);
+        self.report_removed(module);
+    }
+
+    /// Reports the body of a module as removed to all other running modules, whether or not that is true.
+    pub fn report_removed(&mut self, module: ModuleId) {
+        let Some(run) = self.bodies.get(&module).map(Identity::run) else {
+            return;
+        };
+        self.note(Fault::Remove(module));
+        for other in self.running() {
+            if other != module {
+                self.input(other, Input::Command(Command::Remove(run)));
+            }
+        }
+    }
+
     /// Starts a module's process again, as a new incarnation.
     pub fn restart(&mut self, module: ModuleId) {
+        self.taken_away.remove(&module);
         // A process that starts late is scheduled already.
         if !self.processes.contains_key(&module) && !self.late.contains_key(&module) {
             self.note(Fault::Restart(module));

@@ -6,14 +6,14 @@ mod faults;
 mod observation;
 mod schedule;
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::generate::Random;
 use formation::model::{
-    Incarnation, Message, ModuleId, PlanningProblem, StoreId, TargetAnnouncement,
+    Incarnation, Message, ModuleId, ModuleRun, PlanningProblem, StoreId, TargetAnnouncement,
 };
 use formation::protocol::{AgentParameters, DurableState, Identity};
 
@@ -77,6 +77,10 @@ pub struct Cluster {
     bodies: BTreeMap<ModuleId, Identity>,
     /// What the store of each module holds.
     stores: BTreeMap<ModuleId, DurableState>,
+    /// The modules of which each run received a state.
+    sightings: BTreeMap<ModuleRun, BTreeSet<ModuleId>>,
+    /// The crashed modules whose bodies were taken away.
+    taken_away: BTreeSet<ModuleId>,
     announcement: Option<Arc<TargetAnnouncement>>,
     /// The modules whose processes start later than the others.
     late: BTreeMap<ModuleId, Duration>,
@@ -113,6 +117,8 @@ impl Cluster {
             processes: BTreeMap::new(),
             bodies: BTreeMap::new(),
             stores: BTreeMap::new(),
+            sightings: BTreeMap::new(),
+            taken_away: BTreeSet::new(),
             announcement: None,
             late: BTreeMap::new(),
             plan_times: BTreeMap::new(),

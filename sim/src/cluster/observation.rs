@@ -129,6 +129,35 @@ impl Cluster {
         })
     }
 
+    /// All modules, whether or not their processes run.
+    #[must_use]
+    pub fn modules(&self) -> BTreeSet<ModuleId> {
+        self.bodies.keys().copied().collect()
+    }
+
+    /// The modules of which a run received a state.
+    #[must_use]
+    pub fn seen_by(&self, run: ModuleRun) -> BTreeSet<ModuleId> {
+        self.sightings.get(&run).cloned().unwrap_or_default()
+    }
+
+    /// Where a module's body is: where its drive is, or where its last process left it. `None` once it was taken away.
+    #[must_use]
+    pub fn body(&self, module: ModuleId) -> Option<Pose> {
+        if let Some(process) = self.processes.get(&module) {
+            return Some(process.drive.pose());
+        }
+        let body = self.bodies.get(&module)?;
+        (!self.taken_away.contains(&module)).then_some(body.pose)
+    }
+
+    /// Whether a module's drive moves.
+    #[must_use]
+    pub fn is_moving(&self, module: ModuleId) -> bool {
+        let process = self.processes.get(&module);
+        process.is_some_and(|process| process.drive.is_moving())
+    }
+
     /// The plan on which a module moves; `None` while its drive stands still.
     #[must_use]
     pub fn plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {

@@ -2,7 +2,7 @@
 //!
 //! Each group of modules that can reach each other is judged on its own. With a quorum, the group must have formed: one
 //! epoch, one digest, every module a member or a spare that knows the epoch, and exactly as many spots filled as there are
-//! modules or spots. Without one, every module must report that it waits for a quorum.
+//! modules, or connected spots that no body blocks. Without one, every module must report that it waits for a quorum.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -11,6 +11,7 @@ use formation::model::{
     TargetAnnouncement, Voter,
 };
 
+use super::bodies::room;
 use super::{Latest, Monitor, ViolationKind};
 use crate::campaign::Ending;
 use crate::cluster::Cluster;
@@ -95,7 +96,7 @@ impl Monitor {
                 filled.insert(place.id, module);
             }
         }
-        let wanted = active.min(target.spots().len());
+        let wanted = room(&known.roster, target, active);
         if filled.len() == wanted {
             Part::Formed(epoch)
         } else {

@@ -3,6 +3,7 @@
 //! This shares nothing with the agents. It knows rosters, states, heartbeats and claims as any participant does, and drives
 //! as an observer of the robots does. `ending` judges how a run ends.
 
+mod bodies;
 mod ending;
 mod motion;
 mod violation;
@@ -17,6 +18,7 @@ use formation::model::{
 };
 use formation::protocol::Event;
 
+pub use bodies::room;
 pub use violation::{Violation, ViolationKind};
 
 use crate::cluster::{Cluster, Observation};
@@ -28,6 +30,8 @@ struct KnownRoster {
     active: BTreeSet<Voter>,
     /// The members that no claim may evict.
     fixed: BTreeSet<ModuleId>,
+    /// The modules of which some member had received a state.
+    seen: BTreeSet<ModuleId>,
 }
 
 type PlanKey = (Epoch, Digest);
@@ -95,7 +99,7 @@ impl Monitor {
             match observation {
                 Observation::Published(module, message) => match &message {
                     Message::Roster(RosterMessage::Plan(roster)) => {
-                        self.observe_roster(at, module, roster);
+                        self.observe_roster(at, module, roster, cluster);
                     }
                     Message::Heartbeat(heartbeat) => self.observe_heartbeat(at, heartbeat),
                     Message::ModuleState(state) => self.observe_state(at, state, cluster),
@@ -116,7 +120,13 @@ impl Monitor {
         }
     }
 
-    fn observe_roster(&mut self, at: Duration, convener: ModuleId, roster: &Arc<Roster>) {
+    fn observe_roster(
+        &mut self,
+        at: Duration,
+        convener: ModuleId,
+        roster: &Arc<Roster>,
+        cluster: &Cluster,
+    ) {
         self.check_pins(at, roster);
         let members = roster.members.iter();
         let active = || {
@@ -124,9 +134,13 @@ impl Monitor {
             members.filter(|member| member.service == Service::Active)
         };
         let known = KnownRoster {
-            members: members.map(|member| member.module.id).collect(),
+            members: members.clone().map(|member| member.module.id).collect(),
             active: active().map(RosterMember::voter).collect(),
             fixed: fixed(&active().collect::<Vec<_>>()),
+            seen: members
+                .clone()
+                .flat_map(|member| cluster.seen_by(member.run()))
+                .collect(),
             roster: Arc::clone(roster),
         };
         // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
@@ -182,7 +196,11 @@ impl Monitor {
         latest.state = Some(Arc::clone(state));
         let announcement = cluster.received_announcement(state.module);
         latest.target_revision = announcement.map(|announcement| announcement.revision);
+        let was_settled = self.settled_on.contains_key(&run);
         self.follow(at, run, state);
+        if !was_settled {
+            self.check_bodies(at, state, cluster);
+        }
         if let (ModulePhase::Settled, Some(plan), Some(spot)) =
             (state.phase, state.epoch.zip(state.digest), state.spot)
         {

@@ -8,6 +8,8 @@ use std::time::Duration;
 pub enum ViolationKind {
     /// Two modules settled on one spot of one plan.
     TwoModulesOnOneSpot,
+    /// A module settled on a spot on which another one stands, or stands by there without a spot, whatever their plans.
+    TwoBodiesOnOneSpot,
     /// A module settled on two spots of one plan.
     OneModuleOnTwoSpots,
     /// A module began to move before every member had shown the same digest.
@@ -46,6 +48,7 @@ impl fmt::Display for ViolationKind {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         formatter.write_str(match self {
             Self::TwoModulesOnOneSpot => "two modules on one spot",
+            Self::TwoBodiesOnOneSpot => "two bodies on one spot",
             Self::OneModuleOnTwoSpots => "one module on two spots",
             Self::MotionWithoutAgreement => "motion without agreement",
             Self::MotionBeforeLease => "motion before the lease",

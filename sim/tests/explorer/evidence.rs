@@ -5,7 +5,10 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Digest, Epoch, Message, ModuleId, ModulePhase, RosterMessage, SpotId};
+use formation::model::{
+    Digest, Epoch, Message, ModuleId, ModulePhase, Roster, RosterMessage, SpotId,
+};
+use formation_sim::room;
 
 use super::world::{World, id};
 use super::{Bound, MODULES};
@@ -21,6 +24,8 @@ pub(super) type PlanKey = (Epoch, Digest);
 #[derive(Clone, Debug, Default, Hash)]
 pub(super) struct Evidence {
     pub(super) rosters: BTreeMap<Epoch, Vec<ModuleId>>,
+    /// The number of spots that the members of each roster can fill, as bodies block the others.
+    pub(super) rooms: BTreeMap<Epoch, usize>,
     pub(super) shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
     pub(super) begun: BTreeSet<PlanKey>,
     /// The epoch that each module shows, and since when.
@@ -49,6 +54,12 @@ impl Evidence {
             .is_some_and(|lowest| members.contains(lowest));
         present > roster.len() || (present == roster.len() && lowest)
     }
+}
+
+/// The number of spots that the members of a roster can fill.
+fn room_of(roster: &Roster) -> usize {
+    let target = roster.target.target.as_ref();
+    target.map_or(0, |target| room(roster, target, roster.members.len()))
 }
 
 impl World {
@@ -89,9 +100,11 @@ impl World {
                 if evidence.rosters.insert(roster.epoch, members).is_some() {
                     self.violation = Some(format!("two rosters for {}", roster.epoch));
                 }
+                evidence.rooms.insert(roster.epoch, room_of(roster));
                 // Earlier rosters no longer matter.
                 while evidence.rosters.len() > 4 {
                     evidence.rosters.pop_first();
+                    evidence.rooms.pop_first();
                 }
                 let oldest = evidence.rosters.keys().next().copied();
                 evidence
@@ -181,8 +194,13 @@ impl World {
             .filter(|state| plans.contains(&(state.epoch, state.digest)))
             .filter_map(|state| state.spot)
             .collect();
-        let ended =
-            self.disturbance.agenda.is_none() && plans.len() == 1 && spots.len() == live.len();
+        let epoch = plans.first().and_then(|(epoch, _)| *epoch);
+        let is_full = epoch.is_some_and(|epoch| {
+            let members = self.evidence.rosters.get(&epoch);
+            let are_members = members.is_some_and(|members| members.len() == live.len());
+            are_members && self.evidence.rooms.get(&epoch) == Some(&spots.len())
+        });
+        let ended = self.disturbance.agenda.is_none() && plans.len() == 1 && is_full;
         self.ended_since = match self.ended_since {
             Some(since) if ended => Some(since),
             _ => ended.then_some(self.now),

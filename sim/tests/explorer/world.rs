@@ -89,29 +89,35 @@ fn hash_of_message(message: &Message) -> u64 {
     match message {
         // There is one target.
         Message::Target(announcement) => hash_of(&announcement.revision),
-        Message::ModuleState(state) => hash_of(state),
+        Message::ModuleState(state) | Message::OtherSessionState(state) => hash_of(state),
         Message::Roster(RosterMessage::Gather {
             epoch,
             target_revision,
             ..
         }) => hash_of(&(epoch, target_revision)),
-        Message::Roster(RosterMessage::Plan(roster)) => {
-            hash_of(&(roster.epoch, &roster.members, &roster.quorum_bases))
-        }
+        Message::Roster(RosterMessage::Plan(roster)) => hash_of(&(
+            roster.epoch,
+            &roster.members,
+            &roster.quorum_bases,
+            &roster.bodies,
+        )),
         Message::Claim(claim) => hash_of(claim),
         Message::Eviction(notice) => hash_of(notice),
         Message::Heartbeat(heartbeat) => hash_of(heartbeat),
+        Message::Stop(stop) => hash_of(stop),
+        Message::Removal(removal) => hash_of(removal),
     }
 }
 
 fn topic_of(message: &Message) -> u8 {
     match message {
         Message::Target(_) => 0,
-        Message::ModuleState(_) => 1,
+        Message::ModuleState(_) | Message::OtherSessionState(_) => 1,
         Message::Roster(_) => 2,
         Message::Claim(_) => 3,
         Message::Eviction(_) => 4,
         Message::Heartbeat(_) => 5,
+        Message::Stop(_) | Message::Removal(_) => 6,
     }
 }
 

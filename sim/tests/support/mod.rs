@@ -89,8 +89,24 @@ impl Trial {
     /// Runs until all modules have formed in a later epoch.
     #[track_caller]
     pub fn until_formed_again(&mut self) {
-        let before = self.newest_epoch();
+        self.until_formed_after(self.newest_epoch());
+    }
+
+    /// Runs until all modules have formed in a later epoch than this one.
+    #[track_caller]
+    pub fn until_formed_after(&mut self, before: u64) {
         self.until(|cluster| cluster.has_formed() && newest_epoch(cluster) > before);
+    }
+
+    /// Lets these modules crash, takes their bodies away, and runs until all others have formed again.
+    #[track_caller]
+    pub fn until_formed_without(&mut self, lost: &[ModuleId]) {
+        let before = self.newest_epoch();
+        for &module in lost {
+            self.cluster.crash(module);
+            self.cluster.remove(module);
+        }
+        self.until_formed_after(before);
     }
 
     pub fn run_for(&mut self, duration: Duration) {
@@ -175,7 +191,7 @@ pub fn hold_a_plan(cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
     let plans: BTreeSet<_> = standings
         .map(|standing| {
             standing
-                .filter(|one| one.phase == ModulePhase::Settled)?
+                .filter(|one| matches!(one.phase, ModulePhase::Settled | ModulePhase::Spare))?
                 .digest
         })
         .collect();

@@ -1,0 +1,155 @@
+//! No two bodies on one spot, over the whole run and whatever plans there were: judged from where the robots are, and of which
+//! of them the members of a plan had received a state.
+//!
+//! A robot is where its drive is, or where its crashed process left it, until it is taken away. Drives pass through each
+//! other, and robots start anywhere; so a robot is not judged while it moves, where it was halted or failed on its way, or
+//! while it has a spot of its own to go to in the same plan.
+
+use std::time::Duration;
+
+use formation::model::{ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target};
+
+use super::{Monitor, ViolationKind};
+use crate::cluster::Cluster;
+
+/// Two modules are one unit wide: nearer to a spot than half of that, a body stands on the spot.
+const HALF_WIDTH_UNITS: f64 = 0.5;
+
+impl Monitor {
+    /// A module settles, or stands by without a spot: no other one stands on the same spot.
+    pub(super) fn check_bodies(&mut self, at: Duration, state: &ModuleState, cluster: &Cluster) {
+        let module = state.module;
+        if cluster.is_moving(module) {
+            return;
+        }
+        let place = self.place_of(state);
+        if let Some((spot, pose)) = place {
+            let others = cluster.modules().into_iter();
+            let roster = state.epoch.and_then(|epoch| self.rosters.get(&epoch));
+            let is_seen = |other| roster.is_some_and(|roster| roster.seen.contains(&other));
+            let seen = others.filter(|&other| other != module && is_seen(other));
+            let on_it: Vec<ModuleId> = seen
+                .filter(|&other| !cluster.is_moving(other) && !self.has_yet_to_go(other, state))
+                .filter(|&other| cluster.body(other).is_some_and(|body| is_on(&body, &pose)))
+                .collect();
+            for other in on_it {
+                let detail = format!("{module} settles on {spot}, where {other} stands");
+                self.violate(at, ViolationKind::TwoBodiesOnOneSpot, detail);
+            }
+        } else if state.phase == ModulePhase::Spare
+            && state.service != Service::MotionFailed
+            && state.digest.is_some()
+            && let Some(body) = cluster.body(module)
+        {
+            let settled = self.settled_on.iter();
+            // Modules that a blocked spot separates from the plan stand by as well, where they settled before.
+            let is_of_plan = |other: ModuleId| {
+                self.state(cluster, other).is_some_and(|other| {
+                    other.phase == ModulePhase::Settled && other.epoch == state.epoch
+                })
+            };
+            let taken = settled.filter(|(run, _)| run.module != module && is_of_plan(run.module));
+            let taken = taken.filter_map(|(run, (spot, roster))| {
+                let pose = roster.target.target.as_ref()?.spot(*spot)?.pose;
+                let holds = cluster
+                    .body(run.module)
+                    .is_some_and(|body| is_on(&body, &pose));
+                (holds && is_on(&body, &pose)).then_some((run.module, *spot))
+            });
+            for (other, spot) in taken.collect::<Vec<_>>() {
+                let detail = format!("{module} stands by on {spot}, where {other} stands");
+                self.violate(at, ViolationKind::TwoBodiesOnOneSpot, detail);
+            }
+        }
+    }
+
+    /// Whether a module has another spot in the same plan as this state, to which it goes later, or would have gone: when its
+    /// process ends, another member may have set off already.
+    fn has_yet_to_go(&self, module: ModuleId, state: &ModuleState) -> bool {
+        let mut runs = self.latest.iter().filter(|(run, _)| run.module == module);
+        runs.any(|(_, latest)| {
+            latest.state.as_ref().is_some_and(|other| {
+                other.epoch == state.epoch && other.spot.is_some() && other.spot != state.spot
+            })
+        })
+    }
+
+    /// The spot on which a module has just settled.
+    fn place_of(&self, state: &ModuleState) -> Option<(SpotId, Pose)> {
+        let roster = self.rosters.get(&state.epoch?)?;
+        let spot = state.spot.filter(|_| state.phase == ModulePhase::Settled)?;
+        let target = roster.roster.target.target.as_ref()?;
+        Some((spot, target.spot(spot)?.pose))
+    }
+}
+
+/// The greatest number of connected spots that the active members of a roster can fill: without those that the bodies cover
+/// which it lists, and those of members that cannot move.
+#[must_use]
+pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
+    let is_member = |module: ModuleId| {
+        let mut members = roster.members.iter();
+        members.any(|member| member.module.id == module)
+    };
+    let failed = roster
+        .members
+        .iter()
+        .filter(|member| member.service == Service::MotionFailed)
+        .map(|member| (member.module.pose, member.module.pose));
+    let absent = roster.bodies.iter().filter(|body| !is_member(body.module));
+    let absent = absent.filter_map(|body| body.whereabouts.reach());
+    let lines: Vec<(Pose, Pose)> = failed.chain(absent).collect();
+    let held: Vec<SpotId> = roster
+        .members
+        .iter()
+        .filter(|member| member.service == Service::Active)
+        .filter_map(|member| member.module.pin)
+        .collect();
+    let is_open = |position: usize| {
+        let spot = target.spots()[position];
+        let covered = lines
+            .iter()
+            .any(|(from, to)| is_near_line(&spot.pose, from, to));
+        held.contains(&spot.id) || !covered
+    };
+    let mut left: Vec<usize> = (0..target.spots().len())
+        .filter(|&one| is_open(one))
+        .collect();
+    let mut most = 0;
+    while let Some(first) = left.pop() {
+        let mut part = vec![first];
+        let mut next = 0;
+        while let Some(&spot) = part.get(next) {
+            let neighbours = target.topology().neighbours(spot);
+            let (reached, others) = left.into_iter().partition(|one| neighbours.contains(one));
+            left = others;
+            part.extend::<Vec<usize>>(reached);
+            next += 1;
+        }
+        most = most.max(part.len().min(active));
+    }
+    most
+}
+
+fn units(pose: &Pose) -> (f64, f64) {
+    (pose.x.to_units(), pose.y.to_units())
+}
+
+fn is_on(body: &Pose, spot: &Pose) -> bool {
+    is_near_line(spot, body, body)
+}
+
+/// Whether a point is nearer than half a module to the line between two others.
+fn is_near_line(point: &Pose, from: &Pose, to: &Pose) -> bool {
+    let ((x, y), (from_x, from_y), (to_x, to_y)) = (units(point), units(from), units(to));
+    let (along_x, along_y) = (to_x - from_x, to_y - from_y);
+    let length = along_x.hypot(along_y);
+    let share = if length > 0.0 {
+        let dot = (x - from_x) * along_x + (y - from_y) * along_y;
+        (dot / (length * length)).clamp(0.0, 1.0)
+    } else {
+        0.0
+    };
+    let (off_x, off_y) = (x - from_x - share * along_x, y - from_y - share * along_y);
+    off_x.hypot(off_y) < HALF_WIDTH_UNITS
+}

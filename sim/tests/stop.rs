@@ -1,0 +1,84 @@
+//! Stopping all modules on command, until they are resumed.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use std::time::Duration;
+
+use crate::support::{Trial, drawn, in_phase, spots};
+use formation::generate::Grouping;
+use formation::model::{ModuleId, ModulePhase, Stop};
+use formation::protocol::{AgentParameters, Event};
+use formation_sim::Cluster;
+
+fn moving(cluster: &Cluster) -> Vec<ModuleId> {
+    let modules = cluster.modules().into_iter();
+    modules
+        .filter(|&module| cluster.is_moving(module))
+        .collect()
+}
+
+/// Runs for a while in which nothing may move.
+#[track_caller]
+fn stands_still(trial: &mut Trial, duration: Duration) {
+    let end = trial.cluster.now() + duration;
+    let moved = trial
+        .cluster
+        .run_until(end, |cluster| !moving(cluster).is_empty());
+    assert!(!moved, "{:?}", moving(&trial.cluster));
+}
+
+#[test]
+fn a_stop_in_mid_motion_reaches_all_and_lasts_until_it_is_resumed() {
+    let lease = AgentParameters::default().lease;
+    for seed in 0..6 {
+        let mut trial = Trial::new(&drawn(8, 7, Grouping::Mixed, seed), seed);
+        trial.until(|cluster| !moving(cluster).is_empty());
+        let on_the_way = moving(&trial.cluster)[0];
+        let informed = trial
+            .cluster
+            .running()
+            .into_iter()
+            .find(|&one| one != on_the_way);
+        let stop = |revision, stopped| Stop { revision, stopped };
+        trial.cluster.stop(informed.unwrap(), stop(1, true));
+        trial.run_for(lease);
+        stands_still(&mut trial, Duration::from_secs(60));
+        // Neither a restart nor the epochs that it brings end the stop.
+        trial.cluster.crash(on_the_way);
+        trial.cluster.restart(on_the_way);
+        stands_still(&mut trial, Duration::from_secs(60));
+        assert!(trial.newest_epoch() > 1, "seed {seed}");
+        assert_eq!(in_phase(&trial.cluster, ModulePhase::Listening), []);
+        // An older command changes nothing.
+        trial.cluster.stop(on_the_way, stop(0, false));
+        stands_still(&mut trial, Duration::from_secs(10));
+        trial.cluster.stop(on_the_way, stop(2, false));
+        trial.until(Cluster::has_formed);
+        assert_eq!(spots(&trial.settled()).len(), 7, "seed {seed}");
+        let failed = trial.count(|event| matches!(event, Event::MotionOverdue(_)));
+        assert_eq!(failed, 0, "seed {seed}");
+    }
+}
+
+#[test]
+fn a_module_that_is_cut_off_when_all_are_stopped_halts_within_the_lease() {
+    let lease = AgentParameters::default().lease;
+    let mut trial = Trial::new(&drawn(6, 6, Grouping::Singletons, 3), 3);
+    trial.until(|cluster| !moving(cluster).is_empty());
+    let on_the_way = moving(&trial.cluster)[0];
+    let others: Vec<ModuleId> = trial.cluster.running().into_iter().collect();
+    let informed = others.into_iter().find(|&one| one != on_the_way).unwrap();
+    trial.cluster.cut(&[on_the_way].into());
+    let stopped = Stop {
+        revision: 1,
+        stopped: true,
+    };
+    trial.cluster.stop(informed, stopped);
+    trial.run_for(lease);
+    stands_still(&mut trial, Duration::from_secs(30));
+    trial.cluster.heal();
+    stands_still(&mut trial, Duration::from_secs(60));
+    trial.run_for(Duration::ZERO);
+    let stopped = trial.count(|event| matches!(event, Event::Stopped));
+    assert_eq!(stopped, 6, "each module reports it once");
+}
