@@ -35,6 +35,18 @@ pub enum Command {
     },
     /// Form the target with real processes over DDS, and have the outcome verified.
     Run(RunArguments),
+    /// Stop all modules of a running formation: they stand still, also after restarts, until they are resumed.
+    Stop(OrderArguments),
+    /// Let the modules of a stopped formation move again.
+    Resume(OrderArguments),
+    /// Report the bodies of modules as taken away, so that they block no spot any more.
+    Remove {
+        /// The modules, whose processes have ended.
+        #[arg(required = true, value_name = "ID")]
+        modules: Vec<u32>,
+        #[command(flatten)]
+        network: OrderArguments,
+    },
     /// Plan offline which module takes which spot, by the same core as in every module.
     Plan {
         /// The scenario file (YAML).
@@ -62,6 +74,14 @@ pub enum Command {
     /// Writes a CSV file for each figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. Measurements are
     /// kept: after an interruption the same command continues where it stopped.
     Experiments(ExperimentsArguments),
+}
+
+/// Where a running formation is.
+#[derive(Debug, Args)]
+pub struct OrderArguments {
+    /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
+    #[arg(long, value_name = "D")]
+    pub domain: Option<Domain>,
 }
 
 /// The default speed of simulated modules.
@@ -123,6 +143,10 @@ pub struct MotionArguments {
     /// A shell command that drives all modules; the run starts and stops it.
     #[arg(long, value_name = "COMMAND")]
     pub driver: Option<String>,
+    /// The robots stay where they are when their processes end, so that their bodies block spots; without this, the run
+    /// reports the bodies of simulated modules whose process ended as removed [default with --motion external]
+    #[arg(long)]
+    pub bodies_stay: bool,
     /// Pass this option to the process of every module, for example --module-option=--motion-limit-s=30; may be repeated.
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     pub module_option: Vec<String>,
@@ -136,6 +160,11 @@ impl MotionArguments {
             None => SIMULATED,
         };
         self.motion.as_deref().unwrap_or(default)
+    }
+
+    /// Whether robots outlive their processes.
+    pub fn bodies_stay(&self) -> bool {
+        self.bodies_stay || self.mode() == EXTERNAL
     }
 }
 

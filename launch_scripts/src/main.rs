@@ -7,6 +7,7 @@ mod console;
 #[cfg(feature = "experiments")]
 mod experiments;
 mod generate;
+mod order;
 mod plan;
 mod report;
 mod run;
@@ -26,6 +27,9 @@ fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Check { scenario } => check::check(&scenario),
         Command::Run(arguments) => run::run(&arguments),
+        Command::Stop(network) => order::give(&network, &["--stop".to_owned()]),
+        Command::Resume(network) => order::give(&network, &["--resume".to_owned()]),
+        Command::Remove { modules, network } => order::give(&network, &order::removal(&modules)),
         Command::Plan {
             scenario,
             report,

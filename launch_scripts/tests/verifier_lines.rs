@@ -18,6 +18,7 @@ pub fn gathering(joined: usize, waiting_for: &[u32]) -> String {
         agreed: 0,
         settled: 0,
         to_fill: 0,
+        stopped: false,
         waiting_for: waiting_for.iter().copied().map(ModuleId).collect(),
     }))
 }
@@ -35,6 +36,7 @@ pub fn judges(outcome: Outcome, assignments: &[(u32, u32)], open_spots: &[u32]) 
         assignments,
         unassigned: Vec::new(),
         open_spots: open_spots.iter().copied().map(SpotId).collect(),
+        blocked_spots: Vec::new(),
         violations: Vec::new(),
         missing: vec!["spot 9 is empty".to_owned()],
         timings_ms: TimingsReport::default(),

@@ -455,8 +455,11 @@ impl Host {
                 self.outgoing.push(Outgoing::Eviction(*notice));
                 return;
             }
-            // No agent announces targets.
-            Message::Target(_) => return,
+            // No agent announces targets, or commands.
+            Message::Target(_)
+            | Message::OtherSessionState(_)
+            | Message::Stop(_)
+            | Message::Removal(_) => return,
         }
         if self.modules.len() > 1 {
             self.local.push_back((index, message));

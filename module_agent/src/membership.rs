@@ -144,7 +144,7 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
 
 #[cfg(test)]
 mod tests {
-    use formation::model::{Heartbeat, Incarnation, Message};
+    use formation::model::{Heartbeat, Incarnation, Message, Stop};
     use formation::protocol::{AgentParameters, SourceId};
 
     use super::*;
@@ -220,6 +220,7 @@ mod tests {
             digest_since: 0,
             applied_turns: 0,
             phase: ModulePhase::Listening,
+            stop: Stop::default(),
         };
         host.handle_message(NOW, SourceId(2), &Message::Heartbeat(heartbeat));
         let answer = add(&mut host, NOW, newcomer(9, 5.0)).unwrap_err();

@@ -9,7 +9,7 @@ use async_channel::Receiver;
 use formation::model::{Incarnation, ModuleId, Service};
 use formation::protocol::{ComputedPlan, Identity, PlanJob};
 use formation_msgs::{Eviction, Heartbeat, InSession, ModuleStates, Roster, SpotClaim};
-use formation_node::messages::{Received, session_of, source_id, subscribe_all};
+use formation_node::messages::{Received, session_of, source_id, subscribe, subscribe_all};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::diagnostics::Report;
@@ -159,6 +159,8 @@ fn add_topics_and_services(
     for messages in subscribe_all(session, modules)? {
         inputs.add(messages, Input::Messages);
     }
+    let commands = subscribe(session, &topics::COMMANDS)?;
+    inputs.add(commands, Input::Messages);
     // Left out where the node serves no tools, as discovery grows with the number of endpoints.
     if session.node_parameters().start_parameter_services {
         let (add, retire) = (session.serve(&ADD_MODULE)?, session.serve(&RETIRE_MODULE)?);

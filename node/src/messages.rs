@@ -5,8 +5,8 @@ use std::sync::Arc;
 use formation::model::Message;
 use formation::protocol::SourceId;
 use formation_msgs::{
-    Eviction, Heartbeat, InSession, MessageError, ModuleStates, Roster, SessionId, SpotClaim,
-    TargetConfiguration,
+    Eviction, Heartbeat, InSession, MessageError, ModuleStates, OperatorCommand, Roster, SessionId,
+    SpotClaim, TargetConfiguration,
 };
 use futures::stream::LocalBoxStream;
 use ros_runtime::session::{ParticipantId, Session, SessionError};
@@ -39,15 +39,25 @@ pub trait Sample: InSession + DeserializeOwned + 'static {
     /// # Errors
     /// Names the field that is wrong.
     fn into_messages(self) -> Result<Vec<Message>, MessageError>;
+
+    /// What a sample of another session means to modules; `None` if it is refused.
+    fn into_other_session_messages(self) -> Option<Result<Vec<Message>, MessageError>> {
+        None
+    }
 }
 
 macro_rules! samples {
-    ($($sample:ty => |$raw:ident| $convert:expr;)+) => {
+    ($($sample:ty => |$raw:ident| $convert:expr $(, $other_session:expr)?;)+) => {
         $(impl Sample for $sample {
             fn into_messages(self) -> Result<Vec<Message>, MessageError> {
                 let $raw = self;
                 $convert
             }
+
+            $(fn into_other_session_messages(self) -> Option<Result<Vec<Message>, MessageError>> {
+                let convert: fn(Self) -> Result<Vec<Message>, MessageError> = $other_session;
+                Some(convert(self))
+            })?
         })+
     };
 }
@@ -60,6 +70,13 @@ samples! {
     ModuleStates => |raw| {
         let states = Vec::try_from(raw)?.into_iter();
         Ok(states.map(|state| Message::ModuleState(Arc::new(state))).collect())
+    }, |raw| {
+        let states = Vec::try_from(raw)?.into_iter();
+        Ok(states.map(|state| Message::OtherSessionState(Arc::new(state))).collect())
+    };
+    OperatorCommand => |raw| raw.try_into(), |raw| match raw.session() {
+        SessionId::EVERY => raw.try_into(),
+        _ => Ok(Vec::new()),
     };
     Heartbeat => |raw| Ok(Vec::try_from(raw)?.into_iter().map(Message::Heartbeat).collect());
 }
@@ -70,13 +87,18 @@ pub fn source_id(participant: ParticipantId) -> SourceId {
     SourceId(participant.0)
 }
 
-/// The messages of a sample, if it belongs to this node's session.
+/// The messages of a sample, if it belongs to this node's session or means something to all.
 fn accepted<M: Sample>(sample: M, ours: SessionId) -> Result<Vec<Message>, String> {
     let theirs = sample.session();
-    if theirs != ours {
-        return Err(format!("it belongs to {theirs}, and this node to {ours}"));
+    let messages = if theirs == ours {
+        Some(sample.into_messages())
+    } else {
+        sample.into_other_session_messages()
+    };
+    match messages {
+        Some(messages) => messages.map_err(|error| error.to_string()),
+        None => Err(format!("it belongs to {theirs}, and this node to {ours}")),
     }
-    sample.into_messages().map_err(|error| error.to_string())
 }
 
 /// Subscribes one topic of the protocol.
@@ -91,6 +113,25 @@ pub fn subscribe<M: Sample>(
     let ours = session_of(session);
     session.subscription(topic, move |sender, sample: M| {
         let messages = accepted(sample, ours)?;
+        Ok(Received {
+            topic: name,
+            source: source_id(sender),
+            messages,
+        })
+    })
+}
+
+/// Subscribes one topic of the protocol, whatever the session of its samples.
+///
+/// # Errors
+/// The name cannot be used, or the library refuses.
+pub fn subscribe_every_session<M: Sample>(
+    session: &mut Session,
+    topic: &Topic<M>,
+) -> Result<LocalBoxStream<'static, Received>, SessionError> {
+    let name = topic.name();
+    session.subscription(topic, move |sender, sample: M| {
+        let messages = sample.into_messages().map_err(|error| error.to_string())?;
         Ok(Received {
             topic: name,
             source: source_id(sender),
@@ -121,7 +162,7 @@ pub fn subscribe_all(
 mod tests {
     use std::time::Duration;
 
-    use formation::model::{Incarnation, ModuleId, ModulePhase};
+    use formation::model::{Incarnation, ModuleId, ModulePhase, Stop};
 
     use super::*;
 
@@ -137,6 +178,7 @@ mod tests {
             digest_since: 0,
             applied_turns: 0,
             phase: ModulePhase::Listening,
+            stop: Stop::default(),
         }
     }
 

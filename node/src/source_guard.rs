@@ -30,6 +30,9 @@ impl SourceGuard {
             // These decide nothing for an observer, or any process may publish them.
             Message::Roster(RosterMessage::Gather { .. })
             | Message::Eviction(_)
+            | Message::OtherSessionState(_)
+            | Message::Stop(_)
+            | Message::Removal(_)
             | Message::Target(_) => return true,
         };
         if self.runs.len() >= RUNS_MAX && !self.runs.contains_key(&run) {

@@ -6,8 +6,8 @@ use formation_msgs::external::nav_msgs::Odometry;
 use formation_msgs::external::tf2_msgs::TFMessage;
 use formation_msgs::external::visualization_msgs::MarkerArray;
 use formation_msgs::{
-    DockingRequest, DockingResult, Eviction, Heartbeat, InterfaceType, ModuleStates, Roster,
-    SpotClaim, TargetConfiguration, Verdict, topic,
+    DockingRequest, DockingResult, Eviction, Heartbeat, InterfaceType, ModuleStates,
+    OperatorCommand, Roster, SpotClaim, TargetConfiguration, Verdict, topic,
 };
 use ros_runtime::topic::{Quality, Topic};
 
@@ -31,6 +31,8 @@ pub const EVICTIONS: Topic<Eviction> =
     topic(topic::EVICTIONS, Quality::TransientLocal { depth: 100 });
 /// Heartbeats of modules.
 pub const HEARTBEATS: Topic<Heartbeat> = topic(topic::HEARTBEATS, Quality::BestEffort);
+/// What operators command to all modules.
+pub const COMMANDS: Topic<OperatorCommand> = topic(topic::COMMANDS, LATCHED);
 /// The verifier's verdict.
 pub const VERDICT: Topic<Verdict> = topic(topic::VERDICT, LATCHED);
 /// The formation as markers; each sample is the whole picture.

@@ -6,7 +6,10 @@ use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::model::TargetAnnouncement;
-use formation_msgs::{InSession, SessionId, TargetConfiguration, WithdrawTargetResponse, bounds};
+use formation_msgs::{
+    InSession, OperatorCommand, RemoveModuleRequest, RemoveModuleResponse, SessionId,
+    StopFormationResponse, TargetConfiguration, WithdrawTargetResponse, bounds,
+};
 use formation_node::messages::{Received, session_of};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
@@ -22,6 +25,7 @@ use ros2_client::builtin_interfaces::Time;
 use crate::endpoints::{self, FormConfigurationServer, Input};
 use crate::goal_resolver::{GoalResolver, refuse_long_plans};
 use crate::goal_tracker::GoalTracker;
+use crate::operator::Commander;
 use crate::parameters::PublisherParameters;
 
 const NODE_NAME: &str = "target_publisher";
@@ -43,13 +47,15 @@ impl TargetPublisher {
     pub(crate) fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
         let start = Instant::now();
         let mut tracker = GoalTracker::default();
-        rejoining(|| self.announce(start, &mut tracker, stop))
+        let mut commander = Commander::default();
+        rejoining(|| self.announce(start, &mut tracker, &mut commander, stop))
     }
 
     fn announce(
         &self,
         start: Instant,
         tracker: &mut GoalTracker<RequestId>,
+        commander: &mut Commander,
         stop: &Receiver<()>,
     ) -> Result<(), SessionError> {
         let declared = self
@@ -71,7 +77,9 @@ impl TargetPublisher {
         let mut inputs = Inputs::default();
         let mut action = None;
         // Where the node serves no tools it serves no client, as discovery grows with the number of endpoints.
+        let mut commands = None;
         if session.node_parameters().start_parameter_services {
+            commands = Some(session.publisher(&topics::COMMANDS)?);
             action = Some(endpoints::open(&mut session, &mut inputs)?);
         } else if self.announcement.is_none() {
             tracing::warn!(
@@ -82,6 +90,8 @@ impl TargetPublisher {
         let mut announcer = Announcer {
             start,
             tracker,
+            commander,
+            commands,
             resolver: GoalResolver {
                 folder: parameters.scenario_folder.clone().map(PathBuf::from),
                 expected_modules: parameters.expected_modules,
@@ -92,6 +102,9 @@ impl TargetPublisher {
             target,
             action,
         };
+        if announcer.commander.has_commands() {
+            announcer.publish_commands();
+        }
         session.run(&mut announcer, inputs, stop)
     }
 }
@@ -100,6 +113,8 @@ struct Announcer<'a> {
     start: Instant,
     session: SessionId,
     tracker: &'a mut GoalTracker<RequestId>,
+    commander: &'a mut Commander,
+    commands: Option<PublisherQueue<OperatorCommand>>,
     resolver: GoalResolver,
     parameters: PublisherParameters,
     /// The revision that was published last.
@@ -115,8 +130,13 @@ impl Node for Announcer<'_> {
         let now = self.start.elapsed();
         match input {
             Input::Messages(Received { messages, .. }) => {
+                let mut is_commanded = false;
                 for message in messages {
+                    is_commanded |= self.commander.handle_message(&message);
                     self.tracker.handle_message(now, &message);
+                }
+                if is_commanded {
+                    self.publish_commands();
                 }
             }
             Input::Verdict(verdict) => self.tracker.status.handle_verdict(now, verdict),
@@ -132,6 +152,20 @@ impl Node for Announcer<'_> {
                 let message = outcome.unwrap_or_else(|reason| reason);
                 let message = bounds::shortened(message, bounds::ANSWER_BYTES_MAX);
                 reply(WithdrawTargetResponse { success, message });
+            }
+            Input::StopFormation(Call { request, reply }) => {
+                let outcome = self.commander.stop(!request.resume);
+                let (success, message) = self.answer_command(outcome);
+                reply(StopFormationResponse { success, message });
+            }
+            Input::RemoveModule(Call { request, reply }) => {
+                let RemoveModuleRequest {
+                    module_id,
+                    incarnation,
+                } = request;
+                let outcome = self.commander.remove(module_id, incarnation);
+                let (success, message) = self.answer_command(outcome);
+                reply(RemoveModuleResponse { success, message });
             }
             Input::Action(request) => self.handle_action(now, request),
         }
@@ -192,6 +226,24 @@ impl Announcer<'_> {
             }
             ActionRequest::GetResult(id, goal) => self.tracker.ask(goal, id),
         }
+    }
+
+    /// Publishes the commands that are in force.
+    fn publish_commands(&self) {
+        if let Some(commands) = &self.commands {
+            commands.publish(self.commander.sample().in_session(self.session));
+        }
+    }
+
+    /// Publishes the commands, unless the new one was refused; the answer to its client.
+    fn answer_command(&self, outcome: Result<String, String>) -> (bool, String) {
+        let success = outcome.is_ok();
+        if success {
+            self.publish_commands();
+        }
+        let message = outcome.unwrap_or_else(|reason| reason);
+        let message = bounds::shortened(message, bounds::ANSWER_BYTES_MAX);
+        (success, message)
     }
 
     /// Publishes what the process has to announce, unless it has done so.

@@ -2,7 +2,8 @@
 
 use formation_msgs::{
     FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult, QueryStatusRequest,
-    QueryStatusResponse, Verdict, WithdrawTargetRequest, WithdrawTargetResponse,
+    QueryStatusResponse, RemoveModuleRequest, RemoveModuleResponse, StopFormationRequest,
+    StopFormationResponse, Verdict, WithdrawTargetRequest, WithdrawTargetResponse,
 };
 use formation_node::messages::{Received, subscribe_all};
 use formation_node::topics;
@@ -15,6 +16,10 @@ const QUERY_STATUS: Service<QueryStatusRequest, QueryStatusResponse> =
     Service::new("query_status", "formation_msgs", "QueryStatus");
 const WITHDRAW_TARGET: Service<WithdrawTargetRequest, WithdrawTargetResponse> =
     Service::new("withdraw_target", "formation_msgs", "WithdrawTarget");
+const STOP_FORMATION: Service<StopFormationRequest, StopFormationResponse> =
+    Service::new("stop_formation", "formation_msgs", "StopFormation");
+const REMOVE_MODULE: Service<RemoveModuleRequest, RemoveModuleResponse> =
+    Service::new("remove_module", "formation_msgs", "RemoveModule");
 const FORM_CONFIGURATION: Action<
     FormConfigurationGoal,
     FormConfigurationResult,
@@ -31,6 +36,8 @@ pub(crate) enum Input {
     Verdict(Verdict),
     QueryStatus(Call<QueryStatusRequest, QueryStatusResponse>),
     WithdrawTarget(Call<WithdrawTargetRequest, WithdrawTargetResponse>),
+    StopFormation(Call<StopFormationRequest, StopFormationResponse>),
+    RemoveModule(Call<RemoveModuleRequest, RemoveModuleResponse>),
     Action(ActionRequest<FormConfigurationGoal>),
 }
 
@@ -41,6 +48,8 @@ pub(crate) fn open(
 ) -> Result<FormConfigurationServer, SessionError> {
     inputs.add(session.serve(&QUERY_STATUS)?, Input::QueryStatus);
     inputs.add(session.serve(&WITHDRAW_TARGET)?, Input::WithdrawTarget);
+    inputs.add(session.serve(&STOP_FORMATION)?, Input::StopFormation);
+    inputs.add(session.serve(&REMOVE_MODULE)?, Input::RemoveModule);
     let (action, requests) = session.serve_action(&FORM_CONFIGURATION)?;
     inputs.add(requests, Input::Action);
     for messages in subscribe_all(session, 1)? {

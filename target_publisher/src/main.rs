@@ -5,6 +5,7 @@ mod endpoints;
 mod formation_status;
 mod goal_resolver;
 mod goal_tracker;
+mod operator;
 mod parameters;
 
 use std::collections::BTreeSet;
@@ -12,7 +13,7 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use async_channel::Receiver;
-use clap::Parser;
+use clap::{Args, Parser};
 use formation::model::{ModuleId, TargetAnnouncement};
 use formation_node::scenario::read_scenario;
 use formation_node::{Program, stamp};
@@ -20,6 +21,7 @@ use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
 
 use crate::announcer::TargetPublisher;
+use crate::operator::Order;
 use crate::parameters::PublisherParameters;
 
 /// Announces the target of a scenario, and keeps it for late subscribers, until it is asked to stop.
@@ -48,10 +50,43 @@ struct Arguments {
     /// Withdraw the target instead: modules then stay where they are
     #[arg(long, requires = "scenario")]
     withdraw: bool,
+    #[command(flatten)]
+    order: OrderArguments,
+}
+
+/// Commands to all modules. The program gives one, waits until the modules show it, and ends.
+#[derive(Args)]
+#[group(multiple = false, conflicts_with = "scenario")]
+struct OrderArguments {
+    /// Stop all modules until they are resumed, and end
+    #[arg(long)]
+    stop: bool,
+    /// Let the modules move again after --stop, and end
+    #[arg(long)]
+    resume: bool,
+    /// Report the bodies of these modules as taken away, so that they block no spot any more, and end
+    #[arg(long, value_name = "ID", value_delimiter = ',')]
+    remove_module: Vec<u32>,
+}
+
+impl OrderArguments {
+    fn order(&self) -> Option<Order> {
+        if self.stop || self.resume {
+            return Some(Order::Stop(self.stop));
+        }
+        let modules = self.remove_module.iter().copied().map(ModuleId);
+        let modules: BTreeSet<ModuleId> = modules.collect();
+        (!modules.is_empty()).then_some(Order::Remove(modules))
+    }
 }
 
 impl Program for Arguments {
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        if let Some(order) = self.order.order() {
+            let outcome = operator::command(&settings, order, stop)?;
+            tracing::info!("{outcome}");
+            return Ok(STATUS_DONE);
+        }
         let founders: BTreeSet<ModuleId> = self.founders.iter().copied().map(ModuleId).collect();
         let scenario = self.scenario.as_deref().map(read_scenario).transpose()?;
         let announcement = scenario.map(|scenario| {

@@ -67,6 +67,8 @@ pub struct Fleet {
     modules: Vec<u32>,
     agents: BTreeMap<u32, Running>,
     stores: Option<TempDir>,
+    /// The processes that report bodies as removed.
+    reporters: Vec<Running>,
 }
 
 impl Fleet {
@@ -91,6 +93,7 @@ impl Fleet {
             modules: problem.modules().iter().map(|module| module.id.0).collect(),
             agents: BTreeMap::new(),
             stores: None,
+            reporters: Vec::new(),
         }
     }
 
@@ -177,7 +180,23 @@ impl Fleet {
         died
     }
 
-    /// Kills one module's process; returns the time of the kill.
+    /// Kills one module's process and reports its body as removed, as simulated robots vanish with their processes; returns
+    /// the time of the kill.
+    pub fn kill_and_remove(&mut self, module: u32) -> Instant {
+        let died = self.kill(module);
+        self.remove(&[module]);
+        died
+    }
+
+    /// Begins to report the bodies of modules as removed, whose processes have ended.
+    pub fn remove(&mut self, modules: &[u32]) {
+        let modules: Vec<String> = modules.iter().map(u32::to_string).collect();
+        let options = ["--remove-module", &modules.join(",")];
+        let reporter = self.started(None, "target_publisher", &options);
+        self.reporters.push(reporter);
+    }
+
+    /// Kills one module's process, and leaves its body where it is; returns the time of the kill.
     pub fn kill(&mut self, module: u32) -> Instant {
         let mut agent = self.agents.remove(&module).unwrap();
         agent.kill();
@@ -363,6 +382,8 @@ pub struct Judged {
     pub epoch: Option<u64>,
     /// Which module is on which spot.
     pub assignments: BTreeMap<u32, u32>,
+    /// The spots that bodies block, each with the module of the body.
+    pub blocked: BTreeMap<u32, u32>,
     /// The members without a spot.
     pub unassigned: BTreeSet<u32>,
     /// What was wrong.
@@ -385,6 +406,9 @@ impl Judged {
             epoch: verdict["epoch"]["number"].as_u64(),
             assignments: list("assignments")
                 .map(|pair| (id(&pair["module"]), id(&pair["spot"])))
+                .collect(),
+            blocked: list("blocked_spots")
+                .map(|pair| (id(&pair["spot"]), id(&pair["module"])))
                 .collect(),
             unassigned: list("unassigned").map(id).collect(),
             violations: texts("violations").collect(),

@@ -29,11 +29,14 @@ fn verdict_text(verdict: &VerdictReport) -> String {
         verdict.outcome,
         verdict.filled_spots,
         verdict.filled_spots + verdict.open_spots.len(),
+        verdict.blocked_spots.len(),
     )];
     if verdict.outcome == Outcome::Partial {
         let open = listed_in_full(verdict.open_spots.iter().copied());
         lines.push(format!("left open: {open}"));
     }
+    let blocked = verdict.blocked_spots.iter();
+    lines.extend(blocked.map(|blocked| format!("blocked: {blocked}")));
     if !verdict.unassigned.is_empty() {
         let unassigned = listed_in_full(verdict.unassigned.iter().copied());
         lines.push(format!("without a spot: {unassigned}"));
@@ -94,6 +97,7 @@ mod tests {
             epoch: None,
             filled_spots: 1,
             open_spots: vec![SpotId(2)],
+            blocked_spots: Vec::new(),
             assignments: [(ModuleId(4), SpotId(1))].into(),
             unassigned: vec![ModuleId(5)],
             violations: Vec::new(),

@@ -101,6 +101,10 @@ impl VerifierProcess {
 
 /// How observation ended.
 #[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "an observation has one, so its size does not matter"
+)]
 pub enum End {
     /// With a verdict on the formation; the last, if the process kept watching.
     Judged(Verdict),

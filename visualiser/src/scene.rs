@@ -181,7 +181,7 @@ pub(crate) mod tests {
     use formation::model::{
         Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase, ModuleState,
         PlannerParameters, Roster, RosterMessage, Scenario, Service, SpotClaim, SpotSelection,
-        TargetAnnouncement,
+        Stop, TargetAnnouncement,
     };
 
     use super::*;
@@ -210,6 +210,7 @@ pub(crate) mod tests {
             waited_for: Vec::new(),
             agreed_on: Vec::new(),
             quorum_bases: Vec::new(),
+            bodies: Vec::new(),
         }
     }
 
@@ -244,6 +245,7 @@ pub(crate) mod tests {
             },
             members: Vec::new(),
             quorum_bases: Vec::new(),
+            bodies: Vec::new(),
         })))
     }
 
@@ -349,6 +351,7 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
             digest_since: 0,
             applied_turns: 0,
             phase: ModulePhase::Moving,
+            stop: Stop::default(),
         };
         scene.handle(Duration::from_secs(7), &Message::Heartbeat(beat));
         assert!(scene.has_changed());

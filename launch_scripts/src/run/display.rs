@@ -134,6 +134,7 @@ mod tests {
             agreed: 0,
             settled: 0,
             to_fill: 17,
+            stopped: false,
             waiting_for: vec![ModuleId(4)],
         }
     }

@@ -15,6 +15,7 @@ mod supervisor;
 mod tail;
 mod view;
 
+use std::collections::BTreeSet;
 use std::process::ExitStatus;
 use std::time::{Duration, Instant};
 
@@ -29,7 +30,8 @@ use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use display::{Display, progress_line};
 use memory::RunMemory;
-use programs::Programs;
+pub use network::environment_of_runs;
+pub use programs::Programs;
 use report::RunReport;
 use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
@@ -136,6 +138,8 @@ fn form(
             deadline,
             display,
             observed: Observed::default(),
+            removal: start.removal(),
+            reporters: BTreeSet::new(),
         }
         .run()
     });

@@ -46,9 +46,7 @@ pub fn prepare(
     modules: usize,
     hosts: usize,
 ) -> Result<Environment, Failure> {
-    let environment = environment(arguments.domain, |name| {
-        env::var_os(name).map(|value| value.to_string_lossy().into_owned())
-    })?;
+    let environment = environment_of_runs(arguments.domain)?;
     let Environment { domain, range } = environment;
     warn_of_ephemeral_ports(domain.number());
     let participants = hosts + OTHER_PROCESSES + usize::from(arguments.motion.driver.is_some());
@@ -82,6 +80,16 @@ pub fn prepare(
          multicast on`{fewer}"
     ));
     Err(there_is_none(enter_private_network(isolation)))
+}
+
+/// The domain and the discovery range of runs that users start from this environment.
+///
+/// # Errors
+/// Names the variable with a wrong value.
+pub fn environment_of_runs(domain: Option<Domain>) -> Result<Environment, Failure> {
+    environment(domain, |name| {
+        env::var_os(name).map(|value| value.to_string_lossy().into_owned())
+    })
 }
 
 /// As ROS 2 resolves them, but on loopback alone where no variable is set.

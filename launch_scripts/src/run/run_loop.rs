@@ -1,14 +1,17 @@
 //! One run, from the first process to the verdict.
 
-use std::process::ExitStatus;
+use std::collections::BTreeSet;
+use std::process::{Command, ExitStatus};
 use std::time::{Duration, Instant};
 
+use formation::model::ModuleId;
+use formation::model::text::listed_in_full;
 use formation::verify::{AgreementReport, Outcome, Progress, ReportLine, VerdictReport};
 
 use super::display::Display;
 use super::recording::Recording;
 use super::roles::{Death, Deaths, ProcessRoles};
-use super::supervisor::{ProcessEvent, ProcessId, Supervisor};
+use super::supervisor::{Output, ProcessEvent, ProcessId, Supervisor};
 
 /// After its verdict, the verifier stays for this long, so that subscribers of its topic receive the verdict.
 const LINGER: Duration = Duration::from_millis(500);
@@ -80,7 +83,14 @@ pub struct RunLoop<'a, 'b> {
     pub display: &'a mut Display<'b>,
     /// What was observed so far.
     pub observed: Observed,
+    /// Makes the command that reports the bodies of modules as removed; `None` where robots outlive their processes.
+    pub removal: Option<Removal<'a>>,
+    /// The processes that report removals.
+    pub reporters: BTreeSet<ProcessId>,
 }
+
+/// Makes the command that reports the bodies of these modules as removed.
+pub type Removal<'a> = Box<dyn Fn(&[ModuleId]) -> Command + 'a>;
 
 impl RunLoop<'_, '_> {
     /// Runs to the end.
@@ -170,11 +180,36 @@ impl RunLoop<'_, '_> {
         }
     }
 
-    /// Whether a verdict counts on a module whose process ended, which the verifier may not have found yet.
+    /// Whether a verdict counts on a module whose process ended, which the verifier may not have found yet, or on a body whose
+    /// removal is reported.
     fn relies_on_the_dead(&self, verdict: &VerdictReport) -> bool {
         let dead = self.observed.deaths.modules();
         let mut settled = verdict.assignments.iter();
+        let mut blocked = verdict.blocked_spots.iter();
         settled.any(|assignment| dead.contains(&assignment.module))
+            || self.removal.is_some() && blocked.any(|blocked| dead.contains(&blocked.module))
+    }
+
+    /// Reports the bodies of these modules as removed: simulated robots vanish with their process.
+    fn report_removal(&mut self, modules: &[ModuleId]) {
+        let Some(removal) = self.removal.as_ref().filter(|_| !modules.is_empty()) else {
+            return;
+        };
+        let name = format!(
+            "the report that {} vanished",
+            listed_in_full(modules.iter().copied())
+        );
+        let started = self
+            .supervisor
+            .start(name.clone(), &mut removal(modules), Output::Discarded);
+        match started {
+            Ok(process) => {
+                self.reporters.insert(process);
+            }
+            Err(error) => self
+                .display
+                .note(&format!("warning: cannot start {name}: {error}")),
+        }
     }
 
     /// Whether spots are open and modules whose processes run are not members.
@@ -190,6 +225,14 @@ impl RunLoop<'_, '_> {
     }
 
     fn take_exit(&mut self, process: ProcessId, status: ExitStatus) -> Option<RunEnd> {
+        if self.reporters.remove(&process) {
+            if !status.success() {
+                let name = self.supervisor.name(process);
+                self.display
+                    .note(&format!("warning: {name} ended with {status}"));
+            }
+            return None;
+        }
         let all_joined = self.observed.discovery.is_some();
         let target_is_known = self
             .observed
@@ -208,6 +251,7 @@ impl RunLoop<'_, '_> {
         };
         self.display
             .note(&format!("{death}; the run continues without it"));
+        self.report_removal(&death.modules);
         let deaths = &mut self.observed.deaths;
         deaths.push(death);
         (deaths.of_agents() == roles.agents.len()).then_some(RunEnd::NoAgentLeft(process, status))
@@ -228,14 +272,11 @@ impl RunLoop<'_, '_> {
 #[cfg(test)]
 mod tests {
     use std::path::Path;
-    use std::process::Command;
 
     use formation::event_log::{Entry, Event};
-    use formation::model::text::listed_in_full;
-    use formation::model::{Assignment, Epoch, FormationStage, ModuleId, SpotId};
+    use formation::model::{Assignment, Epoch, FormationStage, SpotId};
 
     use super::super::display::{LineThrottle, progress_line};
-    use super::super::supervisor::Output;
     use super::*;
 
     /// Runs processes that are shell scripts until the time is up: the verifier, the target publisher, and processes of
@@ -270,6 +311,8 @@ mod tests {
             deadline: start + Duration::from_secs(seconds),
             display: &mut Display::Lines(LineThrottle::default()),
             observed: Observed::default(),
+            removal: None,
+            reporters: BTreeSet::new(),
         }
         .run();
         (end, observed, supervisor)
@@ -294,6 +337,7 @@ mod tests {
             agreed: 0,
             settled: joined,
             to_fill: 2,
+            stopped: false,
             waiting_for: waiting_for.iter().copied().map(ModuleId).collect(),
         }))
     }
@@ -333,6 +377,7 @@ mod tests {
             }],
             unassigned: Vec::new(),
             open_spots,
+            blocked_spots: Vec::new(),
             violations: Vec::new(),
             missing: Vec::new(),
             timings_ms: Default::default(),

@@ -14,6 +14,7 @@ use super::memory::RunMemory;
 use super::processes::Host;
 use super::programs::Programs;
 use super::roles::ProcessRoles;
+use super::run_loop::Removal;
 use super::supervisor::{Output, ProcessId, Supervisor};
 use crate::arguments::{ON, RunArguments};
 
@@ -67,6 +68,34 @@ impl Start<'_> {
             target_publisher,
             agents,
         })
+    }
+
+    /// Makes the command that reports the bodies of modules as removed; `None` where robots outlive their processes.
+    pub fn removal(&self) -> Option<Removal<'_>> {
+        if self.arguments.motion.bodies_stay() {
+            return None;
+        }
+        Some(Box::new(|modules| {
+            let modules: Vec<String> = modules.iter().map(|module| module.0.to_string()).collect();
+            let mut command = self.programs.command("target_publisher");
+            self.place(&mut command);
+            command.args(["--remove-module", &modules.join(",")]);
+            self.join_session(&mut command);
+            command
+        }))
+    }
+
+    /// Passes on the domain and the discovery range.
+    fn place(&self, command: &mut Command) {
+        command
+            .args(["--domain", &self.environment.domain.to_string()])
+            .args(["--discovery-range", &self.environment.range.to_string()]);
+    }
+
+    /// Passes on the session of the run, as the first parameter.
+    fn join_session(&self, command: &mut Command) {
+        let session = format!("session:={}", self.memory.session());
+        command.args(["--ros-args", "-p", &session]);
     }
 
     fn verifier(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {
@@ -146,17 +175,10 @@ impl Start<'_> {
         output: Output,
     ) -> Result<ProcessId, Failure> {
         let mut command = self.programs.command(program);
-        command
-            .arg("--scenario")
-            .arg(&self.arguments.scenario)
-            .args(["--domain", &self.environment.domain.to_string()])
-            .args(["--discovery-range", &self.environment.range.to_string()])
-            .args(options);
-        command.args([
-            "--ros-args",
-            "-p",
-            &format!("session:={}", self.memory.session()),
-        ]);
+        command.arg("--scenario").arg(&self.arguments.scenario);
+        self.place(&mut command);
+        command.args(options);
+        self.join_session(&mut command);
         if !self.serves_parameters() {
             command.args(["-p", "start_parameter_services:=false"]);
         }

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use formation::model::{
     Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, Roster, RosterMember, RosterMessage,
-    Scenario, Service, TargetAnnouncement,
+    Scenario, Service, Stop, TargetAnnouncement,
 };
 
 use super::*;
@@ -76,6 +76,7 @@ fn beat(tracker: &mut GoalTracker<u32>, now: Duration, module: u32, phase: Modul
         digest_since: 0,
         applied_turns: 0,
         phase,
+        stop: Stop::default(),
     };
     tracker.handle_message(now, &Message::Heartbeat(heartbeat));
 }
@@ -113,6 +114,7 @@ fn plan(tracker: &mut GoalTracker<u32>, now: Duration) {
             })
             .collect(),
         quorum_bases: Vec::new(),
+        bodies: Vec::new(),
     };
     let plan = RosterMessage::Plan(Arc::new(roster));
     tracker.handle_message(now, &Message::Roster(plan));

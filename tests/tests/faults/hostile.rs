@@ -3,8 +3,10 @@
 use std::collections::BTreeMap;
 use std::process::Stdio;
 
-use formation_tests::{Domain, EIGHT, Finished, Python, Running, ScenarioFile, Transcript, report};
-use serde_json::Value;
+use formation_tests::{
+    Domain, EIGHT, Finished, Peer, Python, Running, ScenarioFile, Transcript, report,
+};
+use serde_json::{Value, json};
 
 use super::PATIENCE;
 
@@ -115,4 +117,34 @@ fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
         lied_to.memory_kb,
         quiet.memory_kb
     );
+}
+
+/// One sample that says SETTLED without an epoch, of a module that takes no part, made a right formation FAILED.
+#[test]
+fn one_state_of_an_unknown_module_changes_no_verdict() {
+    let domain = &*Domain::alone();
+    let Some(mut stranger) = Peer::start("put", "module_states", domain) else {
+        return;
+    };
+    stranger.await_ready();
+    stranger.put(&json!({"modules": [{
+        "module_id": 40, "incarnation": 1, "sequence": 1, "phase": 7, "service": 1, "x": 900.0, "y": 900.0,
+        "configuration_id": u32::MAX, "leader_id": u32::MAX, "spot_id": 1, "unit_id": 40, "settled_since": 1,
+    }]}));
+    let file = ScenarioFile::new("unknown", EIGHT);
+    let agents = ["--modules", "1-8", "--scenario", file.path()];
+    let _agents = Running::start("module_agent", domain, &agents);
+    let announce = ["--scenario", file.path(), "--expected-modules", "8"];
+    let _announcer = Running::start("target_publisher", domain, &announce);
+    let judge = ["--json", "--progress", "--time-limit-s", "80"];
+    let judged = Running::start("verifier", domain, &judge).finish(PATIENCE);
+    assert_eq!(judged.status, 0, "{}{}", judged.stdout, judged.stderr);
+    // The sample is latched, so the verifier has received it by then.
+    let joined = judged.stdout.lines().filter_map(|line| {
+        let line: Value = serde_json::from_str(line).ok()?;
+        line["progress"]["joined"].as_u64()
+    });
+    assert_eq!(joined.max(), Some(9), "{}", judged.stdout);
+    let verdict = &judged.last_json()["verdict"];
+    assert_eq!(verdict["outcome"], "COMPLETE", "{verdict}");
 }

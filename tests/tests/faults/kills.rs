@@ -1,7 +1,8 @@
 //! Processes are killed at moments drawn from a seed, and by the part that they play.
 //!
 //! Recovery is the time from a kill to the first verdict that the formation is whole again: COMPLETE, without a violation,
-//! and judged on a roster of exactly the living.
+//! and judged on a roster of exactly the living. The bodies of killed modules are reported as removed, as those of simulated
+//! robots vanish with their processes.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -69,7 +70,7 @@ fn kill_at(
     thread::sleep(Duration::from_millis(random.below(spread_ms + 1)));
     let living: Vec<u32> = fleet.living().into_iter().collect();
     let module = living[random.index(living.len())];
-    (moment, module, fleet.kill(module))
+    (moment, module, fleet.kill_and_remove(module))
 }
 
 fn random_moment(random: &mut Random) -> Moment {
@@ -106,7 +107,7 @@ fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
         let marks = fleet.marks();
         let holders: Vec<u32> = whole.assignments.keys().copied().collect();
         let module = holders[random.index(holders.len())];
-        killed = vec![(Moment::Done, module, fleet.kill(module))];
+        killed = vec![(Moment::Done, module, fleet.kill_and_remove(module))];
         if recoveries.len() + killed.len() < kills {
             let moment = random_moment(&mut random);
             killed.push(kill_at(moment, &marks, &mut fleet, &mut random));
@@ -172,7 +173,7 @@ fn the_convener_and_then_a_leader_may_die() {
     // The lowest module that lives then: another than 1 if that one is late.
     let convener = fleet.wait_for_any(&marks, "convened epoch", PATIENCE);
     let convener = convener.unwrap_or_else(|| panic!("{}", fleet.story()));
-    fleet.kill(convener);
+    fleet.kill_and_remove(convener);
     // The others go on without it, whether or not its roster came out. Module 2 leads the docked modules; without it, each
     // leads itself.
     let leader = if convener == 2 {
@@ -182,7 +183,7 @@ fn the_convener_and_then_a_leader_may_die() {
         moves.map(|_| 2)
     };
     let leader = leader.unwrap_or_else(|| panic!("{}", fleet.story()));
-    let died = fleet.kill(leader);
+    let died = fleet.kill_and_remove(leader);
     fleet.wait_until_whole(&judge, died, PATIENCE);
 }
 
@@ -207,6 +208,6 @@ fn the_target_publisher_and_the_verifier_may_die() {
     let whole = fleet.wait_until_whole(&judge, started, PATIENCE);
     // The members know what they planned for, so the formation recovers from a death without the publisher.
     let &module = whole.assignments.keys().next_back().unwrap();
-    let died = fleet.kill(module);
+    let died = fleet.kill_and_remove(module);
     fleet.wait_until_whole(&judge, died, PATIENCE);
 }

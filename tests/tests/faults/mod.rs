@@ -9,11 +9,13 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
+mod bodies;
 mod hostile;
 mod kills;
 mod launcher;
 mod partition;
 mod restarts;
+mod stop;
 mod stores;
 
 use std::time::Duration;

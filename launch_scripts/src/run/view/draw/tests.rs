@@ -126,6 +126,7 @@ fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
         agreed: 0,
         settled: 0,
         to_fill: 0,
+        stopped: false,
         waiting_for: vec![ModuleId(3)],
     });
     let text = drawn(&watched, LARGE);

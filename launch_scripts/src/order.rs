@@ -1,0 +1,36 @@
+//! `formation stop`, `resume` and `remove`: commands to the modules of a running formation.
+
+use anyhow::{Context, anyhow};
+use ros_runtime::environment::Environment;
+use ros_runtime::exit::Failure;
+
+use crate::arguments::OrderArguments;
+use crate::run::{Programs, environment_of_runs};
+
+/// The option by which the target publisher reports bodies as removed.
+pub fn removal(modules: &[u32]) -> Vec<String> {
+    let modules: Vec<String> = modules.iter().map(u32::to_string).collect();
+    vec!["--remove-module".to_owned(), modules.join(",")]
+}
+
+/// Has a target publisher give a command, which ends once the modules show it.
+///
+/// # Errors
+/// Says why the command was not given, or not taken.
+pub fn give(network: &OrderArguments, order: &[String]) -> Result<(), Failure> {
+    let mut command = Programs::next_to_launcher()?.command("target_publisher");
+    let Environment { domain, range } = environment_of_runs(network.domain)?;
+    let status = command
+        .args(["--domain", &domain.to_string()])
+        .args(["--discovery-range", &range.to_string()])
+        .args(order)
+        .status()
+        .context("cannot start target_publisher")
+        .map_err(Failure::Failed)?;
+    if status.success() {
+        return Ok(());
+    }
+    Err(Failure::Failed(anyhow!(
+        "target_publisher, which gives the command, ended with {status}; its last lines are above"
+    )))
+}

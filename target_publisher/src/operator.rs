@@ -1,0 +1,390 @@
+//! Commands of an operator to all modules: stop, resume, and the report that bodies were taken away.
+//!
+//! `target_publisher --stop` gives one command and ends once the modules show it. The services of a target publisher that
+//! stays give the same commands.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use async_channel::Receiver;
+use formation::model::text::listed_in_full;
+use formation::model::{
+    Heartbeat, Incarnation, MODULES_MAX, Message, ModuleId, NO_ID, Removal, RosterMessage, Stop,
+};
+use formation_msgs::{InSession, OperatorCommand, SessionId};
+use formation_node::messages::{Received, Sample, session_of, subscribe, subscribe_every_session};
+use formation_node::topics;
+use futures::stream::LocalBoxStream;
+use ros_runtime::PublisherQueue;
+use ros_runtime::inputs::Inputs;
+use ros_runtime::node::Node;
+use ros_runtime::parameters::{ParameterError, Values};
+use ros_runtime::session::{Session, SessionError};
+use ros_runtime::settings::Settings;
+use ros_runtime::topic::Topic;
+
+const NODE_NAME: &str = "operator";
+
+/// A module that is silent for longer need not show the command.
+const LIVE: Duration = Duration::from_secs(3);
+/// The time in which the latest command that any module knows, and which modules are live, becomes known here.
+const LISTENING: Duration = Duration::from_millis(1_500);
+/// The time between two publications: a module may be discovered after the first.
+const REPEAT: Duration = Duration::from_millis(500);
+/// How long the report of a removal repeats. Rosters carry it on.
+const REMOVAL_REPEATS: Duration = Duration::from_secs(3);
+/// How long the modules have to appear and to show the command.
+const PATIENCE: Duration = Duration::from_secs(15);
+
+/// What is commanded.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub(crate) enum Order {
+    /// All modules stand still, or may move again.
+    Stop(bool),
+    /// The bodies of these modules were taken away.
+    Remove(BTreeSet<ModuleId>),
+}
+
+/// What is known of commands and runs, from the messages of modules.
+#[derive(Debug, Default)]
+pub(crate) struct Known {
+    stop: Stop,
+    runs: BTreeMap<ModuleId, Incarnation>,
+}
+
+impl Known {
+    /// Takes in a message of a module.
+    pub(crate) fn handle_message(&mut self, message: &Message) {
+        match message {
+            Message::Heartbeat(heartbeat) => {
+                self.stop = self.stop.max(heartbeat.stop);
+                self.note_run(heartbeat.module, heartbeat.incarnation);
+            }
+            Message::Roster(RosterMessage::Plan(roster)) => {
+                for member in &roster.members {
+                    self.note_run(member.module.id, member.incarnation);
+                }
+                for body in &roster.bodies {
+                    self.note_run(body.module, body.incarnation);
+                }
+            }
+            _ => {}
+        }
+    }
+
+    fn note_run(&mut self, module: ModuleId, incarnation: Incarnation) {
+        let known = self.runs.entry(module).or_insert(incarnation);
+        *known = incarnation.max(*known);
+    }
+
+    /// The command that takes precedence over all known ones; it is the latest from now on.
+    pub(crate) fn next_stop(&mut self, stopped: bool) -> Result<Stop, String> {
+        let known = self.stop.revision;
+        let revision = known.checked_add(1).ok_or_else(|| {
+            format!("revision {known} is the greatest there is, so no command follows it")
+        })?;
+        self.stop = Stop { revision, stopped };
+        Ok(self.stop)
+    }
+
+    /// The report that the body of a module was taken away, in its latest known run.
+    pub(crate) fn removal(&self, module: ModuleId) -> Removal {
+        Removal {
+            module,
+            incarnation: self.runs.get(&module).copied(),
+        }
+    }
+}
+
+/// The commands of a target publisher's clients.
+#[derive(Debug, Default)]
+pub(crate) struct Commander {
+    known: Known,
+    removals: BTreeMap<ModuleId, Removal>,
+}
+
+impl Commander {
+    /// Takes in a message of a module. Returns whether it shows a later command to stop or to resume: that one is published
+    /// again, so that it outlives a restart of all modules.
+    pub(crate) fn handle_message(&mut self, message: &Message) -> bool {
+        let before = self.known.stop;
+        self.known.handle_message(message);
+        self.known.stop > before
+    }
+
+    /// Stops or resumes all modules. Says what will happen, or why nothing does.
+    pub(crate) fn stop(&mut self, stopped: bool) -> Result<String, String> {
+        let stop = self.known.next_stop(stopped)?;
+        let revision = stop.revision;
+        tracing::info!(revision, stopped, "gave a stop command");
+        Ok(if stopped {
+            "all modules stand still until they are resumed".to_owned()
+        } else {
+            "the modules move again".to_owned()
+        })
+    }
+
+    /// Reports the body of a module as removed. Says what will happen, or why nothing does.
+    pub(crate) fn remove(&mut self, module: u32, incarnation: u64) -> Result<String, String> {
+        let module = ModuleId(module);
+        if module.0 == NO_ID {
+            return Err(format!("module_id: {NO_ID} is reserved and cannot be used"));
+        }
+        let mut removal = self.known.removal(module);
+        if incarnation != 0 {
+            removal.incarnation = Some(Incarnation(incarnation));
+        }
+        if removal.incarnation.is_none() {
+            return Err(format!(
+                "no message of {module} or of a roster that lists it was received; name the incarnation that is gone"
+            ));
+        }
+        if self.removals.len() >= MODULES_MAX && !self.removals.contains_key(&module) {
+            return Err(format!(
+                "{MODULES_MAX} bodies were reported as removed already"
+            ));
+        }
+        self.removals.insert(module, removal);
+        tracing::info!(module = module.0, "reported a body as removed");
+        Ok(format!(
+            "the body of {module} blocks no spot any more; if its process still runs, it takes no part until it restarts"
+        ))
+    }
+
+    /// Whether any command is in force.
+    pub(crate) fn has_commands(&self) -> bool {
+        self.known.stop.revision > 0 || !self.removals.is_empty()
+    }
+
+    /// All commands that are in force.
+    pub(crate) fn sample(&self) -> OperatorCommand {
+        OperatorCommand::new(self.known.stop, self.removals.values())
+    }
+}
+
+/// Gives one command, and waits until the modules show it. Says what came of it.
+///
+/// # Errors
+/// The ROS 2 graph could not be joined, or the modules did not show the command in time.
+pub(crate) fn command(
+    settings: &Settings,
+    order: Order,
+    stop: &Receiver<()>,
+) -> Result<String, SessionError> {
+    let parameters = settings.declare(NODE_NAME, Vec::new())?;
+    let mut session = Session::join(settings, NODE_NAME, parameters)?;
+    let mut inputs = Inputs::default();
+    let heartbeats = listen(&mut session, &topics::HEARTBEATS)?;
+    inputs.add(heartbeats, |one| one);
+    let rosters = listen(&mut session, &topics::ROSTER)?;
+    inputs.add(rosters, |one| one);
+    let mut operator = Operator {
+        order,
+        session: session_of(&session),
+        commands: session.publisher(&topics::COMMANDS)?,
+        known: Known::default(),
+        heartbeats: BTreeMap::new(),
+        began: Instant::now(),
+        first: None,
+        given: None,
+        due: Instant::now(),
+        outcome: None,
+    };
+    session.run(&mut operator, inputs, stop)?;
+    let interrupted = || Err("interrupted".to_owned());
+    let outcome = operator.outcome.unwrap_or_else(interrupted);
+    outcome.map_err(SessionError::Failed)
+}
+
+/// Subscribes a topic for the session that the command is for, or for every session.
+fn listen<M: Sample>(
+    session: &mut Session,
+    topic: &Topic<M>,
+) -> Result<LocalBoxStream<'static, Received>, SessionError> {
+    match session_of(session) {
+        SessionId::EVERY => subscribe_every_session(session, topic),
+        _ => subscribe(session, topic),
+    }
+}
+
+struct Operator {
+    order: Order,
+    /// The session to which the command applies; without one, it applies to every session.
+    session: SessionId,
+    commands: PublisherQueue<OperatorCommand>,
+    known: Known,
+    /// The latest heartbeat of each module, and when it arrived.
+    heartbeats: BTreeMap<ModuleId, (Heartbeat, Instant)>,
+    began: Instant,
+    /// When the first message of a module arrived.
+    first: Option<Instant>,
+    /// The command, once it was given, and when.
+    given: Option<(OperatorCommand, Instant)>,
+    due: Instant,
+    outcome: Option<Result<String, String>>,
+}
+
+impl Node for Operator {
+    type Input = Received;
+
+    fn handle(&mut self, received: Received) {
+        let now = Instant::now();
+        for message in &received.messages {
+            self.known.handle_message(message);
+            if let Message::Heartbeat(heartbeat) = message {
+                self.first.get_or_insert(now);
+                self.heartbeats.insert(heartbeat.module, (*heartbeat, now));
+            }
+        }
+    }
+
+    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        let now = Instant::now();
+        if now >= self.due {
+            self.due = now + REPEAT;
+            self.outcome = self.pursue(now);
+        }
+        Ok(match self.outcome {
+            Some(_) => ControlFlow::Break(()),
+            None => ControlFlow::Continue(()),
+        })
+    }
+
+    fn due(&self) -> Option<Instant> {
+        Some(self.due)
+    }
+
+    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}
+
+impl Operator {
+    /// Gives the command again, and judges whether it was taken; the outcome, if there is one.
+    fn pursue(&mut self, now: Instant) -> Option<Result<String, String>> {
+        let is_late = now > self.began + PATIENCE;
+        let Some(first) = self.first else {
+            return is_late.then(|| Err("no module is live on this domain".to_owned()));
+        };
+        if self.given.is_none() {
+            if now < first + LISTENING {
+                return None;
+            }
+            match self.make() {
+                Ok(command) => self.given = Some((command, now)),
+                Err(reason) => return Some(Err(reason)),
+            }
+        }
+        let (command, given) = self.given.as_ref()?;
+        self.commands
+            .publish(command.clone().in_session(self.session));
+        match &self.order {
+            Order::Remove(modules) => {
+                let modules = listed_in_full(modules.iter().copied());
+                let done = now > *given + REMOVAL_REPEATS;
+                done.then(|| Ok(format!("reported the body of {modules} as removed")))
+            }
+            Order::Stop(stopped) => {
+                let wanted = self.known.stop.revision;
+                let live = self.heartbeats.iter();
+                let live: Vec<_> = live
+                    .filter(|(_, (_, arrived))| now < *arrived + LIVE)
+                    .collect();
+                let lacking = live
+                    .iter()
+                    .filter(|(_, (heartbeat, _))| heartbeat.stop.revision < wanted)
+                    .map(|(module, _)| **module);
+                let lacking: Vec<ModuleId> = lacking.collect();
+                if lacking.is_empty() && now > *given + REPEAT {
+                    let verb = if *stopped { "stopped" } else { "resumed" };
+                    let modules = listed_in_full(live.iter().map(|(module, _)| **module));
+                    return Some(Ok(format!("{verb} {modules}")));
+                }
+                is_late.then(|| {
+                    let lacking = listed_in_full(lacking);
+                    Err(format!("no heartbeat of {lacking} shows the command"))
+                })
+            }
+        }
+    }
+
+    fn make(&mut self) -> Result<OperatorCommand, String> {
+        Ok(match &self.order {
+            Order::Stop(stopped) => OperatorCommand::new(self.known.next_stop(*stopped)?, []),
+            Order::Remove(modules) => {
+                let live = modules.iter().copied();
+                let live: Vec<ModuleId> = live
+                    .filter(|module| self.heartbeats.contains_key(module))
+                    .collect();
+                if !live.is_empty() {
+                    return Err(format!(
+                        "the heartbeats of {} arrive; end their processes before their bodies are reported as removed",
+                        listed_in_full(live)
+                    ));
+                }
+                let removals = modules.iter().map(|&module| self.known.removal(module));
+                OperatorCommand::new(Stop::default(), &removals.collect::<Vec<_>>())
+            }
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use formation::model::ModulePhase;
+
+    use super::*;
+
+    #[test]
+    fn a_command_follows_the_latest_that_is_known() {
+        let mut known = Known::default();
+        let stop = |revision, stopped| Stop { revision, stopped };
+        assert_eq!(known.next_stop(true), Ok(stop(1, true)));
+        known.stop = stop(7, true);
+        assert_eq!(known.next_stop(false), Ok(stop(8, false)));
+        known.stop.revision = u64::MAX;
+        assert!(known.next_stop(true).is_err());
+    }
+
+    #[test]
+    fn a_stop_that_modules_show_is_published_again() {
+        let heartbeat = |revision| {
+            Message::Heartbeat(Heartbeat {
+                module: ModuleId(4),
+                incarnation: Incarnation(1),
+                store: None,
+                sequence: revision,
+                uptime: Duration::ZERO,
+                epoch: None,
+                digest: None,
+                digest_since: 0,
+                applied_turns: 0,
+                phase: ModulePhase::Listening,
+                stop: Stop {
+                    revision,
+                    stopped: revision > 0,
+                },
+            })
+        };
+        let mut commander = Commander::default();
+        assert!(!commander.handle_message(&heartbeat(0)) && !commander.has_commands());
+        assert!(commander.handle_message(&heartbeat(3)) && commander.has_commands());
+        assert!(!commander.handle_message(&heartbeat(3)), "it is known");
+        assert_eq!(commander.sample().stop.revision, 3);
+        // A removal of a module of which nothing is known has to name the run.
+        assert!(commander.remove(9, 0).is_err());
+        assert!(commander.remove(9, 5).is_ok());
+        assert_eq!(commander.sample().removals.len(), 1);
+    }
+
+    #[test]
+    fn a_removal_names_the_latest_run_that_is_known() {
+        let mut known = Known::default();
+        let module = ModuleId(4);
+        assert_eq!(known.removal(module).incarnation, None);
+        known.note_run(module, Incarnation(7));
+        known.note_run(module, Incarnation(5));
+        assert_eq!(known.removal(module).incarnation, Some(Incarnation(7)));
+    }
+}
