@@ -33,6 +33,16 @@ pub enum Command {
         /// The scenario file (YAML).
         scenario: PathBuf,
     },
+    /// Draw a scenario whose modules and spots stand on a lattice as text, as its file may have it.
+    Show {
+        /// The scenario file (YAML).
+        scenario: PathBuf,
+        /// Print a picture in SVG instead, for which nothing needs to stand on a lattice.
+        #[arg(long)]
+        svg: bool,
+    },
+    /// Print the JSON schema of scenario files, with which editors complete and check them.
+    Schema,
     /// Form the target with real processes over DDS, and have the outcome verified.
     Run(RunArguments),
     /// Stop all modules of a running formation: they stand still, also after restarts, until they are resumed.

@@ -12,6 +12,7 @@ mod plan;
 mod report;
 mod run;
 mod scenario_file;
+mod show;
 mod simulate;
 mod table;
 mod warnings;
@@ -26,6 +27,8 @@ use crate::arguments::{Arguments, Command};
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
         Command::Check { scenario } => check::check(&scenario),
+        Command::Show { scenario, svg } => show::show(&scenario, svg),
+        Command::Schema => show::schema(),
         Command::Run(arguments) => run::run(&arguments),
         Command::Stop(network) => order::give(&network, &["--stop".to_owned()]),
         Command::Resume(network) => order::give(&network, &["--resume".to_owned()]),

@@ -12,5 +12,6 @@ mod experiments;
 mod generate;
 mod plan;
 mod run;
+mod show;
 mod simulate;
 mod verifier_lines;

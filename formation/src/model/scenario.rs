@@ -8,6 +8,7 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::model::field::{check_id, checked_pose, connected_graph};
+use crate::model::scenario_file::ScenarioFile;
 use crate::model::{
     ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, NAME_BYTES_MAX,
     PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawModule, RawTarget, Target,
@@ -138,7 +139,8 @@ impl Scenario {
     /// Names the line of a syntax error, or the field that is wrong and why.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
         check_nesting(text)?;
-        Self::try_from(serde_yaml::from_str::<RawScenario>(text)?)
+        let file: ScenarioFile = serde_yaml::from_str(text)?;
+        Self::try_from(RawScenario::try_from(file)?)
     }
 
     /// The scenario's name.

@@ -1,0 +1,42 @@
+//! `formation show` and `formation schema`.
+
+use std::path::Path;
+use std::sync::Arc;
+
+use formation::planner::plan;
+use formation_report::{Subject, before};
+use ros_runtime::exit::{Failure, one_line};
+
+use crate::{console, scenario_file};
+
+/// The JSON schema of scenario files.
+const SCHEMA: &str = include_str!("../scenario.schema.json");
+
+/// Prints a scenario as maps, or as a picture of its start.
+///
+/// # Errors
+/// Names the file, and what is wrong in it or cannot be drawn as a map.
+pub fn show(path: &Path, svg: bool) -> Result<(), Failure> {
+    let scenario = scenario_file::load(path)?;
+    let name = one_line(scenario.name());
+    if svg {
+        let outcome = plan(Arc::new(scenario.problem().clone()));
+        let subject = Subject::planned(&name, scenario.problem(), &outcome);
+        return console::result_line(&before(&subject));
+    }
+    let maps = scenario.to_maps().map_err(|error| {
+        Failure::bad_input(format_args!(
+            "{}: {error}; --svg draws it all the same",
+            path.display()
+        ))
+    })?;
+    console::result_line(&format!("name: {name}\n{}", maps.trim_end()))
+}
+
+/// Prints the JSON schema of scenario files.
+///
+/// # Errors
+/// The output cannot be written.
+pub fn schema() -> Result<(), Failure> {
+    console::result_line(SCHEMA.trim_end())
+}
