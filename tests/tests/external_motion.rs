@@ -76,7 +76,7 @@ fn a_driver_that_does_not_follow_a_goal_is_named_with_its_limit_and_harms_nobody
         run.stderr
     );
     let end = run.stderr.lines().last().unwrap();
-    assert!(end.contains("module 7 took no spot"), "{end}");
+    assert!(end.contains("module 7 left service"), "{end}");
 }
 
 #[test]
