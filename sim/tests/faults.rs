@@ -128,3 +128,18 @@ fn a_quorum_does_not_wait_for_itself() {
         run_all(&CampaignParameters::default(), seed..seed + 1);
     }
 }
+
+/// Seeds with a goal that waits for the store while its module arrives: the module would set off again. And one in which bodies
+/// may stand on every spot.
+#[test]
+fn no_goal_outlives_an_arrival() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        modules_min: 2,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    for seed in [20_001_547, 20_002_328, 20_011_259] {
+        run_all(&parameters, seed..seed + 1);
+    }
+}

@@ -23,6 +23,8 @@ impl Agent {
             MotionReport::Arrived(pose) => {
                 body.pose = pose;
                 body.moving = false;
+                // A goal that waited for the store meanwhile would have the module set off again.
+                self.context.outbox.withdraw_goals();
                 if let Stage::Acting(acting) = &mut self.stage {
                     acting.arrive();
                 }
@@ -30,6 +32,7 @@ impl Agent {
             MotionReport::Halted(pose) => {
                 body.pose = pose;
                 body.moving = false;
+                self.context.outbox.withdraw_goals();
             }
             MotionReport::Docked(module) => {
                 body.ports_busy.remove(&module);

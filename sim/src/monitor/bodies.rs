@@ -5,6 +5,7 @@
 //! other, and robots start anywhere; so a robot is not judged while it moves, where it was halted or failed on its way, or
 //! while it has a spot of its own to go to in the same plan.
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation::model::{ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target};
@@ -66,11 +67,30 @@ impl Monitor {
     /// Whether a module has another spot in the same plan as this state, to which it goes later, or would have gone: when its
     /// process ends, another member may have set off already.
     fn has_yet_to_go(&self, module: ModuleId, state: &ModuleState) -> bool {
-        let mut runs = self.latest.iter().filter(|(run, _)| run.module == module);
-        runs.any(|(_, latest)| {
-            latest.state.as_ref().is_some_and(|other| {
-                other.epoch == state.epoch && other.spot.is_some() && other.spot != state.spot
-            })
+        let plan = state.epoch.zip(state.digest);
+        let spot = plan.and_then(|plan| self.assigned.get(&(plan, module)));
+        spot.is_some_and(|&spot| Some(spot) != state.spot)
+    }
+
+    /// Whether the bodies that the modules of a group report block every spot of the target.
+    pub(super) fn all_is_blocked(&self, cluster: &Cluster, group: &BTreeSet<ModuleId>) -> bool {
+        let announcement = cluster.announcement();
+        let Some(target) = announcement.and_then(|announcement| announcement.target.as_ref())
+        else {
+            return false;
+        };
+        let states = group
+            .iter()
+            .filter_map(|&module| self.state(cluster, module));
+        let lines: Vec<(Pose, Pose)> = states
+            .flat_map(|state| &state.bodies)
+            .filter(|body| !group.contains(&body.module))
+            .filter_map(|body| body.whereabouts.reach())
+            .collect();
+        let mut spots = target.spots().iter();
+        spots.all(|spot| {
+            let mut lines = lines.iter();
+            lines.any(|(from, to)| is_near_line(&spot.pose, from, to))
         })
     }
 

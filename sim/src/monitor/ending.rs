@@ -2,7 +2,8 @@
 //!
 //! Each group of modules that can reach each other is judged on its own. With a quorum, the group must have formed: one
 //! epoch, one digest, every module a member or a spare that knows the epoch, and exactly as many spots filled as there are
-//! modules, or connected spots that no body blocks. Without one, every module must report that it waits for a quorum.
+//! modules, or connected spots that no body blocks; it may wait if bodies block all spots. Without one, every module must report
+//! that it waits for a quorum.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -64,6 +65,10 @@ impl Monitor {
             return Part::Waiting;
         }
         let Some((epoch, digest)) = self.common_plan(cluster, modules) else {
+            // No roster is closed while no spot is free.
+            if self.all_is_blocked(cluster, modules) {
+                return Part::Idle;
+            }
             return Part::Unfinished;
         };
         let Some(known) = self.rosters.get(&epoch) else {

@@ -62,6 +62,8 @@ pub(crate) struct Monitor {
     settled_on: BTreeMap<ModuleRun, (SpotId, Arc<Roster>)>,
     holders: BTreeMap<(PlanKey, SpotId), ModuleId>,
     spots: BTreeMap<(PlanKey, ModuleId), SpotId>,
+    /// The spot that each module has in a plan, by any of its states.
+    assigned: BTreeMap<(PlanKey, ModuleId), SpotId>,
     /// The plans on which a module has begun to move.
     begun: BTreeSet<PlanKey>,
     pub violations: Vec<Violation>,
@@ -79,6 +81,7 @@ impl Monitor {
             settled_on: BTreeMap::new(),
             holders: BTreeMap::new(),
             spots: BTreeMap::new(),
+            assigned: BTreeMap::new(),
             begun: BTreeSet::new(),
             violations: Vec::new(),
         }
@@ -198,6 +201,9 @@ impl Monitor {
         latest.target_revision = announcement.map(|announcement| announcement.revision);
         let was_settled = self.settled_on.contains_key(&run);
         self.follow(at, run, state);
+        if let (Some(plan), Some(spot)) = (state.epoch.zip(state.digest), state.spot) {
+            self.assigned.insert((plan, state.module), spot);
+        }
         if !was_settled {
             self.check_bodies(at, state, cluster);
         }
