@@ -23,7 +23,8 @@ const EXIT_STATUS: &str = "\
 Exit status:
   0  done
   1  the formation failed, or its result is wrong
-  2  bad input or usage";
+  2  bad input or usage
+  130, 143  interrupted by Ctrl-C (SIGINT), or by SIGTERM";
 
 /// What the launcher can do.
 #[derive(Debug, Subcommand)]

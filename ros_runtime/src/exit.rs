@@ -34,6 +34,9 @@ pub enum Failure {
     /// Something failed later.
     #[error("{}", with_causes(.0))]
     Failed(anyhow::Error),
+    /// A signal asked the process to end before its work was done.
+    #[error("{0}")]
+    Interrupted(String, i32),
     /// The reader of the standard output closed it, as `head` does; nothing is reported then.
     #[error("the standard output was closed")]
     OutputClosed,
@@ -76,6 +79,8 @@ pub fn conclude(result: Result<u8, Failure>) -> ExitCode {
     }
     let status = match failure {
         Failure::BadInput(_) => STATUS_BAD_INPUT,
+        // What a shell reports for a process that the signal ended.
+        Failure::Interrupted(_, signal) => u8::try_from(128 + signal).unwrap_or(STATUS_FAILED),
         Failure::Failed(_) | Failure::OutputClosed => STATUS_FAILED,
     };
     status.into()

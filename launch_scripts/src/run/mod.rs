@@ -165,9 +165,12 @@ fn form(
             "no process of modules is left before there was a verdict; {} ended last, with {status}",
             supervisor.name(process)
         )),
-        RunEnd::Interrupted(signal) => failed(format!(
-            "interrupted by {}; every process was stopped",
-            signal_name(signal)
+        RunEnd::Interrupted(signal) => Err(Failure::Interrupted(
+            format!(
+                "interrupted by {}; every process was stopped",
+                signal_name(signal)
+            ),
+            signal,
         )),
         RunEnd::TimedOut => failed(format!(
             "no verdict within {} s; {}",
