@@ -91,7 +91,7 @@ impl Stage {
             heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(roster.epoch))
         };
         let ahead: Vec<ModuleId> = stuck.iter().copied().filter(is_ahead).collect();
-        if !ahead.is_empty() {
+        if !ahead.is_empty() && !context.bugs.exclude_members_ahead() {
             // They make progress, without this module. Were they excluded, this module would lack them for a quorum.
             return Some(EpochReason::MembersAhead(ahead));
         }

@@ -252,6 +252,9 @@ impl Agent {
         } else if !stands_back && self.context.target.is_set() {
             let had_settled = self.stage.is_settled();
             self.run_stage();
+            if self.context.body.moving && self.context.bugs.forget_pin_before_goal() {
+                self.context.body.settled_on = None;
+            }
             if !had_settled && self.stage.is_settled() {
                 self.adjust_links_to_neighbours();
             }

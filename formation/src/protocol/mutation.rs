@@ -55,6 +55,12 @@ pub enum Mutation {
     IgnoreNewcomers,
     /// Plans as if absent modules had no bodies.
     IgnoreBodies,
+    /// Excludes members that it considers stuck although they show a later epoch.
+    ExcludeMembersAhead,
+    /// Forgets its pin when it decides to set off, before its drive has a goal.
+    ForgetPinBeforeGoal,
+    /// Restarts without the bodies that its store holds.
+    ForgetStoredBodies,
 }
 
 /// The bug that an agent has, if any; none outside of tests.
@@ -159,4 +165,7 @@ predicates! {
     ignore_newcomers: IgnoreNewcomers,
     learn_unjudged: LearnUnjudged,
     ignore_bodies: IgnoreBodies,
+    exclude_members_ahead: ExcludeMembersAhead,
+    forget_pin_before_goal: ForgetPinBeforeGoal,
+    forget_stored_bodies: ForgetStoredBodies,
 }
