@@ -1,11 +1,11 @@
 //! One simulated process: agent, drive, clock and inbox.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Digest, Epoch, Incarnation, Message, TargetAnnouncement};
+use formation::model::{Digest, Epoch, Incarnation, Message, ModuleId, TargetAnnouncement};
 use formation::motion::SimulatedDrive;
 use formation::protocol::{Agent, AgentParameters, DurableState, Identity, Input};
 
@@ -107,6 +107,13 @@ impl Inbox {
     }
 }
 
+/// What the store of a module holds.
+pub(crate) struct Stored {
+    pub state: DurableState,
+    /// The modules of which the run that wrote it had received a state, or knew from its store.
+    pub seen: BTreeSet<ModuleId>,
+}
+
 /// One module's process: its agent, its drive, and its clock.
 pub(crate) struct Process {
     pub agent: Agent,
@@ -124,7 +131,7 @@ pub(crate) struct Process {
     /// The last announcement of a target that it received.
     pub announcement: Option<Arc<TargetAnnouncement>>,
     /// What was given to its store and is not held by it yet.
-    pub writing: VecDeque<(u64, DurableState)>,
+    pub writing: VecDeque<(u64, Stored)>,
     /// The samples that its writers keep for late readers.
     pub history: BTreeMap<Topic, Vec<(u64, Message)>>,
 }

@@ -4,9 +4,13 @@
 
 use std::time::Duration;
 
-use crate::support::{Trial, drawn};
+use crate::support::{Trial, drawn, spots};
 use formation::generate::Grouping;
-use formation_sim::{CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, run_seed};
+use formation::model::{ModuleId, Stop};
+use formation::protocol::{Agent, AgentParameters, Mutation};
+use formation_sim::{
+    AgentFactory, CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, run_seed,
+};
 
 fn with_stores() -> ClusterParameters {
     ClusterParameters {
@@ -53,6 +57,101 @@ fn a_formation_on_its_way_restarts_and_finishes() {
         }
         trial.until_formed_again();
         assert_eq!(trial.settled().len(), 6, "seed {seed}");
+    }
+}
+
+/// Forms with one spare and stores.
+fn formed_with_spare(seed: u64, mutation: Option<Mutation>) -> Trial {
+    let agents = AgentFactory::new(move |identity, parameters, now| {
+        let agent = Agent::new(identity, parameters, now);
+        match mutation {
+            Some(mutation) => agent.mutated(mutation),
+            None => agent,
+        }
+    });
+    let problem = drawn(6, 5, Grouping::Singletons, seed);
+    let mut trial = Trial::of_agents(&problem, with_stores(), seed, agents);
+    trial.until(Cluster::has_formed);
+    trial
+}
+
+/// Lets all processes end, and all modules but one restart.
+fn restart_all_but(trial: &mut Trial, lost: ModuleId) {
+    for module in trial.cluster.modules() {
+        trial.cluster.crash(module);
+    }
+    trial.run_for(Duration::from_secs(20));
+    for module in trial.cluster.modules() {
+        if module != lost {
+            trial.cluster.restart(module);
+        }
+    }
+    trial.until_formed_again();
+}
+
+/// The number of modules on or near the spot of a module.
+fn bodies_at(trial: &Trial, module: ModuleId) -> usize {
+    let here = trial.cluster.body(module).unwrap();
+    let modules = trial.cluster.modules().into_iter();
+    modules
+        .filter_map(|other| trial.cluster.body(other))
+        .filter(|body| body.distance_to(&here).to_units() < 0.5)
+        .count()
+}
+
+/// A body is known from before, or becomes known by the restart itself.
+#[test]
+fn a_body_on_a_spot_outlives_the_restart_of_all_that_know_it() {
+    for seed in 0..12 {
+        let mut trial = formed_with_spare(seed, None);
+        let (lost, spot) = trial.settled()[2];
+        if seed % 2 == 0 {
+            trial.cluster.crash(lost);
+            trial.until_formed_again();
+        }
+        restart_all_but(&mut trial, lost);
+        assert_eq!(bodies_at(&trial, lost), 1, "seed {seed}");
+        assert!(!spots(&trial.settled()).contains(&spot), "seed {seed}");
+        // So does its removal.
+        let before = trial.newest_epoch();
+        trial.cluster.remove(lost);
+        trial.until_formed_after(before);
+        assert_eq!(spots(&trial.settled()).len(), 5, "seed {seed}");
+        restart_all_but(&mut trial, lost);
+        assert_eq!(spots(&trial.settled()).len(), 5, "seed {seed}");
+    }
+}
+
+#[test]
+fn stores_without_bodies_lead_to_two_bodies_on_one_spot() {
+    let mut trial = formed_with_spare(0, Some(Mutation::ForgetStoredBodies));
+    let (lost, _) = trial.settled()[2];
+    restart_all_but(&mut trial, lost);
+    assert_eq!(bodies_at(&trial, lost), 2);
+}
+
+#[test]
+fn a_stop_outlives_the_restart_of_all_modules() {
+    for seed in 0..6 {
+        let problem = drawn(6, 6, Grouping::Singletons, seed);
+        let mut trial = Trial::with(&problem, with_stores(), seed);
+        let is_moving = |cluster: &Cluster| {
+            let modules = cluster.running();
+            modules.into_iter().any(|module| cluster.is_moving(module))
+        };
+        trial.until(is_moving);
+        let stop = |revision, stopped| Stop { revision, stopped };
+        trial.cluster.stop(ModuleId(1), stop(1, true));
+        trial.run_for(AgentParameters::default().lease);
+        for module in trial.cluster.running() {
+            trial.cluster.crash(module);
+            trial.cluster.restart(module);
+        }
+        let end = trial.cluster.now() + Duration::from_secs(120);
+        assert!(!trial.cluster.run_until(end, is_moving), "seed {seed}");
+        trial.cluster.stop(ModuleId(1), stop(2, false));
+        trial.until(Cluster::has_formed);
+        assert_eq!(spots(&trial.settled()).len(), 6, "seed {seed}");
     }
 }
 

@@ -426,7 +426,9 @@ pub struct Heartbeat {
 }
 
 /// A command to all modules to stand still, or to move again; the highest revision applies. Revision 0 stands for none.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
 pub struct Stop {
     /// Rises with every command.
     pub revision: u64,

@@ -28,6 +28,8 @@ pub(super) struct Bodies {
     known: BTreeMap<ModuleId, BodyReport>,
     /// Rises whenever something becomes known.
     version: u64,
+    /// Rises whenever a removal becomes known.
+    removals: u64,
     /// An epoch whose roster opens spots on which this module knows bodies, and the modules of these bodies.
     contested: Option<(Epoch, BTreeSet<ModuleId>)>,
     /// Whether this run of this module was reported as removed.
@@ -54,6 +56,7 @@ impl Hash for Bodies {
         let Self {
             known,
             version: _,
+            removals: _,
             contested,
             own_run_is_removed,
             reported,
@@ -69,6 +72,11 @@ impl Bodies {
         self.version
     }
 
+    /// Rises whenever a removal becomes known.
+    pub fn removals(&self) -> u64 {
+        self.removals
+    }
+
     /// Keeps a report, unless a later one is known or there are too many.
     fn note(&mut self, report: BodyReport) {
         let known = self.known.get(&report.module);
@@ -76,6 +84,7 @@ impl Bodies {
         if has_room && known.is_none_or(|known| known.compare_age(&report).is_lt()) {
             self.known.insert(report.module, report);
             self.version += 1;
+            self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
         }
     }
 
@@ -355,23 +364,28 @@ fn active(roster: &Roster) -> impl Iterator<Item = &RosterMember> {
 impl Agent {
     /// Records, before an epoch is left, where its other members stand or may be on their way.
     pub(super) fn remember_members(&mut self) {
+        for report in self.member_reports(self.stage.has_acted()) {
+            self.context.bodies.note(report);
+        }
+    }
+
+    /// Where the other members of the present roster stand or may be on their way, now that this module has `acted` or not.
+    fn member_reports(&self, has_acted: bool) -> Vec<BodyReport> {
+        let mut reports = Vec::new();
         let Some(roster) = self.stage.roster() else {
-            return;
+            return reports;
         };
         let is_outside = matches!(self.stage, Stage::Outsider(_));
         let held = self.stage.held_plan();
         let own = self.context.module();
-        let mut reports = Vec::new();
         for member in &roster.members {
             let module = member.module.id;
             if module == own {
                 continue;
             }
             let (pose, sequence) = seen_in(roster, member, &self.context.peers);
-            let goal = held.and_then(|held| {
-                let has_acted = self.stage.has_acted();
-                held.may_head_for(module, has_acted, &self.context.peers)
-            });
+            let goal =
+                held.and_then(|held| held.may_head_for(module, has_acted, &self.context.peers));
             let whereabouts = match goal {
                 _ if is_outside => Whereabouts::Seen(pose),
                 Some(to) => Whereabouts::OnTheWay { from: pose, to },
@@ -385,7 +399,28 @@ impl Agent {
                 whereabouts,
             });
         }
-        for report in reports {
+        reports
+    }
+
+    /// What the store holds of the bodies of others: where each may be until the next write, which comes before this module
+    /// acts on another plan. A member may act meanwhile, so each may be on its way to the goal that the plan gives it.
+    pub(super) fn bodies_to_store(&self) -> Vec<BodyReport> {
+        let mut bodies = self.context.bodies.clone();
+        for state in self.context.peers.states() {
+            bodies.note_state(state);
+        }
+        for report in self.member_reports(true) {
+            bodies.note(report);
+        }
+        bodies.reports(|_| true)
+    }
+
+    /// Takes over the bodies that the store of this module holds.
+    pub(super) fn restore_bodies(&mut self, stored: Vec<BodyReport>) {
+        if self.context.bugs.forget_stored_bodies() {
+            return;
+        }
+        for report in stored {
             self.context.bodies.note(report);
         }
     }

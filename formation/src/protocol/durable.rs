@@ -11,11 +11,13 @@ use std::collections::BTreeSet;
 use serde::{Deserialize, Serialize};
 
 use crate::model::{
-    Digest, Epoch, ModuleId, Pose, QuorumBasis, RETENTION_DISTANCE, Service, SpotId,
+    BodyReport, Digest, Epoch, ModuleId, Pose, QuorumBasis, RETENTION_DISTANCE, Service, SpotId,
+    Stop,
 };
 
 use super::Agent;
 use super::body::SettledOn;
+use super::event::Event;
 use super::stage::Stage;
 
 /// What the store of a module holds.
@@ -37,6 +39,10 @@ pub struct DurableState {
     pub pose: Pose,
     /// The modules that it was docked to then.
     pub links: BTreeSet<ModuleId>,
+    /// Where the bodies of other modules may be, and which were removed; ascending by module.
+    pub bodies: Vec<BodyReport>,
+    /// The latest command to stop or to resume.
+    pub stop: Stop,
 }
 
 /// The part of a durable state without which nothing may be published.
@@ -49,6 +55,9 @@ pub(super) struct SyncKey {
     /// Where the module stands; `None` on its way.
     stands_at: Option<Pose>,
     links: BTreeSet<ModuleId>,
+    /// Identifies the removals that are known. The bodies are written with the rest: before a plan is shown in which they count.
+    removals: u64,
+    stop: Stop,
 }
 
 impl SyncKey {
@@ -82,6 +91,11 @@ impl Agent {
             .settled_on
             .filter(|_| has_stayed)
             .map(|(spot, target)| SettledOn { spot, target });
+        context.stop = stored.stop;
+        if context.stop.stopped {
+            context.emit(Event::Stopped);
+        }
+        self.restore_bodies(stored.bodies);
         self.stage = Stage::Listening(stored.entered);
         if is_as_stored {
             self.context.outbox.durable.given = Some(self.sync_key());
@@ -104,6 +118,8 @@ impl Agent {
                 .map(|settled| (settled.spot, settled.target)),
             pose: context.body.pose,
             links: context.body.links.clone(),
+            bodies: self.bodies_to_store(),
+            stop: context.stop,
         }
     }
 
@@ -116,6 +132,8 @@ impl Agent {
             settled_on: body.settled_on,
             stands_at: (!body.moving).then_some(body.pose),
             links: body.links.clone(),
+            removals: self.context.bodies.removals(),
+            stop: self.context.stop,
         }
     }
 

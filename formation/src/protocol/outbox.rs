@@ -134,7 +134,7 @@ impl Outbox {
     }
 
     /// Gives a state to the store if there is a new one, and lets the results of the present input wait for the store. A halt,
-    /// an event and a heartbeat that shows nothing new depend on nothing.
+    /// an event and a heartbeat that shows nothing new, or nothing but a command to stop or to resume, depend on nothing.
     pub fn write_ahead(&mut self, key: SyncKey, state: Option<DurableState>) {
         if state.is_some() {
             self.durable.given = Some(key);
@@ -149,7 +149,8 @@ impl Outbox {
             match &output {
                 Output::Halt | Output::Event(_) => self.outputs.push_back(output),
                 Output::Publish(Message::Heartbeat(heartbeat)) => {
-                    if Some(Shown::of(heartbeat)) == known {
+                    let stop = heartbeat.stop;
+                    if Some(Shown::of(heartbeat)) == known.map(|known| Shown { stop, ..known }) {
                         self.outputs.push_back(output);
                     } else {
                         // It is not sent: another is made when the store holds the state, or when it is due.

@@ -26,10 +26,13 @@ impl Agent {
             phase: self.phase(),
             stop: self.context.stop,
         };
-        // What the store does not hold is not shown yet.
+        // What the store does not hold is not shown yet, but for a command: a stop does not wait for a disk.
         let is_writing = self.context.outbox.is_writing();
         let shown = self.context.outbox.heartbeats.shown;
-        let shown = shown.filter(|_| is_writing).unwrap_or(new);
+        let shown = shown.filter(|_| is_writing).map_or(new, |shown| Shown {
+            stop: new.stop,
+            ..shown
+        });
         let heartbeats = &mut self.context.outbox.heartbeats;
         if heartbeats.shown == Some(shown) && now < heartbeats.due {
             return;

@@ -2,7 +2,10 @@
 
 use std::num::NonZeroU64;
 
-use formation::model::{Digest, Epoch, Pose, QuorumBasis, Service, SpotId, Voter, VoterMemory};
+use formation::model::{
+    BodyReport, Digest, Epoch, Pose, QuorumBasis, Service, SpotId, Stop, Voter, VoterMemory,
+    Whereabouts,
+};
 use tempfile::TempDir;
 
 use super::*;
@@ -42,6 +45,20 @@ fn state() -> DurableState {
         settled_on: Some((SpotId(3), Digest(u64::MAX))),
         pose: Pose::from_units(-1.5, 2.0, 0.5).unwrap(),
         links: modules(&[5]),
+        bodies: vec![BodyReport {
+            module: ModuleId(6),
+            incarnation: Incarnation(u64::MAX),
+            epoch: Some(epoch),
+            sequence: u64::MAX,
+            whereabouts: Whereabouts::OnTheWay {
+                from: Pose::default(),
+                to: Pose::from_units(0.0, 1.0, 0.0).unwrap(),
+            },
+        }],
+        stop: Stop {
+            revision: u64::MAX,
+            stopped: true,
+        },
     }
 }
 
@@ -108,9 +125,9 @@ fn a_torn_file_is_refused_wherever_it_ends() {
 #[test]
 fn a_file_of_a_later_version_is_refused() {
     let (directory, _) = written();
-    fs::write(path(&directory), r#"{"format": 2, "cells": []}"#).unwrap();
+    fs::write(path(&directory), r#"{"format": 3, "cells": []}"#).unwrap();
     let reason = refusal(&directory);
-    assert!(reason.contains("has format 2"), "{reason}");
+    assert!(reason.contains("has format 3"), "{reason}");
     assert!(reason.contains("use the version that wrote it"), "{reason}");
 }
 

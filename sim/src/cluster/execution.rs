@@ -4,14 +4,14 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Incarnation, Message, ModuleId};
+use formation::model::{Incarnation, Message, ModuleId, ModuleRun};
 use formation::motion::SimulatedDrive;
 use formation::protocol::{ComputedPlan, Input, MotionReport, Output, PlanJob};
 
 use super::schedule::{Delivery, Happening};
 use super::{Cluster, Observation};
 use crate::network::duration_below;
-use crate::process::{Clock, Inbox, Process};
+use crate::process::{Clock, Inbox, Process, Stored};
 
 /// A store takes less than this to write.
 const WRITE_US_MAX: u64 = 50_000;
@@ -95,7 +95,14 @@ impl Cluster {
             agent = agent.with_plans_of_host();
         }
         if has_store {
-            agent = agent.restored(self.stores.get(&module).cloned());
+            let stored = self.stores.get(&module);
+            let run = ModuleRun {
+                module,
+                incarnation,
+            };
+            let seen = stored.map(|stored| stored.seen.clone());
+            self.sightings.insert(run, seen.unwrap_or_default());
+            agent = agent.restored(stored.map(|stored| stored.state.clone()));
         }
         let process = Process {
             incarnation,
@@ -215,8 +222,14 @@ impl Cluster {
                     }
                 }
                 Output::Persist { number, state } => {
-                    process.writing.push_back((number, *state));
                     let incarnation = process.incarnation;
+                    let run = ModuleRun {
+                        module,
+                        incarnation,
+                    };
+                    let seen = self.sightings.get(&run).cloned().unwrap_or_default();
+                    let state = *state;
+                    process.writing.push_back((number, Stored { state, seen }));
                     let at = now + Duration::from_micros(self.random.below(WRITE_US_MAX));
                     self.schedule
                         .add(at, Happening::Persisted(module, incarnation, number));

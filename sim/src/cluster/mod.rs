@@ -15,7 +15,7 @@ use formation::generate::Random;
 use formation::model::{
     Incarnation, Message, ModuleId, ModuleRun, PlanningProblem, StoreId, TargetAnnouncement,
 };
-use formation::protocol::{AgentParameters, DurableState, Identity};
+use formation::protocol::{AgentParameters, Identity};
 
 use delivery::Transport;
 use observation::Record;
@@ -23,7 +23,7 @@ pub use observation::{Observation, Standing};
 use schedule::{Happening, Schedule};
 
 use crate::network::{Network, NetworkParameters, Participant, Topic, duration_below};
-use crate::process::{AgentFactory, Process};
+use crate::process::{AgentFactory, Process, Stored};
 use crate::transcript::Transcript;
 
 /// The properties of a cluster.
@@ -76,8 +76,8 @@ pub struct Cluster {
     /// The modules as their last process left them; what outlives a process.
     bodies: BTreeMap<ModuleId, Identity>,
     /// What the store of each module holds.
-    stores: BTreeMap<ModuleId, DurableState>,
-    /// The modules of which each run received a state.
+    stores: BTreeMap<ModuleId, Stored>,
+    /// The modules of which each run received a state, or knew from its store.
     sightings: BTreeMap<ModuleRun, BTreeSet<ModuleId>>,
     /// The crashed modules whose bodies were taken away.
     taken_away: BTreeSet<ModuleId>,

@@ -135,7 +135,7 @@ impl Cluster {
         self.bodies.keys().copied().collect()
     }
 
-    /// The modules of which a run received a state.
+    /// The modules of which a run received a state, or knew from its store.
     #[must_use]
     pub fn seen_by(&self, run: ModuleRun) -> BTreeSet<ModuleId> {
         self.sightings.get(&run).cloned().unwrap_or_default()
