@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use formation::model::Message;
+use formation::model::{Message, RosterMessage};
 use formation::protocol::SourceId;
 use formation_msgs::{
     Eviction, Heartbeat, InSession, MessageError, ModuleStates, OperatorCommand, Roster, SessionId,
@@ -13,7 +13,7 @@ use ros_runtime::session::{ParticipantId, Session, SessionError};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;
 
-use crate::topics;
+use crate::{stamp, topics};
 
 /// The messages of one sample.
 #[derive(Clone, Debug, PartialEq)]
@@ -95,10 +95,26 @@ fn accepted<M: Sample>(sample: M, ours: SessionId) -> Result<Vec<Message>, Strin
     } else {
         sample.into_other_session_messages()
     };
-    match messages {
-        Some(messages) => messages.map_err(|error| error.to_string()),
-        None => Err(format!("it belongs to {theirs}, and this node to {ours}")),
+    let messages = match messages {
+        Some(messages) => messages.map_err(|error| error.to_string())?,
+        None => return Err(format!("it belongs to {theirs}, and this node to {ours}")),
+    };
+    match messages.iter().find_map(implausible_revision) {
+        Some(revision) => Err(format!(
+            "revision {revision} is too far ahead of this clock"
+        )),
+        None => Ok(messages),
     }
+}
+
+/// The revision of the target in a message, if none could follow it for too long a time: the highest one applies.
+fn implausible_revision(message: &Message) -> Option<u64> {
+    let revision = match message {
+        Message::Target(announcement) => announcement.revision,
+        Message::Roster(RosterMessage::Plan(roster)) => roster.target.revision,
+        _ => return None,
+    };
+    (revision > stamp::latest()).then_some(revision)
 }
 
 /// Subscribes one topic of the protocol.
@@ -200,6 +216,19 @@ mod tests {
             accepted(of(3), SessionId(4)),
             Err("it belongs to session 3, and this node to session 4".to_owned())
         );
+    }
+
+    #[test]
+    fn a_target_of_a_revision_that_none_can_follow_is_refused() {
+        let of = |revision| TargetConfiguration {
+            revision,
+            withdrawn: true,
+            ..TargetConfiguration::default()
+        };
+        let own = SessionId(0);
+        assert!(accepted(of(stamp::revision()), own).is_ok());
+        let refused = accepted(of(u64::MAX), own).unwrap_err();
+        assert!(refused.contains("too far ahead of this clock"), "{refused}");
     }
 
     #[test]

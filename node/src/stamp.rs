@@ -1,6 +1,6 @@
 //! Wall-clock time: stamps, incarnations and revisions.
 
-use formation::model::Incarnation;
+use formation::model::{Incarnation, STAMP_AHEAD_MAX};
 use formation_msgs::{Header, Time};
 use ros_runtime::stamp::since_epoch;
 
@@ -21,6 +21,12 @@ pub fn header(frame_id: &str) -> Header {
 #[must_use]
 pub fn incarnation() -> Incarnation {
     Incarnation(u64::try_from(since_epoch().as_micros()).unwrap_or(u64::MAX))
+}
+
+/// The latest stamp, in microseconds since 1970, that another process may have taken.
+#[must_use]
+pub fn latest() -> u64 {
+    incarnation().0.saturating_add(STAMP_AHEAD_MAX)
 }
 
 /// A revision for a target that is announced now: later announcements have greater ones.

@@ -147,6 +147,15 @@ fn a_pin_is_not_lost_when_an_epoch_opens_as_its_module_sets_off() {
     }
 }
 
+/// A module settles while a goal for the same spot waits for its store.
+#[test]
+fn a_pin_is_not_lost_to_a_goal_that_waits_for_the_store() {
+    for (modules, seed) in [(3, 7_106_981), (3, 7_114_645), (2, 7_023_197)] {
+        let found = violations(FaultKind::Hostile, modules, seed);
+        assert_eq!(found, [""; 0], "seed {seed}");
+    }
+}
+
 /// The third module has a shorter lease than the others.
 #[test]
 fn a_roster_for_other_times_is_refused() {
@@ -256,6 +265,24 @@ fn a_squatter_keeps_a_module_out_only_while_it_sends() {
     }
     trial.run_for(Duration::from_secs(180));
     until_formed_by(&mut trial, &[1, 2, 3, 4, 5]);
+}
+
+/// The squatter claims a later run, and the module starts while that counts: its only state arrives then.
+#[test]
+fn a_module_that_starts_under_a_silent_squatter_takes_part_again() {
+    for seed in 0..4 {
+        let mut trial = five(seed);
+        trial.cluster.crash(ModuleId(5));
+        trial.cluster.remove(ModuleId(5));
+        until_formed_by(&mut trial, &[1, 2, 3, 4]);
+        for sequence in 1..=4 {
+            let forged = stranger_heartbeat(5, 1 << 40, sequence, None);
+            trial.cluster.inject(&forged);
+            trial.run_for(Duration::from_millis(250));
+        }
+        trial.cluster.restart(ModuleId(5));
+        until_formed_by(&mut trial, &[1, 2, 3, 4, 5]);
+    }
 }
 
 /// A stranger announces a target with the greatest revision there is.

@@ -49,20 +49,62 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     (Mutation::IgnoreBodies, 0, ViolationKind::TwoBodiesOnOneSpot),
 ];
 
-fn run(mutation: Option<Mutation>, seed: u64) -> RunReport {
-    let agents = match mutation {
+fn agents(mutation: Option<Mutation>) -> AgentFactory {
+    match mutation {
         Some(mutation) => AgentFactory::new(move |identity, parameters, now| {
             Agent::new(identity, parameters, now).mutated(mutation)
         }),
         None => AgentFactory::default(),
-    };
+    }
+}
+
+fn run(mutation: Option<Mutation>, seed: u64) -> RunReport {
     let parameters = CampaignParameters {
         faults: FaultKind::Mixed,
         modules_max: 16,
-        agents,
+        agents: agents(mutation),
         ..CampaignParameters::default()
     };
     run_seed(&parameters, seed).unwrap()
+}
+
+/// Bugs that hostile faults find in small formations: each with the number of modules, a seed, and the violation.
+const FOUND_IN_SMALL_FORMATIONS: [(Mutation, usize, u64, ViolationKind); 2] = [
+    (
+        Mutation::ExcludeMembersAhead,
+        3,
+        7_107_842,
+        ViolationKind::NoEnd,
+    ),
+    (
+        Mutation::ForgetPinBeforeGoal,
+        2,
+        7_020_188,
+        ViolationKind::PinForgotten,
+    ),
+];
+
+#[test]
+fn every_bug_of_small_formations_is_found() {
+    for (mutation, modules, seed, kind) in FOUND_IN_SMALL_FORMATIONS {
+        let found = |mutation| {
+            let parameters = CampaignParameters {
+                faults: FaultKind::Hostile,
+                modules_min: modules,
+                modules_max: modules,
+                agents: agents(mutation),
+                ..CampaignParameters::default()
+            };
+            run_seed(&parameters, seed).unwrap().violations
+        };
+        let with_bug = found(Some(mutation));
+        assert!(
+            with_bug.iter().any(|violation| violation.kind == kind),
+            "{mutation:?}: {with_bug:?}"
+        );
+        let without = found(None);
+        assert!(without.is_empty(), "seed {seed}: {without:?}");
+    }
 }
 
 #[test]

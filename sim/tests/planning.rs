@@ -72,6 +72,12 @@ fn a_member_that_computes_for_too_long_is_left_out() {
     });
     let overdue = |event: &Event| matches!(event, Event::PlanOverdue(_));
     assert_eq!(trial.count(overdue), 1, "{}", trial.cluster.transcript());
+    // It is called again after longer and longer times, up to sixteen times `stuck_s`; each call ends after `plan_limit_s`, and
+    // costs a second epoch.
+    let before = trial.convened.len();
+    trial.run_for(Duration::from_secs(3_600));
+    let opened = trial.convened.len() - before;
+    assert!(opened <= 40, "{opened} epochs in an hour");
 }
 
 #[test]

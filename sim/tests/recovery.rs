@@ -2,13 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, in_phase, scenario, spots};
+use crate::support::{Trial, drawn, in_phase, newest_epoch, scenario, spots};
 use formation::generate::Grouping;
 use formation::model::{AssemblyWarning, ModuleId, ModulePhase};
-use formation::protocol::{Agent, Event, Mutation};
-use formation_sim::{AgentFactory, Cluster, ClusterParameters};
+use formation::protocol::{Agent, AgentParameters, Event, Mutation};
+use formation_sim::{AgentFactory, Cluster, ClusterParameters, Standing};
 
 #[test]
 fn a_spare_replaces_a_module_that_dies_on_its_way() {
@@ -168,4 +169,42 @@ fn a_higher_revision_of_the_same_target_opens_no_epoch() {
     trial.run_for(Duration::from_secs(60));
     assert_eq!(trial.newest_epoch(), 1);
     assert_eq!(trial.settled().len(), 5);
+}
+
+/// No module moves, so none of them is stuck.
+#[test]
+fn modules_that_only_plan_agree_again_without_one_that_dies() {
+    let parameters = ClusterParameters {
+        agent: AgentParameters {
+            plan_only: true,
+            ..AgentParameters::default()
+        },
+        ..ClusterParameters::default()
+    };
+    let mut trial = Trial::with(&drawn(6, 5, Grouping::Singletons, 2), parameters, 2);
+    let agree = |cluster: &Cluster| {
+        let running = cluster.running();
+        let standings = running
+            .iter()
+            .filter_map(|&module| cluster.standing(module));
+        let waits = |standing: Standing| {
+            let phase = standing.phase;
+            matches!(phase, ModulePhase::Waiting | ModulePhase::Spare).then_some(standing.digest)
+        };
+        let digests: Option<BTreeSet<_>> = standings.map(waits).collect();
+        digests.is_some_and(|digests| digests.len() == 1)
+    };
+    trial.until(agree);
+    trial.run_for(Duration::from_secs(300));
+    assert_eq!(trial.newest_epoch(), 1, "{}", trial.cluster.transcript());
+    let plan = trial.rosters.last().unwrap().members.clone();
+    let lost = plan[1].module.id;
+    trial.cluster.crash(lost);
+    trial.until(|cluster| agree(cluster) && newest_epoch(cluster) > 1);
+    trial.run_for(Duration::from_secs(300));
+    assert_eq!(trial.newest_epoch(), 2, "{}", trial.cluster.transcript());
+    for member in plan {
+        let body = trial.cluster.body(member.module.id);
+        assert_eq!(body, Some(member.module.pose));
+    }
 }

@@ -58,7 +58,9 @@ impl Known {
     pub(crate) fn handle_message(&mut self, message: &Message) {
         match message {
             Message::Heartbeat(heartbeat) => {
-                self.stop = self.stop.max(heartbeat.stop);
+                if heartbeat.stop.is_plausible_after(&self.stop) {
+                    self.stop = self.stop.max(heartbeat.stop);
+                }
                 self.note_run(heartbeat.module, heartbeat.incarnation);
             }
             Message::Roster(RosterMessage::Plan(roster)) => {
@@ -371,6 +373,11 @@ mod tests {
         assert!(!commander.handle_message(&heartbeat(0)) && !commander.has_commands());
         assert!(commander.handle_message(&heartbeat(3)) && commander.has_commands());
         assert!(!commander.handle_message(&heartbeat(3)), "it is known");
+        let forged = heartbeat(u64::MAX);
+        assert!(
+            !commander.handle_message(&forged),
+            "no command could follow"
+        );
         assert_eq!(commander.sample().stop.revision, 3);
         // A removal of a module of which nothing is known has to name the run.
         assert!(commander.remove(9, 0).is_err());

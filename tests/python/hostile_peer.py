@@ -7,11 +7,17 @@ many of each kind it sent.
 
 With --silent it takes part for the same time and publishes nothing, to measure what a harmless peer costs.
 
+With --stranger it publishes few messages, each of which could have a lasting effect: the roster of a module that does not
+exist, with a quorum basis of such modules; a target of the highest revision there is, and a command to stop of the highest
+revision. It prints {"forged": ...}. For each identifier that it then reads from its input, it is that module for a second: in
+a run from the distant future, and in one that starts within the hour. Then it prints {"squatted": ...} and is silent.
+
 Usage:
-    hostile_peer.py [--domain D] [--messages M] [--rate R] [--silent]
+    hostile_peer.py [--domain D] [--messages M] [--rate R] [--silent | --stranger]
 """
 
 import argparse
+import dataclasses
 import itertools
 import json
 import math
@@ -21,7 +27,10 @@ import time
 from formation_dds import Session, samples
 
 NONE = 0xFFFFFFFF
-GATHERED, SETTLED, ACTIVE = 2, 7, 1
+LISTENING, GATHERED, SETTLED, ACTIVE = 1, 2, 7, 1
+STAGE_PLAN = 2
+# Modules that do not exist.
+STRANGER, OTHERS = 9_000, list(range(9_100, 9_105))
 # A list with more entries than any message may have, and one as long as is allowed.
 TOO_MANY, MANY = 10_001, 10_000
 # Huge messages in all, of each kind: they fill the network, not the point that is made.
@@ -39,6 +48,7 @@ class Liar:
         self.living = {}
         self.epoch = {"number": 1, "convener": 1}
         self.target = None
+        self.plan = None
 
     def observe(self, patience):
         """Learns which modules are live, the epoch, and the target."""
@@ -48,6 +58,7 @@ class Liar:
         for sample in samples(self.session.reader("roster"), patience):
             if sample.epoch.number >= self.epoch["number"]:
                 self.epoch = {"number": sample.epoch.number, "convener": sample.epoch.convener}
+                self.plan = sample if sample.stage == STAGE_PLAN else self.plan
         for sample in samples(self.session.reader("target"), patience):
             self.target = {"revision": sample.revision, "expected": sample.expected_modules}
 
@@ -142,12 +153,59 @@ class Liar:
                 yield from ((kind, topic, make(number)) for kind, topic, make in huge)
 
 
+def forge(liar):
+    """Publishes what could keep the modules from all later epochs, targets and commands."""
+    epoch = {"number": liar.epoch["number"] + 5, "convener": STRANGER}
+    stop = {"revision": 2**64 - 1, "stopped": True}
+    run = {"module_id": STRANGER, "incarnation": 1}
+    basis = {"number": epoch["number"] - 1, "convener": OTHERS[0]}
+    member = run | {"service": ACTIVE, "configuration_id": NONE, "leader_id": NONE, "pinned_spot_id": NONE}
+    roster = dataclasses.asdict(liar.plan) | {
+        "epoch": epoch,
+        "members": [member],
+        "bodies": [],
+        "quorum_bases": [{
+            "epoch": basis, "agreed": True, "module_ids": OTHERS, "incarnations": [1] * len(OTHERS),
+            "stores": [0] * len(OTHERS)}],
+    }
+    target = dataclasses.asdict(liar.plan.target)
+    for number in range(1, 5):
+        beat = run | {"phase": LISTENING, "sequence": number, "uptime": {"sec": number, "nanosec": 0}, "epoch": epoch, "stop": stop}
+        liar.say("heartbeat", "heartbeats", {"modules": [beat]})
+        if number == 2:
+            liar.say("roster", "roster", roster)
+            liar.say("target", "target", target | {"revision": 2**64 - 1, "spots": target["spots"][:1], "edges": []})
+        time.sleep(0.2)
+
+
+def squat(liar, module):
+    """Sends heartbeats of a module for a second."""
+    soon = int(time.time() * 1_000_000) + 3_600_000_000
+    for number in range(1, 5):
+        for incarnation in [2**63, soon]:
+            beat = {"module_id": module, "incarnation": incarnation, "phase": LISTENING, "sequence": number}
+            liar.say("squatter", "heartbeats", {"modules": [beat | {"uptime": {"sec": number, "nanosec": 0}}]})
+        time.sleep(0.25)
+
+
+def stranger(liar):
+    while not liar.plan:
+        liar.observe(0.5)
+    forge(liar)
+    print(json.dumps({"forged": liar.sent}), flush=True)
+    for line in sys.stdin:
+        squat(liar, int(line))
+        print(json.dumps({"squatted": int(line)}), flush=True)
+    return 0
+
+
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--domain", type=int, default=0)
     parser.add_argument("--messages", type=int, default=10_000)
     parser.add_argument("--rate", type=float, default=1000.0)
     parser.add_argument("--silent", action="store_true")
+    parser.add_argument("--stranger", action="store_true")
     arguments = parser.parse_args()
     liar = Liar(Session(arguments.domain))
     deadline = time.monotonic() + 20
@@ -156,6 +214,8 @@ def main():
     if not (liar.living and liar.target):
         print("no formation was observed", file=sys.stderr)
         return 1
+    if arguments.stranger:
+        return stranger(liar)
     print(json.dumps({"observed": sorted(liar.living)}), flush=True)
     began = time.monotonic()
     for count, (kind, topic, raw) in enumerate(itertools.islice(liar.lies(), arguments.messages)):

@@ -6,9 +6,10 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-use std::time::Duration;
+use std::process::Stdio;
+use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Finished, Python, Running, scenario_path};
+use formation_tests::{Domain, Finished, Peer, Python, Running, ScenarioFile, scenario_path};
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -133,4 +134,84 @@ fn a_module_without_a_driver_ends_with_the_topic_and_the_limit_named() {
         "{}",
         agent.stderr
     );
+}
+
+const ONE_FAR_SPOT: &str = "
+name: far
+target: {spots: [{id: 1, x: 40, y: 0}], edges: []}
+singletons: [{id: 1, x: 0, y: 0}]
+";
+
+/// A driver that ends when it is dropped.
+struct Driver(std::process::Child);
+
+impl Drop for Driver {
+    fn drop(&mut self) {
+        let _ = self.0.kill();
+        let _ = self.0.wait();
+    }
+}
+
+/// Goals cease to repeat when the agent ends, and the driver stops. The next run of the agent takes the pose that the driver
+/// measures.
+#[test]
+fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let domain = &*Domain::alone();
+    let file = ScenarioFile::new("far", ONE_FAR_SPOT);
+    let drive = [
+        "--scenario",
+        file.path(),
+        "--domain",
+        domain,
+        "--speed",
+        "3",
+    ];
+    let driver = python.start("tests/python/drive_modules.py", &drive, Stdio::inherit());
+    let _driver = Driver(driver);
+    let pose = "geometry_msgs/msg/PoseStamped";
+    let Some(poses) = Peer::take("module_1/pose", pose, false, domain) else {
+        return;
+    };
+    let announce = ["--scenario", file.path(), "--expected-modules", "1"];
+    let _announcer = Running::start("target_publisher", domain, &announce);
+    let arguments = [
+        "--module",
+        "1",
+        "--scenario",
+        file.path(),
+        "--motion",
+        "external",
+    ];
+    let mut agent = Running::start("module_agent", domain, &arguments);
+    let next = || poses.taken()["pose"]["position"]["x"].as_f64().unwrap();
+    while next() < 2.0 {}
+    agent.kill();
+    // Twenty poses a second: it has stopped when as many are equal.
+    let (mut at, mut equal) = (next(), 0);
+    while equal < 20 {
+        let now = next();
+        equal = if (now - at).abs() < 1e-9 {
+            equal + 1
+        } else {
+            0
+        };
+        at = now;
+    }
+    assert!(at < 20.0, "it went on to {at}");
+    let Some(states) = Peer::start("take", "module_states", domain) else {
+        return;
+    };
+    let restarted = Instant::now();
+    let _agent = Running::start("module_agent", domain, &arguments);
+    states.await_pose_of(1, restarted);
+    let shown = states
+        .poses_of(1)
+        .into_iter()
+        .find(|&(when, _)| when >= restarted);
+    let (_, (x, _)) = shown.unwrap();
+    assert!((x - at).abs() < 0.01, "{x} is not {at}");
+    while next() < at + 1.0 {}
 }

@@ -13,5 +13,8 @@ pub const LINKS_MAX: usize = 64;
 /// A module that was moved by more than this while its process did not run no longer stands where it settled: an eighth of a
 /// unit.
 pub(crate) const RETENTION_DISTANCE: MicroUnits = MicroUnits(125_000);
+/// How far a time stamp of another process may be ahead of the own clock, in microseconds: 142 years, as clocks that were never
+/// set start in 1970.
+pub const STAMP_AHEAD_MAX: u64 = 1 << 52;
 /// The most bytes of the name of a formation or of a frame.
 pub const NAME_BYTES_MAX: usize = 255;

@@ -450,6 +450,7 @@ impl Agent {
 
     /// The body of a module was taken away: by that report, it stands nowhere any more.
     pub(super) fn handle_removal(&mut self, run: ModuleRun) {
+        let before = self.context.bodies.removals();
         self.context.learn_body(&BodyReport {
             module: run.module,
             incarnation: run.incarnation,
@@ -457,7 +458,10 @@ impl Agent {
             sequence: 0,
             whereabouts: Whereabouts::Removed,
         });
-        self.context.emit(Event::BodyRemoved(run.module));
+        // Reports repeat, for modules that are discovered late.
+        if self.context.bodies.removals() > before {
+            self.context.emit(Event::BodyRemoved(run.module));
+        }
     }
 
     /// The latest run of another module from which this one received a message, or whose body it knows.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::model::{
     ConfigurationId, Digest, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember,
-    Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter, digest,
+    STAMP_AHEAD_MAX, Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter, digest,
 };
 use crate::planner::PlannedTurns;
 
@@ -24,9 +24,6 @@ use super::peers::{Liveness, Peers};
 use super::plans::{PlanJob, Plans};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
-
-/// 142 years in microseconds.
-const STAMP_AHEAD_MAX: u64 = 1 << 52;
 
 /// Which module this is, and which run of its process.
 #[derive(Clone, Copy, Debug)]

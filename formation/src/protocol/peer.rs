@@ -7,6 +7,9 @@ use crate::model::{Heartbeat, Incarnation, ModuleId, ModuleRun, ModuleState, Vot
 
 use super::io::SourceId;
 
+/// A state and its sender.
+pub(super) type KeptState = (Arc<ModuleState>, Option<SourceId>);
+
 /// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
 const DRIFT_DIVISOR: u32 = 1_000;
 
@@ -19,8 +22,9 @@ pub(super) struct Peer {
     pub incarnation: Incarnation,
     pub heartbeat: Option<Heartbeat>,
     pub state: Option<Arc<ModuleState>>,
-    /// The state of a later run, received while this one still counts as live, and its sender: a state comes only once.
-    pub successor: Option<(Arc<ModuleState>, Option<SourceId>)>,
+    /// The latest state of another run that may yet take the place of this one: a state comes only once. A later run does so when
+    /// this one is silent, and an earlier one when this one has been silent for long.
+    pub kept: Option<KeptState>,
     /// The participant that sends for this module, where the transport identifies it.
     pub source: Option<SourceId>,
     /// When its latest heartbeat was sent, by this module's clock.
@@ -43,7 +47,7 @@ impl Peer {
             incarnation,
             heartbeat: None,
             state: None,
-            successor: None,
+            kept: None,
             source,
             alive_at: None,
             first_seen: now,

@@ -12,7 +12,7 @@ use crate::model::{
 
 use super::io::SourceId;
 use super::mutation::Bugs;
-use super::peer::Peer;
+use super::peer::{KeptState, Peer};
 use super::refusal::Refusal;
 
 /// At least this many modules are kept, and up to four times as many as are expected: more are taken for invented.
@@ -171,16 +171,18 @@ impl Peers {
         }
     }
 
-    /// Forgets a run that has long been silent when an earlier one sends: what a silent run claimed keeps no other out.
-    fn forget_silent(&mut self, liveness: Liveness, run: ModuleRun) {
+    /// Forgets a run that has long been silent when an earlier one sends: what a silent run claimed keeps no other out. Returns
+    /// the state that was kept meanwhile.
+    fn forget_silent(&mut self, liveness: Liveness, run: ModuleRun) -> Option<KeptState> {
         let is_gone = |peer: &Peer| {
             let silence = liveness.now.saturating_sub(peer.last_seen());
             run.incarnation < peer.incarnation && silence > liveness.suspicion * SILENCES_REMEMBERED
         };
-        if self.get(run.module).is_some_and(is_gone) {
-            self.peers.remove(&run.module);
-            self.changes += 1;
+        if !self.get(run.module).is_some_and(is_gone) {
+            return None;
         }
+        self.changes += 1;
+        self.peers.remove(&run.module)?.kept
     }
 
     /// The entry of the run that sends, made or replaced where the rules of incarnations allow it.
@@ -193,7 +195,7 @@ impl Peers {
         if run.incarnation.0 > liveness.latest_stamp {
             return Err(Refusal::ImplausibleIncarnation);
         }
-        self.forget_silent(liveness, run);
+        let kept = self.forget_silent(liveness, run);
         self.check_source(run, source)?;
         if !self.peers.contains_key(&run.module) && !self.make_room(liveness) {
             return Err(Refusal::TooManyModules);
@@ -210,11 +212,11 @@ impl Peers {
                 return Err(Refusal::DuplicateModule);
             }
             self.changes += 1;
-            let kept = peer.successor.take();
+            let kept = peer.kept.take();
             *peer = Peer::new(run.incarnation, source, now);
-            peer.state = kept
-                .filter(|(state, sender)| state.incarnation == run.incarnation && *sender == source)
-                .map(|(state, _)| state);
+            peer.state = state_of(kept, run, source);
+        } else if kept.is_some() {
+            peer.state = state_of(kept, run, source);
         }
         peer.source = peer.source.or(source);
         Ok(peer)
@@ -276,7 +278,10 @@ impl Peers {
         let peer = match self.admit(liveness, run, source) {
             Ok(peer) => peer,
             Err(refusal) => {
-                if refusal == Refusal::DuplicateModule {
+                if matches!(
+                    refusal,
+                    Refusal::DuplicateModule | Refusal::StaleIncarnation
+                ) {
                     self.keep_for_later(state, source);
                 }
                 return Err(refusal);
@@ -299,9 +304,9 @@ impl Peers {
             return;
         };
         let order = |state: &ModuleState| (state.incarnation, state.sequence);
-        let kept = peer.successor.as_ref().map(|(kept, _)| order(kept));
+        let kept = peer.kept.as_ref().map(|(kept, _)| order(kept));
         if kept < Some(order(&state)) {
-            peer.successor = Some((without_proofs(state), source));
+            peer.kept = Some((without_proofs(state), source));
         }
     }
 
@@ -401,6 +406,16 @@ fn is_live(liveness: Liveness, peer: &Peer) -> bool {
     let is_recent = |age: Duration| age <= liveness.suspicion;
     liveness.bugs.count_dead_as_live()
         || (peer.excluded_until <= liveness.now && peer.age(liveness.now).is_some_and(is_recent))
+}
+
+/// The kept state, if this run sent it.
+fn state_of(
+    kept: Option<KeptState>,
+    run: ModuleRun,
+    source: Option<SourceId>,
+) -> Option<Arc<ModuleState>> {
+    kept.filter(|(state, sender)| state.incarnation == run.incarnation && *sender == source)
+        .map(|(state, _)| state)
 }
 
 /// The proofs in a state are for observers; to keep them would let any sender fill this module's memory.

@@ -11,9 +11,6 @@ use super::Agent;
 use super::event::Event;
 use super::refusal::Refusal;
 
-/// A command further ahead of the latest known one than this is refused.
-const REVISION_STEP_MAX: u64 = 1 << 20;
-
 impl Agent {
     /// Takes over a command to stop or to resume, if it is the latest.
     pub(super) fn handle_stop(&mut self, stop: Stop) {
@@ -22,7 +19,7 @@ impl Agent {
         if stop <= known {
             return;
         }
-        if stop.revision > known.revision.saturating_add(REVISION_STEP_MAX) {
+        if !stop.is_plausible_after(&known) {
             return context.refuse(None, Refusal::ImplausibleStop);
         }
         context.stop = stop;

@@ -1,10 +1,12 @@
 //! A peer of another vendor that sends false messages, and many of them.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::process::Stdio;
+use std::time::Instant;
 
 use formation_tests::{
-    Domain, EIGHT, Finished, Peer, Python, Running, ScenarioFile, Transcript, report,
+    Domain, EIGHT, Finished, Fleet, Peer, Python, Running, ScenarioFile, Timing, Transcript, report,
 };
 use serde_json::{Value, json};
 
@@ -117,6 +119,64 @@ fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
         lied_to.memory_kb,
         quiet.memory_kb
     );
+}
+
+/// A stranger publishes a roster with invented quorum bases, a target and a command to stop of the highest revisions, and then
+/// heartbeats of a module whose process has ended. Later epochs, targets, commands and the module itself are not kept out.
+#[test]
+fn what_a_stranger_claims_has_no_lasting_effect() {
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let domain = &*Domain::alone();
+    let mut fleet = Fleet::new("strangers", EIGHT, domain, Timing::Quick);
+    let judge = fleet.judge(None);
+    let _announcer = fleet.announce(None);
+    fleet.start_all();
+    fleet.wait_until_whole(&judge, Instant::now(), PATIENCE);
+    let arguments = ["--domain", domain, "--stranger"];
+    let mut peer = python.start("tests/python/hostile_peer.py", &arguments, Stdio::inherit());
+    let said = Transcript::of(peer.stdout.take().unwrap());
+    let reports = |key: &str| {
+        let found = said.wait_for(0, PATIENCE, |line| {
+            let report: Value = serde_json::from_str(&line.text).unwrap();
+            report.get(key).map(|_| ())
+        });
+        assert!(found.is_some(), "no {key}; {}", python.advice());
+    };
+    reports("forged");
+    // The next epoch needs a majority of the last one, and of nothing else.
+    let died = fleet.kill_and_remove(8);
+    let living = fleet.living();
+    let partial = judge.wait_until(died, PATIENCE, |judged| {
+        judged.outcome == "PARTIAL" && judged.modules() == living
+    });
+    partial.unwrap_or_else(|last| panic!("{last:?}\n{}", fleet.story()));
+    let mut input = peer.stdin.take().unwrap();
+    writeln!(input, "8").unwrap();
+    reports("squatted");
+    // Another target, under a revision of its own time, and the module itself.
+    let other = ScenarioFile::new("strangers-again", &EIGHT.replace("y: 6}", "y: 4}"));
+    let announce = ["--scenario", other.path(), "--expected-modules", "8"];
+    let _again = Running::start("target_publisher", domain, &announce);
+    let restarted = Instant::now();
+    fleet.start(8, None);
+    let whole = fleet.wait_until_whole(&judge, restarted, PATIENCE);
+    assert_eq!(whole.assignments.len(), 8, "{whole:?}");
+    let stopped = Running::start("formation", domain, &["stop"]).finish(PATIENCE);
+    assert_eq!(stopped.status, 0, "{}", stopped.stderr);
+    drop(input);
+    let _ = peer.wait();
+    let agents: Vec<Finished> = fleet.stop_all().into_values().collect();
+    let counts = refusals(&agents);
+    for kind in [
+        "no_quorum",
+        "invalid",
+        "implausible_stop",
+        "implausible_incarnation",
+    ] {
+        assert!(counts.contains_key(kind), "{kind} is not in {counts:?}");
+    }
 }
 
 /// One sample that says SETTLED without an epoch, of a module that takes no part, made a right formation FAILED.

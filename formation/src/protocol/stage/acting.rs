@@ -134,8 +134,11 @@ impl Acting {
         }
     }
 
-    /// The modules that act, if they have not settled for longer than a motion may take.
+    /// The modules that act, if they have not settled for longer than a motion may take. None acts while all only plan.
     pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
+        if context.parameters.plan_only {
+            return Vec::new();
+        }
         let (step, since) = self.step_since;
         let limit = context.parameters.motion_limit + context.parameters.stuck;
         let is_overdue = context.now.saturating_sub(since) > limit;

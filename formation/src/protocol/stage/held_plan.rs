@@ -70,11 +70,17 @@ impl HeldPlan {
         let place = placements
             .find(|&(module, _)| module == own)
             .map(|(_, place)| place);
-        let members = roster
+        let members: BTreeMap<ModuleId, Incarnation> = roster
             .members
             .iter()
             .map(|member| (member.module.id, member.incarnation))
             .collect();
+        debug_assert!(members.contains_key(&own), "{own} plans as a member only");
+        debug_assert_eq!(
+            place.is_some(),
+            plan.assignments.contains_key(&own),
+            "each assigned module acts in one unit"
+        );
         Self {
             own,
             place,
@@ -258,6 +264,11 @@ impl HeldPlan {
 
     /// Whether [`Self::waits_for`] is among [`Self::lagging_for_motion`].
     pub(super) fn still_lags(&self, context: &Context) -> bool {
+        debug_assert!(
+            self.waits_for
+                .is_none_or(|module| self.members.contains_key(&module)),
+            "only members are waited for"
+        );
         let lags = |module: ModuleId| {
             let incarnation = *self.members.get(&module)?;
             let (peer, lease) = (context.peers.get(module), context.parameters.lease);
