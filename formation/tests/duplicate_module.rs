@@ -72,6 +72,7 @@ fn heartbeat_of_the_earlier_run() -> Message {
         digest: None,
         digest_since: 0,
         applied_turns: 0,
+        steps_done: 0,
         phase: ModulePhase::Listening,
         stop: Stop::default(),
     })

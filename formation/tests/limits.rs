@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use formation::generate::{GeneratorParameters, Grouping, generate};
 use formation::model::{
-    COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, PlannerParameters, PlanningProblem,
-    Policy, ProblemError, RawScenario, Scenario, TurnOrder, WEIGHT_LIMIT, Weights,
+    COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, MotionMode, PlannerParameters,
+    PlanningProblem, Policy, ProblemError, RawScenario, Scenario, TurnOrder, WEIGHT_LIMIT, Weights,
 };
 use formation::planner::{Planning, Statistics, plan};
 use formation::verify::check_plan;
@@ -68,6 +68,7 @@ fn the_longest_distances_at_the_greatest_weights_are_planned_and_verified() {
                         weights: heaviest(),
                         cut_price: CutPrice::from_units(WEIGHT_LIMIT).unwrap(),
                         keep_all_spots: false,
+                        motion: MotionMode::Auto,
                     };
                     let problem = with_parameters(scenario.problem(), parameters);
                     let outcome = plan(Arc::clone(&problem));

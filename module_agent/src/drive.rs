@@ -10,7 +10,7 @@ use formation::protocol::{Identity, MotionGoal, MotionReport};
 use crate::arguments::{Motion, MotionMode};
 use crate::drivers::DriverMessage;
 
-/// Between two steps of a simulated drive that moves.
+/// The longest time between two reports of a simulated drive that moves. It reports its arrival at once.
 const SIMULATION_INTERVAL: Duration = Duration::from_millis(100);
 
 /// One module's drive and docking ports.
@@ -98,7 +98,7 @@ impl Drive {
 
     fn schedule(&mut self, now: Duration) {
         if let Self::Simulated { drive, due, .. } = self {
-            *due = drive.is_moving().then(|| now + SIMULATION_INTERVAL);
+            *due = drive.due().map(|due| due.min(now + SIMULATION_INTERVAL));
         }
     }
 

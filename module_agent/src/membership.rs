@@ -219,6 +219,7 @@ mod tests {
             digest: None,
             digest_since: 0,
             applied_turns: 0,
+            steps_done: 0,
             phase: ModulePhase::Listening,
             stop: Stop::default(),
         };

@@ -27,6 +27,7 @@ pub struct ModuleHeartbeat {
     pub digest: u64,
     pub digest_since: u64,
     pub applied_turns: u32,
+    pub steps_done: u32,
     pub phase: u8,
     pub stop: Stop,
 }
@@ -52,6 +53,7 @@ impl From<&model::Heartbeat> for ModuleHeartbeat {
             digest: heartbeat.digest.map_or(0, |digest| digest.0),
             digest_since: heartbeat.digest_since,
             applied_turns: heartbeat.applied_turns,
+            steps_done: heartbeat.steps_done,
             phase: phase_to_wire(heartbeat.phase),
             stop: (&heartbeat.stop).into(),
         }
@@ -73,6 +75,9 @@ impl ModuleHeartbeat {
         if epoch.is_none() && self.applied_turns > 0 {
             return contradiction("applied_turns", "must be 0 without an epoch");
         }
+        if digest.is_none() && self.steps_done > 0 {
+            return contradiction("steps_done", "must be 0 without a plan");
+        }
         Ok(model::Heartbeat {
             module,
             incarnation: Incarnation(self.incarnation),
@@ -83,6 +88,7 @@ impl ModuleHeartbeat {
             digest,
             digest_since: self.digest_since,
             applied_turns: self.applied_turns,
+            steps_done: self.steps_done,
             phase: phase_from_wire(self.phase)?,
             stop: self.stop.to_core(),
         })

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 use crate::NONE;
 use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
-use crate::check::{self, Checked};
+use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
 use crate::session::PROTOCOL_VERSION;
 use crate::standard::Header;
@@ -42,6 +42,8 @@ pub struct ModuleState {
     pub leader_id: u32,
     pub spot_id: u32,
     pub unit_id: u32,
+    pub on_paths: bool,
+    pub steps_done: u32,
     pub settled_since: u64,
     pub waited_for: Vec<CausalMark>,
     pub agreed_on: Vec<CausalMark>,
@@ -126,6 +128,8 @@ impl From<&model::ModuleState> for ModuleState {
             leader_id: state.leader.map_or(NONE, |id| id.0),
             spot_id: state.spot.map_or(NONE, |id| id.0),
             unit_id: state.unit.map_or(NONE, |id| id.0),
+            on_paths: state.steps_done.is_some(),
+            steps_done: state.steps_done.unwrap_or_default(),
             settled_since: state.settled_since,
             waited_for: state.waited_for.iter().map(CausalMark::from).collect(),
             agreed_on: state.agreed_on.iter().map(CausalMark::from).collect(),
@@ -136,6 +140,18 @@ impl From<&model::ModuleState> for ModuleState {
 }
 
 impl ModuleState {
+    fn steps_done(&self) -> Checked<Option<u32>> {
+        if self.on_paths && !self.has_digest {
+            let reason = "must be false without a plan";
+            return Err(FieldError::contradiction("on_paths", reason));
+        }
+        if !self.on_paths && self.steps_done > 0 {
+            let reason = "must be 0 unless the module moves along a path";
+            return Err(FieldError::contradiction("steps_done", reason));
+        }
+        Ok(self.on_paths.then_some(self.steps_done))
+    }
+
     pub(crate) fn validated(&self) -> Checked<model::ModuleState> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
@@ -156,6 +172,7 @@ impl ModuleState {
             leader: check::optional_id(self.leader_id, ModuleId),
             spot: check::optional_id(self.spot_id, SpotId),
             unit: check::optional_id(self.unit_id, ModuleId),
+            steps_done: self.steps_done()?,
             settled_since: self.settled_since,
             waited_for: marks("waited_for", &self.waited_for)?,
             agreed_on: marks("agreed_on", &self.agreed_on)?,

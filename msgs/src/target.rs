@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use formation::model::{
-    self, CutPrice, Policy, RawSpot, RawTarget, Target, TargetAnnouncement, TurnOrder, Weights,
-    WeightsError,
+    self, CutPrice, MotionMode, Policy, RawSpot, RawTarget, Target, TargetAnnouncement, TurnOrder,
+    Weights, WeightsError,
 };
 use serde::{Deserialize, Serialize};
 
@@ -44,6 +44,7 @@ pub struct PlannerParameters {
     pub weight_undock: f64,
     pub cut_price: f64,
     pub keep_all_spots: bool,
+    pub motion: u8,
 }
 
 /// See `TargetConfiguration.msg`.
@@ -101,6 +102,14 @@ enumeration! {
     }
 }
 
+enumeration! {
+    PlannerParameters "motion": motion_to_wire, motion_from_wire => MotionMode {
+        MOTION_AUTO AUTO 0 = Auto,
+        MOTION_PATHS PATHS 1 = Paths,
+        MOTION_STRAIGHT STRAIGHT 2 = Straight,
+    }
+}
+
 impl Default for PlannerParameters {
     fn default() -> Self {
         Self::from(&model::PlannerParameters::default())
@@ -122,6 +131,7 @@ impl From<&model::PlannerParameters> for PlannerParameters {
             weight_undock: parameters.weights.undock().to_units(),
             cut_price: parameters.cut_price.per_cut().to_units(),
             keep_all_spots: parameters.keep_all_spots,
+            motion: motion_to_wire(parameters.motion),
         }
     }
 }
@@ -151,6 +161,7 @@ impl PlannerParameters {
             cut_price: CutPrice::from_units(self.cut_price)
                 .map_err(|error| FieldError::new("cut_price", error))?,
             keep_all_spots: self.keep_all_spots,
+            motion: motion_from_wire(self.motion)?,
         })
     }
 }

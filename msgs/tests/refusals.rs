@@ -91,6 +91,8 @@ fn state() -> wire::ModuleState {
         leader_id: 4,
         spot_id: 2,
         unit_id: 4,
+        on_paths: true,
+        steps_done: 3,
         settled_since: 0,
         waited_for: vec![mark(5), mark(1)],
         agreed_on: vec![mark(1)],
@@ -125,6 +127,10 @@ fn module_states() {
             "module_states: modules[1].digest: there cannot be one without an epoch";
         sample => sample.modules[1].has_digest = false,
             "module_states: modules[1].digest: must be 0 while has_digest is false";
+        sample => { sample.modules[1].on_paths = false; },
+            "module_states: modules[1].steps_done: must be 0 unless the module moves along a path";
+        sample => { sample.modules[1].has_digest = false; sample.modules[1].digest = 0; },
+            "module_states: modules[1].on_paths: must be false without a plan";
         sample => sample.modules[1].phase = 0,
             "module_states: modules[1].phase: 0 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
              WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9, COMPUTING 10";
@@ -429,6 +435,7 @@ fn heartbeats() {
         digest: 0,
         digest_since: 9,
         applied_turns: 4,
+        steps_done: 0,
         phase: wire::ModuleState::PHASE_AGREEING,
         stop: wire::Stop::default(),
     };
@@ -457,6 +464,10 @@ fn heartbeats() {
             let module = &mut sample.modules[1];
             (module.epoch, module.has_digest, module.digest_since) = (NO_EPOCH, false, 0);
         }, "heartbeats: modules[1].applied_turns: must be 0 without an epoch";
+        sample => {
+            let module = &mut sample.modules[1];
+            (module.has_digest, module.digest_since, module.steps_done) = (false, 0, 1);
+        }, "heartbeats: modules[1].steps_done: must be 0 without a plan";
         sample => sample.modules[1].phase = 11,
             "heartbeats: modules[1].phase: 11 is unknown; known are LISTENING 1, GATHERED 2, PLANNING 3, AGREEING 4, \
              WAITING 5, MOVING 6, SETTLED 7, SPARE 8, WAITING_FOR_QUORUM 9, COMPUTING 10";

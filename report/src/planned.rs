@@ -147,6 +147,7 @@ impl<'a> Course<'a> {
         // All drives of a unit take the time of its longest path.
         let goal = MotionGoal {
             pose: Pose::default(),
+            pivot: None,
             unit_distance: longest,
         };
         let mut drive = SimulatedDrive::new(goal.pose, speed_units_per_s, Duration::MAX);

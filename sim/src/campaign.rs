@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::{GenerateError, GeneratorParameters, Grouping, Random};
+use formation::generate::{Apart, GenerateError, GeneratorParameters, Grouping, Random, set_apart};
 use formation::model::{
     ModuleId, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
 };
@@ -33,6 +33,9 @@ pub struct CampaignParameters {
     pub modules_max: usize,
     /// The scenario to run instead of drawn ones.
     pub problem: Option<Arc<PlanningProblem>>,
+    /// If set, the modules of drawn scenarios start apart, in a field of this width in hundredths of the square root of their
+    /// number, so that they can move along paths.
+    pub apart: Option<(Apart, u32)>,
     /// The time from the start within which faults occur.
     pub fault_span: Duration,
     /// The time after the last fault within which a run must end.
@@ -55,6 +58,7 @@ impl Default for CampaignParameters {
             modules_min: 5,
             modules_max: 40,
             problem: None,
+            apart: None,
             fault_span: Duration::from_secs(40),
             patience: Duration::from_secs(900),
             stores: None,
@@ -138,7 +142,10 @@ fn draw_problem(
     };
     let generator =
         GeneratorParameters::new(modules, spots, random.below(u64::MAX)).grouped(Grouping::Mixed);
-    let raw = formation::generate::generate(&generator)?;
+    let mut raw = formation::generate::generate(&generator)?;
+    if let Some((apart, percent)) = parameters.apart {
+        set_apart(&mut raw, apart, percent, random.below(u64::MAX));
+    }
     Ok(Scenario::try_from(raw)?.problem().clone())
 }
 

@@ -124,8 +124,8 @@ pub(crate) struct Process {
     pub drive: SimulatedDrive,
     /// Whether the drive fails whenever it receives a goal.
     pub drive_broken: bool,
-    /// Whether a report of the drive is scheduled.
-    pub ticking: bool,
+    /// When the next report of the drive is scheduled.
+    pub tick_at: Option<Duration>,
     /// The plan of the drive's last goal.
     pub driven_by: Option<(Epoch, Digest)>,
     /// The last announcement of a target that it received.

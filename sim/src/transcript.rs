@@ -67,7 +67,7 @@ impl Transcript {
         let (actor, entry) = match observation {
             Observation::Published(module, message) => (Some(module), published(message)),
             Observation::Noted(module, event) => (Some(module), Some(noted(event))),
-            Observation::SetOff(..) => (None, None),
+            Observation::SetOff(..) | Observation::Stands(..) => (None, None),
             Observation::Announced(announcement) => {
                 let kind = match announcement.target {
                     Some(_) => "target_announced",
@@ -288,7 +288,7 @@ fn noted(event: &Event) -> Entry {
             entry.with("by", by.0)
         }
         Event::PlanOverdue(epoch) => Entry::of("plan_overdue").epoch(*epoch),
-        Event::MotionOverdue(spot) => Entry::of("motion_overdue").spot("spot", Some(*spot)),
+        Event::MotionOverdue(spot) => Entry::of("motion_overdue").spot("spot", *spot),
         Event::MotionFailed(spot) => Entry::of("motion_failed").spot("spot", *spot),
         Event::Retired => Entry::of("retired"),
         Event::Rejoined => Entry::of("rejoined"),
@@ -304,6 +304,8 @@ fn noted(event: &Event) -> Entry {
         Event::RunRemoved => Entry::of("run_removed"),
         Event::Stopped => Entry::of("stopped"),
         Event::Resumed => Entry::of("resumed"),
+        Event::NoPaths(error) => Entry::of("no_paths").with("reason", error),
+        Event::NotMoving(error) => Entry::of("not_moving").with("reason", error),
         Event::AssemblyWarning(warning) => acting_order(*warning),
     }
 }

@@ -17,6 +17,7 @@ mod forming;
 mod majority_model;
 mod mutations;
 mod observed;
+mod paths;
 mod planning;
 mod recovery;
 mod service;

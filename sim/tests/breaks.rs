@@ -192,6 +192,7 @@ fn stranger_heartbeat(
         digest: None,
         digest_since: 0,
         applied_turns: 0,
+        steps_done: 0,
         phase: ModulePhase::Listening,
         stop: formation::model::Stop::default(),
     })

@@ -4,57 +4,13 @@
 
 use std::time::Duration;
 
-use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed, run_seeds};
+use formation_sim::{CampaignParameters, FaultKind};
+
+use crate::support::run_all;
 
 /// The number of seeds; the soak script runs more.
 fn seeds() -> u64 {
     std::env::var("FORMATION_SEEDS").map_or(1_000, |text| text.parse().unwrap())
-}
-
-fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
-    let mut bad: Vec<RunReport> = Vec::new();
-    run_seeds(parameters, seeds, |report| {
-        if !report.violations.is_empty() && bad.len() < 20 {
-            bad.push(report);
-        }
-    })
-    .unwrap();
-    for report in &bad {
-        println!(
-            "seed {} ({} modules, {} spots, {} left):",
-            report.seed, report.modules, report.spots, report.running
-        );
-        for violation in report.violations.iter().take(4) {
-            println!(
-                "  {:.3} s {}: {}",
-                violation.at.as_secs_f64(),
-                violation.kind,
-                violation.detail
-            );
-        }
-    }
-    if let Some(first) = bad.iter().min_by_key(|report| report.modules) {
-        let parameters = CampaignParameters {
-            transcripts: true,
-            ..parameters.clone()
-        };
-        println!(
-            "the end of seed {}:\n{}",
-            first.seed,
-            tail(
-                &run_seed(&parameters, first.seed)
-                    .unwrap()
-                    .transcript
-                    .to_string()
-            )
-        );
-    }
-    assert!(bad.is_empty(), "{} bad seeds", bad.len());
-}
-
-fn tail(transcript: &str) -> String {
-    let lines: Vec<&str> = transcript.lines().collect();
-    lines[lines.len().saturating_sub(60)..].join("\n")
 }
 
 #[test]

@@ -2,6 +2,8 @@
 
 use sha2::{Digest as _, Sha256};
 
+use crate::motion::paths::MotionPlan;
+
 use crate::model::{
     BodyReport, Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule,
     PlanningProblem, Pose, Roster, Target, TargetAnnouncement, Whereabouts,
@@ -63,6 +65,7 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
         canonical.signed(weight.0);
     }
     canonical.number(u64::from(parameters.keep_all_spots));
+    canonical.number(parameters.motion as u64);
 }
 
 fn put_announcement(canonical: &mut Canonical, announcement: &TargetAnnouncement) {
@@ -143,9 +146,33 @@ pub(crate) fn of_target(announcement: &TargetAnnouncement) -> Digest {
     canonical.finish()
 }
 
-/// The digest of a whole plan: the roster with its epoch, and every decision in the order of the turns.
-pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
-    let mut canonical = Canonical::new("formation plan 3");
+fn put_motion(canonical: &mut Canonical, motion: &MotionPlan) {
+    canonical.length(motion.units.len());
+    for unit in &motion.units {
+        canonical.length(unit.modules.len());
+        for module in &unit.modules {
+            canonical.identifier(Some(module.module.0));
+            canonical.length(module.waypoints.len());
+            for waypoint in &module.waypoints {
+                canonical.pose(&waypoint.pose);
+            }
+        }
+        canonical.length(unit.waits.len());
+        for wait in &unit.waits {
+            canonical.number(u64::from(wait.step));
+            canonical.identifier(Some(wait.unit.0));
+            canonical.number(u64::from(wait.steps_done));
+        }
+    }
+}
+
+/// The digest of a whole plan: the roster with its epoch, every decision in the order of the turns, and the paths.
+pub(crate) fn of_plan(
+    roster: &Roster,
+    decisions: &[(ModuleId, Decision)],
+    motion: Option<&MotionPlan>,
+) -> Digest {
+    let mut canonical = Canonical::new("formation plan 4");
     canonical.number(roster.epoch.number);
     canonical.identifier(Some(roster.epoch.convener.0));
     put_announcement(&mut canonical, &roster.target);
@@ -178,6 +205,10 @@ pub(crate) fn of_plan(roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Di
         for module in &decision.detached {
             canonical.identifier(Some(module.0));
         }
+    }
+    canonical.number(u64::from(motion.is_some()));
+    if let Some(motion) = motion {
+        put_motion(&mut canonical, motion);
     }
     canonical.finish()
 }

@@ -64,7 +64,7 @@ impl Pose {
     }
 
     /// The angle between the two headings in micro-radians, at most half a turn.
-    pub(crate) fn heading_difference(&self, other: &Self) -> MicroUnits {
+    pub fn heading_difference(&self, other: &Self) -> MicroUnits {
         let turn = (self.theta.0 - other.theta.0).rem_euclid(FULL_TURN);
         MicroUnits(turn.min(FULL_TURN - turn))
     }

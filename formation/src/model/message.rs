@@ -154,6 +154,9 @@ pub struct ModuleState {
     pub spot: Option<SpotId>,
     /// The lead of its acting unit; itself when it moves alone.
     pub unit: Option<ModuleId>,
+    /// The number of steps of its path that it has done in this epoch; `None` without a plan, or if modules move in
+    /// straight lines.
+    pub steps_done: Option<u32>,
     /// The sequence number of the first state that showed it settled in this epoch; 0 before. A reader that keeps one
     /// sample can miss that state, and this shows whether a mark is later.
     pub settled_since: u64,
@@ -419,6 +422,8 @@ pub struct Heartbeat {
     pub digest_since: u64,
     /// The number of turns of the epoch that it has applied.
     pub applied_turns: u32,
+    /// The number of steps of its path that it has done in this epoch.
+    pub steps_done: u32,
     /// Its phase.
     pub phase: ModulePhase,
     /// The latest command to stop or to resume that it knows.

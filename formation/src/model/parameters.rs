@@ -35,6 +35,21 @@ pub enum TurnOrder {
     SizeFirst = 1,
 }
 
+/// How modules get to their spots. Digests contain the numbers.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum MotionMode {
+    /// Along paths where there are any; otherwise in straight lines, with a warning.
+    #[default]
+    Auto = 0,
+    /// Along paths without contact, all units at the same time. Where there are none, no module moves.
+    Paths = 1,
+    /// In straight lines, one unit after another. Modules may run into each other.
+    Straight = 2,
+}
+
 /// The weights of the cost of taking a spot; always `loc > dock > undock >= 0`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "RawWeights", into = "RawWeights")]
@@ -236,6 +251,8 @@ pub struct PlannerParameters {
     pub cut_price: CutPrice,
     /// Keep every spot even when there are fewer modules than spots, instead of trimming the target.
     pub keep_all_spots: bool,
+    /// How modules get to their spots.
+    pub motion: MotionMode,
 }
 
 #[cfg(test)]

@@ -1,14 +1,16 @@
-//! Motion of a module: simulated in a straight line at a set speed, or by a driver outside the process.
+//! Motion of a module: planned along paths; simulated at a set speed, or by a driver outside the process.
 
 mod docking;
 mod docking_queue;
 mod external;
 mod fault;
 pub mod paths;
+mod planned;
 
 pub use docking::{DockingAction, DockingRequest, DockingResult};
 pub use external::{DriveCommand, ExternalDrive, ExternalParameters};
 pub use fault::DriveFault;
+pub use planned::PlannedMotion;
 
 use std::time::Duration;
 
@@ -59,9 +61,26 @@ impl SimulatedDrive {
         self.pose
     }
 
+    /// The pose at a time, before anything that is due then.
+    #[must_use]
+    pub fn pose_at(&self, now: Duration) -> Pose {
+        let mut drive = self.clone();
+        drive.advance(now);
+        drive.pose
+    }
+
     /// Whether the module is moving.
     pub fn is_moving(&self) -> bool {
         self.journey.is_some()
+    }
+
+    /// When the module arrives, or halts because its goal does not repeat; `None` while it stands still.
+    pub fn due(&self) -> Option<Duration> {
+        let journey = self.journey.as_ref()?;
+        let arrival = journey.began.saturating_add(journey.duration);
+        let patience = self.patience.saturating_add(Duration::from_micros(1));
+        let end_of_patience = journey.repeated.saturating_add(patience);
+        Some(arrival.min(end_of_patience))
     }
 
     /// The time until arrival, if the goal is repeated until then; `None` while the module stands still.
@@ -123,7 +142,7 @@ impl SimulatedDrive {
             return Some(MotionReport::Arrived(self.pose));
         }
         let share = elapsed.as_secs_f64() / journey.duration.as_secs_f64();
-        self.pose = between(&journey.from, &journey.goal.pose, share);
+        self.pose = between(&journey.from, &journey.goal, share);
         if now > last {
             self.break_off(last);
             return Some(MotionReport::Halted(self.pose));
@@ -141,12 +160,23 @@ fn valid_speed(speed_units_per_s: f64) -> f64 {
     }
 }
 
-/// The pose at `share` (0 to 1) of the straight path; the heading turns by the smaller angle.
-fn between(from: &Pose, to: &Pose, share: f64) -> Pose {
-    let (start, end) = (from.to_isometry(), to.to_isometry());
-    let path = end.translation.vector - start.translation.vector;
-    let point = start.translation.vector + path * share;
-    let heading = start.rotation.slerp(&end.rotation, share).angle();
+/// The pose at `share` (0 to 1) of the straight path, or of the arc about the pivot; the heading turns by the smaller
+/// angle.
+fn between(from: &Pose, goal: &MotionGoal, share: f64) -> Pose {
+    let (start, end) = (from.to_isometry(), goal.pose.to_isometry());
+    let turned = start.rotation.slerp(&end.rotation, share);
+    let point = match goal.pivot {
+        None => start
+            .translation
+            .vector
+            .lerp(&end.translation.vector, share),
+        Some(pivot) => {
+            let pivot = pivot.to_isometry().translation.vector;
+            let turn = start.rotation.rotation_to(&turned);
+            pivot + turn * (start.translation.vector - pivot)
+        }
+    };
+    let heading = turned.angle();
     let pose = Pose::from_units(point.x, point.y, heading);
     debug_assert!(pose.is_ok(), "the pose lies between two valid ones");
     pose.unwrap_or(*from)
@@ -165,6 +195,7 @@ mod tests {
         MotionGoal {
             pose: Pose::from_units(x, 0.0, 0.0).unwrap(),
             unit_distance: MicroUnits::from_units(x).unwrap(),
+            pivot: None,
         }
     }
 
@@ -183,6 +214,24 @@ mod tests {
         );
         assert_eq!(drive.advance(Duration::from_secs(6)), None);
         assert_eq!(drive.time_left(at(6)), None);
+    }
+
+    #[test]
+    fn docked_modules_turn_about_their_pivot() {
+        let from = Pose::from_units(3.0, 1.0, 0.0).unwrap();
+        let mut drive = SimulatedDrive::new(from, 1.0, Duration::from_secs(60));
+        let quarter = std::f64::consts::FRAC_PI_2;
+        let goal = MotionGoal {
+            pose: Pose::from_units(1.0, 3.0, quarter).unwrap(),
+            unit_distance: MicroUnits(4_000_000),
+            pivot: Some(Pose::from_units(1.0, 1.0, 0.0).unwrap()),
+        };
+        drive.go(Duration::ZERO, goal);
+        drive.advance(at(2));
+        let middle = Pose::from_units(1.0 + 2.0_f64.sqrt(), 1.0 + 2.0_f64.sqrt(), quarter / 2.0);
+        assert!(drive.pose().distance_to(&middle.unwrap()) < MicroUnits(10));
+        assert_eq!(drive.due(), Some(at(4)));
+        assert_eq!(drive.advance(at(4)), Some(MotionReport::Arrived(goal.pose)));
     }
 
     #[test]

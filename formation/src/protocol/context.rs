@@ -9,7 +9,6 @@ use crate::model::{
     ConfigurationId, Digest, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember,
     STAMP_AHEAD_MAX, Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter, digest,
 };
-use crate::planner::PlannedTurns;
 
 use super::bodies::Bodies;
 use super::body::Body;
@@ -21,7 +20,7 @@ use super::outbox::Outbox;
 use super::pacing::EpochPacing;
 use super::parameters::AgentParameters;
 use super::peers::{Liveness, Peers};
-use super::plans::{PlanJob, Plans};
+use super::plans::{ComputedPlan, PlanJob, Plans};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
 
@@ -208,7 +207,7 @@ impl Context {
     }
 
     /// The plan of a job; `None` until the host has computed it.
-    pub fn plan(&mut self, job: PlanJob) -> Option<Arc<PlannedTurns>> {
+    pub fn plan(&mut self, job: PlanJob) -> Option<Arc<ComputedPlan>> {
         self.plans.get(job, &mut self.outbox)
     }
 

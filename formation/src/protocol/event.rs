@@ -5,6 +5,8 @@ use std::time::Duration;
 
 use crate::model::{AssemblyWarning, BlockedSpot, Digest, Epoch, ModuleId, Service, SpotId};
 
+use crate::motion::paths::MotionError;
+
 use super::refusal::Refusal;
 
 /// How much attention an event needs.
@@ -103,7 +105,7 @@ pub enum Event {
     /// It halted because agreement lapsed; it continues when all members show agreement again.
     AgreementLapsed(Vec<ModuleId>),
     /// It did not reach its spot in time.
-    MotionOverdue(SpotId),
+    MotionOverdue(Option<SpotId>),
     /// Its drive or ports failed, while it moved to this spot if it was moving; it takes no spot any more.
     MotionFailed(Option<SpotId>),
     /// It received the command to leave the formation.
@@ -126,6 +128,10 @@ pub enum Event {
     Stopped,
     /// The modules may move again, on command.
     Resumed,
+    /// There are no paths without contact, for this reason: modules move in straight lines.
+    NoPaths(MotionError),
+    /// There are no paths without contact, and the target forbids straight lines: no module moves.
+    NotMoving(MotionError),
     /// The plan's acting order has a flaw.
     AssemblyWarning(AssemblyWarning),
     /// The target was withdrawn; modules stay where they are.
@@ -280,9 +286,17 @@ impl fmt::Display for Event {
                 let modules = ids(modules);
                 write!(formatter, "halted: agreement of modules {modules} lapsed")
             }
-            Self::MotionOverdue(spot) => {
+            Self::MotionOverdue(Some(spot)) => {
                 write!(formatter, "did not reach {spot} within motion_limit_s")
             }
+            Self::MotionOverdue(None) => {
+                write!(formatter, "did not make way within motion_limit_s")
+            }
+            Self::NoPaths(error) => write!(
+                formatter,
+                "moves in straight lines, which is not collision-free: {error}"
+            ),
+            Self::NotMoving(error) => write!(formatter, "does not move: {error}"),
             Self::MotionFailed(spot) => write_motion_failed(formatter, *spot),
             Self::Retired => write!(formatter, "retired: it leaves the formation"),
             Self::Rejoined => write!(formatter, "takes part again"),
@@ -383,6 +397,7 @@ impl Event {
             | Self::DuplicateModule(_)
             | Self::MotionOverdue(_)
             | Self::RunRemoved
+            | Self::NotMoving(_)
             | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }
@@ -393,6 +408,7 @@ impl Event {
             | Self::SpotsBlocked(_)
             | Self::SpotsCutOff(_)
             | Self::Stopped
+            | Self::NoPaths(_)
             | Self::AssemblyWarning(_) => Severity::Warning,
             _ => Severity::Info,
         }

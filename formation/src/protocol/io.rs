@@ -108,6 +108,8 @@ pub struct MotionGoal {
     pub pose: Pose,
     /// The longest distance that a module of the same unit has to travel, so that a block arrives together.
     pub unit_distance: MicroUnits,
+    /// The point about which the module turns with its unit; `None` if it goes straight.
+    pub pivot: Option<Pose>,
 }
 
 /// One output of an agent, for its host to carry out.

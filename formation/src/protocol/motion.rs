@@ -25,8 +25,10 @@ impl Agent {
                 body.moving = false;
                 // A goal that waited for the store meanwhile would have the module set off again.
                 self.context.outbox.withdraw_goals();
-                if let Stage::Acting(acting) = &mut self.stage {
-                    acting.arrive();
+                if let Stage::Acting(acting) = &mut self.stage
+                    && !acting.arrive()
+                {
+                    return;
                 }
             }
             MotionReport::Halted(pose) => {
@@ -114,7 +116,8 @@ impl Agent {
         let is_wanted = held.ends_linked_to(other);
         let has_settled = state.phase == ModulePhase::Settled;
         let is_settled = self.stage.is_settled();
-        if is_linked && !is_wanted && (has_settled || state.phase == ModulePhase::Moving) {
+        let has_left = state.phase == ModulePhase::Moving;
+        if is_linked && (has_left || !is_wanted && has_settled) {
             body.links.remove(&other);
         } else if !is_linked && is_wanted && has_settled && is_settled {
             body.links.insert(other);

@@ -39,6 +39,8 @@ pub enum Mutation {
     LearnUnjudged,
     /// Moves without waiting for earlier units.
     MoveOutOfOrder,
+    /// Begins a step without waiting for other units.
+    SkipWaits,
     /// Forgets the spot on which it has settled.
     ForgetPins,
     /// Freezes with the spot of whatever target it knows.
@@ -158,6 +160,7 @@ predicates! {
     record_claims_out_of_turn: ApplyOutOfTurn,
     ignore_quorum: IgnoreQuorum,
     ignore_acting_order: MoveOutOfOrder,
+    skip_waits: SkipWaits,
     forget_pins: ForgetPins,
     pin_for_any_target: PinForAnyTarget,
     count_dead_as_live: CountDeadAsAlive,

@@ -255,7 +255,10 @@ impl Peers {
             self.shown.count += 1;
             self.shown.last = Some(heartbeat.module);
         }
-        let shows = |heartbeat: Heartbeat| (plan(heartbeat), heartbeat.phase, heartbeat.stop);
+        let shows = |heartbeat: Heartbeat| {
+            let progress = (heartbeat.phase, heartbeat.steps_done);
+            (plan(heartbeat), progress, heartbeat.stop)
+        };
         Ok(match (known, age) {
             (Some(known), Some(age)) if shows(known) == shows(heartbeat) => {
                 HeartbeatNews::StillLive { age }
@@ -454,6 +457,7 @@ mod tests {
             digest: None,
             digest_since: 0,
             applied_turns: 0,
+            steps_done: 0,
             phase: ModulePhase::Listening,
             stop: Stop::default(),
         }

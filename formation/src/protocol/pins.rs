@@ -11,6 +11,8 @@ use crate::model::{
     PlannerParameters, PlanningModule, PlanningProblem, RosterMember, Service, SpotId, Target,
 };
 
+use crate::motion::paths::Area;
+
 use super::context::Context;
 use super::plans::PlanJob;
 
@@ -19,6 +21,7 @@ pub(super) fn release(
     members: &mut [RosterMember],
     target: &Arc<Target>,
     parameters: PlannerParameters,
+    obstacles: Vec<Area>,
     context: &mut Context,
 ) -> Option<()> {
     let mut held = BTreeSet::new();
@@ -38,8 +41,9 @@ pub(super) fn release(
         // There are too many members; each of them refuses the roster.
         return Some(());
     };
-    let planned = context.plan(PlanJob::release(problem))?;
+    let planned = context.plan(PlanJob::release(problem, obstacles))?;
     let kept: BTreeSet<SpotId> = planned
+        .turns()
         .problem()
         .modules()
         .iter()

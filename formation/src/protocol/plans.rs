@@ -14,7 +14,11 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
-use crate::model::{ModuleId, PlanningProblem};
+use crate::model::{
+    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, Roster, Service,
+};
+use crate::motion::PlannedMotion;
+use crate::motion::paths::Area;
 use crate::planner::{PlannedTurns, plan_releasing_pins};
 
 use super::io::Output;
@@ -27,6 +31,8 @@ const PLANS_KEPT: usize = 3;
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlanJob {
     problem: Arc<PlanningProblem>,
+    /// Where modules stand that take no part.
+    obstacles: Vec<Area>,
     /// Whether the pins that wall in spots are released first.
     releases_pins: bool,
 }
@@ -35,22 +41,59 @@ pub struct PlanJob {
 #[derive(Clone, Debug)]
 pub struct ComputedPlan {
     job: PlanJob,
-    planned: Arc<PlannedTurns>,
+    turns: PlannedTurns,
+    motion: Arc<PlannedMotion>,
+    plan: Arc<Plan>,
+}
+
+/// The bodies that stand in the way: those of the members that take no part in the plan, and those of absent modules.
+pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
+    let members = roster.members.iter();
+    let aside = members.filter(|member| member.service != Service::Active);
+    let aside = aside.map(|member| (member.module.pose, member.module.pose));
+    let is_absent = |module: ModuleId| {
+        let mut members = roster.members.iter();
+        members.all(|member| member.module.id != module)
+    };
+    let absent = roster.bodies.iter().filter(|body| is_absent(body.module));
+    let absent = absent.filter_map(|body| body.whereabouts.reach());
+    aside
+        .chain(absent)
+        .flat_map(|(from, to)| along(from, to))
+        .map(|pose| Area::of_body(&pose))
+        .collect()
+}
+
+/// Poses at most half a unit apart on the line between two poses.
+fn along(from: Pose, to: Pose) -> impl Iterator<Item = Pose> {
+    let parts = from.distance_to(&to).0 / (MICRO_PER_UNIT / 2) + 1;
+    let last = if from == to { 0 } else { parts };
+    let between = move |from: MicroUnits, to: MicroUnits, part: i64| {
+        let way = i128::from(to.0 - from.0) * i128::from(part) / i128::from(parts);
+        MicroUnits(from.0 + i64::try_from(way).unwrap_or_default())
+    };
+    (0..=last).map(move |part| Pose {
+        x: between(from.x, to.x, part),
+        y: between(from.y, to.y, part),
+        theta: from.theta,
+    })
 }
 
 impl PlanJob {
     /// The plan for a problem as it is.
-    pub(super) fn plan(problem: PlanningProblem) -> Self {
+    pub(super) fn plan(problem: PlanningProblem, obstacles: Vec<Area>) -> Self {
         Self {
             problem: Arc::new(problem),
+            obstacles,
             releases_pins: false,
         }
     }
 
     /// The plan for a problem after the release of the pins that wall in spots.
-    pub(super) fn release(problem: PlanningProblem) -> Self {
+    pub(super) fn release(problem: PlanningProblem, obstacles: Vec<Area>) -> Self {
         Self {
             problem: Arc::new(problem),
+            obstacles,
             releases_pins: true,
         }
     }
@@ -59,23 +102,44 @@ impl PlanJob {
     #[must_use]
     pub fn run(self) -> ComputedPlan {
         let problem = Arc::clone(&self.problem);
-        let planned = if self.releases_pins {
+        let turns = if self.releases_pins {
             plan_releasing_pins(problem)
         } else {
             PlannedTurns::of(problem)
         };
+        let plan = Plan::clone(turns.plan());
+        let (motion, plan) = PlannedMotion::of(turns.problem(), plan, &self.obstacles);
         ComputedPlan {
             job: self,
-            planned: Arc::new(planned),
+            turns,
+            motion: Arc::new(motion),
+            plan: Arc::new(plan),
         }
     }
 }
 
 impl ComputedPlan {
-    /// The plan, if it is the one of this job. After a release of pins it is also the plan for the pins that stay.
-    fn answer_to(&self, job: &PlanJob) -> Option<&Arc<PlannedTurns>> {
-        let is_for_rest = !job.releases_pins && *self.planned.problem() == job.problem;
-        (is_for_rest || self.job == *job).then_some(&self.planned)
+    /// Every turn.
+    pub(super) fn turns(&self) -> &PlannedTurns {
+        &self.turns
+    }
+
+    /// How the modules move.
+    pub(super) fn motion(&self) -> &Arc<PlannedMotion> {
+        &self.motion
+    }
+
+    /// The plan after the last turn, with the acting order of the motion.
+    pub(super) fn plan(&self) -> &Arc<Plan> {
+        &self.plan
+    }
+
+    /// Whether this is the plan of a job. After a release of pins it is also the plan for the pins that stay.
+    fn answers(&self, job: &PlanJob) -> bool {
+        let is_for_rest = !job.releases_pins
+            && *self.turns.problem() == job.problem
+            && self.job.obstacles == job.obstacles;
+        is_for_rest || self.job == *job
     }
 }
 
@@ -90,14 +154,13 @@ pub(super) struct Plans {
 
 impl Plans {
     /// The plan of a job if it is known; otherwise the host is asked for it, once.
-    pub fn get(&mut self, job: PlanJob, outbox: &mut Outbox) -> Option<Arc<PlannedTurns>> {
+    pub fn get(&mut self, job: PlanJob, outbox: &mut Outbox) -> Option<Arc<ComputedPlan>> {
         let known = self.computed.as_ref();
-        if let Some(planned) = known.and_then(|computed| computed.answer_to(&job)) {
-            return Some(Arc::clone(planned));
+        if let Some(computed) = known.filter(|computed| computed.answers(&job)) {
+            return Some(Arc::clone(computed));
         }
         if !self.by_host {
-            let computed = self.computed.insert(Arc::new(job.run()));
-            return Some(Arc::clone(&computed.planned));
+            return Some(Arc::clone(self.computed.insert(Arc::new(job.run()))));
         }
         if self.asked.as_ref() != Some(&job) {
             self.asked = Some(job.clone());
@@ -108,7 +171,7 @@ impl Plans {
 
     /// Takes a plan of the host; returns whether it is the one that was asked for.
     pub fn receive(&mut self, computed: Arc<ComputedPlan>) -> bool {
-        let is_asked = |job: &mut PlanJob| computed.answer_to(job).is_some();
+        let is_asked = |job: &mut PlanJob| computed.answers(job);
         let is_answer = self.asked.take_if(is_asked).is_some();
         if is_answer {
             self.computed = Some(computed);
@@ -133,7 +196,7 @@ impl SharedPlans {
     pub fn ask(&mut self, module: ModuleId, job: PlanJob) -> Option<Arc<ComputedPlan>> {
         self.waiting.remove(&module);
         let mut computed = self.computed.iter();
-        if let Some(known) = computed.find(|computed| computed.answer_to(&job).is_some()) {
+        if let Some(known) = computed.find(|computed| computed.answers(&job)) {
             return Some(Arc::clone(known));
         }
         self.waiting.insert(module, job);
@@ -158,7 +221,7 @@ impl SharedPlans {
         let served: Vec<ModuleId> = self
             .waiting
             .iter()
-            .filter(|(_, job)| computed.answer_to(job).is_some())
+            .filter(|(_, job)| computed.answers(job))
             .map(|(&module, _)| module)
             .collect();
         for module in &served {
@@ -183,28 +246,32 @@ mod tests {
         Scenario::try_from(raw).unwrap().problem().clone()
     }
 
+    fn job(seed: u64) -> PlanJob {
+        PlanJob::plan(problem(seed), Vec::new())
+    }
+
     #[test]
     fn agents_that_ask_for_the_same_share_one_plan() {
         let mut plans = SharedPlans::default();
         let modules: Vec<ModuleId> = (0..4).map(ModuleId).collect();
         for &module in &modules[..3] {
-            assert!(plans.ask(module, PlanJob::plan(problem(1))).is_none());
+            assert!(plans.ask(module, job(1)).is_none());
         }
-        assert!(plans.ask(modules[3], PlanJob::plan(problem(2))).is_none());
+        assert!(plans.ask(modules[3], job(2)).is_none());
         let first = plans.next_job().unwrap();
         assert_eq!(plans.next_job(), None, "one runs already");
         // This one now needs another plan.
-        assert!(plans.ask(modules[2], PlanJob::plan(problem(2))).is_none());
+        assert!(plans.ask(modules[2], job(2)).is_none());
         let first = Arc::new(first.run());
         assert_eq!(plans.finish(Arc::clone(&first)), modules[..2]);
         let second = plans.next_job().unwrap();
         assert_eq!(plans.finish(Arc::new(second.run())), modules[2..]);
         assert_eq!(plans.next_job(), None);
         // The next epoch may have the same problem.
-        let known = plans.ask(modules[3], PlanJob::plan(problem(1))).unwrap();
+        let known = plans.ask(modules[3], job(1)).unwrap();
         assert!(Arc::ptr_eq(&known, &first));
         assert_eq!(
-            *known.planned,
+            known.turns,
             PlannedTurns::of(Arc::new(problem(1))),
             "what an agent would have computed"
         );
@@ -212,14 +279,18 @@ mod tests {
 
     #[test]
     fn a_release_of_pins_answers_for_the_pins_that_stay() {
-        let job = PlanJob::release(problem(3));
+        let job = PlanJob::release(problem(3), Vec::new());
         let mut plans = SharedPlans::default();
         assert!(plans.ask(ModuleId(1), job.clone()).is_none());
         let computed = Arc::new(plans.next_job().unwrap().run());
         assert_eq!(plans.finish(Arc::clone(&computed)), [ModuleId(1)]);
         assert!(plans.ask(ModuleId(1), job).is_some());
-        let kept = PlanningProblem::clone(computed.planned.problem());
-        assert!(plans.ask(ModuleId(2), PlanJob::plan(kept)).is_some());
+        let kept = PlanningProblem::clone(computed.turns.problem());
+        assert!(
+            plans
+                .ask(ModuleId(2), PlanJob::plan(kept, Vec::new()))
+                .is_some()
+        );
     }
 
     #[test]
@@ -229,7 +300,7 @@ mod tests {
             by_host: true,
             ..Plans::default()
         };
-        let (wanted, other) = (PlanJob::plan(problem(4)), PlanJob::plan(problem(5)));
+        let (wanted, other) = (job(4), job(5));
         assert!(plans.get(wanted.clone(), &mut outbox).is_none());
         assert!(plans.get(wanted.clone(), &mut outbox).is_none());
         let asked = std::iter::from_fn(|| outbox.pop()).collect::<Vec<_>>();
@@ -240,6 +311,6 @@ mod tests {
         assert!(plans.receive(Arc::clone(&computed)));
         assert!(!plans.receive(computed), "it has it");
         let taken = plans.get(wanted, &mut outbox).unwrap();
-        assert_eq!(*taken, PlannedTurns::of(Arc::new(problem(4))));
+        assert_eq!(taken.turns, PlannedTurns::of(Arc::new(problem(4))));
     }
 }

@@ -64,6 +64,7 @@ impl Agent {
             leader: context.own.leader,
             spot: None,
             unit: None,
+            steps_done: None,
             settled_since: 0,
             waited_for: Vec::new(),
             agreed_on: Vec::new(),
@@ -76,6 +77,7 @@ impl Agent {
 
     fn heartbeat(&mut self, shown: Shown) -> Heartbeat {
         let applied_turns = self.applied_turns();
+        let steps_done = self.stage.steps_done();
         let own = self.context.own;
         let heartbeats = &mut self.context.outbox.heartbeats;
         Heartbeat {
@@ -88,6 +90,7 @@ impl Agent {
             digest: shown.digest,
             digest_since: heartbeats.digest_since(shown.digest),
             applied_turns,
+            steps_done,
             phase: shown.phase,
             stop: shown.stop,
         }

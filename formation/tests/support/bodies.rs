@@ -176,7 +176,7 @@ fn discs(unit: &UnitMotion, times: &[(f64, f64)]) -> Vec<Segment> {
                 }
                 Some(first) => (centre, radius, first),
             },
-            StepKind::Shift | StepKind::Move => continue,
+            StepKind::Shift | StepKind::Regroup | StepKind::Move => continue,
         };
         let (centre, radius) = (at(&centre), radius.to_units());
         discs.push(Segment {

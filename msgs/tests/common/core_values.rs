@@ -8,9 +8,10 @@ use std::time::Duration;
 use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice,
     EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState,
-    PlannerParameters, PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget, Removal,
-    Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId,
-    Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
+    MotionMode, PlannerParameters, PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget,
+    Removal, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, SpotSelection, Stop,
+    StoreId, Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights,
+    Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -120,10 +121,17 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
         any::<bool>(),
         weights(),
         0..=100_000_000_i64,
-        any::<bool>(),
+        (
+            any::<bool>(),
+            select(vec![
+                MotionMode::Auto,
+                MotionMode::Paths,
+                MotionMode::Straight,
+            ]),
+        ),
     )
         .prop_map(
-            |(policy, order, d_max, exact_finish, weights, cut_price, keep_all_spots)| {
+            |(policy, order, d_max, exact_finish, weights, cut_price, (keep_all_spots, motion))| {
                 PlannerParameters {
                     policy,
                     order,
@@ -132,6 +140,7 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
                     weights,
                     cut_price: CutPrice::from_units(MicroUnits(cut_price).to_units()).unwrap(),
                     keep_all_spots,
+                    motion,
                 }
             },
         )
@@ -300,7 +309,11 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
             epoch_and_digest(),
         ),
         (phase(), service()),
-        (option::of(module_id()), any::<u64>()),
+        (
+            option::of(module_id()),
+            option::of(any::<u32>()),
+            any::<u64>(),
+        ),
         (marks(), marks(), quorum_bases(), bodies()),
     )
         .prop_map(
@@ -308,7 +321,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 module,
                 ((incarnation, store), sequence, (epoch, digest)),
                 (phase, service),
-                (unit, since),
+                (unit, steps_done, since),
                 (waited_for, agreed_on, quorum_bases, bodies),
             )| ModuleState {
                 module: module.id,
@@ -325,6 +338,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 leader: module.leader,
                 spot: module.pin,
                 unit,
+                steps_done: digest.and(steps_done),
                 settled_since: since.min(sequence),
                 waited_for,
                 agreed_on,
@@ -471,7 +485,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
         (0..=i32::MAX.unsigned_abs(), 0..1_000_000_000_u32),
         epoch_and_digest(),
         any::<Index>(),
-        any::<u32>(),
+        (any::<u32>(), any::<u32>()),
         (phase(), any::<(u64, bool)>()),
     )
         .prop_map(
@@ -482,7 +496,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
                 (sec, nanosec),
                 (epoch, digest),
                 since,
-                turns,
+                (turns, steps),
                 (phase, (revision, stopped)),
             )| {
                 let span = usize::try_from(sequence).unwrap_or(usize::MAX);
@@ -496,6 +510,7 @@ fn heartbeat() -> impl Strategy<Value = Heartbeat> {
                     digest,
                     digest_since: digest.map_or(0, |_| since.index(span) as u64 + 1),
                     applied_turns: epoch.map_or(0, |_| turns),
+                    steps_done: digest.map_or(0, |_| steps),
                     phase,
                     stop: Stop { revision, stopped },
                 }

@@ -112,7 +112,7 @@ impl Cluster {
             timeout_at: None,
             drive,
             drive_broken: false,
-            ticking: false,
+            tick_at: None,
             driven_by: None,
             announcement: None,
             writing: VecDeque::new(),
@@ -211,15 +211,11 @@ impl Cluster {
                         continue;
                     }
                     process.driven_by = plan;
+                    let stood = process.drive.pose_at(local);
                     process.drive.go(local, goal);
-                    let incarnation = process.incarnation;
-                    let starts = !std::mem::replace(&mut process.ticking, true);
+                    self.observe(Observation::Stands(module, stood));
                     self.observe(Observation::SetOff(module, plan));
-                    if starts {
-                        let at = now + self.parameters.drive_tick;
-                        self.schedule
-                            .add(at, Happening::DriveTick(module, incarnation));
-                    }
+                    self.schedule_tick(module);
                 }
                 Output::Persist { number, state } => {
                     let incarnation = process.incarnation;
@@ -237,6 +233,8 @@ impl Cluster {
                 Output::Halt => {
                     let report = process.drive.halt(local);
                     process.agent.handle(local, Input::Motion(report));
+                    let pose = process.drive.pose();
+                    self.observe(Observation::Stands(module, pose));
                 }
                 Output::Dock(other) => {
                     let report = Input::Motion(MotionReport::Docked(other));
@@ -277,19 +275,35 @@ impl Cluster {
         let Some(process) = self.processes.get_mut(&module) else {
             return;
         };
-        if process.incarnation != incarnation {
+        if process.incarnation != incarnation || process.tick_at != Some(now) {
             return;
         }
+        process.tick_at = None;
         let local = process.clock.local(now);
         let report = process.drive.advance(local);
-        process.ticking = process.drive.is_moving();
-        if process.ticking {
-            let at = now + self.parameters.drive_tick;
-            self.schedule
-                .add(at, Happening::DriveTick(module, incarnation));
-        }
         if let Some(report) = report {
+            let pose = process.drive.pose();
+            self.observe(Observation::Stands(module, pose));
+            self.schedule_tick(module);
             self.input(module, Input::Motion(report));
+        }
+    }
+
+    /// Schedules the next report of a drive that moves: after a tick, or when it arrives or halts.
+    fn schedule_tick(&mut self, module: ModuleId) {
+        let now = self.now();
+        let Some(process) = self.processes.get_mut(&module) else {
+            return;
+        };
+        let Some(due) = process.drive.due() else {
+            return;
+        };
+        let left = due.saturating_sub(process.clock.local(now));
+        let at = now + left.min(self.parameters.drive_tick);
+        if process.tick_at.is_none_or(|tick| at < tick) {
+            process.tick_at = Some(at);
+            let tick = Happening::DriveTick(module, process.incarnation);
+            self.schedule.add(at, tick);
         }
     }
 }

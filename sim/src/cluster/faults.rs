@@ -110,6 +110,7 @@ impl Cluster {
             body.pose = process.drive.pose();
             body.links = process.agent.links().clone();
         }
+        self.observe(Observation::Stands(module, process.drive.pose()));
         self.transport.forget(module);
         self.note(Fault::Crash(module));
     }

@@ -41,6 +41,8 @@ pub enum Observation {
     Noted(ModuleId, Event),
     /// A drive received a goal of this plan. Its module may have left the plan by the time this is read.
     SetOff(ModuleId, Option<(Epoch, Digest)>),
+    /// A drive stands or moves here. Between two of these it moves evenly.
+    Stands(ModuleId, Pose),
     /// The publisher of the target announced this.
     Announced(Arc<TargetAnnouncement>),
     /// A fault occurred, or ended.
@@ -112,6 +114,13 @@ impl Cluster {
         self.processes.get(&module).map(|process| &process.agent)
     }
 
+    /// The modules that a module is docked to; a body keeps its links when its process ends.
+    #[must_use]
+    pub fn links(&self, module: ModuleId) -> Option<&BTreeSet<ModuleId>> {
+        let body = self.bodies.get(&module).map(|body| &body.links);
+        self.agent(module).map(Agent::links).or(body)
+    }
+
     /// The state of a module, if it is running.
     #[must_use]
     pub fn standing(&self, module: ModuleId) -> Option<Standing> {
@@ -163,6 +172,12 @@ impl Cluster {
     pub fn plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {
         let process = self.processes.get(&module)?;
         process.driven_by.filter(|_| process.drive.is_moving())
+    }
+
+    /// The plan of the last goal that a running module's drive received.
+    #[must_use]
+    pub fn last_plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {
+        self.processes.get(&module)?.driven_by
     }
 
     /// The number of messages published so far.

@@ -13,7 +13,7 @@ use formation::model::{
 };
 
 use super::bodies::room;
-use super::{Latest, Monitor, ViolationKind};
+use super::{Latest, Monitor, ViolationKind, stands_on};
 use crate::campaign::Ending;
 use crate::cluster::Cluster;
 
@@ -97,7 +97,7 @@ impl Monitor {
                 continue;
             }
             let place = state.spot.and_then(|spot| target.spot(spot));
-            if let Some(place) = place.filter(|place| place.pose == standing.pose) {
+            if let Some(place) = place.filter(|place| stands_on(&standing.pose, &place.pose)) {
                 filled.insert(place.id, module);
             }
         }

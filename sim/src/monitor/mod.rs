@@ -4,6 +4,7 @@
 //! as an observer of the robots does. `ending` judges how a run ends.
 
 mod bodies;
+mod contact;
 mod ending;
 mod motion;
 mod violation;
@@ -13,12 +14,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Roster,
-    RosterMember, RosterMessage, Service, SpotClaim, SpotId, Voter,
+    Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    Pose, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, Voter,
 };
 use formation::protocol::Event;
 
 pub use bodies::room;
+use contact::Bodies;
 pub use violation::{Violation, ViolationKind};
 
 use crate::cluster::{Cluster, Observation};
@@ -66,6 +68,7 @@ pub(crate) struct Monitor {
     assigned: BTreeMap<(PlanKey, ModuleId), SpotId>,
     /// The plans on which a module has begun to move.
     begun: BTreeSet<PlanKey>,
+    bodies: Bodies,
     pub violations: Vec<Violation>,
 }
 
@@ -83,6 +86,7 @@ impl Monitor {
             spots: BTreeMap::new(),
             assigned: BTreeMap::new(),
             begun: BTreeSet::new(),
+            bodies: Bodies::default(),
             violations: Vec::new(),
         }
     }
@@ -109,6 +113,7 @@ impl Monitor {
                     Message::Claim(claim) => self.observe_claim(at, claim),
                     _ => {}
                 },
+                Observation::Stands(module, pose) => self.follow_body(at, module, pose, cluster),
                 Observation::SetOff(module, plan) => {
                     self.check_departure(at, module, plan, cluster);
                 }
@@ -197,6 +202,10 @@ impl Monitor {
         };
         let latest = self.latest.entry(run).or_default();
         latest.state = Some(Arc::clone(state));
+        if state.steps_done.is_some() {
+            let plan = state.epoch.zip(state.digest);
+            self.bodies.by_paths.extend(plan);
+        }
         let announcement = cluster.received_announcement(state.module);
         latest.target_revision = announcement.map(|announcement| announcement.revision);
         let was_settled = self.settled_on.contains_key(&run);
@@ -313,7 +322,7 @@ impl Monitor {
         let pose = target.and_then(|target| Some(target.spot(spot)?.pose));
         let standing = cluster.standing(state.module);
         if let (Some(pose), Some(standing)) = (pose, standing)
-            && pose != standing.pose
+            && !stands_on(&standing.pose, &pose)
         {
             let detail = format!("{} not on {spot}", state.module);
             self.violate(at, ViolationKind::SettledElsewhere, detail);
@@ -333,6 +342,13 @@ impl Monitor {
             self.violate(at, ViolationKind::OneModuleOnTwoSpots, detail);
         }
     }
+}
+
+/// A module stands on a spot that is this near, and its heading that of the spot to within as much.
+const ON_SPOT: MicroUnits = MicroUnits(2_000);
+
+fn stands_on(pose: &Pose, spot: &Pose) -> bool {
+    pose.distance_to(spot) <= ON_SPOT && pose.heading_difference(spot) <= ON_SPOT
 }
 
 /// The active members that no claim may evict: those with a pin, and those of a configuration.

@@ -11,7 +11,7 @@ use crate::cluster::Cluster;
 const ROUNDING: Duration = Duration::from_millis(5);
 
 impl Monitor {
-    /// While a module moves, all other modules that move belong to its unit.
+    /// While a module moves in a straight line, all other modules that move belong to its unit.
     pub(super) fn check_unit_in_motion(
         &mut self,
         at: Duration,
@@ -21,8 +21,8 @@ impl Monitor {
         let Some(plan) = state.epoch.zip(state.digest) else {
             return;
         };
-        if state.phase != ModulePhase::Moving || cluster.plan_in_motion(state.module) != Some(plan)
-        {
+        let moves_straight = state.phase == ModulePhase::Moving && state.steps_done.is_none();
+        if !moves_straight || cluster.plan_in_motion(state.module) != Some(plan) {
             return;
         }
         for other in cluster.running() {

@@ -32,6 +32,8 @@ pub enum ViolationKind {
     EpochWentBack,
     /// Two modules of different units moved at the same time, on one plan.
     TwoUnitsInMotion,
+    /// While modules moved along paths, the bodies of two that were not docked to each other overlapped.
+    BodiesOverlap,
     /// A module that had settled for a target froze for it without a pin.
     PinForgotten,
     /// A module plans or agrees with another pose than the roster lists.
@@ -60,6 +62,7 @@ impl fmt::Display for ViolationKind {
             Self::Hole => "hole",
             Self::EpochWentBack => "epoch went back",
             Self::TwoUnitsInMotion => "two units in motion",
+            Self::BodiesOverlap => "bodies overlap",
             Self::PinForgotten => "pin forgotten",
             Self::NotWhereFrozen => "not where frozen",
             Self::QuorumDenied => "quorum denied",

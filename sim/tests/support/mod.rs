@@ -9,7 +9,10 @@ use formation::model::{
     Message, ModuleId, ModulePhase, PlanningProblem, Roster, RosterMessage, Scenario, SpotId,
 };
 use formation::protocol::Event;
-use formation_sim::{AgentFactory, Cluster, ClusterParameters, Observation};
+use formation_sim::{
+    AgentFactory, CampaignParameters, Cluster, ClusterParameters, Observation, RunReport, run_seed,
+    run_seeds,
+};
 
 pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(grouping);
@@ -196,4 +199,51 @@ pub fn hold_a_plan(cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
         })
         .collect();
     plans.len() == 1 && !plans.contains(&None)
+}
+
+/// Runs all seeds, which must be clean. Prints what is wrong, and the end of the smallest bad run.
+pub fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
+    let mut bad: Vec<RunReport> = Vec::new();
+    run_seeds(parameters, seeds, |report| {
+        if !report.violations.is_empty() && bad.len() < 20 {
+            bad.push(report);
+        }
+    })
+    .unwrap();
+    for report in &bad {
+        println!(
+            "seed {} ({} modules, {} spots, {} left):",
+            report.seed, report.modules, report.spots, report.running
+        );
+        for violation in report.violations.iter().take(4) {
+            println!(
+                "  {:.3} s {}: {}",
+                violation.at.as_secs_f64(),
+                violation.kind,
+                violation.detail
+            );
+        }
+    }
+    if let Some(first) = bad.iter().min_by_key(|report| report.modules) {
+        let parameters = CampaignParameters {
+            transcripts: true,
+            ..parameters.clone()
+        };
+        println!(
+            "the end of seed {}:\n{}",
+            first.seed,
+            tail(
+                &run_seed(&parameters, first.seed)
+                    .unwrap()
+                    .transcript
+                    .to_string()
+            )
+        );
+    }
+    assert!(bad.is_empty(), "{} bad seeds", bad.len());
+}
+
+fn tail(transcript: &str) -> String {
+    let lines: Vec<&str> = transcript.lines().collect();
+    lines[lines.len().saturating_sub(60)..].join("\n")
 }

@@ -75,6 +75,7 @@ fn beat(tracker: &mut GoalTracker<u32>, now: Duration, module: u32, phase: Modul
         digest: None,
         digest_since: 0,
         applied_turns: 0,
+        steps_done: 0,
         phase,
         stop: Stop::default(),
     };

@@ -38,6 +38,7 @@ fn state(module: u32, incarnation: u64, sequence: u64, phase: ModulePhase, x: i6
         leader: None,
         spot: Some(SpotId(3)),
         unit: None,
+        steps_done: None,
         settled_since: 0,
         waited_for: Vec::new(),
         agreed_on: Vec::new(),

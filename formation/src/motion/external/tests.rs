@@ -15,6 +15,7 @@ fn goal(x: f64) -> MotionGoal {
     MotionGoal {
         pose: pose(x, 0.0),
         unit_distance: MicroUnits(0),
+        pivot: None,
     }
 }
 

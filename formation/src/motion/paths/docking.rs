@@ -115,7 +115,7 @@ impl Docking<'_> {
                 bans.cells[cell] = true;
             }
             blamed = Some(other);
-            let pushed = (!field.units[unit].is_block()).then_some(unit);
+            let pushed = field.units[unit].is_simple().then_some(unit);
             if !field.make_way(other, &bans, pushed)? {
                 break;
             }

@@ -8,6 +8,8 @@ use crate::model::{MICRO_PER_UNIT, PlanningProblem, Pose};
 /// The phases in which a group comes onto the lattice.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Phase {
+    /// Each module goes to its own cell.
+    Regroup,
     Turn,
     Column,
     Row,
@@ -15,7 +17,7 @@ pub(super) enum Phase {
 
 impl Phase {
     /// All of them, in order.
-    pub const ALL: [Self; 3] = [Self::Turn, Self::Column, Self::Row];
+    pub const ALL: [Self; 4] = [Self::Regroup, Self::Turn, Self::Column, Self::Row];
 
     /// The phase before a shift.
     pub fn before_shift(self) -> Self {
@@ -36,6 +38,21 @@ pub(super) struct Alignment {
     pub waits: Vec<(usize, u32)>,
 }
 
+impl Alignment {
+    /// A step that waits for no other group so far.
+    pub fn at_once(phase: Phase) -> Self {
+        Self {
+            phase,
+            begin: 0,
+            waits: Vec::new(),
+        }
+    }
+}
+
+/// Docked modules whose offsets and headings are off by no more than this, in units and radians, are one body: they were
+/// halted at slightly different moments.
+const ASKEW_MAX: i64 = 100_000;
+
 /// Modules that are docked to each other at the start, or a single one.
 #[derive(Clone, Debug)]
 pub(super) struct Group {
@@ -54,6 +71,10 @@ pub(super) struct Group {
     /// The cell under the centre.
     pub site: Site,
     pub steps: Vec<Alignment>,
+    /// Whether its modules have to come into line with each other in their first step.
+    pub is_askew: bool,
+    /// If they regroup: what the body of each module sweeps.
+    pub ways: Vec<Rectangle>,
 }
 
 /// The corners with the smaller and with the larger coordinates.
@@ -67,7 +88,7 @@ pub(super) fn overlap(one: &Rectangle, other: &Rectangle, slack: i64) -> bool {
         && other.0.1 + slack < one.1.1
 }
 
-fn hull(one: Rectangle, other: Rectangle) -> Rectangle {
+pub(super) fn hull(one: Rectangle, other: Rectangle) -> Rectangle {
     (
         (one.0.0.min(other.0.0), one.0.1.min(other.0.1)),
         (one.1.0.max(other.1.0), one.1.1.max(other.1.1)),
@@ -99,16 +120,18 @@ impl Group {
         let first = &all[modules[0]].pose;
         let off = off_quarter(first.theta.0);
         let mut cells = Vec::with_capacity(modules.len());
+        let mut is_askew = false;
         for &module in &modules {
             let pose = &all[module].pose;
             let offset = rotated((pose.x.0 - first.x.0, pose.y.0 - first.y.0), -off);
             let cell = |along: i64| (along + HALF).div_euclid(MICRO_PER_UNIT);
             let site = (cell(offset.0), cell(offset.1));
-            let is_off = |along: i64, cell: i64| (along - cell * MICRO_PER_UNIT).abs() > tolerance;
-            if is_off(offset.0, site.0)
-                || is_off(offset.1, site.1)
-                || off_quarter(pose.theta.0 - off).abs() > tolerance
-            {
+            let off_by = (offset.0 - site.0 * MICRO_PER_UNIT)
+                .abs()
+                .max((offset.1 - site.1 * MICRO_PER_UNIT).abs())
+                .max(off_quarter(pose.theta.0 - off).abs());
+            is_askew |= off_by > tolerance;
+            if off_by > ASKEW_MAX {
                 return Err(StartFault::OffGroup(all[module].id, all[modules[0]].id));
             }
             cells.push(site);
@@ -140,6 +163,8 @@ impl Group {
             site,
             modules,
             steps: Vec::new(),
+            is_askew,
+            ways: Vec::new(),
         })
     }
 
@@ -154,6 +179,25 @@ impl Group {
             shift: (0, 0),
             site,
             steps: Vec::new(),
+            is_askew: false,
+            ways: Vec::new(),
+        }
+    }
+
+    /// Modules that go to these cells.
+    pub fn regrouped(
+        modules: Vec<usize>,
+        sites: &[Site],
+        ways: Vec<Rectangle>,
+        lattice: &Lattice,
+    ) -> Self {
+        let site = sites[0];
+        let offset = |other: &Site| (other.0 - site.0, other.1 - site.1);
+        Self {
+            offsets: sites.iter().map(offset).collect(),
+            ways,
+            modules,
+            ..Self::standing(0, site, lattice)
         }
     }
 
@@ -201,6 +245,7 @@ impl Group {
         }
         let members = 0..self.offsets.len();
         match phase {
+            Phase::Regroup => self.ways.clone(),
             Phase::Turn => vec![self.circle()],
             Phase::Column | Phase::Row => members
                 .map(|member| {
@@ -212,12 +257,27 @@ impl Group {
         }
     }
 
+    /// The bodies of its modules after the turn, or all that they sweep while they regroup.
+    pub fn bodies(&self) -> Vec<Rectangle> {
+        if !self.ways.is_empty() {
+            return self.ways.clone();
+        }
+        let members = 0..self.offsets.len();
+        members
+            .map(|member| square(self.position_after(member, Phase::Turn)))
+            .collect()
+    }
+
     /// A rectangle that holds the bodies from the start until they are on the lattice.
     pub fn surroundings(&self) -> Rectangle {
         let ends = (0..self.offsets.len()).flat_map(|member| {
             [Phase::Turn, Phase::Row].map(|phase| square(self.position_after(member, phase)))
         });
-        let squares = ends.reduce(hull).unwrap_or_else(|| square(self.centre));
+        let ways = self.ways.iter().copied();
+        let squares = ends
+            .chain(ways)
+            .reduce(hull)
+            .unwrap_or_else(|| square(self.centre));
         if self.turn == 0 {
             squares
         } else {

@@ -32,7 +32,7 @@ impl Field<'_> {
         bans: &Bans,
         pushed: Option<usize>,
     ) -> Result<bool, Stop> {
-        let is_single = !self.units[unit].is_block();
+        let is_single = self.units[unit].is_simple();
         if is_single && self.shift_chain(unit, bans)? {
             return Ok(true);
         }
@@ -59,7 +59,7 @@ impl Field<'_> {
         let cost = |cell: usize| match standing[cell] {
             _ if solid[cell] => None,
             NO_UNIT => Some(0),
-            other if units[other].is_block() || bans.units.contains(&other) => None,
+            other if !units[other].is_simple() || bans.units.contains(&other) => None,
             _ => Some(SHIFTED),
         };
         let is_goal = |node: Node| standing[node] == NO_UNIT && !bans.cells[node];
@@ -113,7 +113,7 @@ impl Field<'_> {
             let Some(other) = self.first_other(unit, &way) else {
                 return self.move_to(unit, goal, 0);
             };
-            let is_single = !self.units[other].is_block();
+            let is_single = self.units[other].is_simple();
             let makes_way = (is_single && self.shift_chain(other, &bans)?)
                 || (depth + 1 < DEPTH_MAX && self.relocate(other, &bans, depth + 1)?);
             if !makes_way {

@@ -4,7 +4,7 @@
 //! docked ones, moves by steps of one cell; it holds the cells of a place from the begin of the step into it to the
 //! end of the step out of it. A block that changes its layout folds within a disc that no other unit enters.
 //!
-//! [`plan_motion`] brings all modules from their real poses onto the lattice (`start`), orders the units by taking the
+//! [`plan_motion`] brings all modules from their real poses onto the lattice (`start`, `regroup`), orders the units by taking the
 //! finished formation apart (`order`), and plans them one after another in that order (`docking`): units in the way
 //! make way (`make_way`), and each move is timed between the reservations of the others (`sipp`, `table`). Then each
 //! path is improved with all others fixed (`improve`). What is executed is not the times but the waits (`waits`):
@@ -22,6 +22,7 @@ mod lattice;
 mod make_way;
 mod order;
 mod output;
+mod regroup;
 mod result;
 mod route;
 mod sipp;

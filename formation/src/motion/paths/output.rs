@@ -179,11 +179,9 @@ impl Draft<'_> {
             ),
             time: entry.begin + 1,
         }));
-        if let (Some(spot), Some(last)) = (spot, waypoints.last_mut())
-            && !field.paths[unit].is_empty()
-        {
-            // Spots may be off their cells' middles by the tolerance.
-            (last.pose.x, last.pose.y) = (spot.pose.x, spot.pose.y);
+        if let (Some(spot), Some(last)) = (spot, waypoints[1..].last_mut()) {
+            // Spots may be off their cells' middles, and off quarter turns, by the tolerance.
+            last.pose = spot.pose;
         }
         ModuleMotion {
             module: workshop.request.problem.modules()[module].id,
@@ -236,6 +234,7 @@ fn steps(field: &Field, unit: usize, group: &Group, lattice: &Lattice) -> Vec<St
                     centre: pose(group.centre, group.turn),
                     radius: MicroUnits(group.radius),
                 },
+                Phase::Regroup => StepKind::Regroup,
                 Phase::Column | Phase::Row => StepKind::Shift,
             },
             begin: step.begin,

@@ -2,7 +2,8 @@
 
 use thiserror::Error;
 
-use crate::model::{MicroUnits, ModuleId, Plan, PlanningProblem, Pose, SpotId};
+use super::turning::rotated;
+use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, SpotId};
 
 /// A rectangle with sides along the axes of the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -13,7 +14,29 @@ pub struct Area {
     pub high: (MicroUnits, MicroUnits),
 }
 
+/// Half the width of a body.
+const BODY: i64 = MICRO_PER_UNIT * 9 / 20;
+
 impl Area {
+    /// What the body of a module covers, and the corners between its headings and the axes.
+    #[must_use]
+    pub fn of_body(pose: &Pose) -> Self {
+        let corners = [(BODY, BODY), (BODY, -BODY)].map(|corner| rotated(corner, pose.theta.0));
+        let reach = |along: fn(&(i64, i64)) -> i64| {
+            let reaches = corners.iter().map(|corner| along(corner).abs());
+            reaches.max().unwrap_or(BODY)
+        };
+        let (across, along) = (reach(|corner| corner.0), reach(|corner| corner.1));
+        let corner = |sign: i64| {
+            let (x, y) = (pose.x.0 + sign * across, pose.y.0 + sign * along);
+            (MicroUnits(x), MicroUnits(y))
+        };
+        Self {
+            low: corner(-1),
+            high: corner(1),
+        }
+    }
+
     /// Both corners, in micro-units.
     pub(super) fn corners(&self) -> ((i64, i64), (i64, i64)) {
         let point = |corner: (MicroUnits, MicroUnits)| (corner.0.0, corner.1.0);
@@ -92,6 +115,8 @@ pub enum StepKind {
     },
     /// They shift along one axis onto the lattice, as one body.
     Shift,
+    /// Docked modules that stood off a common lattice each go to a cell; they may overlap each other meanwhile.
+    Regroup,
     /// The unit moves by one cell.
     Move,
     /// Half of a block's fold from its start layout to its target layout, within a disc that no other body enters.

@@ -262,7 +262,7 @@ impl Sipp {
                 self.busy
                     .extend(others.map(|visit| (visit.from, visit.until)));
             }
-            if unit.is_block() {
+            if !unit.is_simple() {
                 self.busy.sort_unstable();
             }
             for &(begin, until) in &self.busy {

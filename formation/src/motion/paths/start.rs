@@ -4,9 +4,14 @@
 //! quarter turns, then shifts along x, then along y, to the cells under its modules. If the bodies do not overlap at
 //! the start, and no other body reaches into the circle of a group that turns, then no two groups meet: rounding
 //! keeps the order of two bodies in a row, and a group that moves to the right waits for the one on its right.
+//!
+//! A group whose modules stand off a common lattice regroups instead: each module goes to its own cell (`regroup`).
 
-use super::group::{Alignment, Group, HALF, Phase, Rectangle, overlap, square};
-use super::lattice::{Lattice, point};
+use std::collections::BTreeSet;
+
+use super::group::{Alignment, Group, Phase, Rectangle, overlap, square};
+use super::lattice::{Lattice, Site, point};
+use super::regroup;
 use super::result::StartFault;
 use super::turning::Point;
 use crate::model::{MicroUnits, PlanningProblem, Pose};
@@ -23,19 +28,20 @@ pub(super) fn align(
     let (mut groups, mut faults) = groups_of(problem, lattice, tolerance, spots_of);
     groups.sort_by_key(|group| group.modules[0]);
     for group in &mut groups {
+        if !group.ways.is_empty() {
+            group.steps = vec![Alignment::at_once(Phase::Regroup)];
+            continue;
+        }
         let moves = [
             (Phase::Turn, group.turn),
             (Phase::Column, group.shift.0),
             (Phase::Row, group.shift.1),
         ];
         let needed = moves.into_iter().filter(|&(_, by)| by.abs() > tolerance.0);
-        group.steps = needed
-            .map(|(phase, _)| Alignment {
-                phase,
-                begin: 0,
-                waits: Vec::new(),
-            })
-            .collect();
+        group.steps = needed.map(|(phase, _)| Alignment::at_once(phase)).collect();
+        if group.is_askew && group.steps.is_empty() {
+            group.steps = vec![Alignment::at_once(Phase::Column)];
+        }
     }
     let pairs = near_pairs(&groups);
     faults.extend(
@@ -80,10 +86,34 @@ fn groups_of(
             bodies.push(vec![module]);
         }
     }
+    let mut loose = Vec::new();
     for modules in bodies {
         let spots = spots_of(&modules);
-        match Group::of(problem, modules, spots.as_deref(), lattice, tolerance.0) {
+        match Group::of(
+            problem,
+            modules.clone(),
+            spots.as_deref(),
+            lattice,
+            tolerance.0,
+        ) {
             Ok(group) => groups.push(group),
+            Err(_) => loose.push(modules),
+        }
+    }
+    let mut taken: BTreeSet<Site> = BTreeSet::new();
+    let take = |taken: &mut BTreeSet<Site>, group: &Group| {
+        taken.extend((0..group.modules.len()).map(|member| group.site_of(member)));
+    };
+    for group in &groups {
+        take(&mut taken, group);
+    }
+    let standing = regroup::bodies(problem, tolerance.0);
+    for modules in loose {
+        match regroup::regroup(problem, modules, &standing, &taken, lattice, tolerance.0) {
+            Ok(group) => {
+                take(&mut taken, &group);
+                groups.push(group);
+            }
             Err(fault) => faults.push(fault),
         }
     }
@@ -131,23 +161,22 @@ fn not_apart(
         } else {
             (other, one)
         };
-        return (0..still.offsets.len()).find_map(|member| {
-            let middle = still.position_after(member, Phase::Turn);
-            let gap = |from: i64, to: i64| ((from - to).abs() - HALF).max(0);
+        let mut bodies = still.bodies().into_iter().enumerate();
+        return bodies.find_map(|(member, (low, high))| {
+            let gap = |low: i64, at: i64, high: i64| (low - at).max(at - high).max(0);
             let (right, up) = (
-                gap(middle.0, turning.centre.0),
-                gap(middle.1, turning.centre.1),
+                gap(low.0, turning.centre.0, high.0),
+                gap(low.1, turning.centre.1, high.1),
             );
             within(squared(right, up), turning.radius)
                 .then(|| StartFault::NotApart(id(turning, 0), id(still, member)))
         });
     }
-    let all = (0..one.offsets.len())
-        .flat_map(|member| (0..other.offsets.len()).map(move |its_member| (member, its_member)));
-    all.into_iter().find_map(|(member, its_member)| {
-        let body = square(one.position_after(member, Phase::Turn));
-        let neighbour = square(other.position_after(its_member, Phase::Turn));
-        if overlap(&body, &neighbour, tolerance) {
+    let (bodies, neighbours) = (one.bodies(), other.bodies());
+    let mut all = (0..bodies.len())
+        .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));
+    all.find_map(|(member, its_member)| {
+        if overlap(&bodies[member], &neighbours[its_member], tolerance) {
             return Some(StartFault::NotApart(id(one, member), id(other, its_member)));
         }
         (one.site_of(member) == other.site_of(its_member))
@@ -174,7 +203,7 @@ fn schedule(
                         .iter()
                         .any(|body| rectangles.iter().any(|rest| overlap(body, rest, slack)))
                 };
-                let mut earlier = [Phase::Column, Phase::Turn]
+                let mut earlier = [Phase::Column, Phase::Turn, Phase::Regroup]
                     .into_iter()
                     .filter(|&it| it < phase);
                 let last = earlier.find(|&it| meets(&groups[first].swept(it)));

@@ -55,7 +55,7 @@ impl Layout {
 pub(super) struct Unit {
     /// Positions in the problem, ascending.
     pub modules: Vec<usize>,
-    /// One layout, or the start layout, the disc and the target layout.
+    /// One layout, or the start layout, the disc and the target layout. A single module that turns has these three, too.
     pub layouts: Vec<Layout>,
     /// The square of the disc's radius, in quarters of a cell's side squared.
     pub disc: i64,
@@ -66,16 +66,17 @@ pub(super) struct Unit {
     pub pinned: bool,
 }
 
-/// The index of the disc among the layouts of a block that folds.
+/// The index of the disc among the layouts of a unit that folds.
 pub(super) const DISC: usize = 1;
 
 impl Unit {
     /// A unit with its start cells and, if it has spots, theirs, in the order of its modules. The cells must lie in the
-    /// arena.
+    /// arena. It folds if the layouts differ, or if modules have to turn.
     pub fn new(
         modules: Vec<usize>,
         starts: &[Site],
         goals: Option<&[Site]>,
+        turns: bool,
         arena: &Arena,
     ) -> Self {
         let around = |cells: &[Site], middle: usize| -> Vec<Site> {
@@ -101,7 +102,7 @@ impl Unit {
         };
         if let Some(goals) = goals {
             let last = around(goals, middle);
-            if last != first {
+            if last != first || turns {
                 let disc = disc_cells(reach);
                 unit.layouts.push(Layout::new(Vec::new(), &disc, arena));
                 unit.layouts.push(Layout::new(last.clone(), &last, arena));
@@ -113,6 +114,11 @@ impl Unit {
 
     pub fn is_block(&self) -> bool {
         self.modules.len() > 1
+    }
+
+    /// Whether it is a single module that holds one cell wherever it is.
+    pub fn is_simple(&self) -> bool {
+        self.modules.len() == 1 && self.layouts.len() == 1
     }
 
     /// The cells that the unit holds at a node.

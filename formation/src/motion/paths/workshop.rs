@@ -7,6 +7,7 @@ use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time};
 use super::result::{Area, MotionError, MotionRequest, StartFault};
 use super::start::align;
+use super::turning::quarters;
 use super::units::Unit;
 use super::waits::aligners;
 use crate::model::{ModuleId, Pose};
@@ -210,10 +211,23 @@ impl<'a> Workshop<'a> {
             .map(|&module| self.spot_of[module].map(|spot| self.spots[spot]))
             .collect();
         let first = modules[0];
-        let mut unit = Unit::new(modules, &starts, goals.as_deref(), &self.arena);
+        let turns = modules.iter().any(|&module| self.turns(module));
+        let mut unit = Unit::new(modules, &starts, goals.as_deref(), turns, &self.arena);
         unit.ready = self.groups[self.group_of[first]].ready();
         unit.pinned = self.request.problem.modules()[first].pin.is_some();
         unit
+    }
+
+    /// Whether a module that has come onto the lattice has to turn for its spot.
+    fn turns(&self, module: usize) -> bool {
+        let problem = self.request.problem;
+        let member = &problem.modules()[module];
+        let heading = self.groups[self.group_of[module]].heading(member.pose.theta.0);
+        let spot = self.spot_of[module].filter(|_| member.pin.is_none());
+        spot.is_some_and(|spot| {
+            let goal = problem.target().spots()[spot].pose.theta.0;
+            (quarters(goal) - quarters(heading)).rem_euclid(4) != 0
+        })
     }
 
     /// The spots of a unit, by positions.

@@ -1,29 +1,38 @@
-//! Acting: one unit after another moves, and only while every member shows agreement.
+//! Acting: units move, and only while every member shows agreement. Along paths (`on_paths`) they move at the same time
+//! and wait for each other's steps; in straight lines one after another.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::model::{ModuleId, ModulePhase, ModuleState, Service, SpotId, digest};
+use crate::motion::PlannedMotion;
 
 use super::super::body::SettledOn;
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::io::{MotionGoal, Output};
 use super::held_plan::Place;
+use super::on_paths::Advance;
 use super::proofs::Proofs;
 use super::{HeldPlan, Stage, Step};
 
 /// This module's task in the plan, and its progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-enum Task {
-    /// It has no spot.
+pub(super) enum Task {
+    /// It has no spot, and has made way if others needed its place.
     Spare,
     /// Its unit's turn has not come.
     Waiting,
     /// It undocks the links that the plan breaks.
     Undocking,
-    /// It moves since `since`; `held` while it is halted because agreement lapsed.
-    Moving { since: Duration, held: bool },
+    /// It moves since `since`, to its spot or the end of a step; since `held` it is halted because agreement lapsed. The time
+    /// until then counts as if it had moved just before it continues.
+    Moving {
+        since: Duration,
+        held: Option<Duration>,
+    },
+    /// It stands between two steps of its path.
+    Pausing,
     /// It stands on its spot and docks.
     Docking,
     /// It stands on its spot, docked.
@@ -37,18 +46,24 @@ enum Task {
 pub(in crate::protocol) struct Acting {
     pub held: HeldPlan,
     agreed_at: Duration,
-    task: Task,
+    pub(super) task: Task,
+    /// The number of steps of its path that it has done.
+    pub(super) steps_done: u32,
+    /// The number of steps after which it last published that it stands and waits.
+    pub(super) stopped_after: Option<u32>,
     asked_to_dock: BTreeSet<ModuleId>,
-    proofs: Proofs,
+    pub(super) proofs: Proofs,
     /// The modules that were last reported as waited for.
     reported: Vec<ModuleId>,
-    /// The step of the plan that is due now, if any is left, and since when.
+    /// In straight lines: the step of the plan that is due now, if any is left, and since when.
     step_since: (Option<usize>, Duration),
+    /// Along paths: the progress of all members.
+    pub(super) progress: Advance,
 }
 
 /// What a part of a step leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Progress {
+pub(super) enum Progress {
     Wait,
     /// The next task may begin at once.
     Again,
@@ -67,6 +82,11 @@ impl Acting {
         context.mark_state_changed();
         context.emit(Event::Agreed(epoch));
         let has_place = held.place.is_some();
+        let has_steps = held
+            .motion
+            .route
+            .as_ref()
+            .is_some_and(|route| route.steps() > 0);
         if !has_place {
             context.emit(Event::Spare);
         }
@@ -77,11 +97,18 @@ impl Acting {
         Self {
             held,
             agreed_at: now,
-            task: if moves { Task::Waiting } else { Task::Spare },
+            task: if moves || has_steps {
+                Task::Waiting
+            } else {
+                Task::Spare
+            },
+            steps_done: 0,
+            stopped_after: None,
             asked_to_dock: BTreeSet::new(),
             proofs: Proofs::default(),
             reported: Vec::new(),
             step_since: (Some(0), planned_at),
+            progress: Advance::from(now),
         }
     }
 
@@ -89,9 +116,11 @@ impl Acting {
         match self.task {
             Task::Spare => ModulePhase::Spare,
             Task::Waiting => ModulePhase::Waiting,
-            Task::Undocking | Task::Moving { .. } | Task::Docking | Task::Failed => {
-                ModulePhase::Moving
-            }
+            Task::Undocking
+            | Task::Moving { .. }
+            | Task::Pausing
+            | Task::Docking
+            | Task::Failed => ModulePhase::Moving,
             Task::Settled => ModulePhase::Settled,
         }
     }
@@ -111,22 +140,32 @@ impl Acting {
             self.proofs.note_settled(state.sequence);
         }
         self.proofs.describe(state);
+        state.steps_done = self.held.motion.planned.paths().map(|_| self.steps_done);
     }
 
-    /// The drive has reached its goal.
-    pub fn arrive(&mut self) {
-        if matches!(self.task, Task::Moving { .. }) {
-            self.task = match self.held.place {
-                Some(_) => Task::Docking,
-                None => Task::Spare,
-            };
+    pub fn steps_done(&self) -> u32 {
+        self.steps_done
+    }
+
+    /// The drive has reached its goal. Returns whether other modules should know this at once.
+    pub fn arrive(&mut self) -> bool {
+        if !matches!(self.task, Task::Moving { .. }) {
+            return true;
         }
+        if self.held.motion.route.is_some() {
+            return self.end_step();
+        }
+        self.task = match self.held.place {
+            Some(_) => Task::Docking,
+            None => Task::Spare,
+        };
+        true
     }
 
     /// Ends the task, if it has begun; returns the spot that it was to reach.
     pub fn abandon(&mut self) -> Option<SpotId> {
         match self.task {
-            Task::Undocking | Task::Moving { .. } | Task::Docking => {
+            Task::Undocking | Task::Moving { .. } | Task::Pausing | Task::Docking => {
                 self.task = Task::Failed;
                 Some(self.held.place?.spot)
             }
@@ -136,8 +175,12 @@ impl Acting {
 
     /// The modules that act, if they have not settled for longer than a motion may take. None acts while all only plan.
     pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
-        if context.parameters.plan_only {
+        let is_refused = matches!(&*self.held.motion.planned, PlannedMotion::Refused(_));
+        if context.parameters.plan_only || is_refused {
             return Vec::new();
+        }
+        if let Some(route) = &self.held.motion.route {
+            return self.stuck_on_paths(route, context);
         }
         let (step, since) = self.step_since;
         let limit = context.parameters.motion_limit + context.parameters.stuck;
@@ -149,14 +192,22 @@ impl Acting {
 
     /// The goal that is published again with each heartbeat, as a drive stops when goals cease to repeat.
     pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
-        let moves = matches!(self.task, Task::Moving { held: false, .. });
+        let moves = matches!(self.task, Task::Moving { held: None, .. });
         let lease = context.parameters.lease;
         let may_move =
             || context.bugs.ignore_lapses() || self.held.lagging(context, lease).is_empty();
         if moves && !context.stop.stopped && may_move() {
-            self.held.goal()
+            self.goal()
         } else {
             None
+        }
+    }
+
+    /// Where the module goes at present.
+    pub(super) fn goal(&self) -> Option<MotionGoal> {
+        match &self.held.motion.route {
+            Some(route) => route.goal(self.steps_done + 1),
+            None => self.held.goal(),
         }
     }
 
@@ -179,6 +230,12 @@ impl Acting {
         let mut lagging = self.held.lagging_for_motion(context);
         if context.stop.stopped && lagging.is_empty() {
             lagging.push(context.module());
+        }
+        if self.held.motion.planned.paths().is_some() && context.body.service == Service::Active {
+            return self.carry_on_along_path(&lagging, context);
+        }
+        if matches!(&*self.held.motion.planned, PlannedMotion::Refused(_)) {
+            return Progress::Wait;
         }
         let to_act = self.step_to_act(context);
         let step = to_act.as_ref().map(|&(step, _)| step);
@@ -235,7 +292,7 @@ impl Acting {
             Task::Undocking => {
                 let broken = context.links_except(|link| self.held.keeps_link_to(link));
                 if broken.is_empty() && lagging.is_empty() {
-                    self.move_to_spot(context);
+                    self.move_on(context);
                 }
                 Progress::Wait
             }
@@ -247,7 +304,7 @@ impl Acting {
                 self.dock(place, lagging, context);
                 Progress::Wait
             }
-            Task::Spare | Task::Settled | Task::Failed => Progress::Wait,
+            Task::Spare | Task::Pausing | Task::Settled | Task::Failed => Progress::Wait,
         }
     }
 
@@ -271,7 +328,7 @@ impl Acting {
                 return Progress::Again;
             }
             Task::Undocking if context.body.links.is_empty() && lagging.is_empty() => {
-                self.move_to_spot(context);
+                self.move_on(context);
             }
             Task::Moving { since, held } => self.watch_motion(since, held, lagging, context),
             _ => {}
@@ -280,7 +337,7 @@ impl Acting {
     }
 
     /// Stays on its spot, and undocks from modules that the target does not have there, such as a failed neighbour.
-    fn stay(&mut self, lagging: &[ModuleId], context: &mut Context) {
+    pub(super) fn stay(&mut self, lagging: &[ModuleId], context: &mut Context) {
         let unwanted = context.links_except(|link| self.held.ends_linked_to(link));
         if unwanted.is_empty() {
             self.task = Task::Settled;
@@ -300,53 +357,52 @@ impl Acting {
         context.undock(broken);
     }
 
-    fn move_to_spot(&mut self, context: &mut Context) {
+    /// Sets off to the present goal.
+    pub(super) fn move_on(&mut self, context: &mut Context) {
         self.task = Task::Moving {
             since: context.now,
-            held: false,
+            held: None,
         };
-        if let Some(goal) = self.held.goal() {
+        if let Some(goal) = self.goal() {
             send_goal(goal, context);
         }
     }
 
     /// Halts when agreement lapses, continues when it is back, and fails when the time is up.
-    fn watch_motion(
+    pub(super) fn watch_motion(
         &mut self,
-        since: Duration,
-        held: bool,
+        mut since: Duration,
+        held: Option<Duration>,
         lagging: &[ModuleId],
         context: &mut Context,
     ) {
-        // The limit counts from the end of a stop.
-        let since = if context.stop.stopped {
-            context.now
-        } else {
-            since
-        };
+        let stopped = context.stop.stopped;
+        if stopped || !lagging.is_empty() && !context.bugs.ignore_lapses() {
+            if held.is_none() {
+                let held = Some(context.now);
+                self.task = Task::Moving { since, held };
+                context.stand_still();
+                if !stopped {
+                    context.emit(Event::AgreementLapsed(lagging.to_vec()));
+                }
+            }
+            return;
+        }
+        // The time for which it was held does not count.
+        since += held.map_or(Duration::ZERO, |held| context.now.saturating_sub(held));
+        self.task = Task::Moving { since, held: None };
         let overdue_at = since + context.parameters.motion_limit;
         if context.now >= overdue_at {
             context.stand_still();
-            let spot = self.abandon();
-            if let Some(spot) = spot {
-                context.emit(Event::MotionOverdue(spot));
-            }
+            let spot = self.held.place.map(|place| place.spot);
+            context.emit(Event::MotionOverdue(spot));
+            self.abandon();
             context.fail_motion(spot);
             return;
         }
         context.wake_at(overdue_at);
-        let hold = context.stop.stopped || !lagging.is_empty() && !context.bugs.ignore_lapses();
-        self.task = Task::Moving { since, held: hold };
-        if hold && !held {
-            context.stand_still();
-            if !context.stop.stopped {
-                context.emit(Event::AgreementLapsed(lagging.to_vec()));
-            }
-            return;
-        }
-        if !hold
-            && !context.body.moving
-            && let Some(goal) = self.held.goal()
+        if !context.body.moving
+            && let Some(goal) = self.goal()
         {
             // The drive halted, because agreement lapsed or because its goal did not repeat in time.
             send_goal(goal, context);
@@ -367,11 +423,17 @@ impl Acting {
     }
 
     /// Docks to the settled neighbours, and has settled when it is docked to all that are placed before it.
-    fn dock(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
+    pub(super) fn dock(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
         let mut missing = self.held.docks_with(place);
         missing.retain(|module| !context.body.links.contains(module));
         if missing.is_empty() {
+            if !self.parent_has_settled(context) {
+                return;
+            }
             self.task = Task::Settled;
+            if self.held.motion.route.is_some() {
+                self.proofs.note_docked(&self.held, place, context);
+            }
             context.body.settled_on = Some(SettledOn {
                 spot: place.spot,
                 target: digest::of_target(&self.held.roster.target),
@@ -391,7 +453,7 @@ impl Acting {
         }
     }
 
-    fn has_settled(&self, module: ModuleId, context: &Context) -> bool {
+    pub(super) fn has_settled(&self, module: ModuleId, context: &Context) -> bool {
         if module == context.module() {
             self.has_acted()
         } else {

@@ -12,6 +12,7 @@ use crate::model::{
 use super::super::context::Context;
 use super::super::event::{EpochReason, Event};
 use super::super::pins;
+use super::super::plans::obstacles;
 use super::claims::EarlyClaims;
 use super::planning::Planning;
 use super::{Stage, Step};
@@ -220,7 +221,9 @@ impl Gathering {
             return Step::Enter(Stage::Gathering(next));
         }
         let parameters = announcement.parameters;
-        if pins::release(&mut roster.members, &open, parameters, context).is_none() {
+        let obstacles = obstacles(&roster);
+        let released = pins::release(&mut roster.members, &open, parameters, obstacles, context);
+        if released.is_none() {
             if let Role::Convener(collection) = &mut self.role {
                 collection.computes = true;
             }

@@ -10,12 +10,14 @@ use crate::model::{
     ModulePhase, ModuleState, Plan, Pose, Roster, SpotId,
 };
 
+use crate::motion::PlannedMotion;
+
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::io::MotionGoal;
 use super::super::peer::Peer;
 use super::super::peers::{Peers, Shown};
-use super::aside;
+use super::route::HeldMotion;
 
 /// This module's place in a plan.
 #[derive(Clone, Copy, Debug)]
@@ -31,12 +33,12 @@ pub(in crate::protocol) struct HeldPlan {
     own: ModuleId,
     pub roster: Arc<Roster>,
     pub plan: Arc<Plan>,
+    /// How the modules move.
+    pub(super) motion: HeldMotion,
     pub digest: Digest,
     /// The number of turns of the plan.
     pub turns: u32,
     pub(super) place: Option<Place>,
-    /// The modules without a spot that move off one before any unit acts, in that order, and where they go.
-    asides: Vec<(ModuleId, Pose)>,
     /// The incarnation of each member in the roster.
     pub(super) members: BTreeMap<ModuleId, Incarnation>,
     /// Whether some member showed another digest for this epoch.
@@ -59,6 +61,7 @@ impl HeldPlan {
         own: ModuleId,
         roster: Arc<Roster>,
         plan: Arc<Plan>,
+        motion: Arc<PlannedMotion>,
         digest: Digest,
         turns: u32,
     ) -> Self {
@@ -84,7 +87,7 @@ impl HeldPlan {
         Self {
             own,
             place,
-            asides: aside::asides(&roster, &plan),
+            motion: HeldMotion::of(own, motion, &roster, &plan),
             roster,
             plan,
             digest,
@@ -144,7 +147,7 @@ impl HeldPlan {
 
     /// Where this module goes to make room, if it does.
     pub(super) fn aside(&self) -> Option<Pose> {
-        let mut asides = self.asides.iter();
+        let mut asides = self.motion.asides.iter();
         asides
             .find(|&&(module, _)| module == self.own)
             .map(|&(_, pose)| pose)
@@ -152,8 +155,8 @@ impl HeldPlan {
 
     /// The modules that act in a step: first those that make room, one by one, then the units.
     pub(super) fn step_modules(&self, step: usize) -> Vec<ModuleId> {
-        match step.checked_sub(self.asides.len()) {
-            None => vec![self.asides[step].0],
+        match step.checked_sub(self.motion.asides.len()) {
+            None => vec![self.motion.asides[step].0],
             Some(unit) => {
                 let units = self.plan.assembly.units.get(unit).into_iter();
                 let placements = units.flat_map(|unit| &unit.placements);
@@ -164,19 +167,23 @@ impl HeldPlan {
 
     /// The number of steps.
     pub(super) fn steps(&self) -> usize {
-        self.asides.len() + self.plan.assembly.units.len()
+        self.motion.asides.len() + self.plan.assembly.units.len()
     }
 
     /// The step in which a unit acts.
     pub(super) fn step_of_unit(&self, unit: usize) -> usize {
-        self.asides.len() + unit
+        self.motion.asides.len() + unit
     }
 
     /// The step in which a module moves and its goal; `None` if it stays where it is.
     fn motion_of(&self, module: ModuleId) -> Option<(usize, Pose)> {
-        let aside = self.asides.iter().position(|&(one, _)| one == module);
+        let aside = self
+            .motion
+            .asides
+            .iter()
+            .position(|&(one, _)| one == module);
         if let Some(step) = aside {
-            return Some((step, self.asides[step].1));
+            return Some((step, self.motion.asides[step].1));
         }
         let spot = self.plan.assignments.get(&module)?;
         let mut units = self.plan.assembly.units.iter();
@@ -194,8 +201,18 @@ impl HeldPlan {
         has_acted: bool,
         peers: &Peers,
     ) -> Option<Pose> {
+        if self.motion.planned.paths().is_some() {
+            let (unit, member) = self.motion.place_of(module)?;
+            let is_on_its_way = (self.steps_done_by(module, peers) as usize) < unit.steps.len();
+            let last = member.waypoints.last().filter(|_| is_on_its_way)?;
+            return Some(last.pose);
+        }
         let (step, goal) = self.motion_of(module)?;
-        let aside = self.asides.iter().position(|&(one, _)| one == self.own);
+        let aside = self
+            .motion
+            .asides
+            .iter()
+            .position(|&(one, _)| one == self.own);
         let own = aside.or_else(|| Some(self.step_of_unit(self.place?.unit)));
         let waits_for_own = !has_acted && own.is_some_and(|own| own < step);
         let has_ended = self.has_acted(peers, module);
@@ -364,6 +381,25 @@ impl HeldPlan {
         })
     }
 
+    /// The number of steps that another member is known to have done in this epoch.
+    pub(super) fn steps_done_by(&self, module: ModuleId, peers: &Peers) -> u32 {
+        let incarnation = self.members.get(&module).copied();
+        let peer = peers.get(module);
+        let Some(peer) = peer.filter(|peer| Some(peer.incarnation) == incarnation) else {
+            return 0;
+        };
+        let plan = (Some(self.epoch()), Some(self.digest));
+        let heartbeat = peer.heartbeat.as_ref();
+        let in_heartbeat = heartbeat
+            .filter(|heartbeat| (heartbeat.epoch, heartbeat.digest) == plan)
+            .map(|heartbeat| heartbeat.steps_done);
+        let state = peer.state.as_ref();
+        let in_state = state
+            .filter(|state| (state.epoch, state.digest) == plan)
+            .and_then(|state| state.steps_done);
+        in_heartbeat.max(in_state).unwrap_or_default()
+    }
+
     /// All modules with their spots, in the order in which the spots are filled.
     fn placements(&self) -> impl Iterator<Item = &(ModuleId, SpotId)> {
         let units = self.plan.assembly.units.iter();
@@ -384,12 +420,17 @@ impl HeldPlan {
 
     /// The adjacent holders that are placed before this module: the ones to which it docks.
     pub(super) fn docks_with(&self, place: Place) -> Vec<ModuleId> {
+        self.partners_of(self.own, place.spot)
+    }
+
+    /// The holders next to a module's spot that are placed before it.
+    pub(super) fn partners_of(&self, own: ModuleId, spot: SpotId) -> Vec<ModuleId> {
         let earlier: BTreeSet<ModuleId> = self
             .placements()
             .map(|&(module, _)| module)
-            .take_while(|&module| module != self.own)
+            .take_while(|&module| module != own)
             .collect();
-        self.adjacent_holders(place.spot)
+        self.adjacent_holders(spot)
             .filter(|module| earlier.contains(module))
             .collect()
     }
@@ -417,7 +458,7 @@ impl HeldPlan {
             })
     }
 
-    /// Where this module goes.
+    /// Where this module goes in a straight line.
     pub(super) fn goal(&self) -> Option<MotionGoal> {
         if let Some(pose) = self.aside() {
             let mut members = self.roster.members.iter();
@@ -425,6 +466,7 @@ impl HeldPlan {
             return Some(MotionGoal {
                 pose,
                 unit_distance: member.module.pose.distance_to(&pose),
+                pivot: None,
             });
         }
         let place = self.place?;
@@ -432,6 +474,7 @@ impl HeldPlan {
         Some(MotionGoal {
             pose: spot.pose,
             unit_distance: self.unit_distance(self.unit_of(place)),
+            pivot: None,
         })
     }
 

@@ -6,8 +6,10 @@ mod aside;
 mod claims;
 mod gathering;
 mod held_plan;
+mod on_paths;
 mod planning;
 mod proofs;
+mod route;
 
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -34,7 +36,7 @@ pub(super) enum Stage {
     Planning(Box<Planning>),
     /// The plan is complete; all members have to show its digest.
     Agreeing(Box<Agreeing>),
-    /// All members have agreed; the units move one after another.
+    /// All members have agreed; the units move.
     Acting(Box<Acting>),
     /// The latest roster does not list this module.
     Outsider(Outsider),
@@ -132,6 +134,14 @@ impl Stage {
     /// Whether this module has done its part of the plan.
     pub fn has_acted(&self) -> bool {
         matches!(self, Self::Acting(acting) if acting.has_acted())
+    }
+
+    /// The number of steps of its path that this module has done in the epoch.
+    pub fn steps_done(&self) -> u32 {
+        match self {
+            Self::Acting(acting) => acting.steps_done(),
+            _ => 0,
+        }
     }
 
     /// Whether a changed state may be published now: a frozen one only at rest, with no port at work.

@@ -5,14 +5,17 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Decision, Digest, EvictionNotice, Message, ModuleId, ModulePhase, Roster, SpotClaim, digest,
+    Decision, Digest, Epoch, EvictionNotice, Message, ModuleId, ModulePhase, Roster, SpotClaim,
+    digest,
 };
+use crate::motion::PlannedMotion;
+use crate::motion::paths::MotionPlan;
 use crate::planner::{ClaimRefused, PlannedTurns};
 
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::mutation::Bugs;
-use super::super::plans::PlanJob;
+use super::super::plans::{ComputedPlan, PlanJob, obstacles};
 use super::super::refusal::Refusal;
 use super::claims::EarlyClaims;
 use super::{Agreeing, HeldPlan, Stage, Step, hash_roster};
@@ -23,7 +26,7 @@ pub(in crate::protocol) struct Planning {
     pub roster: Arc<Roster>,
     job: PlanJob,
     /// Every turn as this replica decides it; `None` until the plan is computed.
-    planned: Option<Arc<PlannedTurns>>,
+    planned: Option<Arc<ComputedPlan>>,
     /// The number of turns that have been applied.
     applied: u32,
     decisions: Vec<(ModuleId, Decision)>,
@@ -60,7 +63,7 @@ impl Planning {
         };
         context.emit(Event::PlanningBegun { epoch, members });
         Some(Self {
-            job: PlanJob::plan(problem),
+            job: PlanJob::plan(problem, obstacles(&roster)),
             planned: None,
             applied: 0,
             roster,
@@ -92,7 +95,7 @@ impl Planning {
 
     /// The module whose claim has been due for longer than `stuck`.
     pub fn stuck_claimant(&self, context: &Context) -> Option<ModuleId> {
-        let (claimant, _) = self.planned.as_ref()?.turn(self.applied)?;
+        let (claimant, _) = self.planned.as_ref()?.turns().turn(self.applied)?;
         let waited = context.now.saturating_sub(self.progress_at);
         (waited > context.parameters.stuck).then_some(claimant)
     }
@@ -119,11 +122,11 @@ impl Planning {
         let Some(planned) = self.planned(context) else {
             return Step::Stay(Stage::Planning(self));
         };
-        while let Some((claimant, decision)) = planned.turn(self.applied) {
+        while let Some((claimant, decision)) = planned.turns().turn(self.applied) {
             let is_applied = if claimant == context.module() {
-                self.take_turn(&planned, decision, context)
+                self.take_turn(planned.turns(), decision, context)
             } else {
-                self.apply_claims(&planned, context)
+                self.apply_claims(planned.turns(), context)
             };
             if !is_applied {
                 let waited = context.now.saturating_sub(self.began);
@@ -138,7 +141,7 @@ impl Planning {
     }
 
     /// Every turn as this replica decides it; `None` until the plan is computed.
-    fn planned(&mut self, context: &mut Context) -> Option<Arc<PlannedTurns>> {
+    fn planned(&mut self, context: &mut Context) -> Option<Arc<ComputedPlan>> {
         if self.planned.is_none() {
             self.planned = context.plan(self.job.clone());
             if self.planned.is_some() {
@@ -226,9 +229,10 @@ impl Planning {
         Ok(())
     }
 
-    fn finish(self, planned: &PlannedTurns, context: &mut Context) -> Stage {
+    fn finish(self, planned: &ComputedPlan, context: &mut Context) -> Stage {
         let epoch = self.roster.epoch;
-        let digest = self.digest(context.bugs);
+        let motion = Arc::clone(planned.motion());
+        let digest = self.digest(motion.paths(), context.bugs);
         let turns = self.applied;
         context.emit(Event::Planned {
             epoch,
@@ -240,15 +244,28 @@ impl Planning {
         for &warning in &plan.assembly.warnings {
             context.emit(Event::AssemblyWarning(warning));
         }
+        report_motion(&motion, epoch, context);
         let basis = self.roster.quorum_basis();
         context.memory.quorum.note_shown(epoch, &basis);
         context.mark_state_changed();
-        let held = HeldPlan::new(context.module(), self.roster, plan, digest, turns);
+        let held = HeldPlan::new(context.module(), self.roster, plan, motion, digest, turns);
         Stage::Agreeing(Box::new(Agreeing::new(held, context.now)))
     }
 
-    fn digest(&self, bugs: Bugs) -> Digest {
-        bugs.shown(digest::of_plan(&self.roster, &self.decisions))
+    fn digest(&self, motion: Option<&MotionPlan>, bugs: Bugs) -> Digest {
+        bugs.shown(digest::of_plan(&self.roster, &self.decisions, motion))
+    }
+}
+
+/// Reports, as the convener, why modules do not move along paths.
+fn report_motion(motion: &PlannedMotion, epoch: Epoch, context: &mut Context) {
+    if epoch.convener != context.module() {
+        return;
+    }
+    match motion {
+        PlannedMotion::Paths(_) | PlannedMotion::Straight(None) => {}
+        PlannedMotion::Straight(Some(error)) => context.emit(Event::NoPaths(error.clone())),
+        PlannedMotion::Refused(error) => context.emit(Event::NotMoving(error.clone())),
     }
 }
 

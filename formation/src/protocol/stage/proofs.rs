@@ -7,6 +7,7 @@ use crate::model::{CausalMark, ModuleId, ModuleState};
 use super::super::context::Context;
 use super::HeldPlan;
 use super::held_plan::Place;
+use super::route::Route;
 
 /// The proofs in the states of one module; empty before it moves.
 #[derive(Clone, Debug, Default, Hash)]
@@ -20,18 +21,23 @@ pub(super) struct Proofs {
 }
 
 impl Proofs {
-    /// The proofs of a module that begins to move to its place.
+    /// The proofs of a module that begins to move to its place in a straight line, or leaves it along a path.
     ///
-    /// The lead of a unit names every module of the unit before; the others name the holders next to their own spot.
+    /// Along paths it waits for nothing but agreement. Otherwise the lead of a unit names every module of the unit before; the others name the holders next to their own spot.
     pub fn of_departure(held: &HeldPlan, place: Place, context: &Context) -> Self {
         let units = &held.plan.assembly.units;
         let unit = held.unit_of(place);
-        let mut causes: BTreeSet<ModuleId> = held.docks_with(place).into_iter().collect();
+        let on_paths = held.motion.route.is_some();
+        let partners = held.docks_with(place).into_iter().filter(|_| !on_paths);
+        let mut causes: BTreeSet<ModuleId> = partners.collect();
         for (member, _) in &unit.placements {
             causes.remove(member);
         }
         let leads = unit.lead == context.module();
-        if leads && let Some(before) = place.unit.checked_sub(1) {
+        if leads
+            && !on_paths
+            && let Some(before) = place.unit.checked_sub(1)
+        {
             let before = units[before].placements.iter();
             causes.extend(before.map(|&(module, _)| module));
         }
@@ -59,6 +65,19 @@ impl Proofs {
                 .collect(),
             ..Self::default()
         }
+    }
+
+    /// The module has docked: it waited for the unit to which its unit docks, and for the holders next to its spot that
+    /// are placed before it.
+    pub fn note_docked(&mut self, held: &HeldPlan, place: Place, context: &Context) {
+        let unit = &held.unit_of(place).placements;
+        let parents = held.motion.route.iter().flat_map(Route::parents);
+        let causes: BTreeSet<ModuleId> = parents.chain(held.docks_with(place)).collect();
+        self.waited_for = causes
+            .into_iter()
+            .filter(|&partner| unit.iter().all(|&(module, _)| module != partner))
+            .filter_map(|module| held.settled_mark(&context.peers, module))
+            .collect();
     }
 
     /// The state with this sequence number shows that the module has settled.

@@ -8,9 +8,12 @@ use petgraph::graphmap::DiGraphMap;
 use petgraph::visit::{Dfs, Reversed};
 
 use super::record::{Act, PlannedEpoch};
-use crate::model::{Digest, MicroUnits, ModuleId, RosterMember, SpotId};
+use crate::model::{Digest, MicroUnits, ModuleId, RosterMember, Spot, SpotId};
 use crate::verify::Violation;
 use crate::verify::plan::filled_parts;
+
+/// Spots that are no further apart are side by side on the lattice.
+const SIDE_BY_SIDE: MicroUnits = MicroUnits(1_010_000);
 
 /// The acts of the members of one epoch.
 pub(super) struct Acts<'a> {
@@ -22,6 +25,9 @@ pub(super) struct Acts<'a> {
     units: BTreeMap<ModuleId, Unit>,
     /// An edge leads from each unit to every unit that waited for one of its modules.
     order: DiGraphMap<ModuleId, ()>,
+    /// Whether the plan moves modules along paths: units move at the same time, and what they waited for shows once they
+    /// have docked.
+    on_paths: bool,
 }
 
 /// One acting unit, as far as it is known.
@@ -44,6 +50,7 @@ impl<'a> Acts<'a> {
             moved: BTreeMap::new(),
             units: BTreeMap::new(),
             order: DiGraphMap::new(),
+            on_paths: false,
         };
         for (&module, member) in &acts.members {
             let act = planned.act_of(member);
@@ -51,6 +58,7 @@ impl<'a> Acts<'a> {
                 acts.moved.insert(module, act);
             }
         }
+        acts.on_paths = acts.moved.values().any(|act| act.on_paths);
         acts.contract();
         acts
     }
@@ -99,6 +107,11 @@ impl<'a> Acts<'a> {
         let act = self.moved.get(&module)?;
         let named = act.named.and_then(|(_, unit, _)| unit).unwrap_or(module);
         (!self.is_pinned(module)).then_some(named)
+    }
+
+    /// Whether the plan moves modules along paths.
+    pub(super) fn on_paths(&self) -> bool {
+        self.on_paths
     }
 
     /// The acting units that have moved.
@@ -216,9 +229,12 @@ impl<'a> Acts<'a> {
         }
     }
 
-    /// Each unit, or one in its causal past, must prove that all members had agreed.
+    /// Each unit, or one in its causal past, must prove that all members had agreed; along paths one unit must.
     fn check_agreement(&self, open: &BTreeSet<ModuleId>, violations: &mut Vec<Violation>) {
         let proven = self.after_any(|unit| self.lacking_agreement(unit).is_none());
+        if self.on_paths && (!proven.is_empty() || !open.is_empty()) {
+            return;
+        }
         for (&module, unit) in &self.units {
             if open.contains(&module) || proven.contains(&module) {
                 continue;
@@ -271,7 +287,8 @@ impl<'a> Acts<'a> {
             .collect();
         let mut without: BTreeMap<usize, Vec<(usize, ModuleId, SpotId)>> = BTreeMap::new();
         for (&lead, unit) in &self.units {
-            if open.contains(&lead) || self.has_placed_neighbour(unit, &holders) {
+            let has_docked = !self.on_paths || self.has_settled(unit);
+            if !has_docked || open.contains(&lead) || self.has_placed_neighbour(unit, &holders) {
                 continue;
             }
             let Some(spot) = self.spots_of(unit).next() else {
@@ -296,17 +313,35 @@ impl<'a> Acts<'a> {
         }
     }
 
+    fn has_settled(&self, unit: &Unit) -> bool {
+        let mut modules = unit.modules.iter();
+        modules.all(|module| self.moved.get(module).is_some_and(|act| act.settled))
+    }
+
     fn spots_of(&self, unit: &Unit) -> impl Iterator<Item = SpotId> {
         let modules = unit.modules.iter();
         modules.filter_map(|module| self.moved.get(module)?.named?.2)
     }
 
+    /// The spots next to a spot: along edges of the target, or along paths side by side with it.
+    fn adjacent_to(&self, spot: SpotId) -> Vec<SpotId> {
+        let target = self.planned.problem.target();
+        if !self.on_paths {
+            return target.neighbours_of(spot).collect();
+        }
+        let Some(place) = target.spot(spot) else {
+            return Vec::new();
+        };
+        let spots = target.spots().iter();
+        let is_near = |other: &&Spot| other.pose.distance_to(&place.pose) <= SIDE_BY_SIDE;
+        spots.filter(is_near).map(|other| other.id).collect()
+    }
+
     /// Whether a module adjacent to one of the unit's spots is in its causal past.
     fn has_placed_neighbour(&self, unit: &Unit, holders: &BTreeMap<SpotId, ModuleId>) -> bool {
-        let target = self.planned.problem.target();
         let adjacent: BTreeSet<ModuleId> = self
             .spots_of(unit)
-            .flat_map(|spot| target.neighbours_of(spot))
+            .flat_map(|spot| self.adjacent_to(spot))
             .filter_map(|spot| holders.get(&spot).copied())
             .collect();
         let is_first_hand =

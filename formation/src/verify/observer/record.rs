@@ -126,6 +126,10 @@ pub(super) struct Act {
     pub(super) digests: Vec<Option<Digest>>,
     /// The highest sequence number of a state MOVING or SETTLED, with its unit and spot.
     pub(super) named: Option<(u64, Option<ModuleId>, Option<SpotId>)>,
+    /// Whether a state shows that the plan moves modules along paths.
+    pub(super) on_paths: bool,
+    /// Whether it has published that it settled.
+    pub(super) settled: bool,
     /// The highest sequence number of a state before SETTLED.
     pub(super) unsettled_until: Option<u64>,
     /// The settled states for which it waited: the lowest sequence number of each module.
@@ -138,6 +142,8 @@ pub(super) struct Act {
 
 impl Act {
     fn handle(&mut self, now: Duration, state: &ModuleState) {
+        self.on_paths |= state.steps_done.is_some();
+        self.settled |= state.phase == ModulePhase::Settled;
         match state.phase {
             ModulePhase::Moving | ModulePhase::Settled => {
                 self.moved_received.get_or_insert(now);

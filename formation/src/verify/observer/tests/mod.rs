@@ -87,6 +87,7 @@ fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
         leader: None,
         spot: None,
         unit: None,
+        steps_done: None,
         settled_since: 0,
         waited_for: Vec::new(),
         agreed_on: Vec::new(),
@@ -206,6 +207,7 @@ fn heartbeat(module: u32, sequence: u64, digest_since: u64) -> Heartbeat {
         digest: Some(PLAN),
         digest_since,
         applied_turns: 4,
+        steps_done: 0,
         phase: ModulePhase::Agreeing,
         stop: Stop::default(),
     }

@@ -1,0 +1,95 @@
+//! How the modules of a plan move: along paths, in straight lines, or not at all.
+
+use crate::model::{
+    ActingUnit, AssemblyWarning, ModuleId, MotionMode, Plan, PlanningProblem, SpotId,
+};
+
+use super::paths::{
+    Area, MotionError, MotionParameters, MotionPlan, MotionRequest, UnitMotion, plan_motion,
+};
+
+/// How the modules of a plan move. It follows from the problem, the plan and the obstacles alone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PlannedMotion {
+    /// All units at the same time, along paths without contact.
+    Paths(MotionPlan),
+    /// One unit after another in straight lines, with the reason if paths were wanted. Modules may run into each other.
+    Straight(Option<MotionError>),
+    /// The problem demands paths and there are none: no module moves.
+    Refused(MotionError),
+}
+
+impl PlannedMotion {
+    /// Plans the motion, and gives the plan the acting order that the motion has.
+    ///
+    /// Bodies of modules that take no part stand on `obstacles`.
+    #[must_use]
+    pub fn of(problem: &PlanningProblem, plan: Plan, obstacles: &[Area]) -> (Self, Plan) {
+        let mode = problem.parameters().motion;
+        if mode == MotionMode::Straight {
+            return (Self::Straight(None), plan);
+        }
+        let motion = plan_motion(&MotionRequest {
+            problem,
+            plan: &plan,
+            obstacles,
+            walls: None,
+            parameters: MotionParameters::default(),
+        });
+        match motion {
+            Ok(motion) => {
+                let plan = reordered(problem, plan, &motion);
+                (Self::Paths(motion), plan)
+            }
+            Err(error) if mode == MotionMode::Auto => (Self::Straight(Some(error)), plan),
+            Err(error) => (Self::Refused(error), plan),
+        }
+    }
+
+    /// The motion plan, if modules move along paths.
+    #[must_use]
+    pub fn paths(&self) -> Option<&MotionPlan> {
+        match self {
+            Self::Paths(motion) => Some(motion),
+            Self::Straight(_) | Self::Refused(_) => None,
+        }
+    }
+}
+
+/// The plan with the units and the order of its motion.
+fn reordered(problem: &PlanningProblem, mut plan: Plan, motion: &MotionPlan) -> Plan {
+    let filled: Vec<(ModuleId, SpotId)> = plan
+        .assembly
+        .units
+        .iter()
+        .flat_map(|unit| unit.placements.iter().copied())
+        .collect();
+    let unit_of = |unit: &UnitMotion| {
+        let is_member = |module: ModuleId| unit.modules.iter().any(|one| one.module == module);
+        let placements: Vec<_> = filled
+            .iter()
+            .filter(|(module, _)| is_member(*module))
+            .copied()
+            .collect();
+        let lead = problem.module(unit.lead);
+        (!placements.is_empty()).then(|| ActingUnit {
+            lead: unit.lead,
+            placements,
+            pinned: lead.is_some_and(|lead| lead.pin.is_some()),
+        })
+    };
+    let units = motion.units.iter().filter_map(unit_of).collect();
+    plan.assembly.units = units;
+    // The others judge the order that this one replaces.
+    plan.assembly
+        .warnings
+        .retain(|warning| matches!(warning, AssemblyWarning::Disconnected(_)));
+    plan.blocks
+        .retain(|block| !motion.taken_apart.contains(block));
+    let is_apart = |&(one, other): &(ModuleId, ModuleId)| {
+        let mut apart = motion.taken_apart.iter();
+        apart.any(|block| block.contains(&one) && block.contains(&other))
+    };
+    plan.kept_links.retain(|link| !is_apart(link));
+    plan
+}

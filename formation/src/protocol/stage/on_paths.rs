@@ -1,0 +1,234 @@
+//! Acting along paths: a module takes one step after another, each when the steps that it waits for are done.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use crate::model::ModuleId;
+
+use super::super::context::Context;
+use super::super::event::Event;
+use super::acting::{Acting, Progress, Task};
+use super::proofs::Proofs;
+use super::route::Route;
+
+/// When the members were last seen to make progress.
+#[derive(Clone, Copy, Debug, Hash)]
+pub(super) struct Advance {
+    /// The steps that the members have done, and the members that have settled.
+    count: u64,
+    since: Duration,
+    counted: Duration,
+}
+
+impl From<Duration> for Advance {
+    fn from(now: Duration) -> Self {
+        Self {
+            count: 0,
+            since: now,
+            counted: now,
+        }
+    }
+}
+
+impl Acting {
+    /// One step of this module's task; `lagging` members forbid every motion.
+    pub(super) fn carry_on_along_path(
+        &mut self,
+        lagging: &[ModuleId],
+        context: &mut Context,
+    ) -> Progress {
+        self.note_progress(lagging, context);
+        let may_begin = lagging.is_empty() && !context.parameters.plan_only;
+        match self.task {
+            Task::Waiting if self.is_pinned() => {
+                self.stay(lagging, context);
+                Progress::Wait
+            }
+            Task::Waiting | Task::Pausing if may_begin => self.begin_step(context),
+            Task::Undocking => {
+                let broken = self.broken_links(context);
+                if !broken.is_empty() {
+                    context.undock(broken);
+                } else if may_begin {
+                    return self.leave(context);
+                }
+                Progress::Wait
+            }
+            Task::Moving { since, held } => {
+                self.watch_motion(since, held, lagging, context);
+                Progress::Wait
+            }
+            Task::Docking => {
+                if let Some(place) = self.held.place {
+                    self.dock(place, lagging, context);
+                }
+                Progress::Wait
+            }
+            Task::Waiting | Task::Pausing | Task::Spare | Task::Settled | Task::Failed => {
+                Progress::Wait
+            }
+        }
+    }
+
+    fn is_pinned(&self) -> bool {
+        let place = self.held.place;
+        place.is_some_and(|place| self.held.unit_of(place).pinned)
+    }
+
+    fn steps(&self) -> u32 {
+        self.held.motion.route.as_ref().map_or(0, Route::steps)
+    }
+
+    /// Begins the next step if all that it waits for is done.
+    fn begin_step(&mut self, context: &mut Context) -> Progress {
+        let Some(route) = &self.held.motion.route else {
+            return Progress::Wait;
+        };
+        let step = self.steps_done + 1;
+        let done = |module| self.done_by(module, context);
+        let is_free = context.bugs.skip_waits() || route.awaited(step, done).is_empty();
+        if !is_free {
+            if self.task == Task::Pausing && context.body.is_at_rest() {
+                self.publish_stop(context);
+            }
+            return Progress::Wait;
+        }
+        let is_apart = route.is_apart(step);
+        let was_apart = self.steps_done > 0 && route.is_apart(self.steps_done);
+        if self.task == Task::Waiting {
+            if let Some(place) = self.held.place {
+                self.proofs = Proofs::of_departure(&self.held, place, context);
+                context.emit(Event::MotionBegun(place.spot));
+            }
+            context.mark_state_changed();
+        }
+        if is_apart && !was_apart {
+            self.task = Task::Undocking;
+            return Progress::Again;
+        }
+        self.leave(context)
+    }
+
+    /// The module is free to take its next step, or has taken all of them.
+    fn leave(&mut self, context: &mut Context) -> Progress {
+        if self.steps_done < self.steps() {
+            let goes_on = self.held.motion.route.as_ref();
+            if !goes_on.is_some_and(|route| route.goes_on(self.steps_done + 1)) {
+                context.mark_state_changed();
+            }
+            self.move_on(context);
+            return Progress::Wait;
+        }
+        context.mark_state_changed();
+        if self.held.place.is_some() {
+            self.task = Task::Docking;
+            return Progress::Again;
+        }
+        self.task = Task::Spare;
+        Progress::Wait
+    }
+
+    /// Publishes once where the module stands while it waits.
+    fn publish_stop(&mut self, context: &mut Context) {
+        if self.stopped_after != Some(self.steps_done) {
+            self.stopped_after = Some(self.steps_done);
+            context.mark_state_changed();
+        }
+    }
+
+    /// Whether the unit to which this module's unit docks has settled, if there is one.
+    pub(super) fn parent_has_settled(&self, context: &Context) -> bool {
+        let route = self.held.motion.route.as_ref();
+        route.is_none_or(|route| {
+            let mut parents = route.parents();
+            parents.all(|parent| self.has_settled(parent, context))
+        })
+    }
+
+    /// The links that this module gives up before it leaves; those of its spot stay if it stands on it already.
+    fn broken_links(&self, context: &Context) -> BTreeSet<ModuleId> {
+        let stays = self.steps() == self.steps_done;
+        context.links_except(|link| {
+            self.held.keeps_link_to(link) || stays && self.held.ends_linked_to(link)
+        })
+    }
+
+    /// A step has ended. Returns whether other modules should know this at once.
+    pub(super) fn end_step(&mut self) -> bool {
+        self.steps_done += 1;
+        self.task = Task::Pausing;
+        let route = self.held.motion.route.as_ref();
+        route.is_none_or(|route| route.is_awaited(self.steps_done))
+    }
+
+    fn done_by(&self, module: ModuleId, context: &Context) -> u32 {
+        if module == context.module() {
+            self.steps_done
+        } else {
+            self.held.steps_done_by(module, &context.peers)
+        }
+    }
+
+    /// Counts now and then what the members have done.
+    fn note_progress(&mut self, lagging: &[ModuleId], context: &Context) {
+        let now = context.now;
+        if !lagging.is_empty() {
+            self.progress.since = now;
+        }
+        if now < self.progress.counted + context.parameters.heartbeat {
+            return;
+        }
+        let count = self.count_progress(context);
+        let since = if count == self.progress.count {
+            self.progress.since
+        } else {
+            now
+        };
+        self.progress = Advance {
+            count,
+            since,
+            counted: now,
+        };
+    }
+
+    fn count_progress(&self, context: &Context) -> u64 {
+        let members = self.held.members.keys();
+        members
+            .map(|&module| {
+                let has_settled = self.has_settled(module, context);
+                u64::from(self.done_by(module, context)) + u64::from(has_settled)
+            })
+            .sum()
+    }
+
+    /// The modules that could go on and do not, if no member has made progress for longer than a step may take.
+    pub(super) fn stuck_on_paths(&self, route: &Route, context: &Context) -> Vec<ModuleId> {
+        let limit = context.parameters.motion_limit + context.parameters.stuck;
+        let is_overdue = context.now.saturating_sub(self.progress.since) > limit;
+        if !is_overdue || self.count_progress(context) != self.progress.count {
+            // A count that has changed since begins the time again.
+            return Vec::new();
+        }
+        let done = |module| self.done_by(module, context);
+        let mut stuck = Vec::new();
+        for unit in route.units() {
+            let steps = u32::try_from(unit.steps.len()).unwrap_or(u32::MAX);
+            for member in &unit.modules {
+                let (module, taken) = (member.module, done(member.module));
+                let could_go_on = if taken < steps {
+                    route.awaited_by(unit, taken + 1, done).is_empty()
+                } else {
+                    member.spot.is_some_and(|spot| {
+                        let partners = self.held.partners_of(module, spot);
+                        let has_settled = |&partner: &ModuleId| self.has_settled(partner, context);
+                        !self.has_settled(module, context) && partners.iter().all(has_settled)
+                    })
+                };
+                if could_go_on {
+                    stuck.push(module);
+                }
+            }
+        }
+        stuck
+    }
+}
