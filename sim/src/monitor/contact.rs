@@ -138,20 +138,7 @@ impl Monitor {
         }
         for pair in found {
             self.bodies.found.insert(pair);
-            let detail = format!(
-                "{} and {} in {} {leg:?} {:?} {:?}",
-                pair.0,
-                pair.1,
-                plan.0,
-                self.bodies
-                    .tracks
-                    .get(&pair.0)
-                    .map(|t| (t.pose, t.since, &t.docked)),
-                self.bodies
-                    .tracks
-                    .get(&pair.1)
-                    .map(|t| (t.pose, t.since, &t.docked))
-            );
+            let detail = format!("{} and {} in {}", pair.0, pair.1, plan.0);
             self.violate(leg.end, ViolationKind::BodiesOverlap, detail);
         }
     }
