@@ -8,6 +8,7 @@ use std::time::Instant;
 use anyhow::anyhow;
 use formation::model::text::{counted, listed_in_full};
 use formation::model::{Assignment, Decision, PlanningProblem, Scenario, SpotId};
+use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Planning, Statistics};
 use formation::verify::check_plan;
 use formation_report::Fact;
@@ -15,6 +16,7 @@ use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
 
 use crate::console;
+use crate::motion::{self, MotionReport};
 use crate::table::aligned;
 
 /// A plan that the verifier's checks have passed.
@@ -25,6 +27,8 @@ pub struct CheckedPlan {
     pub outcome: PlanOutcome,
     /// What the plan keeps, breaks and costs.
     pub statistics: Statistics,
+    /// How the modules move.
+    pub motion: PlannedMotion,
     /// How long the allocation took, without acting order and statistics.
     pub planning_us: u64,
 }
@@ -37,6 +41,9 @@ pub struct PlanReport {
     pub statistics: Statistics,
     /// How long the allocation took.
     pub planning_us: u64,
+    /// How the modules move; `formation plan` alone prints it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionReport>,
 }
 
 impl CheckedPlan {
@@ -50,7 +57,7 @@ impl CheckedPlan {
         let mut planning = Planning::new(Arc::clone(&problem));
         let decisions = planning.take_all_turns();
         let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
-        let outcome = planning.outcome(decisions);
+        let mut outcome = planning.outcome(decisions);
         let decisions: Vec<Decision> = outcome
             .decisions
             .iter()
@@ -63,10 +70,13 @@ impl CheckedPlan {
                 named.join("; ")
             ))
         })?;
+        let (motion, plan) = PlannedMotion::of(&problem, outcome.plan, &[]);
+        outcome.plan = plan;
         Ok(Self {
             statistics: Statistics::of(&problem, &outcome),
             problem,
             outcome,
+            motion,
             planning_us,
         })
     }
@@ -76,12 +86,16 @@ impl CheckedPlan {
         PlanReport {
             statistics: self.statistics.clone(),
             planning_us: self.planning_us,
+            motion: None,
         }
     }
 
     /// Prints what people should know before anything moves.
     pub fn warn(&self, path: &Path) {
         for warning in &self.statistics.warnings {
+            console::note(&format!("warning: {}: {warning}", path.display()));
+        }
+        if let Some(warning) = motion::warning(&self.motion) {
             console::note(&format!("warning: {}: {warning}", path.display()));
         }
         if !self.statistics.proven {
@@ -120,6 +134,7 @@ impl CheckedPlan {
             "total utility {:.3}, total distance {:.3} units",
             statistics.total_utility, statistics.total_distance
         ));
+        parts.push(motion::line(&self.motion));
         let messages = &statistics.messages;
         parts.push(format!(
             "{} in {} µs; messages: {}, {} deliveries, {} pairs delivered",

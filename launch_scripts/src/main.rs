@@ -7,6 +7,7 @@ mod console;
 #[cfg(feature = "experiments")]
 mod experiments;
 mod generate;
+mod motion;
 mod order;
 mod plan;
 mod report;

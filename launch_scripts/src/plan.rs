@@ -6,7 +6,8 @@ use formation_report::{Subject, Summary, Tone, course_of_plan};
 use ros_runtime::exit::{Failure, one_line};
 
 use crate::arguments::SPEED_UNITS_PER_S;
-use crate::checked_plan::CheckedPlan;
+use crate::checked_plan::{CheckedPlan, PlanReport};
+use crate::motion::MotionReport;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 
@@ -24,7 +25,10 @@ pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure
         write_report(&directory, &plan, scenario.name())?;
     }
     if json {
-        console::result_json(&plan.report())
+        console::result_json(&PlanReport {
+            motion: Some(MotionReport::of(&plan.motion)),
+            ..plan.report()
+        })
     } else {
         console::result_line(&plan.text(scenario.name()))
     }

@@ -22,7 +22,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
     (
         Mutation::DropIncarnationCheck,
-        42,
+        40,
         ViolationKind::NotWhereFrozen,
     ),
     (
