@@ -221,9 +221,23 @@ pub struct GenerateArguments {
     /// The most links that one spot or module has: 3 or 4.
     #[arg(long, value_name = "D", default_value_t = 3)]
     pub degree: usize,
+    /// Keep the starts so far apart that all modules can move at the same time without contact, in a square field about the
+    /// target that is F times the square root of the number of modules wide [default of F: 3]
+    #[arg(long, value_name = "F", num_args = 0..=1, default_missing_value = "3", value_parser = field_width)]
+    pub apart: Option<f64>,
     /// The seed of the random numbers.
     #[arg(long, value_name = "X")]
     pub seed: u64,
+}
+
+/// Reads the width of a field: 1.5 to 100.
+fn field_width(text: &str) -> Result<f64, String> {
+    let width: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
+    if (1.5..=100.0).contains(&width) {
+        Ok(width)
+    } else {
+        Err("must be 1.5 to 100".to_owned())
+    }
 }
 
 /// What to simulate.

@@ -3,8 +3,10 @@
 use std::fmt::Write;
 
 use anyhow::anyhow;
-use formation::generate::{GenerateError, GeneratorParameters, Grouping, generate};
-use formation::model::{RawModule, RawScenario};
+use formation::generate::{
+    Apart, GenerateError, GeneratorParameters, Grouping, generate, set_apart,
+};
+use formation::model::{MicroUnits, RawModule, RawScenario};
 use ros_runtime::exit::Failure;
 
 use crate::arguments::GenerateArguments;
@@ -25,12 +27,17 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
         ..GeneratorParameters::new(arguments.modules, arguments.spots, arguments.seed)
     }
     .grouped(grouping);
-    let scenario = generate(&parameters).map_err(|error| {
+    let mut scenario = generate(&parameters).map_err(|error| {
         Failure::BadInput(match error {
             GenerateError::OutOfRange { .. } => anyhow!("--{error}"),
             GenerateError::NoTreeFound { .. } => anyhow!(error),
         })
     })?;
+    if let Some(width) = arguments.apart {
+        let micro = MicroUnits::from_units(width).unwrap_or(MicroUnits(3_000_000));
+        let percent = u32::try_from(micro.0 / 10_000).unwrap_or(300);
+        set_apart(&mut scenario, Apart::Circles, percent, arguments.seed);
+    }
     console::result_line(to_yaml(&scenario).trim_end())
 }
 

@@ -89,6 +89,39 @@ fn the_json_has_every_promised_key() {
 }
 
 #[test]
+fn the_motion_ends_on_the_spots_or_says_that_it_is_not_collision_free() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("apart.yaml");
+    let text = "target:\n  spots: [{id: 1, x: 0, y: 0}, {id: 2, x: 1, y: 0}]\n  edges: [[1, 2]]\n\
+                singletons: [{id: 7, x: 0.2, y: 3, theta: 0.5}, {id: 8, x: 4, y: 3, theta: 1}]\n";
+    fs::write(&path, text).unwrap();
+    let motion = &json(path.to_str().unwrap())["motion"];
+    assert_eq!(motion["collision_free"], true);
+    assert!(motion["makespan"].as_u64() >= motion["bound"].as_u64());
+    let modules = motion["modules"].as_array().unwrap();
+    assert_eq!(
+        distinct(&motion["modules"], "module"),
+        BTreeSet::from([7, 8])
+    );
+    for module in modules {
+        let last = module["waypoints"].as_array().unwrap().last().unwrap();
+        assert_eq!(last[1], 0.0);
+        assert!(module["waits"].is_array());
+    }
+    fs::write(&path, text.replace("x: 4", "x: 1")).unwrap();
+    let motion = json(path.to_str().unwrap())["motion"].clone();
+    assert_eq!(motion["mode"], "straight");
+    assert_eq!(motion["collision_free"], false);
+    assert_eq!(
+        motion["error"],
+        "starts: module 7 and module 8 are too close"
+    );
+    let demanded = text.replace("x: 4", "x: 1") + "planner: {motion: paths}\n";
+    fs::write(&path, demanded).unwrap();
+    assert_eq!(json(path.to_str().unwrap())["motion"]["mode"], "none");
+}
+
+#[test]
 fn figure_1_fills_the_ladder_and_breaks_only_the_block_that_cannot_fit() {
     let report = json("figure1_ladder17");
     let all_ids: BTreeSet<u64> = (1..=17).collect();

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{ModuleId, Pose};
+use formation::model::{MicroUnits, ModuleId, Pose};
 use formation::motion::paths::{ModuleMotion, MotionPlan, StepKind, UnitMotion, Wait};
 
 use super::Numbers;
@@ -176,7 +176,9 @@ fn discs(unit: &UnitMotion, times: &[(f64, f64)]) -> Vec<Segment> {
                 }
                 Some(first) => (centre, radius, first),
             },
-            StepKind::Shift | StepKind::Regroup | StepKind::Move => continue,
+            // The planner keeps others off what regrouping modules sweep; among each other they may overlap.
+            StepKind::Regroup => (Pose::default(), MicroUnits(0), 0.0),
+            StepKind::Shift | StepKind::Move => continue,
         };
         let (centre, radius) = (at(&centre), radius.to_units());
         discs.push(Segment {

@@ -134,6 +134,10 @@ impl Group {
             if off_by > ASKEW_MAX {
                 return Err(StartFault::OffGroup(all[module].id, all[modules[0]].id));
             }
+            if cells.contains(&site) {
+                // Half-way through a fold, two modules may be above each other.
+                return Err(StartFault::OffGroup(all[module].id, all[modules[0]].id));
+            }
             cells.push(site);
         }
         let (middle, reach) = centre_of(&cells);
