@@ -73,6 +73,30 @@ fn figure_1_forms_with_seventeen_agent_processes() {
 }
 
 #[test]
+fn modules_that_start_apart_form_along_paths() {
+    if room_for_many_processes().is_none() {
+        return;
+    }
+    let domain = &*Domain::alone();
+    let options = "generate --modules 12 --spots 12 --mixed --apart --seed 5";
+    let options: Vec<&str> = options.split(' ').collect();
+    let generated = Running::start("formation", domain, &options).finish(PATIENCE);
+    assert_eq!(generated.status, 0, "{}", generated.stderr);
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("apart.yaml");
+    std::fs::write(&path, &generated.stdout).unwrap();
+    let path = path.to_str().unwrap();
+    let plan = Running::start("formation", domain, &["plan", path, "--json"]).finish(PATIENCE);
+    assert_eq!(plan.json()["motion"]["collision_free"], true);
+    let run = ["run", path, "--json", "--domain", domain, "--timeout", "90"];
+    let run = Running::start("formation", domain, &run).finish(PATIENCE);
+    assert_eq!(run.status, 0, "{}\n{}", run.stdout, run.stderr);
+    let run = run.json();
+    assert_eq!(run["verdict"], "COMPLETE");
+    assert_eq!(run["open_spots"].as_array().unwrap().len(), 0);
+}
+
+#[test]
 fn ten_singletons_form() {
     runs_as_planned("singletons_10", "COMPLETE");
 }
