@@ -589,7 +589,6 @@ fn stops_in_mid_step_and_mid_fold_are_starts_of_the_next_plan() {
             }
         }
     }
-    println!("{planned_again} of {stops} stops planned again");
     assert!(
         planned_again * 100 >= stops * 90,
         "{planned_again} of {stops}"
