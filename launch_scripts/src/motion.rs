@@ -55,7 +55,7 @@ struct ModulePath {
     unit: ModuleId,
     /// `[x, y, theta, t]`: the start, then the pose after each step.
     waypoints: Vec<[f64; 4]>,
-    /// `[step, unit, steps_done]`: the step, counted from 1, begins when that unit has done so many steps.
+    /// `[step, unit, steps_done]`: the step, counted from 1, begins when that unit has done this number of steps.
     waits: Vec<[u32; 3]>,
 }
 
