@@ -31,6 +31,7 @@ impl Body {
     pub const WHEREABOUTS_ON_THE_WAY: u8 = 2;
     pub const WHEREABOUTS_HALTED: u8 = 3;
     pub const WHEREABOUTS_REMOVED: u8 = 4;
+    pub const WHEREABOUTS_WITHIN: u8 = 5;
 }
 
 impl From<&BodyReport> for Body {
@@ -39,6 +40,7 @@ impl From<&BodyReport> for Body {
         let (whereabouts, pose, to) = match report.whereabouts {
             Whereabouts::Seen(pose) => (Self::WHEREABOUTS_SEEN, pose, nowhere),
             Whereabouts::OnTheWay { from, to } => (Self::WHEREABOUTS_ON_THE_WAY, from, to),
+            Whereabouts::Within { from, to } => (Self::WHEREABOUTS_WITHIN, from, to),
             Whereabouts::Halted(pose) => (Self::WHEREABOUTS_HALTED, pose, nowhere),
             Whereabouts::Removed => (Self::WHEREABOUTS_REMOVED, nowhere, nowhere),
         };
@@ -80,8 +82,9 @@ impl Body {
                 Self::WHEREABOUTS_ON_THE_WAY => Whereabouts::OnTheWay { from: pose, to },
                 Self::WHEREABOUTS_HALTED => Whereabouts::Halted(pose),
                 Self::WHEREABOUTS_REMOVED => Whereabouts::Removed,
+                Self::WHEREABOUTS_WITHIN => Whereabouts::Within { from: pose, to },
                 value => {
-                    let known = "SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
+                    let known = "SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4, WITHIN 5";
                     let value = value.into();
                     let fault = Fault::UnknownValue { value, known };
                     return Err(FieldError::new("whereabouts", fault));

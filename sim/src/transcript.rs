@@ -194,7 +194,7 @@ fn body_text(body: &BodyReport) -> String {
     };
     let kind = match body.whereabouts {
         Whereabouts::Seen(_) => "seen",
-        Whereabouts::OnTheWay { .. } => "on_the_way",
+        Whereabouts::OnTheWay { .. } | Whereabouts::Within { .. } => "on_the_way",
         Whereabouts::Halted(_) => "halted",
         Whereabouts::Removed => "removed",
     };

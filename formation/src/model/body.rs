@@ -30,6 +30,13 @@ pub enum Whereabouts {
         /// Where the plan allowed it to go.
         to: Pose,
     },
+    /// A plan allowed it to move on along a path that lies in the box, parallel to the axes, of which these are two corners.
+    Within {
+        /// The corner with the least coordinates; the heading is that with which it was last seen.
+        from: Pose,
+        /// The opposite corner.
+        to: Pose,
+    },
     /// It stands here: it has settled, stays where it is, or its turn to move cannot have come.
     Halted(Pose),
     /// It was reported as removed.
@@ -41,17 +48,17 @@ impl Whereabouts {
     fn rank(&self) -> u8 {
         match self {
             Self::Seen(_) => 0,
-            Self::OnTheWay { .. } => 1,
+            Self::OnTheWay { .. } | Self::Within { .. } => 1,
             Self::Halted(_) => 2,
             Self::Removed => 3,
         }
     }
 
-    /// Where the body may stand: anywhere between the two poses. `None` once it was removed.
+    /// Where the body may stand: anywhere between the two poses, on the line or in the box. `None` once it was removed.
     pub fn reach(&self) -> Option<(Pose, Pose)> {
         match *self {
             Self::Seen(pose) | Self::Halted(pose) => Some((pose, pose)),
-            Self::OnTheWay { from, to } => Some((from, to)),
+            Self::OnTheWay { from, to } | Self::Within { from, to } => Some((from, to)),
             Self::Removed => None,
         }
     }
@@ -99,8 +106,13 @@ impl BodyReport {
 
     /// Whether it may stand nearer to a pose than half a unit.
     pub(crate) fn covers(&self, pose: &Pose) -> bool {
-        let reach = self.whereabouts.reach();
-        reach.is_some_and(|(from, to)| distance_to_line(pose, &from, &to) < COVERING_DISTANCE)
+        let distance = match self.whereabouts {
+            Whereabouts::Within { from, to } => distance_to_box(pose, &from, &to),
+            Whereabouts::Seen(from) | Whereabouts::Halted(from) => pose.distance_to(&from),
+            Whereabouts::OnTheWay { from, to } => distance_to_line(pose, &from, &to),
+            Whereabouts::Removed => return false,
+        };
+        distance < COVERING_DISTANCE
     }
 }
 
@@ -198,6 +210,16 @@ pub(crate) fn open_part(
         (part.len().min(count), settled, part.len())
     })?;
     target.restricted_to(&best).map(Arc::new)
+}
+
+/// The distance of a point from the box with these corners, the first of them with the least coordinates.
+fn distance_to_box(point: &Pose, from: &Pose, to: &Pose) -> MicroUnits {
+    let nearest = Pose {
+        x: point.x.clamp(from.x, to.x.max(from.x)),
+        y: point.y.clamp(from.y, to.y.max(from.y)),
+        theta: point.theta,
+    };
+    nearest.distance_to(point)
 }
 
 /// The distance of a point from the straight line between two others, rounded to whole micro-units.
@@ -323,6 +345,14 @@ mod tests {
             },
         )];
         assert_eq!(blocked(&[], &along), [(1, 9), (2, 9), (3, 9)]);
+        let within = [report(
+            9,
+            Whereabouts::Within {
+                from: at(2.4, -1.0),
+                to: at(5.0, 4.0),
+            },
+        )];
+        assert_eq!(blocked(&[], &within), [(2, 9), (3, 9), (4, 9), (5, 9)]);
         assert_eq!(blocked(&[], &[report(9, Whereabouts::Removed)]), []);
     }
 

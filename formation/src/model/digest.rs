@@ -130,6 +130,7 @@ fn put_bodies(canonical: &mut Canonical, bodies: &[BodyReport]) {
             Whereabouts::OnTheWay { from, to } => (1, &[*from, *to]),
             Whereabouts::Halted(pose) => (2, &[*pose]),
             Whereabouts::Removed => (3, &[]),
+            Whereabouts::Within { from, to } => (4, &[*from, *to]),
         };
         canonical.number(kind);
         for pose in poses {

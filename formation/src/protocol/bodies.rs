@@ -386,9 +386,11 @@ impl Agent {
             let (pose, sequence) = seen_in(roster, member, &self.context.peers);
             let goal =
                 held.and_then(|held| held.may_head_for(module, has_acted, &self.context.peers));
-            let whereabouts = match goal {
+            let rest = held.and_then(|held| held.rest_of_path(module, pose, &self.context.peers));
+            let whereabouts = match goal.map(|to| (to, rest)) {
                 _ if is_outside => Whereabouts::Seen(pose),
-                Some(to) => Whereabouts::OnTheWay { from: pose, to },
+                Some((_, Some((from, to)))) => Whereabouts::Within { from, to },
+                Some((to, None)) => Whereabouts::OnTheWay { from: pose, to },
                 None => Whereabouts::Halted(pose),
             };
             reports.push(BodyReport {

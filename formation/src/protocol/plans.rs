@@ -15,7 +15,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use crate::model::{
-    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, Roster, Service,
+    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, Roster, Service, Whereabouts,
 };
 use crate::motion::PlannedMotion;
 use crate::motion::paths::Area;
@@ -56,12 +56,25 @@ pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
         members.all(|member| member.module.id != module)
     };
     let absent = roster.bodies.iter().filter(|body| is_absent(body.module));
-    let absent = absent.filter_map(|body| body.whereabouts.reach());
+    let absent: Vec<(Pose, Pose)> = absent.flat_map(|body| lines(&body.whereabouts)).collect();
     aside
         .chain(absent)
         .flat_map(|(from, to)| along(from, to))
         .map(|pose| Area::of_body(&pose))
         .collect()
+}
+
+/// Lines at most half a unit apart that fill where a body may stand.
+fn lines(whereabouts: &Whereabouts) -> Vec<(Pose, Pose)> {
+    match *whereabouts {
+        Whereabouts::Within { from, to } => {
+            let side = Pose { x: from.x, ..to };
+            let rows = along(from, side);
+            rows.map(|start| (start, Pose { x: to.x, ..start }))
+                .collect()
+        }
+        _ => whereabouts.reach().into_iter().collect(),
+    }
 }
 
 /// Poses at most half a unit apart on the line between two poses.

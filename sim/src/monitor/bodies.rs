@@ -8,7 +8,10 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation::model::{ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target};
+use formation::model::{
+    MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId,
+    Target, Whereabouts,
+};
 
 use super::{Monitor, ViolationKind};
 use crate::cluster::Cluster;
@@ -85,7 +88,7 @@ impl Monitor {
         let lines: Vec<(Pose, Pose)> = states
             .flat_map(|state| &state.bodies)
             .filter(|body| !group.contains(&body.module))
-            .filter_map(|body| body.whereabouts.reach())
+            .flat_map(|body| lines_of(&body.whereabouts))
             .collect();
         let mut spots = target.spots().iter();
         spots.all(|spot| {
@@ -117,7 +120,7 @@ pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
         .filter(|member| member.service == Service::MotionFailed)
         .map(|member| (member.module.pose, member.module.pose));
     let absent = roster.bodies.iter().filter(|body| !is_member(body.module));
-    let absent = absent.filter_map(|body| body.whereabouts.reach());
+    let absent = absent.flat_map(|body| lines_of(&body.whereabouts));
     let lines: Vec<(Pose, Pose)> = failed.chain(absent).collect();
     let held: Vec<SpotId> = roster
         .members
@@ -149,6 +152,21 @@ pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
         most = most.max(part.len().min(active));
     }
     most
+}
+
+/// The lines on which a body may stand; a box is filled by lines that are nearer to each other than what rounds off.
+fn lines_of(whereabouts: &Whereabouts) -> Vec<(Pose, Pose)> {
+    let Whereabouts::Within { from, to } = whereabouts else {
+        return whereabouts.reach().into_iter().collect();
+    };
+    let step = MICRO_PER_UNIT / 100;
+    let rows = (to.y.0 - from.y.0) / step;
+    let row = |y: i64| {
+        let y = MicroUnits(y);
+        (Pose { y, ..*from }, Pose { y, ..*to })
+    };
+    let between = (0..=rows).map(|part| row(from.y.0 + part * step));
+    between.chain([row(to.y.0)]).collect()
 }
 
 fn units(pose: &Pose) -> (f64, f64) {

@@ -219,6 +219,28 @@ impl HeldPlan {
         (!waits_for_own && !has_ended).then_some(goal)
     }
 
+    /// The corners of the box in which the rest of another member's path lies, from where it was last seen on; `None` unless
+    /// modules move along paths.
+    pub(in crate::protocol) fn rest_of_path(
+        &self,
+        module: ModuleId,
+        seen: Pose,
+        peers: &Peers,
+    ) -> Option<(Pose, Pose)> {
+        let (_, member) = self.motion.place_of(module)?;
+        let done = self.steps_done_by(module, peers) as usize;
+        let rest = member.waypoints.iter().skip(done);
+        let box_of = |(least, most): (Pose, Pose), pose: &Pose| {
+            let corner = |x, y| Pose { x, y, ..seen };
+            (
+                corner(least.x.min(pose.x), least.y.min(pose.y)),
+                corner(most.x.max(pose.x), most.y.max(pose.y)),
+            )
+        };
+        let poses = rest.map(|waypoint| &waypoint.pose);
+        Some(poses.fold((seen, seen), box_of))
+    }
+
     /// Whether the state of another member shows that it has done its part of this plan.
     pub(super) fn has_acted(&self, peers: &Peers, module: ModuleId) -> bool {
         if self.plan.assignments.contains_key(&module) {
