@@ -21,7 +21,7 @@ import time
 
 MESSAGES = pathlib.Path(__file__).resolve().parents[2] / "msgs" / "msg"
 PACKAGE = "formation_msgs"
-PROTOCOL_VERSION = 2
+PROTOCOL_VERSION = 3
 NAMESPACE = "/formation"
 
 # Type and whether late subscribers get the latest samples.
