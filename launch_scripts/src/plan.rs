@@ -25,12 +25,17 @@ pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure
         write_report(&directory, &plan, scenario.name())?;
     }
     if json {
-        console::result_json(&PlanReport {
-            motion: Some(MotionReport::of(&plan.motion)),
-            ..plan.report()
-        })
+        console::result_json(&with_motion(&plan))
     } else {
         console::result_line(&plan.text(scenario.name()))
+    }
+}
+
+/// The object that `--json` prints.
+fn with_motion(plan: &CheckedPlan) -> PlanReport {
+    PlanReport {
+        motion: Some(MotionReport::of(&plan.motion)),
+        ..plan.report()
     }
 }
 
@@ -56,6 +61,6 @@ fn write_report(
         facts: plan.facts(),
         notes: plan.statistics.warnings.clone(),
     };
-    directory.write_json(&plan.report())?;
+    directory.write_json(&with_motion(plan))?;
     directory.write_pictures(&subject, &course, &summary)
 }

@@ -323,7 +323,7 @@ fn rosters() {
         roster => roster.bodies.reverse(), "roster: bodies[1]: module 9 must stand after module 7, the list ascends";
         roster => roster.bodies[1].module_id = 7, "roster: bodies[1]: module 7 is listed twice";
         roster => roster.bodies[1].whereabouts = 0,
-            "roster: bodies[1].whereabouts: 0 is unknown; known are SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
+            "roster: bodies[1].whereabouts: 0 is unknown; known are SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4, WITHIN 5";
         roster => roster.bodies[1].x_micro = 1_000_000_000_001,
             "roster: bodies[1].x_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
              1000000000001";

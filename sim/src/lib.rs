@@ -15,7 +15,7 @@ mod transcript;
 pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};
 pub use cluster::{Cluster, ClusterParameters, Observation, Standing};
 pub use faults::{Fault, FaultKind, ScheduledFault};
-pub use monitor::{Violation, ViolationKind, room};
+pub use monitor::{Violation, ViolationKind, blocks_all, room};
 pub use network::NetworkParameters;
 pub use process::AgentFactory;
 pub use sweep::run_seeds;

@@ -7,7 +7,7 @@
 
 use formation::protocol::{Agent, Mutation};
 use formation_sim::{
-    AgentFactory, CampaignParameters, FaultKind, RunReport, ViolationKind, run_seed,
+    AgentFactory, CampaignParameters, FaultKind, RunReport, Violation, ViolationKind, run_seed,
 };
 
 /// Each bug, a seed that finds it, and the violation.
@@ -22,7 +22,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
     (
         Mutation::DropIncarnationCheck,
-        40,
+        116,
         ViolationKind::NotWhereFrozen,
     ),
     (
@@ -73,30 +73,32 @@ const FOUND_IN_SMALL_FORMATIONS: [(Mutation, usize, u64, ViolationKind); 2] = [
     (
         Mutation::ExcludeMembersAhead,
         3,
-        7_107_842,
+        7_108_643,
         ViolationKind::NoEnd,
     ),
     (
         Mutation::ForgetPinBeforeGoal,
         2,
-        7_020_188,
+        8_036_515,
         ViolationKind::PinForgotten,
     ),
 ];
 
+fn small(mutation: Option<Mutation>, modules: usize, seed: u64) -> Vec<Violation> {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        modules_min: modules,
+        modules_max: modules,
+        agents: agents(mutation),
+        ..CampaignParameters::default()
+    };
+    run_seed(&parameters, seed).unwrap().violations
+}
+
 #[test]
 fn every_bug_of_small_formations_is_found() {
     for (mutation, modules, seed, kind) in FOUND_IN_SMALL_FORMATIONS {
-        let found = |mutation| {
-            let parameters = CampaignParameters {
-                faults: FaultKind::Hostile,
-                modules_min: modules,
-                modules_max: modules,
-                agents: agents(mutation),
-                ..CampaignParameters::default()
-            };
-            run_seed(&parameters, seed).unwrap().violations
-        };
+        let found = |mutation| small(mutation, modules, seed);
         let with_bug = found(Some(mutation));
         assert!(
             with_bug.iter().any(|violation| violation.kind == kind),
@@ -154,5 +156,14 @@ fn find_seeds() {
                 break;
             }
         }
+    }
+    for (mutation, modules, first, kind) in FOUND_IN_SMALL_FORMATIONS {
+        let search = |mutation, seed| small(mutation, modules, seed);
+        let mut seeds = first..first + 20_000;
+        let found = seeds.find(|&seed| {
+            let with_bug = search(Some(mutation), seed);
+            with_bug.iter().any(|violation| violation.kind == kind) && search(None, seed).is_empty()
+        });
+        println!("{mutation:?} with {modules} modules: {found:?}");
     }
 }

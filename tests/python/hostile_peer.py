@@ -170,7 +170,8 @@ def forge(liar):
     }
     target = dataclasses.asdict(liar.plan.target)
     for number in range(1, 5):
-        beat = run | {"phase": LISTENING, "sequence": number, "uptime": {"sec": number, "nanosec": 0}, "epoch": epoch, "stop": stop}
+        uptime = {"sec": number, "nanosec": 0}
+        beat = run | {"phase": LISTENING, "sequence": number, "uptime": uptime, "epoch": epoch, "stop": stop}
         liar.say("heartbeat", "heartbeats", {"modules": [beat]})
         if number == 2:
             liar.say("roster", "roster", roster)

@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation::model::{
-    MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId,
-    Target, Whereabouts,
+    BodyReport, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, Roster,
+    Service, SpotId, Target, Whereabouts,
 };
 
 use super::{Monitor, ViolationKind};
@@ -85,16 +85,8 @@ impl Monitor {
         let states = group
             .iter()
             .filter_map(|&module| self.state(cluster, module));
-        let lines: Vec<(Pose, Pose)> = states
-            .flat_map(|state| &state.bodies)
-            .filter(|body| !group.contains(&body.module))
-            .flat_map(|body| lines_of(&body.whereabouts))
-            .collect();
-        let mut spots = target.spots().iter();
-        spots.all(|spot| {
-            let mut lines = lines.iter();
-            lines.any(|(from, to)| is_near_line(&spot.pose, from, to))
-        })
+        let bodies = states.flat_map(|state| &state.bodies);
+        blocks_all(target, bodies.filter(|body| !group.contains(&body.module)))
     }
 
     /// The spot on which a module has just settled.
@@ -104,6 +96,18 @@ impl Monitor {
         let target = roster.roster.target.target.as_ref()?;
         Some((spot, target.spot(spot)?.pose))
     }
+}
+
+/// Whether these bodies block every spot of a target.
+pub fn blocks_all<'a>(target: &Target, bodies: impl Iterator<Item = &'a BodyReport>) -> bool {
+    let lines: Vec<(Pose, Pose)> = bodies
+        .flat_map(|body| lines_of(&body.whereabouts))
+        .collect();
+    let mut spots = target.spots().iter();
+    spots.all(|spot| {
+        let mut lines = lines.iter();
+        lines.any(|(from, to)| is_near_line(&spot.pose, from, to))
+    })
 }
 
 /// The greatest number of connected spots that the active members of a roster can fill: without those that the bodies cover

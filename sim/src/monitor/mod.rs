@@ -19,7 +19,7 @@ use formation::model::{
 };
 use formation::protocol::Event;
 
-pub use bodies::room;
+pub use bodies::{blocks_all, room};
 use contact::Bodies;
 pub use violation::{Violation, ViolationKind};
 

@@ -6,9 +6,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Digest, Epoch, Message, ModuleId, ModulePhase, Roster, RosterMessage, SpotId,
+    Digest, Epoch, Message, ModuleId, ModulePhase, Roster, RosterMessage, SpotId, Target,
 };
-use formation_sim::room;
+use formation_sim::{blocks_all, room};
 
 use super::world::{World, id};
 use super::{Bound, MODULES};
@@ -178,7 +178,7 @@ impl World {
     }
 
     /// Notes whether everything has come to its end, and whether it should have by now.
-    pub(super) fn judge(&mut self) {
+    pub(super) fn judge(&mut self, target: &Target) {
         let live: Vec<usize> = (0..MODULES)
             .filter(|&index| self.actors[index].is_some())
             .collect();
@@ -200,7 +200,9 @@ impl World {
             let are_members = members.is_some_and(|members| members.len() == live.len());
             are_members && self.evidence.rooms.get(&epoch) == Some(&spots.len())
         });
-        let ended = self.disturbance.agenda.is_none() && plans.len() == 1 && is_full;
+        // No roster is closed while no spot is free.
+        let is_over = plans.len() == 1 && is_full || self.all_is_blocked(target, &live);
+        let ended = self.disturbance.agenda.is_none() && is_over;
         self.ended_since = match self.ended_since {
             Some(since) if ended => Some(since),
             _ => ended.then_some(self.now),
@@ -216,6 +218,17 @@ impl World {
                 .collect();
             self.violation = Some(format!("no end: {phases:?}"));
         }
+    }
+
+    /// Whether the bodies of absent modules block every spot, as the others report.
+    fn all_is_blocked(&self, target: &Target, live: &[usize]) -> bool {
+        let states = live
+            .iter()
+            .filter_map(|index| self.published.states.get(index));
+        let present: BTreeSet<ModuleId> = states.clone().map(|state| state.module).collect();
+        let bodies = states.flat_map(|state| &state.bodies);
+        let absent = bodies.filter(|body| !present.contains(&body.module));
+        blocks_all(target, absent)
     }
 
     pub(super) fn has_ended(&self, bound: Bound) -> bool {

@@ -119,7 +119,7 @@ impl Explorer {
                 world.disturbance.agenda = Some((world.now + CUT, Agenda::Heal));
             }
         }
-        world.judge();
+        world.judge(self.problem.target());
     }
 
     fn run_timer(&self, world: &mut World) {

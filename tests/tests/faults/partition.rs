@@ -27,6 +27,8 @@ configurations:
 singletons:
   - {id: 4, x: 12, y: 2}
   - {id: 5, x: 2, y: 9, theta: 1.0}
+# On paths, the two that are cut off on their way may stand on every spot, so the majority would wait for them.
+planner: {motion: straight}
 ";
 
 const MINORITY: [u32; 2] = [4, 5];
