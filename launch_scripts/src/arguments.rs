@@ -4,6 +4,7 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::{Args, Parser, Subcommand};
+use formation::model::{MICRO_PER_UNIT, MicroUnits};
 use formation_sim::FaultKind;
 use ros_runtime::environment::Domain;
 
@@ -224,20 +225,20 @@ pub struct GenerateArguments {
     /// Keep the starts so far apart that all modules can move at the same time without contact, in a square field about the
     /// target that is F times the square root of the number of modules wide [default of F: 3]
     #[arg(long, value_name = "F", num_args = 0..=1, default_missing_value = "3", value_parser = field_width)]
-    pub apart: Option<f64>,
+    pub apart: Option<u32>,
     /// The seed of the random numbers.
     #[arg(long, value_name = "X")]
     pub seed: u64,
 }
 
-/// Reads the width of a field: 1.5 to 100.
-fn field_width(text: &str) -> Result<f64, String> {
-    let width: f64 = text.parse().map_err(|_| "not a number".to_owned())?;
-    if (1.5..=100.0).contains(&width) {
-        Ok(width)
-    } else {
-        Err("must be 1.5 to 100".to_owned())
-    }
+/// Reads the width of a field, 1.5 to 100, in hundredths.
+fn field_width(text: &str) -> Result<u32, String> {
+    let width = MicroUnits::from_units(text.parse().map_err(|_| "not a number")?);
+    let percent = width.map(|width| width.0 / (MICRO_PER_UNIT / 100));
+    let percent = percent.ok().and_then(|percent| u32::try_from(percent).ok());
+    percent
+        .filter(|percent| (150..=10_000).contains(percent))
+        .ok_or_else(|| "must be 1.5 to 100".to_owned())
 }
 
 /// What to simulate.

@@ -6,7 +6,7 @@ use anyhow::anyhow;
 use formation::generate::{
     Apart, GenerateError, GeneratorParameters, Grouping, generate, set_apart,
 };
-use formation::model::{MicroUnits, RawModule, RawScenario};
+use formation::model::{RawModule, RawScenario};
 use ros_runtime::exit::Failure;
 
 use crate::arguments::GenerateArguments;
@@ -33,9 +33,7 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
             GenerateError::NoTreeFound { .. } => anyhow!(error),
         })
     })?;
-    if let Some(width) = arguments.apart {
-        let micro = MicroUnits::from_units(width).unwrap_or(MicroUnits(3_000_000));
-        let percent = u32::try_from(micro.0 / 10_000).unwrap_or(300);
+    if let Some(percent) = arguments.apart {
         set_apart(&mut scenario, Apart::Circles, percent, arguments.seed);
     }
     console::result_line(to_yaml(&scenario).trim_end())

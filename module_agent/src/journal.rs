@@ -204,8 +204,8 @@ impl Journal {
     }
 }
 
-/// A module that was added to an earlier run of this process.
-fn added_module(module: ModuleId, pose: Pose) -> Identity {
+/// A module that is added to the process by request.
+pub(crate) fn added_module(module: ModuleId, pose: Pose) -> Identity {
     Identity {
         module,
         incarnation: stamp::incarnation(),

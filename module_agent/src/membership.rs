@@ -5,14 +5,14 @@ use std::time::Duration;
 use formation::model::{
     MicroUnits, ModuleId, ModulePhase, NO_ID, Pose, PoseError, Service as InService,
 };
-use formation::protocol::{Command, Identity};
+use formation::protocol::Command;
 use formation_msgs::{
     AddModuleRequest, AddModuleResponse, RetireModuleRequest, RetireModuleResponse, bounds,
 };
-use formation_node::stamp;
 use ros_runtime::service::{Call, Service};
 
 use crate::host::Host;
+use crate::journal::added_module;
 
 /// The least distance between two modules: the width of one, less the tolerance of a pose.
 const DISTANCE_MIN: MicroUnits = MicroUnits(950_000);
@@ -84,16 +84,7 @@ fn add(host: &mut Host, now: Duration, request: AddModuleRequest) -> Result<Stri
             ));
         }
     }
-    let identity = Identity {
-        module,
-        incarnation: stamp::incarnation(),
-        store: None,
-        pose,
-        links: [].into(),
-        configuration: None,
-        leader: None,
-    };
-    host.add(now, identity)?;
+    host.add(now, added_module(module, pose))?;
     Ok(format!(
         "{module} listens, and then joins as a newcomer: a new plan gives it a spot if one is open, else it stands by"
     ))
@@ -154,15 +145,7 @@ mod tests {
 
     /// A process with module 4 at the origin.
     fn host(motion: &Motion) -> Host {
-        let identity = Identity {
-            store: None,
-            module: ModuleId(4),
-            incarnation: Incarnation(1),
-            pose: Pose::default(),
-            links: [].into(),
-            configuration: None,
-            leader: None,
-        };
+        let identity = added_module(ModuleId(4), Pose::default());
         let modules = [(identity, InService::Active)];
         let parameters = AgentParameters::default();
         let mut host = Host::new(SourceId(1), modules, parameters, motion, None);

@@ -2,7 +2,7 @@
 
 use std::thread;
 
-use async_channel::{Sender, unbounded};
+use async_channel::{Sender, bounded};
 use futures::{Stream, StreamExt, stream};
 use ros_runtime::session::SessionError;
 
@@ -20,8 +20,8 @@ impl<J: Send + 'static> Worker<J> {
         name: &str,
         work: F,
     ) -> Result<(Self, impl Stream<Item = Option<R>> + use<J, R, F>), SessionError> {
-        let (jobs, received) = unbounded();
-        let (sender, results) = unbounded();
+        let (jobs, received) = bounded(1);
+        let (sender, results) = bounded(1);
         let work_off = move || {
             while let Ok(job) = received.recv_blocking() {
                 if sender.send_blocking(work(job)).is_err() {
@@ -39,9 +39,11 @@ impl<J: Send + 'static> Worker<J> {
         Ok((Self { jobs }, results))
     }
 
-    /// Does a job as soon as those before it are done.
+    /// Does a job. The next one may be given when its result was taken.
     pub(crate) fn start_job(&self, job: J) {
         // The stream of results reports a thread that has ended.
-        let _ = self.jobs.try_send(job);
+        let sent = self.jobs.try_send(job);
+        let is_full = sent.is_err_and(|error| error.is_full());
+        debug_assert!(!is_full, "one job at a time");
     }
 }

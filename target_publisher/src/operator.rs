@@ -76,8 +76,11 @@ impl Known {
     }
 
     fn note_run(&mut self, module: ModuleId, incarnation: Incarnation) {
-        let known = self.runs.entry(module).or_insert(incarnation);
-        *known = incarnation.max(*known);
+        // More modules than a formation can have are invented.
+        if self.runs.len() < MODULES_MAX || self.runs.contains_key(&module) {
+            let known = self.runs.entry(module).or_insert(incarnation);
+            *known = incarnation.max(*known);
+        }
     }
 
     /// The command that takes precedence over all known ones; it is the latest from now on.
@@ -236,7 +239,10 @@ impl Node for Operator {
             self.known.handle_message(message);
             if let Message::Heartbeat(heartbeat) = message {
                 self.first.get_or_insert(now);
-                self.heartbeats.insert(heartbeat.module, (*heartbeat, now));
+                let is_known = self.heartbeats.contains_key(&heartbeat.module);
+                if is_known || self.heartbeats.len() < MODULES_MAX {
+                    self.heartbeats.insert(heartbeat.module, (*heartbeat, now));
+                }
             }
         }
     }

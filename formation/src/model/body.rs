@@ -132,6 +132,12 @@ impl fmt::Display for BlockedSpot {
     }
 }
 
+/// Whether a module is among these members, which ascend by module.
+pub(crate) fn lists(members: &[RosterMember], module: ModuleId) -> bool {
+    let find = members.binary_search_by_key(&module, |member| member.module.id);
+    find.is_ok()
+}
+
 /// The spots of a target that bodies cover, ascending.
 ///
 /// The bodies are those that `bodies` reports of modules that are not members, and those of members whose motion failed. The
@@ -141,10 +147,6 @@ pub(crate) fn blocked_spots(
     members: &[RosterMember],
     bodies: &[BodyReport],
 ) -> Vec<BlockedSpot> {
-    let is_member = |module: ModuleId| {
-        let find = members.binary_search_by_key(&module, |member| member.module.id);
-        find.is_ok()
-    };
     let failed = members
         .iter()
         .filter(|member| member.service == Service::MotionFailed);
@@ -157,7 +159,7 @@ pub(crate) fn blocked_spots(
             whereabouts: Whereabouts::Halted(member.module.pose),
         })
         .collect();
-    standing.extend(bodies.iter().filter(|body| !is_member(body.module)));
+    standing.extend(bodies.iter().filter(|body| !lists(members, body.module)));
     standing.sort_by_key(|body| body.module);
     if standing.is_empty() {
         return Vec::new();

@@ -165,7 +165,7 @@ impl<'a> PlanSize<'a> {
 mod tests {
     use super::*;
     use crate::generate::{GeneratorParameters, Grouping, generate};
-    use crate::model::{RawSpot, RawTarget, Scenario};
+    use crate::model::Scenario;
 
     fn drawn(modules: usize, grouping: Grouping, d_max: Option<u32>) -> Result<(), PlanTooLong> {
         let parameters = GeneratorParameters::new(modules, modules, 1).grouped(grouping);
@@ -180,23 +180,6 @@ mod tests {
             ..size
         }
         .check()
-    }
-
-    fn grid(side: u32) -> Target {
-        let spots = (0..side * side).map(|id| RawSpot {
-            id,
-            x: f64::from(id % side),
-            y: f64::from(id / side),
-            theta: 0.0,
-        });
-        let along = (0..side * side).filter(|id| id % side + 1 < side);
-        let across = (0..side * (side - 1)).map(|id| [id, id + side]);
-        let raw = RawTarget {
-            frame_id: "map".to_owned(),
-            spots: spots.collect(),
-            edges: along.map(|id| [id, id + 1]).chain(across).collect(),
-        };
-        Target::try_from(raw).unwrap()
     }
 
     #[test]
@@ -229,7 +212,7 @@ mod tests {
             }
             .check()
         };
-        let (small, large) = (grid(20), grid(100));
+        let (small, large) = (Target::grid(20), Target::grid(100));
         assert_eq!(size(&small, 100, 100), Ok(()));
         assert_eq!(size(&large, 3, 0), Ok(()));
         assert_eq!(size(&large, 1_000, 1_000), Ok(()));

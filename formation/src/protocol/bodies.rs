@@ -120,12 +120,7 @@ impl Bodies {
 
     /// The reports on modules that are not among these members (ascending).
     fn outside(&self, members: &[RosterMember]) -> Vec<BodyReport> {
-        let is_member = |module: ModuleId| {
-            members
-                .binary_search_by_key(&module, |member| member.module.id)
-                .is_ok()
-        };
-        self.reports(|module| !is_member(module))
+        self.reports(|module| !body::lists(members, module))
     }
 
     /// The modules whose bodies a roster of this epoch does not take into account.
@@ -230,7 +225,7 @@ impl Context {
     pub fn learn_roster_bodies(&mut self, roster: &Roster) {
         self.note_bodies();
         for report in &roster.bodies {
-            if !lists(roster, report.module) {
+            if !body::lists(&roster.members, report.module) {
                 self.learn_body(report);
             }
         }
@@ -348,14 +343,6 @@ fn except<'a>(
     })
 }
 
-/// Whether a module is a member of a roster.
-fn lists(roster: &Roster, module: ModuleId) -> bool {
-    let find = roster
-        .members
-        .binary_search_by_key(&module, |member| member.module.id);
-    find.is_ok()
-}
-
 fn active(roster: &Roster) -> impl Iterator<Item = &RosterMember> {
     let members = roster.members.iter();
     members.filter(|member| member.service == Service::Active)
@@ -431,7 +418,7 @@ impl Agent {
     /// left.
     pub(super) fn note_body(&mut self, module: ModuleId) {
         let roster = self.stage.roster();
-        let is_member = roster.is_some_and(|roster| lists(roster, module));
+        let is_member = roster.is_some_and(|roster| body::lists(&roster.members, module));
         let Context { bodies, peers, .. } = &mut self.context;
         if let Some(state) = peers.state(module).filter(|_| !is_member) {
             bodies.note_state(state);

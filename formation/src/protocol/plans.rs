@@ -15,7 +15,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use crate::model::{
-    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, Roster, Service, Whereabouts,
+    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, Roster, Service,
+    Whereabouts, body,
 };
 use crate::motion::PlannedMotion;
 use crate::motion::paths::Area;
@@ -51,11 +52,8 @@ pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
     let members = roster.members.iter();
     let aside = members.filter(|member| member.service != Service::Active);
     let aside = aside.map(|member| (member.module.pose, member.module.pose));
-    let is_absent = |module: ModuleId| {
-        let mut members = roster.members.iter();
-        members.all(|member| member.module.id != module)
-    };
-    let absent = roster.bodies.iter().filter(|body| is_absent(body.module));
+    let bodies = roster.bodies.iter();
+    let absent = bodies.filter(|body| !body::lists(&roster.members, body.module));
     let absent: Vec<(Pose, Pose)> = absent.flat_map(|body| lines(&body.whereabouts)).collect();
     aside
         .chain(absent)

@@ -138,28 +138,13 @@ mod tests {
     use std::sync::Arc;
 
     use crate::model::{
-        ModuleId, PlannerParameters, PlanningModule, PlanningProblem, Pose, RawSpot, RawTarget,
-        Target,
+        ModuleId, PlannerParameters, PlanningModule, PlanningProblem, Pose, Target,
     };
     use crate::planner;
 
     #[test]
     fn a_ring_with_a_tail_keeps_all_links_on_a_grid() {
-        let side = 4;
-        let spots = (0..side * side).map(|id| RawSpot {
-            id,
-            x: f64::from(id % side),
-            y: f64::from(id / side),
-            theta: 0.0,
-        });
-        let along = (0..side * side).filter(|id| id % side + 1 < side);
-        let across = (0..side * side - side).map(|id| [id, id + side]);
-        let target = Target::try_from(RawTarget {
-            frame_id: "map".to_owned(),
-            spots: spots.collect(),
-            edges: along.map(|id| [id, id + 1]).chain(across).collect(),
-        })
-        .unwrap();
+        let target = Target::grid(4);
         // A ring of six, a tail of two, and eight modules alone.
         let links = [
             [0, 1],
