@@ -99,3 +99,16 @@ fn no_goal_outlives_an_arrival() {
         run_all(&parameters, seed..seed + 1);
     }
 }
+
+/// Seeds in which bodies may stand on every spot, and a group has no quorum: it reports that it waits for one.
+#[test]
+fn a_group_without_a_quorum_says_so_whatever_bodies_block() {
+    let parameters = CampaignParameters {
+        modules_min: 2,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    for seed in [51_000_097, 51_000_872, 51_000_938, 51_002_518] {
+        run_all(&parameters, seed..seed + 1);
+    }
+}

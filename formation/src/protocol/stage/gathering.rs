@@ -202,11 +202,6 @@ impl Gathering {
             quorum_bases: context.memory.quorum.bases(),
             timing: context.parameters.timing(),
         };
-        let Some(open) = roster.open_target() else {
-            // Bodies block every spot.
-            context.report_blocked(roster.blocked_spots());
-            return Step::Stay(Stage::Gathering(self));
-        };
         let shortfall =
             context.shortfall_of(&context.memory, &voters, announcement.expected_modules);
         context.set_shortfall(shortfall);
@@ -214,6 +209,12 @@ impl Gathering {
             // The members stay frozen, and the gathering continues when more modules are within reach.
             return Step::Stay(Stage::Gathering(self));
         }
+        // Judged after the quorum: a group without one waits for it, whatever bodies block.
+        let Some(open) = roster.open_target() else {
+            // Bodies block every spot.
+            context.report_blocked(roster.blocked_spots());
+            return Step::Stay(Stage::Gathering(self));
+        };
         if self.target != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {
             // Another target was announced since. The members froze with pins for the former one, and have to announce
             // their pins for the new one.
