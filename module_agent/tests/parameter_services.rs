@@ -101,7 +101,7 @@ impl Caller {
 }
 
 fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
-    let domain = Domain::shared();
+    let domain = Domain::for_processes(4);
     let module = [
         "--module",
         "4",

@@ -88,7 +88,7 @@ fn a_broken_environment_is_reported_unless_an_argument_overrides_it() {
 
 #[test]
 fn the_process_leaves_on_a_signal_to_end() {
-    let domain = Domain::shared();
+    let domain = Domain::for_processes(4);
     for signal in [Signal::TERM, Signal::INT] {
         let mut child = agent(&domain, "--module 4 --x 0 --y 0")
             .stderr(Stdio::piped())

@@ -121,7 +121,7 @@ async fn drive(client: &FormConfiguration, node: &Node) {
 
 #[test]
 fn a_goal_is_sent_followed_and_cancelled_where_identities_are_inline_qos() {
-    let domain = Domain::shared();
+    let domain = Domain::for_processes(4);
     let mapping = ["--service-mapping", "enhanced"];
     let publisher = Running::start("target_publisher", &domain, &mapping);
     let (mut node, client) = client(&domain);

@@ -12,7 +12,7 @@ planner: {d_max: 3}
 
 #[test]
 fn a_late_subscriber_of_another_vendor_gets_the_target() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let scenario = ScenarioFile::new("interoperation", SCENARIO);
     let arguments = ["--scenario", scenario.path(), "--revision", "7"];
     let more = ["--expected-modules", "1"];

@@ -1,11 +1,16 @@
-//! DDS domains that tests share with no other test, and which tests may run at the same time.
+//! DDS domains that tests share with no other test, and how many processes of tests run at the same time.
 
 use std::fs::File;
 use std::net::{Ipv4Addr, UdpSocket};
 use std::ops::Deref;
 use std::sync::atomic::{AtomicU32, Ordering};
+use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 
 use crate::programs::target_directory;
+
+/// How many processes the tests may have at the same time. They mostly wait for time-outs, so that 24 leave a part of two
+/// cores idle.
+const PLACES: u32 = 24;
 
 /// The domains whose ports lie below the ephemeral ports of Linux, without domain 0, the default of every program.
 const DOMAINS: u32 = 100;
@@ -18,38 +23,23 @@ fn claim(domain: u32) -> Option<UdpSocket> {
     UdpSocket::bind((Ipv4Addr::LOCALHOST, port)).ok()
 }
 
-/// A DDS domain that no other test on this machine uses, together with this test's turn. It reads as the domain's number.
+/// A DDS domain that no other test on this machine uses, together with the right to run some processes. It reads as the
+/// domain's number.
 pub struct Domain {
     number: String,
     _claim: UdpSocket,
-    _turn: File,
+    _places: Places,
 }
 
 impl Domain {
-    /// For a test with a few processes that mostly wait: others of its kind may run at the same time.
+    /// For a test with this many processes. Others may run at the same time.
     ///
     /// # Panics
     /// When all domains are taken, or the lock in the build's target directory cannot be had.
     #[must_use]
-    pub fn shared() -> Self {
-        Self::taken(File::lock_shared)
-    }
-
-    /// For a test with many processes, or with faults that a busy machine would add to: no other process test runs at the
-    /// same time.
-    ///
-    /// # Panics
-    /// As [`Self::shared`].
-    #[must_use]
-    pub fn alone() -> Self {
-        Self::taken(File::lock)
-    }
-
-    fn taken(lock: impl FnOnce(&File) -> std::io::Result<()>) -> Self {
+    pub fn for_processes(count: u32) -> Self {
         static NEXT: AtomicU32 = AtomicU32::new(0);
-        // Locked for each test by itself, so that it holds between threads and between test processes alike.
-        let turn = File::create(target_directory().join("process_tests.lock")).unwrap();
-        lock(&turn).unwrap();
+        let places = Places::take(count);
         // Each test begins its search elsewhere: what is left of an earlier test may still say its last words.
         let first = std::process::id() * 7 + NEXT.fetch_add(1, Ordering::Relaxed);
         let mut domains = (0..DOMAINS).map(|step| 1 + (first.wrapping_add(step)) % DOMAINS);
@@ -59,8 +49,17 @@ impl Domain {
         Self {
             number: number.to_string(),
             _claim: claim,
-            _turn: turn,
+            _places: places,
         }
+    }
+
+    /// For a test that the processes of other tests would disturb.
+    ///
+    /// # Panics
+    /// As [`Self::for_processes`].
+    #[must_use]
+    pub fn alone() -> Self {
+        Self::for_processes(PLACES)
     }
 
     /// The number.
@@ -78,6 +77,40 @@ impl Deref for Domain {
     }
 }
 
+/// Some of the [`PLACES`], returned when it is dropped.
+struct Places(u32);
+
+static TAKEN: Mutex<u32> = Mutex::new(0);
+static RETURNED: Condvar = Condvar::new();
+
+impl Places {
+    /// Waits until so many places are free. Tests take their places in the order in which they ask.
+    fn take(count: u32) -> Self {
+        // A test of another test program has no places here; one such program runs at a time.
+        static PROGRAM: OnceLock<File> = OnceLock::new();
+        static TURN: Mutex<()> = Mutex::new(());
+        PROGRAM.get_or_init(|| {
+            let lock = File::create(target_directory().join("process_tests.lock")).unwrap();
+            lock.lock().unwrap();
+            lock
+        });
+        let count = count.min(PLACES);
+        let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
+        let taken = TAKEN.lock().unwrap_or_else(PoisonError::into_inner);
+        let has_no_room = |taken: &mut u32| *taken + count > PLACES;
+        let free = RETURNED.wait_while(taken, has_no_room);
+        *free.unwrap_or_else(PoisonError::into_inner) += count;
+        Self(count)
+    }
+}
+
+impl Drop for Places {
+    fn drop(&mut self) {
+        *TAKEN.lock().unwrap_or_else(PoisonError::into_inner) -= self.0;
+        RETURNED.notify_all();
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use std::collections::BTreeSet;
@@ -86,7 +119,7 @@ mod tests {
 
     #[test]
     fn tests_at_the_same_time_have_different_domains() {
-        let domains: Vec<Domain> = (0..20).map(|_| Domain::shared()).collect();
+        let domains: Vec<Domain> = (0..20).map(|_| Domain::for_processes(1)).collect();
         let numbers: BTreeSet<u16> = domains.iter().map(Domain::number).collect();
         assert_eq!(numbers.len(), 20);
         for domain in domains {

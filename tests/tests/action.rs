@@ -58,7 +58,7 @@ fn text(result: &Value) -> &str {
 
 #[test]
 fn a_goal_names_a_scenario_is_followed_and_ends_with_the_verdict() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let Some(mut client) = RosTool::start_action_client(&[ACTION, "--domain", domain]) else {
         return;
     };
@@ -225,7 +225,7 @@ fn row(name: &str, spots: u32) -> Value {
 
 #[test]
 fn a_newer_goal_takes_the_place_of_one_and_a_cancelled_one_leaves_the_modules_standing() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let Some(mut client) = RosTool::start_action_client(&[ACTION, "--domain", domain]) else {
         return;
     };

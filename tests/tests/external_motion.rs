@@ -16,7 +16,7 @@ const PATIENCE: Duration = Duration::from_secs(120);
 /// Runs a shipped scenario, its modules driven by `tests/python/drive_modules.py`.
 fn run_driven(scenario: &str, driver: &str, more: &[&str]) -> Option<Finished> {
     let python = Python::find()?;
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(6);
     let path = scenario_path(scenario);
     let path = path.to_str().unwrap();
     let driver = format!(
@@ -124,7 +124,8 @@ fn a_module_without_a_driver_ends_with_the_topic_and_the_limit_named() {
         "--first-pose-limit-s",
         "0.5",
     ];
-    let agent = Running::start("module_agent", &Domain::shared(), &arguments).finish(PATIENCE);
+    let agent =
+        Running::start("module_agent", &Domain::for_processes(1), &arguments).finish(PATIENCE);
     assert_eq!(agent.status, 1, "{}", agent.stderr);
     assert!(
         agent.stderr.contains(
@@ -159,7 +160,7 @@ fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     let Some(python) = Python::find() else {
         return;
     };
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(4);
     let file = ScenarioFile::new("far", ONE_FAR_SPOT);
     let drive = [
         "--scenario",

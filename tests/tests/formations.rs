@@ -29,7 +29,13 @@ fn launch(command: &str, scenario: &str, domain: &str, more: &[&str]) -> Finishe
 /// the network does not let this many processes discover each other.
 fn runs_as_planned(scenario: &str, outcome: &str) -> Option<Value> {
     room_for_many_processes()?;
-    let domain = &*Domain::alone();
+    let text = std::fs::read_to_string(scenario_path(scenario)).unwrap();
+    let modules = Scenario::from_yaml(&text)
+        .unwrap()
+        .problem()
+        .modules()
+        .len();
+    let domain = &*Domain::for_processes(u32::try_from(modules).unwrap() + 2);
     let plan = launch("plan", scenario, domain, &[]);
     assert_eq!(plan.status, 0, "{}", plan.stderr);
     let plan = plan.json();
@@ -77,7 +83,7 @@ fn modules_that_start_apart_form_along_paths() {
     if room_for_many_processes().is_none() {
         return;
     }
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(14);
     let options = "generate --modules 12 --spots 12 --mixed --apart --seed 5";
     let options: Vec<&str> = options.split(' ').collect();
     let generated = Running::start("formation", domain, &options).finish(PATIENCE);
@@ -188,7 +194,7 @@ fn pairs(assignments: &Value) -> BTreeSet<(u64, u64)> {
 
 #[test]
 fn another_vendor_announces_the_target_and_reads_the_formation() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(14);
     let file = ScenarioFile::new("driven", EIGHT);
     let (Some(mut announcer), Some(claims), Some(verdicts), Some(states)) = (
         Peer::start("put", "target", domain),
@@ -229,7 +235,7 @@ fn another_vendor_announces_the_target_and_reads_the_formation() {
 
 #[test]
 fn bad_messages_are_refused_and_counted_and_stop_no_process() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(14);
     let file = ScenarioFile::new("hostile", EIGHT);
     let (Some(mut garbler), Some(mut liar), Some(mut forger)) = (
         Peer::start("garble", "claims", domain),
@@ -271,7 +277,7 @@ fn bad_messages_are_refused_and_counted_and_stop_no_process() {
 
 #[test]
 fn a_missing_module_is_named_and_nothing_hangs() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(10);
     let file = ScenarioFile::new("missing", EIGHT);
     let mut agents = start_eight(&file, domain);
     // Module 3 is docked to module 2, so it is missed by name.
@@ -298,7 +304,7 @@ fn a_missing_module_is_named_and_nothing_hangs() {
 
 #[test]
 fn modules_can_agree_without_moving() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(10);
     let file = ScenarioFile::new("still", EIGHT);
     let run = ["run", file.path(), "--json", "--plan-only"];
     let finished = Running::start("formation", domain, &run).finish(PATIENCE);

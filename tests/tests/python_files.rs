@@ -121,7 +121,7 @@ fn the_launch_file_starts_programs_that_are_installed_with_options_that_they_hav
         assert!(launch.contains(&format!("\"{program}\"")), "{program}");
         let help = formation_tests::Running::start(
             program,
-            &formation_tests::Domain::shared(),
+            &formation_tests::Domain::for_processes(4),
             &["--help"],
         )
         .finish(std::time::Duration::from_secs(20))

@@ -11,7 +11,7 @@ fn a_lab_forms_observes_and_commands_with_rclpy() {
     let Some(rclpy) = Rclpy::find() else {
         return;
     };
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let scenario = scenario_path("singletons_10");
     let folder = scenario.parent().unwrap().to_str().unwrap();
     let hosted = [

@@ -31,7 +31,7 @@ fn launch(domain: &str, arguments: &[&str]) -> formation_tests::Finished {
 
 /// Has a report written and says what the browser is to find in it.
 fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: bool) -> Value {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let mut arguments = vec![
         command,
         scenario.to_str().unwrap(),
@@ -71,7 +71,7 @@ fn reports_are_watched_in_a_browser() {
     let place = |name: &str| directory.path().join(name);
     let hundred = place("hundred.yaml");
     let generated = launch(
-        &Domain::shared(),
+        &Domain::for_processes(4),
         &[
             "generate",
             "--modules",

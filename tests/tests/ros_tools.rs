@@ -31,7 +31,7 @@ fn module(domain: &str, ros: &[&str]) -> Running {
 
 #[test]
 fn tools_see_the_names_types_and_owners_of_all_endpoints() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let remaps = [
         "-r",
         "__ns:=/fleet",
@@ -165,7 +165,7 @@ fn tools_see_the_names_types_and_owners_of_all_endpoints() {
 
 #[test]
 fn parameters_are_listed_described_read_and_changed() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let node = "/formation/module_4";
     let module = module(domain, &["-p", "speed:=2", "-p", "module_4:gather_s:=1.5"]);
     let Some(mut events) = RosTool::start(&[
@@ -313,7 +313,7 @@ fn parameters_are_listed_described_read_and_changed() {
 #[test]
 fn the_description_of_every_number_has_its_unit() {
     const DOUBLE: u64 = 3;
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let Some(mut tool) = RosTool::start(&["call", "/formation", "--domain", domain]) else {
         return;
     };
@@ -346,7 +346,7 @@ fn the_description_of_every_number_has_its_unit() {
 
 #[test]
 fn a_node_without_parameter_services_has_none_of_them() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let quiet = [
         "-p",
         "start_parameter_services:=false",
@@ -381,7 +381,7 @@ fn a_node_without_parameter_services_has_none_of_them() {
 
 #[test]
 fn a_formation_reports_its_state_on_rosout_and_diagnostics() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let scenario = scenario_path("singletons_10");
     let scenario = scenario.to_str().unwrap();
     let Some(mut diagnostics) = RosTool::start(&[
@@ -492,7 +492,7 @@ fn a_formation_reports_its_state_on_rosout_and_diagnostics() {
 #[test]
 fn a_node_leaves_the_graph_at_once_on_a_signal_to_end() {
     for signal in [Signal::INT, Signal::TERM] {
-        let domain = &*Domain::shared();
+        let domain = &*Domain::for_processes(4);
         let module = module(domain, &[]);
         // A node that just stops is listed for about 47 s.
         let Some(mut tool) = RosTool::start(&[
@@ -519,7 +519,7 @@ fn a_node_leaves_the_graph_at_once_on_a_signal_to_end() {
 
 #[test]
 fn unknown_arguments_are_refused_with_what_may_have_been_meant() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     for (arguments, error) in [
         (
             ["--ros-args", "--remp", "a:=b"].as_slice(),

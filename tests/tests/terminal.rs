@@ -11,7 +11,7 @@ use formation_tests::{Domain, Python, program, scenario_path};
 
 /// Watches a run of the shipped scenario with seven modules on a pseudo-terminal.
 fn watch(how: &str) {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let Some(python) = Python::find() else {
         return;
     };

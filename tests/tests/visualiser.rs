@@ -32,7 +32,7 @@ fn count_of(picture: &Value, name: &str) -> usize {
 
 #[test]
 fn another_vendor_decodes_the_markers_and_transforms_of_a_run() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let visualiser = Running::start("visualiser", domain, &["--rate", "20"]);
     let (Some(markers), Some(transforms), Some(fixed)) = (
         Peer::take(

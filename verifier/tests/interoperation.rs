@@ -35,7 +35,7 @@ fn settings(domain: &str) -> Settings {
 
 #[test]
 fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let Some(mut target) = Peer::start("put", "target", domain) else {
         return;
     };

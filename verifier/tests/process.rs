@@ -11,7 +11,7 @@ use formation_tests::Domain;
 use serde_json::{Value, json};
 
 fn verifier(arguments: &[&str]) -> Output {
-    let domain = Domain::shared();
+    let domain = Domain::for_processes(4);
     Command::new(env!("CARGO_BIN_EXE_verifier"))
         .args(["--discovery-range", "LOCALHOST", "--domain", &domain])
         .args(["--time-limit-s", "0.5"])

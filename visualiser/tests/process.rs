@@ -37,7 +37,7 @@ fn an_unknown_argument_is_refused_with_the_nearest_valid_one() {
 #[test]
 fn a_visualiser_that_no_longer_receives_rejoins_the_graph() {
     let patience = Duration::from_secs(30);
-    let domain = Domain::shared();
+    let domain = Domain::for_processes(4);
     let visualiser = Running::start("visualiser", &domain, &[]);
     let joined = visualiser.wait_for_log(0, "joined the ROS 2 graph", patience);
     assert!(joined.is_some());

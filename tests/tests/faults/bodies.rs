@@ -9,7 +9,7 @@ use super::{PATIENCE, SPARES};
 
 #[test]
 fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(12);
     let mut fleet = Fleet::new("bodies", SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);

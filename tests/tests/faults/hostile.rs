@@ -22,7 +22,7 @@ struct Outcome {
 
 /// Forms with two processes of four modules each and the hostile peer, which begins when it has observed the formation.
 fn form(python: &Python, options: &[&str]) -> Outcome {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(8);
     let file = ScenarioFile::new("lied-to", EIGHT);
     // Slow enough that the modules are on their way while the lies come.
     let agents = ["1-4", "5-8"].map(|modules| {
@@ -128,7 +128,7 @@ fn what_a_stranger_claims_has_no_lasting_effect() {
     let Some(python) = Python::find() else {
         return;
     };
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(8);
     let mut fleet = Fleet::new("strangers", EIGHT, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
@@ -182,7 +182,7 @@ fn what_a_stranger_claims_has_no_lasting_effect() {
 /// One sample that says SETTLED without an epoch, of a module that takes no part, made a right formation FAILED.
 #[test]
 fn one_state_of_an_unknown_module_changes_no_verdict() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(8);
     let Some(mut stranger) = Peer::start("put", "module_states", domain) else {
         return;
     };

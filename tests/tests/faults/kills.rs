@@ -80,7 +80,7 @@ fn random_moment(random: &mut Random) -> Moment {
 /// Forms with spares and kills at most five modules at moments drawn from the seed: one while they first form, then, again
 /// and again, one that has settled and another while the others recover from that.
 fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(12);
     let mut random = Random::from_seed(seed);
     let mut fleet = Fleet::new("kills", SPARES, domain, timing);
     let judge = fleet.judge(None);
@@ -164,7 +164,7 @@ fn many_kills_at_random_moments_leave_no_hole() {
 
 #[test]
 fn the_convener_and_then_a_leader_may_die() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(12);
     let mut fleet = Fleet::new("convener", SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
@@ -189,7 +189,7 @@ fn the_convener_and_then_a_leader_may_die() {
 
 #[test]
 fn the_target_publisher_and_the_verifier_may_die() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(12);
     let mut fleet = Fleet::new("watchers", SPARES, domain, Timing::Quick);
     let mut judge = fleet.judge(None);
     let mut announcer = fleet.announce(None);

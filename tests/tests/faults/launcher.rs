@@ -35,7 +35,7 @@ fn a_run_goes_on_when_one_of_its_processes_is_killed() {
     if room_for_many_processes().is_none() {
         return;
     }
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(12);
     let file = ScenarioFile::new("outlived", SPARES);
     let plan = Running::start("formation", domain, &["plan", file.path(), "--json"]);
     let plan = plan.finish(PATIENCE).json();

@@ -1,7 +1,6 @@
 //! Faults of real processes: some are killed, restarted or stopped for a while, networks are cut, and a peer sends false messages.
 //!
-//! `docs/fault_model.md` says which promise each of these tests shows. All of them are in this one binary and take turns,
-//! because heavy process tests must not run at the same time.
+//! `docs/fault_model.md` says which promise each of these tests shows.
 
 #![allow(
     clippy::unwrap_used,

@@ -36,7 +36,7 @@ const DUPLICATE: &str = "a second process runs as module";
 
 #[test]
 fn a_module_that_is_started_anew_takes_its_part_again() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(6);
     let mut fleet = Fleet::new("restart", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
@@ -63,7 +63,7 @@ fn a_module_that_is_started_anew_takes_its_part_again() {
 
 #[test]
 fn a_second_process_with_a_living_id_is_refused_and_both_are_told() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(7);
     let mut fleet = Fleet::new("duplicate", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
@@ -91,7 +91,7 @@ fn a_second_process_with_a_living_id_is_refused_and_both_are_told() {
 
 #[test]
 fn a_process_that_wakes_after_another_took_its_place_disturbs_nothing() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(7);
     let mut fleet = Fleet::new("succeeded", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
@@ -135,7 +135,7 @@ fn lone_traveller() -> u32 {
 #[test]
 fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     const SPEED: f64 = 0.25;
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(12);
     let sleeper = lone_traveller();
     // On a path, the module that is stopped on its way may stand on every spot, so the others would wait for it.
     let straight = format!("{SPARES}planner: {{motion: straight}}\n");

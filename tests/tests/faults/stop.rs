@@ -42,7 +42,7 @@ fn moved_after(observer: &Running, since: Instant) -> BTreeSet<u64> {
 
 #[test]
 fn a_stop_in_mid_motion_halts_all_and_outlasts_restarts_until_it_is_resumed() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(6);
     let mut fleet = Fleet::new("halted", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);

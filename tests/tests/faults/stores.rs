@@ -18,7 +18,7 @@ fn restart_all(fleet: &mut Fleet) {
 
 #[test]
 fn a_formation_whose_processes_are_all_killed_goes_on_from_its_stores() {
-    let domain = &*Domain::alone();
+    let domain = &*Domain::for_processes(12);
     let mut fleet = Fleet::new("stores", SPARES, domain, Timing::Quick).with_stores();
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
@@ -50,7 +50,7 @@ singletons: [{id: 4, x: 1, y: 1}]
 
 #[test]
 fn a_store_serves_one_process_and_ends_it_when_it_cannot_be_written() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(1);
     let fleet = Fleet::new("one-store", ONE, domain, Timing::Quick);
     let directory = tempfile::tempdir().unwrap();
     let state_dir = directory.path().to_str().unwrap();
