@@ -20,7 +20,7 @@ use formation::protocol::DurableState;
 use serde::{Deserialize, Serialize};
 
 /// The format that this version writes, and the only one that it reads.
-const FORMAT: u32 = 2;
+const FORMAT: u32 = 3;
 
 /// A larger file is refused: 25 modules of a formation of 1,000 need some 2 MB for each quorum basis.
 const FILE_BYTES_MAX: u64 = 256 << 20;

@@ -1,15 +1,15 @@
 //! The bodies of modules that take no part in a plan; states and rosters carry them.
 
-use formation::model::{BodyReport, Incarnation, ModuleId, Pose, Whereabouts};
+use formation::model::{BodyReport, Incarnation, ModuleId, Polyline, Pose, Whereabouts};
 use serde::{Deserialize, Serialize};
 
-use crate::bounds::MODULES_MAX;
+use crate::bounds::{MODULES_MAX, PATH_NUMBERS_MAX};
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::Epoch;
 use crate::error::Fault;
 
 /// See `Body.msg`.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[expect(missing_docs, reason = "the .msg file documents the fields")]
 pub struct Body {
     pub module_id: u32,
@@ -20,9 +20,7 @@ pub struct Body {
     pub x_micro: i64,
     pub y_micro: i64,
     pub theta_micro: i64,
-    pub to_x_micro: i64,
-    pub to_y_micro: i64,
-    pub to_theta_micro: i64,
+    pub path_micro: Vec<i64>,
 }
 
 #[expect(missing_docs, reason = "the .msg file documents the constants")]
@@ -31,19 +29,19 @@ impl Body {
     pub const WHEREABOUTS_ON_THE_WAY: u8 = 2;
     pub const WHEREABOUTS_HALTED: u8 = 3;
     pub const WHEREABOUTS_REMOVED: u8 = 4;
-    pub const WHEREABOUTS_WITHIN: u8 = 5;
 }
 
 impl From<&BodyReport> for Body {
     fn from(report: &BodyReport) -> Self {
-        let nowhere = Pose::default();
-        let (whereabouts, pose, to) = match report.whereabouts {
-            Whereabouts::Seen(pose) => (Self::WHEREABOUTS_SEEN, pose, nowhere),
-            Whereabouts::OnTheWay { from, to } => (Self::WHEREABOUTS_ON_THE_WAY, from, to),
-            Whereabouts::Within { from, to } => (Self::WHEREABOUTS_WITHIN, from, to),
-            Whereabouts::Halted(pose) => (Self::WHEREABOUTS_HALTED, pose, nowhere),
-            Whereabouts::Removed => (Self::WHEREABOUTS_REMOVED, nowhere, nowhere),
+        let whereabouts = match &report.whereabouts {
+            Whereabouts::Seen(_) => Self::WHEREABOUTS_SEEN,
+            Whereabouts::OnTheWay(_) => Self::WHEREABOUTS_ON_THE_WAY,
+            Whereabouts::Halted(_) => Self::WHEREABOUTS_HALTED,
+            Whereabouts::Removed => Self::WHEREABOUTS_REMOVED,
         };
+        let poses = report.whereabouts.poses();
+        let pose = poses.first().copied().unwrap_or_default();
+        let path = poses.iter().skip(1);
         Self {
             module_id: report.module.0,
             incarnation: report.incarnation.0,
@@ -53,9 +51,9 @@ impl From<&BodyReport> for Body {
             x_micro: pose.x.0,
             y_micro: pose.y.0,
             theta_micro: pose.theta.0,
-            to_x_micro: to.x.0,
-            to_y_micro: to.y.0,
-            to_theta_micro: to.theta.0,
+            path_micro: path
+                .flat_map(|pose| [pose.x.0, pose.y.0, pose.theta.0])
+                .collect(),
         }
     }
 }
@@ -67,11 +65,10 @@ impl Body {
             y: check::micro("y_micro", self.y_micro)?,
             theta: check::micro("theta_micro", self.theta_micro)?,
         };
-        let to = Pose {
-            x: check::micro("to_x_micro", self.to_x_micro)?,
-            y: check::micro("to_y_micro", self.to_y_micro)?,
-            theta: check::micro("to_theta_micro", self.to_theta_micro)?,
-        };
+        if self.whereabouts != Self::WHEREABOUTS_ON_THE_WAY {
+            let path = [("path_micro", self.path_micro.len())];
+            check::empty(&path, "only a body on the way has a path")?;
+        }
         Ok(BodyReport {
             module: check::id("module_id", self.module_id, ModuleId)?,
             incarnation: Incarnation(self.incarnation),
@@ -79,18 +76,37 @@ impl Body {
             sequence: self.sequence,
             whereabouts: match self.whereabouts {
                 Self::WHEREABOUTS_SEEN => Whereabouts::Seen(pose),
-                Self::WHEREABOUTS_ON_THE_WAY => Whereabouts::OnTheWay { from: pose, to },
+                Self::WHEREABOUTS_ON_THE_WAY => Whereabouts::OnTheWay(self.path(pose)?),
                 Self::WHEREABOUTS_HALTED => Whereabouts::Halted(pose),
                 Self::WHEREABOUTS_REMOVED => Whereabouts::Removed,
-                Self::WHEREABOUTS_WITHIN => Whereabouts::Within { from: pose, to },
                 value => {
-                    let known = "SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4, WITHIN 5";
+                    let known = "SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
                     let value = value.into();
                     let fault = Fault::UnknownValue { value, known };
                     return Err(FieldError::new("whereabouts", fault));
                 }
             },
         })
+    }
+
+    fn path(&self, seen: Pose) -> Checked<Polyline> {
+        let field = "path_micro";
+        check::count(field, self.path_micro.len(), PATH_NUMBERS_MAX)?;
+        let (triples, rest) = self.path_micro.as_chunks::<3>();
+        if !rest.is_empty() {
+            let reason = "the number of entries is not a multiple of three";
+            return Err(FieldError::contradiction(field, reason));
+        }
+        let mut poses = vec![seen];
+        for &[x, y, theta] in triples {
+            poses.push(Pose {
+                x: check::micro(field, x)?,
+                y: check::micro(field, y)?,
+                theta: check::micro(field, theta)?,
+            });
+        }
+        let polyline = Polyline::try_from(poses);
+        polyline.map_err(|_| FieldError::contradiction(field, "it has too many poses"))
     }
 }
 

@@ -10,7 +10,7 @@ use crate::roster::Roster;
 use crate::target::TargetConfiguration;
 
 /// The version of the protocol that this library speaks. It rises when modules of two builds could not agree on a plan.
-pub const PROTOCOL_VERSION: u32 = 3;
+pub const PROTOCOL_VERSION: u32 = 4;
 
 /// Distinguishes formations that follow each other, or stand side by side, on one domain. The programs of one formation have the
 /// same; messages of another session change nothing.

@@ -180,7 +180,7 @@ fn constants_agree() {
         .filter(|(_, constants)| !constants.is_empty())
         .collect();
     let of_rust = constants! {
-        Body: WHEREABOUTS_SEEN, WHEREABOUTS_ON_THE_WAY, WHEREABOUTS_HALTED, WHEREABOUTS_REMOVED, WHEREABOUTS_WITHIN;
+        Body: WHEREABOUTS_SEEN, WHEREABOUTS_ON_THE_WAY, WHEREABOUTS_HALTED, WHEREABOUTS_REMOVED;
         DockingRequest: ACTION_DOCK, ACTION_UNDOCK;
         EvictionRecord: NONE;
         ModuleState:
@@ -250,6 +250,7 @@ fn bounds_agree() {
     let list = |field: &str, bound| (field.to_owned(), Some(bound), None);
     let text = |field: &str, bound| (field.to_owned(), None, Some(bound));
     let of_rust = BTreeSet::from([
+        list("Body.path_micro", bounds::PATH_NUMBERS_MAX),
         list("Heartbeat.modules", bounds::MODULES_MAX),
         list("ModuleState.agreed_on", bounds::MODULES_MAX),
         list("ModuleState.bodies", bounds::MODULES_MAX),

@@ -72,6 +72,14 @@ fn body(module_id: u32) -> wire::Body {
     }
 }
 
+fn on_the_way(module_id: u32, path_micro: &[i64]) -> wire::Body {
+    wire::Body {
+        whereabouts: wire::Body::WHEREABOUTS_ON_THE_WAY,
+        path_micro: path_micro.to_vec(),
+        ..body(module_id)
+    }
+}
+
 fn state() -> wire::ModuleState {
     wire::ModuleState {
         module_id: 4,
@@ -323,13 +331,19 @@ fn rosters() {
         roster => roster.bodies.reverse(), "roster: bodies[1]: module 9 must stand after module 7, the list ascends";
         roster => roster.bodies[1].module_id = 7, "roster: bodies[1]: module 7 is listed twice";
         roster => roster.bodies[1].whereabouts = 0,
-            "roster: bodies[1].whereabouts: 0 is unknown; known are SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4, WITHIN 5";
+            "roster: bodies[1].whereabouts: 0 is unknown; known are SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
         roster => roster.bodies[1].x_micro = 1_000_000_000_001,
             "roster: bodies[1].x_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
              1000000000001";
-        roster => roster.bodies[1].to_y_micro = i64::MAX,
-            "roster: bodies[1].to_y_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
+        roster => roster.bodies[1] = on_the_way(9, &[1, 2, 3, 4, i64::MAX, 6]),
+            "roster: bodies[1].path_micro: must lie within +-1000000000000, 1000000 to the unit or radian, got \
              9223372036854775807";
+        roster => roster.bodies[1] = on_the_way(9, &[1, 2, 3, 4]),
+            "roster: bodies[1].path_micro: the number of entries is not a multiple of three";
+        roster => roster.bodies[1] = on_the_way(9, &[0; 768]),
+            "roster: bodies[1].path_micro: 768 entries, at most 765 are allowed";
+        roster => roster.bodies[1].path_micro = vec![1, 2, 3],
+            "roster: bodies[1].path_micro: only a body on the way has a path";
         roster => roster.bodies = (0..=10_000).map(body).collect(),
             "roster: bodies: 10001 entries, at most 10000 are allowed";
     );

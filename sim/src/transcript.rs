@@ -192,9 +192,9 @@ fn body_text(body: &BodyReport) -> String {
         0 | 1 => String::new(),
         run => format!("#{run}"),
     };
-    let kind = match body.whereabouts {
+    let kind = match &body.whereabouts {
         Whereabouts::Seen(_) => "seen",
-        Whereabouts::OnTheWay { .. } | Whereabouts::Within { .. } => "on_the_way",
+        Whereabouts::OnTheWay(_) => "on_the_way",
         Whereabouts::Halted(_) => "halted",
         Whereabouts::Removed => "removed",
     };

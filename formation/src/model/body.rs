@@ -11,32 +11,20 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use crate::model::{
-    Epoch, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModuleRun, Pose, RosterMember,
-    Service, SpotId, Target,
+    Epoch, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModuleRun, Polyline, Pose,
+    RosterMember, Service, SpotId, Target, polyline,
 };
 
 /// A body that is nearer to a spot than this covers it.
 pub(crate) const COVERING_DISTANCE: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
 
 /// Where a body is. Within one epoch, a later variant supersedes an earlier one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Whereabouts {
     /// It was last seen here, by a module that does not know whether a plan allowed it to move on.
     Seen(Pose),
-    /// It was last seen here, and a plan allowed it to move on to there in a straight line.
-    OnTheWay {
-        /// Where it was last seen.
-        from: Pose,
-        /// Where the plan allowed it to go.
-        to: Pose,
-    },
-    /// A plan allowed it to move on along a path that lies in the box, parallel to the axes, of which these are two corners.
-    Within {
-        /// The corner with the least coordinates; the heading is that with which it was last seen.
-        from: Pose,
-        /// The opposite corner.
-        to: Pose,
-    },
+    /// A plan allowed it to move on along these lines from where it was last seen.
+    OnTheWay(Polyline),
     /// It stands here: it has settled, stays where it is, or its turn to move cannot have come.
     Halted(Pose),
     /// It was reported as removed.
@@ -48,24 +36,25 @@ impl Whereabouts {
     fn rank(&self) -> u8 {
         match self {
             Self::Seen(_) => 0,
-            Self::OnTheWay { .. } | Self::Within { .. } => 1,
+            Self::OnTheWay(_) => 1,
             Self::Halted(_) => 2,
             Self::Removed => 3,
         }
     }
 
-    /// Where the body may stand: anywhere between the two poses, on the line or in the box. `None` once it was removed.
-    pub fn reach(&self) -> Option<(Pose, Pose)> {
-        match *self {
-            Self::Seen(pose) | Self::Halted(pose) => Some((pose, pose)),
-            Self::OnTheWay { from, to } | Self::Within { from, to } => Some((from, to)),
-            Self::Removed => None,
+    /// Where the body may stand: on the lines from each pose to the next. Empty once it was removed.
+    #[must_use]
+    pub fn poses(&self) -> &[Pose] {
+        match self {
+            Self::Seen(pose) | Self::Halted(pose) => std::slice::from_ref(pose),
+            Self::OnTheWay(line) => line.poses(),
+            Self::Removed => &[],
         }
     }
 }
 
 /// What is known of the body of one module, or that it was removed.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct BodyReport {
     /// The module.
     pub module: ModuleId,
@@ -90,29 +79,24 @@ impl BodyReport {
 
     /// Orders reports on one module: a later run supersedes an earlier one, and a removal everything else of its run.
     pub(crate) fn compare_age(&self, other: &Self) -> Ordering {
-        let key = |report: &Self| {
-            let whereabouts = report.whereabouts;
+        fn key(report: &BodyReport) -> impl Ord {
+            let whereabouts = &report.whereabouts;
             (
                 report.incarnation,
-                whereabouts == Whereabouts::Removed,
+                *whereabouts == Whereabouts::Removed,
                 report.epoch,
                 whereabouts.rank(),
                 report.sequence,
                 whereabouts,
             )
-        };
+        }
         key(self).cmp(&key(other))
     }
 
     /// Whether it may stand nearer to a pose than half a unit.
     pub(crate) fn covers(&self, pose: &Pose) -> bool {
-        let distance = match self.whereabouts {
-            Whereabouts::Within { from, to } => distance_to_box(pose, &from, &to),
-            Whereabouts::Seen(from) | Whereabouts::Halted(from) => pose.distance_to(&from),
-            Whereabouts::OnTheWay { from, to } => distance_to_line(pose, &from, &to),
-            Whereabouts::Removed => return false,
-        };
-        distance < COVERING_DISTANCE
+        let distance = polyline::distance(pose, self.whereabouts.poses());
+        distance.is_some_and(|distance| distance < COVERING_DISTANCE)
     }
 }
 
@@ -159,7 +143,8 @@ pub(crate) fn blocked_spots(
             whereabouts: Whereabouts::Halted(member.module.pose),
         })
         .collect();
-    standing.extend(bodies.iter().filter(|body| !lists(members, body.module)));
+    let others = bodies.iter().filter(|body| !lists(members, body.module));
+    standing.extend(others.cloned());
     standing.sort_by_key(|body| body.module);
     if standing.is_empty() {
         return Vec::new();
@@ -212,38 +197,6 @@ pub(crate) fn open_part(
         (part.len().min(count), settled, part.len())
     })?;
     target.restricted_to(&best).map(Arc::new)
-}
-
-/// The distance of a point from the box with these corners, the first of them with the least coordinates.
-fn distance_to_box(point: &Pose, from: &Pose, to: &Pose) -> MicroUnits {
-    let nearest = Pose {
-        x: point.x.clamp(from.x, to.x.max(from.x)),
-        y: point.y.clamp(from.y, to.y.max(from.y)),
-        theta: point.theta,
-    };
-    nearest.distance_to(point)
-}
-
-/// The distance of a point from the straight line between two others, rounded to whole micro-units.
-fn distance_to_line(point: &Pose, from: &Pose, to: &Pose) -> MicroUnits {
-    let along = |one: &Pose, other: &Pose| {
-        (
-            i128::from(other.x.0) - i128::from(one.x.0),
-            i128::from(other.y.0) - i128::from(one.y.0),
-        )
-    };
-    let (line, offset) = (along(from, to), along(from, point));
-    let length = i128::from(from.distance_to(to).0);
-    let progress = line.0 * offset.0 + line.1 * offset.1;
-    if progress <= 0 || length == 0 {
-        return from.distance_to(point);
-    }
-    if progress >= line.0 * line.0 + line.1 * line.1 {
-        return to.distance_to(point);
-    }
-    // Coordinates are at most 10^12 micro-units, so the products fit.
-    let area = (line.0 * offset.1 - line.1 * offset.0).abs();
-    MicroUnits(i64::try_from(area / length).unwrap_or(i64::MAX))
 }
 
 #[cfg(test)]
@@ -305,56 +258,25 @@ mod tests {
     }
 
     #[test]
-    fn the_distance_to_a_line_ends_at_its_ends() {
-        let (from, to) = (at(1.0, 1.0), at(4.0, 5.0));
-        for (point, distance) in [
-            (at(1.0, 0.0), 1.0),
-            (at(4.0, 7.0), 2.0),
-            (at(2.5, 3.0), 0.0),
-            (at(-1.5, 5.5), 4.7),
-            (at(6.5, 0.0), 5.0),
-        ] {
-            let found = distance_to_line(&point, &from, &to);
-            assert!((found.to_units() - distance).abs() < 1.0e-5, "{point:?}");
-        }
-        assert_eq!(
-            distance_to_line(&at(1.0, 2.0), &from, &from),
-            MicroUnits::ONE
-        );
-        let (far, corner) = (at(-1.0e6, -1.0e6), at(1.0e6, 1.0e6));
-        let off = distance_to_line(&at(1.0e6, -1.0e6), &far, &corner);
-        assert!((off.to_units() - 1_414_213.562).abs() < 1.0e-2);
-    }
-
-    #[test]
     fn a_body_covers_what_is_nearer_than_half_a_unit() {
         let still = |x, y| [report(9, Whereabouts::Seen(at(x, y)))];
         assert_eq!(blocked(&[], &still(3.0, 0.499)), [(3, 9)]);
         assert_eq!(blocked(&[], &still(3.0, 0.5)), []);
         let between = [report(
             9,
-            Whereabouts::OnTheWay {
-                from: at(2.0, 3.0),
-                to: at(5.0, 0.0),
-            },
+            Whereabouts::OnTheWay(Polyline::line(at(2.0, 3.0), at(5.0, 0.0))),
         )];
         assert_eq!(blocked(&[], &between), [(5, 9)]);
         let along = [report(
             9,
-            Whereabouts::OnTheWay {
-                from: at(-3.0, 0.3),
-                to: at(3.0, 0.0),
-            },
+            Whereabouts::OnTheWay(Polyline::line(at(-3.0, 0.3), at(3.0, 0.0))),
         )];
         assert_eq!(blocked(&[], &along), [(1, 9), (2, 9), (3, 9)]);
-        let within = [report(
-            9,
-            Whereabouts::Within {
-                from: at(2.4, -1.0),
-                to: at(5.0, 4.0),
-            },
-        )];
-        assert_eq!(blocked(&[], &within), [(2, 9), (3, 9), (4, 9), (5, 9)]);
+        // A path that leads around spots 3 and 4 covers neither.
+        let path = [at(2.0, -2.0), at(2.0, 2.0), at(5.0, 2.0), at(5.0, 0.4)];
+        let path = Polyline::through(path).unwrap();
+        let around = [report(9, Whereabouts::OnTheWay(path))];
+        assert_eq!(blocked(&[], &around), [(2, 9), (5, 9)]);
         assert_eq!(blocked(&[], &[report(9, Whereabouts::Removed)]), []);
     }
 
@@ -401,46 +323,27 @@ mod tests {
 
     #[test]
     fn later_runs_and_removals_supersede() {
-        let seen = report(4, Whereabouts::Seen(at(0.0, 0.0)));
-        let epoch = |number| {
-            Some(Epoch {
+        let at_epoch = |number: u64, sequence, whereabouts| BodyReport {
+            epoch: (number > 0).then_some(Epoch {
                 number,
                 convener: ModuleId(1),
-            })
+            }),
+            sequence,
+            ..report(4, whereabouts)
         };
+        let seen = || Whereabouts::Seen(at(0.0, 0.0));
+        let on_the_way = Whereabouts::OnTheWay(Polyline::line(at(0.0, 0.0), at(1.0, 0.0)));
         let ascending = [
-            seen,
-            BodyReport {
-                sequence: 2,
-                ..seen
-            },
-            BodyReport {
-                epoch: epoch(2),
-                ..seen
-            },
-            BodyReport {
-                epoch: epoch(2),
-                sequence: 0,
-                whereabouts: Whereabouts::OnTheWay {
-                    from: at(0.0, 0.0),
-                    to: at(1.0, 0.0),
-                },
-                ..seen
-            },
-            BodyReport {
-                epoch: epoch(2),
-                sequence: 0,
-                whereabouts: Whereabouts::Halted(at(1.0, 0.0)),
-                ..seen
-            },
-            BodyReport {
-                epoch: epoch(3),
-                ..seen
-            },
+            at_epoch(0, 1, seen()),
+            at_epoch(0, 2, seen()),
+            at_epoch(2, 1, seen()),
+            at_epoch(2, 0, on_the_way),
+            at_epoch(2, 0, Whereabouts::Halted(at(1.0, 0.0))),
+            at_epoch(3, 1, seen()),
             report(4, Whereabouts::Removed),
             BodyReport {
                 incarnation: Incarnation(2),
-                ..seen
+                ..report(4, seen())
             },
         ];
         for pair in ascending.windows(2) {

@@ -125,14 +125,14 @@ fn put_bodies(canonical: &mut Canonical, bodies: &[BodyReport]) {
         canonical.number(body.epoch.map_or(0, |epoch| epoch.number));
         canonical.identifier(body.epoch.map(|epoch| epoch.convener.0));
         canonical.number(body.sequence);
-        let (kind, poses): (u64, &[Pose]) = match &body.whereabouts {
-            Whereabouts::Seen(pose) => (0, &[*pose]),
-            Whereabouts::OnTheWay { from, to } => (1, &[*from, *to]),
-            Whereabouts::Halted(pose) => (2, &[*pose]),
-            Whereabouts::Removed => (3, &[]),
-            Whereabouts::Within { from, to } => (4, &[*from, *to]),
-        };
-        canonical.number(kind);
+        canonical.number(match &body.whereabouts {
+            Whereabouts::Seen(_) => 0,
+            Whereabouts::OnTheWay(_) => 1,
+            Whereabouts::Halted(_) => 2,
+            Whereabouts::Removed => 3,
+        });
+        let poses = body.whereabouts.poses();
+        canonical.length(poses.len());
         for pose in poses {
             canonical.pose(pose);
         }

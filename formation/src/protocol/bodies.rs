@@ -82,9 +82,9 @@ impl Bodies {
         let known = self.known.get(&report.module);
         let has_room = known.is_some() || self.known.len() < MODULES_MAX;
         if has_room && known.is_none_or(|known| known.compare_age(&report).is_lt()) {
-            self.known.insert(report.module, report);
             self.version += 1;
             self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
+            self.known.insert(report.module, report);
         }
     }
 
@@ -114,8 +114,9 @@ impl Bodies {
 
     /// The reports on modules for which `is_wanted` holds, ascending by module.
     fn reports(&self, is_wanted: impl Fn(ModuleId) -> bool) -> Vec<BodyReport> {
-        let known = self.known.values().copied();
-        known.filter(|report| is_wanted(report.module)).collect()
+        let known = self.known.values();
+        let wanted = known.filter(|report| is_wanted(report.module));
+        wanted.cloned().collect()
     }
 
     /// The reports on modules that are not among these members (ascending).
@@ -152,7 +153,7 @@ impl Context {
         if report.incarnation.0 > self.latest_stamp() {
             return;
         }
-        self.bodies.note(*report);
+        self.bodies.note(report.clone());
         self.exclude_if_removed(report.module);
     }
 
@@ -371,13 +372,9 @@ impl Agent {
                 continue;
             }
             let (pose, sequence) = seen_in(roster, member, &self.context.peers);
-            let goal =
-                held.and_then(|held| held.may_head_for(module, has_acted, &self.context.peers));
-            let rest = held.and_then(|held| held.rest_of_path(module, pose, &self.context.peers));
-            let whereabouts = match goal.map(|to| (to, rest)) {
+            let whereabouts = match held {
                 _ if is_outside => Whereabouts::Seen(pose),
-                Some((_, Some((from, to)))) => Whereabouts::Within { from, to },
-                Some((to, None)) => Whereabouts::OnTheWay { from: pose, to },
+                Some(held) => held.whereabouts(module, pose, has_acted, &self.context.peers),
                 None => Whereabouts::Halted(pose),
             };
             reports.push(BodyReport {

@@ -15,8 +15,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use crate::model::{
-    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, Roster, Service,
-    Whereabouts, body,
+    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Roster, Service, body, polyline,
 };
 use crate::motion::PlannedMotion;
 use crate::motion::paths::Area;
@@ -51,43 +50,15 @@ pub struct ComputedPlan {
 pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
     let members = roster.members.iter();
     let aside = members.filter(|member| member.service != Service::Active);
-    let aside = aside.map(|member| (member.module.pose, member.module.pose));
+    let aside = aside.map(|member| member.module.pose);
     let bodies = roster.bodies.iter();
     let absent = bodies.filter(|body| !body::lists(&roster.members, body.module));
-    let absent: Vec<(Pose, Pose)> = absent.flat_map(|body| lines(&body.whereabouts)).collect();
+    let spacing = MicroUnits(MICRO_PER_UNIT / 2);
+    let absent = absent.flat_map(|body| polyline::sampled(body.whereabouts.poses(), spacing));
     aside
         .chain(absent)
-        .flat_map(|(from, to)| along(from, to))
         .map(|pose| Area::of_body(&pose))
         .collect()
-}
-
-/// Lines at most half a unit apart that fill where a body may stand.
-fn lines(whereabouts: &Whereabouts) -> Vec<(Pose, Pose)> {
-    match *whereabouts {
-        Whereabouts::Within { from, to } => {
-            let side = Pose { x: from.x, ..to };
-            let rows = along(from, side);
-            rows.map(|start| (start, Pose { x: to.x, ..start }))
-                .collect()
-        }
-        _ => whereabouts.reach().into_iter().collect(),
-    }
-}
-
-/// Poses at most half a unit apart on the line between two poses.
-fn along(from: Pose, to: Pose) -> impl Iterator<Item = Pose> {
-    let parts = from.distance_to(&to).0 / (MICRO_PER_UNIT / 2) + 1;
-    let last = if from == to { 0 } else { parts };
-    let between = move |from: MicroUnits, to: MicroUnits, part: i64| {
-        let way = i128::from(to.0 - from.0) * i128::from(part) / i128::from(parts);
-        MicroUnits(from.0 + i64::try_from(way).unwrap_or_default())
-    };
-    (0..=last).map(move |part| Pose {
-        x: between(from.x, to.x, part),
-        y: between(from.y, to.y, part),
-        theta: from.theta,
-    })
 }
 
 impl PlanJob {

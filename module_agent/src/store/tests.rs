@@ -3,8 +3,8 @@
 use std::num::NonZeroU64;
 
 use formation::model::{
-    BodyReport, Digest, Epoch, Pose, QuorumBasis, Service, SpotId, Stop, Voter, VoterMemory,
-    Whereabouts,
+    BodyReport, Digest, Epoch, Polyline, Pose, QuorumBasis, Service, SpotId, Stop, Voter,
+    VoterMemory, Whereabouts,
 };
 use tempfile::TempDir;
 
@@ -50,10 +50,10 @@ fn state() -> DurableState {
             incarnation: Incarnation(u64::MAX),
             epoch: Some(epoch),
             sequence: u64::MAX,
-            whereabouts: Whereabouts::OnTheWay {
-                from: Pose::default(),
-                to: Pose::from_units(0.0, 1.0, 0.0).unwrap(),
-            },
+            whereabouts: Whereabouts::OnTheWay(Polyline::line(
+                Pose::default(),
+                Pose::from_units(0.0, 1.0, 0.0).unwrap(),
+            )),
         }],
         stop: Stop {
             revision: u64::MAX,

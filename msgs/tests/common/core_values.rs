@@ -8,10 +8,10 @@ use std::time::Duration;
 use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice,
     EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState,
-    MotionMode, PlannerParameters, PlanningModule, Policy, Pose, QuorumBasis, RawSpot, RawTarget,
-    Removal, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, SpotSelection, Stop,
-    StoreId, Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights,
-    Whereabouts,
+    MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawSpot,
+    RawTarget, Removal, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId,
+    SpotSelection, Stop, StoreId, Target, TargetAnnouncement, Timing, TurnOrder, Voter,
+    VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -247,7 +247,8 @@ fn quorum_bases() -> impl Strategy<Value = Vec<QuorumBasis>> {
 fn bodies() -> impl Strategy<Value = Vec<BodyReport>> {
     let whereabouts = prop_oneof![
         pose().prop_map(Whereabouts::Seen),
-        (pose(), pose()).prop_map(|(from, to)| Whereabouts::OnTheWay { from, to }),
+        vec(pose(), 1..5)
+            .prop_map(|poses| Whereabouts::OnTheWay(Polyline::try_from(poses).unwrap())),
         pose().prop_map(Whereabouts::Halted),
         Just(Whereabouts::Removed),
     ];

@@ -3,14 +3,15 @@
 //!
 //! A robot is where its drive is, or where its crashed process left it, until it is taken away. Drives pass through each
 //! other, and robots start anywhere; so a robot is not judged while it moves, where it was halted or failed on its way, or
-//! while it has a spot of its own to go to in the same plan.
+//! while it has a spot of its own to go to in the same plan. Nor is one judged that was on its spot before the plan: another
+//! may have ended in passing it.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
 
 use formation::model::{
-    BodyReport, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose, Roster,
-    Service, SpotId, Target, Whereabouts,
+    BodyReport, ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target,
+    Whereabouts,
 };
 
 use super::{Monitor, ViolationKind};
@@ -30,6 +31,13 @@ impl Monitor {
         if let Some((spot, pose)) = place {
             let others = cluster.modules().into_iter();
             let roster = state.epoch.and_then(|epoch| self.rosters.get(&epoch));
+            let is_pinned = roster.is_some_and(|known| {
+                let mut members = known.roster.members.iter();
+                members.any(|one| one.module.id == module && one.module.pin == Some(spot))
+            });
+            if is_pinned {
+                return;
+            }
             let is_seen = |other| roster.is_some_and(|roster| roster.seen.contains(&other));
             let seen = others.filter(|&other| other != module && is_seen(other));
             let on_it: Vec<ModuleId> = seen
@@ -158,19 +166,13 @@ pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
     most
 }
 
-/// The lines on which a body may stand; a box is filled by lines that are nearer to each other than what rounds off.
+/// The lines on which a body may stand.
 fn lines_of(whereabouts: &Whereabouts) -> Vec<(Pose, Pose)> {
-    let Whereabouts::Within { from, to } = whereabouts else {
-        return whereabouts.reach().into_iter().collect();
-    };
-    let step = MICRO_PER_UNIT / 100;
-    let rows = (to.y.0 - from.y.0) / step;
-    let row = |y: i64| {
-        let y = MicroUnits(y);
-        (Pose { y, ..*from }, Pose { y, ..*to })
-    };
-    let between = (0..=rows).map(|part| row(from.y.0 + part * step));
-    between.chain([row(to.y.0)]).collect()
+    let poses = whereabouts.poses();
+    match poses {
+        [pose] => vec![(*pose, *pose)],
+        _ => poses.windows(2).map(|pair| (pair[0], pair[1])).collect(),
+    }
 }
 
 fn units(pose: &Pose) -> (f64, f64) {

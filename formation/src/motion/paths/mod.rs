@@ -39,6 +39,8 @@ pub use result::{
     Obstruction, OrderKind, StartFault, Step, StepKind, UnitMotion, Variant, Wait, Waypoint,
 };
 
+use crate::model::{Polyline, Pose};
+
 use workshop::Workshop;
 
 /// Paths and waits for all units of a plan.
@@ -46,5 +48,15 @@ use workshop::Workshop;
 /// # Errors
 /// Names what is wrong with the target or the starts, or the unit that cannot get to its spots and why.
 pub fn plan_motion(request: &MotionRequest) -> Result<MotionPlan, MotionError> {
-    Workshop::new(request)?.plan()
+    let motion = Workshop::new(request)?.plan()?;
+    for unit in &motion.units {
+        for module in &unit.modules {
+            // Messages carry where a silent module may be: its path from where it was last seen.
+            let seen = Pose::default();
+            if Polyline::through([seen].into_iter().chain(unit.poses_after(0, module))).is_err() {
+                return Err(MotionError::TooManyCorners(module.module));
+            }
+        }
+    }
+    Ok(motion)
 }

@@ -3,7 +3,9 @@
 use thiserror::Error;
 
 use super::turning::rotated;
-use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Pose, SpotId};
+use crate::model::{
+    MICRO_PER_UNIT, MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId,
+};
 
 /// A rectangle with sides along the axes of the frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -191,6 +193,43 @@ pub struct UnitMotion {
     pub shortest: u32,
 }
 
+/// Into how many parts an arc is divided; a body is off the chord of a part by less than a hundredth of the radius.
+const ARC_PARTS: i64 = 6;
+
+impl UnitMotion {
+    /// Where one of its modules passes once it has done this many steps: where it is then, and the poses along its path.
+    pub fn poses_after(&self, done: usize, module: &ModuleMotion) -> impl Iterator<Item = Pose> {
+        let waypoints = module.waypoints.get(done..).unwrap_or_default();
+        let steps = self.steps.get(done..).unwrap_or_default();
+        let first = waypoints.first().map(|waypoint| waypoint.pose);
+        let legs = waypoints.windows(2).zip(steps);
+        let along = legs.flat_map(|(ends, step)| {
+            let (from, to) = (ends[0].pose, ends[1].pose);
+            let arc = match step.kind {
+                StepKind::Turn { centre, .. } => arc(from, centre),
+                _ => Vec::new(),
+            };
+            arc.into_iter().chain([to])
+        });
+        first.into_iter().chain(along)
+    }
+}
+
+/// Poses between the ends of a turn about the centre, by its heading.
+fn arc(from: Pose, centre: Pose) -> Vec<Pose> {
+    let offset = (from.x.0 - centre.x.0, from.y.0 - centre.y.0);
+    let part = |part: i64| {
+        let angle = centre.theta.0 * part / ARC_PARTS;
+        let (x, y) = rotated(offset, angle);
+        Pose {
+            x: MicroUnits(centre.x.0 + x),
+            y: MicroUnits(centre.y.0 + y),
+            theta: MicroUnits(from.theta.0 + angle),
+        }
+    };
+    (1..ARC_PARTS).map(part).collect()
+}
+
 /// Paths for all units that no two bodies contest, whatever delays the units have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct MotionPlan {
@@ -269,6 +308,9 @@ pub enum MotionError {
     /// The modules and spots are too far apart to search the cells between them.
     #[error("the field of {0} cells is larger than {FIELD_CELLS_MAX}")]
     FieldTooLarge(u64),
+    /// The path of a module has more corners than a message holds.
+    #[error("the path of {0} has more than {POLYLINE_POSES_MAX} corners")]
+    TooManyCorners(ModuleId),
     /// A unit cannot get to its spots.
     #[error("{} cannot reach {}: {reason}", listed(modules), listed(spots))]
     Unreachable {

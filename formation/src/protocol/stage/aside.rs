@@ -39,10 +39,12 @@ pub(super) fn asides(roster: &Roster, plan: &Plan) -> Vec<(ModuleId, Pose)> {
     for member in &roster.members {
         occupied.add(member.module.pose);
     }
-    let reaches = roster.bodies.iter();
-    for (from, to) in reaches.filter_map(|body| body.whereabouts.reach()) {
-        occupied.add(from);
-        occupied.add(to);
+    for pose in roster
+        .bodies
+        .iter()
+        .flat_map(|body| body.whereabouts.poses())
+    {
+        occupied.add(*pose);
     }
     let mut asides = Vec::with_capacity(in_the_way.len());
     for (module, from) in in_the_way {
