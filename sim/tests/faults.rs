@@ -112,3 +112,31 @@ fn a_group_without_a_quorum_says_so_whatever_bodies_block() {
         run_all(&parameters, seed..seed + 1);
     }
 }
+
+/// In the first seed, the drive of one module fails in the step in which the modules docked to it turn: they halt. In the second,
+/// a member pauses between having the whole plan and showing it, and waits for that roster's majority. In the third, a convener
+/// without a quorum refuses the later roster of others, and calls them. In the rest, bodies stay where their modules crashed on
+/// paths, in passing settled modules, or are put back by a restart.
+#[test]
+fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
+    let seeds: [(FaultKind, &[u64]); 2] = [
+        (FaultKind::Hostile, &[50_001_993, 50_002_332, 60_001_552]),
+        (
+            FaultKind::Mixed,
+            &[
+                51_000_168, 51_000_680, 51_001_600, 51_001_916, 51_002_120, 51_002_161,
+            ],
+        ),
+    ];
+    for (faults, seeds) in seeds {
+        let parameters = CampaignParameters {
+            faults,
+            modules_min: 2,
+            modules_max: 12,
+            ..CampaignParameters::default()
+        };
+        for &seed in seeds {
+            run_all(&parameters, seed..seed + 1);
+        }
+    }
+}

@@ -70,12 +70,13 @@ impl Cluster {
     }
 
     fn start(&mut self, module: ModuleId) {
-        if let Some(at) = self.late.remove(&module)
+        if let Some(&at) = self.late.get(&module)
             && at > self.now()
         {
             self.schedule.add(at, Happening::Start(module));
             return;
         }
+        self.late.remove(&module);
         let Some(body) = self.bodies.get_mut(&module) else {
             return;
         };

@@ -77,6 +77,12 @@ impl Monitor {
             from: track.pose,
             to: pose,
         };
+        if leg.from != leg.to && leg.begin + REMEMBERED < leg.end {
+            // Its process restarted and placed it there.
+            (track.since, track.pose, track.docked) = (at, pose, docked);
+            track.legs.clear();
+            return;
+        }
         let mut exempt = std::mem::replace(&mut track.docked, docked.clone());
         exempt.extend(docked);
         (track.since, track.pose) = (at, pose);

@@ -154,8 +154,8 @@ impl Monitor {
         (epochs.len() == 1 && digests.next().is_none()).then_some(plan)
     }
 
-    /// Whether a group surely holds a majority of every roster that may count: the rosters for which any member ever showed
-    /// a digest, from the last one on that a running module of the group saw agreed. The active members of a roster count,
+    /// Whether a group surely holds a majority of every roster that may count: the rosters of which any member ever had the
+    /// whole plan, from the last one on that a running module of the group saw agreed. The active members of a roster count,
     /// with the memory that it lists, and an exact half with the lowest of them is enough. Before the first agreement, the
     /// founders are needed as well.
     fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
@@ -169,10 +169,10 @@ impl Monitor {
         {
             return false;
         }
-        let shown: BTreeSet<Epoch> = self.shown.keys().map(|&(epoch, _)| epoch).collect();
-        let bases = shown.into_iter().filter(|&epoch| Some(epoch) >= agreed);
+        let bases = self.planned.iter();
         bases
-            .filter_map(|epoch| self.rosters.get(&epoch))
+            .filter(|&&epoch| Some(epoch) >= agreed)
+            .filter_map(|epoch| self.rosters.get(epoch))
             .all(|known| {
                 let is_present = |voter: &&Voter| {
                     modules.contains(&voter.module) && cluster.voter(voter.module) == Some(**voter)

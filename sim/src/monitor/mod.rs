@@ -58,6 +58,8 @@ pub(crate) struct Monitor {
     latest: BTreeMap<ModuleRun, Latest>,
     /// When each member first showed the digest of a plan.
     shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
+    /// The epochs of which some member had the whole plan. It may show the digest then, so the roster counts for its majorities.
+    planned: BTreeSet<Epoch>,
     /// The epoch that each module shows, and since when.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     /// The spot, and the roster with its target, on which each run has settled and that it has not left.
@@ -80,6 +82,7 @@ impl Monitor {
             rosters: BTreeMap::new(),
             latest: BTreeMap::new(),
             shown: BTreeMap::new(),
+            planned: BTreeSet::new(),
             left: BTreeMap::new(),
             settled_on: BTreeMap::new(),
             holders: BTreeMap::new(),
@@ -122,6 +125,9 @@ impl Monitor {
                         let latest = self.latest.entry(run).or_default();
                         latest.agreed = latest.agreed.max(Some(epoch));
                     }
+                }
+                Observation::Noted(_, Event::Planned { epoch, .. }) => {
+                    self.planned.insert(epoch);
                 }
                 Observation::Noted(..) | Observation::Announced(_) | Observation::Fault(_) => {}
             }

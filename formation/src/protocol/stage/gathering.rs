@@ -180,6 +180,16 @@ impl Gathering {
         self.close(&frozen, context)
     }
 
+    /// The live modules that show a later epoch.
+    fn modules_ahead(&self, context: &Context) -> Vec<ModuleId> {
+        let live = context.peers.live(context.liveness());
+        let ahead = live.filter(|(_, peer)| {
+            let heartbeat = peer.heartbeat.as_ref();
+            heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(self.epoch))
+        });
+        ahead.map(|(module, _)| module).collect()
+    }
+
     /// Publishes the roster, unless it lacks a quorum or the target has changed.
     fn close(mut self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Step {
         let Some(announcement) = context.target.announcement().cloned() else {
@@ -206,6 +216,19 @@ impl Gathering {
             context.shortfall_of(&context.memory, &voters, announcement.expected_modules);
         context.set_shortfall(shortfall);
         if shortfall.is_some() {
+            let ahead = self.modules_ahead(context);
+            let live = context.live_voters();
+            let expected = announcement.expected_modules;
+            if !ahead.is_empty()
+                && context
+                    .shortfall_of(&context.memory, &live, expected)
+                    .is_none()
+            {
+                // They are in an epoch that this module cannot follow, and do not come back to this one.
+                let reason = EpochReason::MembersAhead(ahead);
+                let next = Self::convene(context, &announcement, reason);
+                return Step::Enter(Stage::Gathering(next));
+            }
             // The members stay frozen, and the gathering continues when more modules are within reach.
             return Step::Stay(Stage::Gathering(self));
         }

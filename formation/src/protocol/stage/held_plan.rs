@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::model::{
     ActingUnit, CausalMark, Digest, Epoch, Heartbeat, Incarnation, MicroUnits, ModuleId,
-    ModulePhase, ModuleState, Plan, Pose, Roster, SpotId,
+    ModulePhase, ModuleState, Plan, Polyline, Pose, Roster, Service, SpotId, Whereabouts,
 };
 
 use crate::motion::PlannedMotion;
@@ -193,19 +193,36 @@ impl HeldPlan {
         moves.then_some((self.step_of_unit(unit), goal))
     }
 
-    /// Where another member may be heading for; `None` if it stays where it was last seen. It cannot have set off while this
-    /// module acts before it and has not `acted`.
-    pub(in crate::protocol) fn may_head_for(
+    /// Where another member may be that was last `seen` there, now that this module has `acted` or not. It stays where it
+    /// was seen if it moves no more, or cannot have set off while this module acts before it.
+    pub(in crate::protocol) fn whereabouts(
         &self,
         module: ModuleId,
+        seen: Pose,
         has_acted: bool,
         peers: &Peers,
-    ) -> Option<Pose> {
+    ) -> Whereabouts {
+        if let Some((unit, member)) = self.motion.place_of(module) {
+            let done = self.steps_done_by(module, peers) as usize;
+            let mut rest = unit.poses_after(done, member).peekable();
+            if done == unit.steps.len() {
+                // What was seen may be older than what was done.
+                return Whereabouts::Halted(rest.peek().copied().unwrap_or(seen));
+            }
+            let path = Polyline::through(std::iter::once(seen).chain(rest));
+            debug_assert!(path.is_ok(), "a plan with more corners is not used");
+            return path.map_or(Whereabouts::Seen(seen), Whereabouts::OnTheWay);
+        }
+        match self.line_of(module, has_acted, peers) {
+            Some(goal) => Whereabouts::OnTheWay(Polyline::line(seen, goal)),
+            None => Whereabouts::Halted(seen),
+        }
+    }
+
+    /// Where another member may be heading for in a straight line.
+    fn line_of(&self, module: ModuleId, has_acted: bool, peers: &Peers) -> Option<Pose> {
         if self.motion.planned.paths().is_some() {
-            let (unit, member) = self.motion.place_of(module)?;
-            let is_on_its_way = (self.steps_done_by(module, peers) as usize) < unit.steps.len();
-            let last = member.waypoints.last().filter(|_| is_on_its_way)?;
-            return Some(last.pose);
+            return None;
         }
         let (step, goal) = self.motion_of(module)?;
         let aside = self
@@ -217,28 +234,6 @@ impl HeldPlan {
         let waits_for_own = !has_acted && own.is_some_and(|own| own < step);
         let has_ended = self.has_acted(peers, module);
         (!waits_for_own && !has_ended).then_some(goal)
-    }
-
-    /// The corners of the box in which the rest of another member's path lies, from where it was last seen on; `None` unless
-    /// modules move along paths.
-    pub(in crate::protocol) fn rest_of_path(
-        &self,
-        module: ModuleId,
-        seen: Pose,
-        peers: &Peers,
-    ) -> Option<(Pose, Pose)> {
-        let (_, member) = self.motion.place_of(module)?;
-        let done = self.steps_done_by(module, peers) as usize;
-        let rest = member.waypoints.iter().skip(done);
-        let box_of = |(least, most): (Pose, Pose), pose: &Pose| {
-            let corner = |x, y| Pose { x, y, ..seen };
-            (
-                corner(least.x.min(pose.x), least.y.min(pose.y)),
-                corner(most.x.max(pose.x), most.y.max(pose.y)),
-            )
-        };
-        let poses = rest.map(|waypoint| &waypoint.pose);
-        Some(poses.fold((seen, seen), box_of))
     }
 
     /// Whether the state of another member shows that it has done its part of this plan.
@@ -316,12 +311,22 @@ impl HeldPlan {
         !context.bugs.skip_digest_barrier() && self.waits_for.and_then(lags).unwrap_or(false)
     }
 
-    /// The members without whose agreement no module may move.
+    /// The members without whose agreement no module may move: those whose heartbeats lag, or else those whose motion failed
+    /// since the roster was made, which stand in the way of the plan.
     pub(super) fn lagging_for_motion(&self, context: &Context) -> Vec<ModuleId> {
         if context.bugs.skip_digest_barrier() {
             return Vec::new();
         }
-        self.lagging(context, context.parameters.lease)
+        let lagging = self.lagging(context, context.parameters.lease);
+        if !lagging.is_empty() {
+            return lagging;
+        }
+        let members = self.roster.members.iter();
+        let failed = members.filter(|member| {
+            let service = context.service_of(member.module.id);
+            service == Some(Service::MotionFailed) && member.service != Service::MotionFailed
+        });
+        failed.map(|member| member.module.id).collect()
     }
 
     /// Reports the first member that shows another digest for this epoch; returns whether it did.
