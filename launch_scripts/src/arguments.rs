@@ -70,6 +70,18 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Say why a module gets its spot in the offline plan, or none: the turns that concern it, who evicts whom, and what
+    /// other spots would cost.
+    Explain {
+        /// The scenario file (YAML).
+        scenario: PathBuf,
+        /// The identifier of the module.
+        #[arg(long, value_name = "ID")]
+        module: u32,
+        /// Print one JSON object instead of text.
+        #[arg(long)]
+        json: bool,
+    },
     /// Generate a random scenario from a seed and print it as YAML.
     ///
     /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of

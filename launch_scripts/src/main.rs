@@ -6,6 +6,7 @@ mod checked_plan;
 mod console;
 #[cfg(feature = "experiments")]
 mod experiments;
+mod explain;
 mod generate;
 mod motion;
 mod order;
@@ -31,14 +32,19 @@ fn main() -> ExitCode {
         Command::Show { scenario, svg } => show::show(&scenario, svg),
         Command::Schema => show::schema(),
         Command::Run(arguments) => run::run(&arguments),
-        Command::Stop(network) => order::give(&network, &["--stop".to_owned()]),
-        Command::Resume(network) => order::give(&network, &["--resume".to_owned()]),
+        Command::Stop(network) => order::give(&network, &[order::STOP.to_owned()]),
+        Command::Resume(network) => order::give(&network, &[order::RESUME.to_owned()]),
         Command::Remove { modules, network } => order::give(&network, &order::removal(&modules)),
         Command::Plan {
             scenario,
             report,
             json,
         } => plan::run(&scenario, report.as_deref(), json),
+        Command::Explain {
+            scenario,
+            module,
+            json,
+        } => explain::run(&scenario, module, json),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(feature = "experiments")]

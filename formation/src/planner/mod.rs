@@ -8,6 +8,7 @@ pub mod assignment;
 pub mod baseline;
 mod cost;
 mod cut_nodes;
+mod explanation;
 pub mod placement;
 mod rooted_tree;
 mod statistics;
@@ -16,6 +17,7 @@ mod value;
 
 pub use cost::{PLAN_TIME_MAX, PlanSize, PlanTooLong};
 pub(crate) use cut_nodes::cut_nodes;
+pub use explanation::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{
     ClaimRefused, PlanOutcome, PlannedTurns, Planning, Turn, plan, plan_releasing_pins,

@@ -1,0 +1,187 @@
+//! `formation explain`.
+
+use std::path::Path;
+
+use formation::event_log::Step;
+use formation::model::text::counted;
+use formation::model::{ModuleId, SpotId};
+use formation::planner::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
+use ros_runtime::exit::Failure;
+use serde::Serialize;
+
+use crate::checked_plan::CheckedPlan;
+use crate::table::aligned;
+use crate::{check, console, scenario_file};
+
+/// The text shows this many other spots.
+const ALTERNATIVES_MAX: usize = 5;
+
+/// The object that `--json` prints. Utilities are those of the paper.
+#[derive(Debug, Serialize)]
+struct ExplanationReport {
+    module: ModuleId,
+    /// The configuration that it belongs to.
+    configuration: Option<u32>,
+    spot: Option<SpotId>,
+    turns: Vec<TurnReport>,
+    alternatives: Vec<AlternativeReport>,
+}
+
+#[derive(Debug, Serialize)]
+struct TurnReport {
+    /// From 0.
+    turn: u32,
+    claimant: ModuleId,
+    #[serde(flatten)]
+    outcome: TurnOutcome,
+    text: String,
+}
+
+#[derive(Debug, Serialize)]
+struct AlternativeReport {
+    spot: SpotId,
+    utility: f64,
+    holder: Option<ModuleId>,
+    holder_utility: Option<f64>,
+    loss: f64,
+}
+
+/// Plans a scenario and says why a module gets its spot, or none.
+///
+/// # Errors
+/// Names what is wrong with the file or with the plan, or says that the scenario does not have the module.
+pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
+    let scenario = scenario_file::load(path)?;
+    check::warn(path, &scenario);
+    let plan = CheckedPlan::of(&scenario)?;
+    let module = ModuleId(module);
+    let explanation = Explanation::of(&plan.problem, &plan.outcome, module);
+    let Some(explanation) = explanation else {
+        let known = plan
+            .problem
+            .modules()
+            .iter()
+            .map(|module| module.id.0.to_string());
+        let known: Vec<String> = known.collect();
+        return Err(Failure::bad_input(format!(
+            "{}: there is no {module}; the modules are {}",
+            path.display(),
+            known.join(", ")
+        )));
+    };
+    let member = plan.problem.module(module);
+    let configuration = member.and_then(|member| member.configuration);
+    if json {
+        return console::result_json(&ExplanationReport {
+            module,
+            configuration: configuration.map(|configuration| configuration.0),
+            spot: explanation.spot,
+            turns: explanation.turns.iter().map(TurnReport::of).collect(),
+            alternatives: (explanation.alternatives.iter())
+                .map(AlternativeReport::of)
+                .collect(),
+        });
+    }
+    console::result_line(&text(&explanation))
+}
+
+impl TurnReport {
+    fn of(turn: &ConcernedTurn) -> Self {
+        Self {
+            turn: turn.number,
+            claimant: turn.claimant,
+            outcome: turn.outcome,
+            text: sentence(turn),
+        }
+    }
+}
+
+impl AlternativeReport {
+    fn of(alternative: &Alternative) -> Self {
+        let holder = alternative.holder;
+        Self {
+            spot: alternative.spot,
+            utility: alternative.utility.to_units(),
+            holder: holder.map(|(holder, _)| holder),
+            holder_utility: holder.map(|(_, utility)| utility.to_units()),
+            loss: alternative.loss.to_units(),
+        }
+    }
+}
+
+/// The decision of a turn, as in films.
+fn sentence(turn: &ConcernedTurn) -> String {
+    let step = Step::Turn {
+        turn: turn.number,
+        claimant: turn.claimant,
+        decision: &turn.decision,
+    };
+    step.to_string()
+}
+
+fn text(explanation: &Explanation) -> String {
+    let module = explanation.module;
+    let mut lines = vec![match explanation.spot {
+        Some(spot) => format!("{module} gets {spot}."),
+        None => format!("{module} gets no spot."),
+    }];
+    for turn in &explanation.turns {
+        let meaning = match turn.outcome {
+            TurnOutcome::Takes(spot) => format!("{module} gets {spot}"),
+            TurnOutcome::Loses {
+                spot,
+                to,
+                instead: Some(instead),
+            } => format!("{module} loses {spot} to {to} and gets {instead}"),
+            TurnOutcome::Loses { spot, to, .. } => {
+                format!("{module} loses {spot} to {to} and gets none")
+            }
+            TurnOutcome::FindsNone => format!("{module} gets none"),
+        };
+        lines.push(format!("  {}: {meaning}", sentence(turn)));
+    }
+    if explanation.turns.is_empty() {
+        lines.push("  No turn concerned it.".to_owned());
+    }
+    let alternatives = &explanation.alternatives;
+    if alternatives.is_empty() {
+        return lines.join("\n");
+    }
+    let best = alternatives.iter().take(ALTERNATIVES_MAX);
+    let rows = best.map(|one| {
+        let (holder, utility) = one
+            .holder
+            .map_or_else(Default::default, |(holder, utility)| {
+                (holder.0.to_string(), rounded(utility.to_units()))
+            });
+        [
+            one.spot.0.to_string(),
+            rounded(one.utility.to_units()),
+            holder,
+            utility,
+            rounded(one.loss.to_units()),
+        ]
+    });
+    lines.push(String::new());
+    lines.push("Other spots, the best for it first:".to_owned());
+    lines.push(aligned(
+        [
+            "spot",
+            "utility",
+            "holder",
+            "its utility",
+            "loss if exchanged",
+        ],
+        rows,
+    ));
+    if alternatives.len() > ALTERNATIVES_MAX {
+        let more = counted(alternatives.len() - ALTERNATIVES_MAX, "more spot");
+        lines.push(format!("and {more}"));
+    }
+    lines.push("Utilities and losses leave out what links save that stay docked.".to_owned());
+    lines.join("\n")
+}
+
+fn rounded(number: f64) -> String {
+    format!("{number:.2}")
+}
