@@ -7,6 +7,11 @@ use ros_runtime::exit::Failure;
 use crate::arguments::OrderArguments;
 use crate::run::{Programs, environment_of_runs};
 
+/// The option by which the target publisher orders all modules to stop.
+pub const STOP: &str = "--stop";
+/// The option by which it lets them resume.
+pub const RESUME: &str = "--resume";
+
 /// The option by which the target publisher reports bodies as removed.
 pub fn removal(modules: &[u32]) -> Vec<String> {
     let modules: Vec<String> = modules.iter().map(u32::to_string).collect();

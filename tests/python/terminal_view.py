@@ -42,8 +42,13 @@ class Terminal:
         self._set_size(columns, rows)
         surroundings = {key: value for key, value in os.environ.items()
                         if key not in ("NO_COLOR", "CLICOLOR", "CLICOLOR_FORCE", "ROS_DOMAIN_ID", "LC_ALL", "LC_CTYPE")}
+
+        def become_foreground():
+            os.setsid()
+            fcntl.ioctl(slave, termios.TIOCSCTTY, 0)
+
         self.child = subprocess.Popen(
-            command, stdin=slave, stdout=stdout or slave, stderr=slave,
+            command, stdin=slave, stdout=stdout or slave, stderr=slave, preexec_fn=become_foreground,
             env={**surroundings, "TERM": "xterm-256color", "LANG": "C.UTF-8", **environment})
         os.close(slave)
 
@@ -53,6 +58,9 @@ class Terminal:
     def resize(self, columns, rows):
         self.screen.resize(rows, columns)
         self._set_size(columns, rows)
+
+    def press(self, key):
+        os.write(self.master, key)
 
     def watch(self, each=lambda: None):
         """Takes in what is written until the program has ended; calls `each` after every frame."""
@@ -101,16 +109,21 @@ def watched(formation, scenario, domain):
         [formation, "run", scenario, "--domain", domain, "--modules-per-process", "2"], 100, 40, {})
     sizes = iter([(60, 20), (44, 30), (100, 40)])
 
-    def resize_while_acting():
-        # On the way, a person pulls at the window.
+    keys = {r"\[acting\]": b"s", r" s(, epoch \d)?, stopped": b"r"}
+
+    def interfere_while_acting():
+        # On the way, a person pulls at the window, stops all modules, and lets them go on.
         if terminal.showed(r"\[acting\]") and len(terminal.shown) % 3 == 0:
             if size := next(sizes, None):
                 terminal.resize(*size)
+        for cue in [cue for cue in keys if re.search(cue, terminal.shown[-1])]:
+            terminal.press(keys.pop(cue))
 
-    status = terminal.watch(resize_while_acting)
+    status = terminal.watch(interfere_while_acting)
     last = terminal.shown[-1]
     check(status == 0, f"exit status {status}:\n{last}")
     check("COMPLETE: all 7 spots are filled, hole-free" in last, f"no verdict at the end:\n{last}")
+    check(not keys, f"the view never showed {list(keys)}, so keys were not pressed")
     check(not list(sizes), "the run was over before the terminal had every size")
     for what, parts in {
         "who joins": [r"joined  \S+  \d/7"],

@@ -6,7 +6,7 @@ use formation::event_log::Entry;
 use formation::model::text::listed;
 use formation::verify::Progress;
 
-use super::view::View;
+use super::view::{Key, View};
 use crate::checked_plan::CheckedPlan;
 use crate::console;
 
@@ -73,6 +73,14 @@ impl<'a> Display<'a> {
     pub fn due(&self) -> Option<Instant> {
         match self {
             Self::View(view) => Some(view.due()),
+            Self::Lines(_) => None,
+        }
+    }
+
+    /// What a key that was pressed asks for; does not wait for one.
+    pub fn key(&self) -> Option<Key> {
+        match self {
+            Self::View(view) => view.key(),
             Self::Lines(_) => None,
         }
     }

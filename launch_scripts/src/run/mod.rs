@@ -138,8 +138,8 @@ fn form(
             deadline,
             display,
             observed: Observed::default(),
-            removal: start.removal(),
-            reporters: BTreeSet::new(),
+            orders: start.orders(),
+            order_givers: BTreeSet::new(),
         }
         .run()
     });

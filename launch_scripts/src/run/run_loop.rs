@@ -12,6 +12,8 @@ use super::display::Display;
 use super::recording::Recording;
 use super::roles::{Death, Deaths, ProcessRoles};
 use super::supervisor::{Output, ProcessEvent, ProcessId, Supervisor};
+use super::view::Key;
+use crate::order;
 
 /// After its verdict, the verifier stays for this long, so that subscribers of its topic receive the verdict.
 const LINGER: Duration = Duration::from_millis(500);
@@ -83,14 +85,19 @@ pub struct RunLoop<'a, 'b> {
     pub display: &'a mut Display<'b>,
     /// What was observed so far.
     pub observed: Observed,
-    /// Makes the command that reports the bodies of modules as removed; `None` where robots outlive their processes.
-    pub removal: Option<Removal<'a>>,
-    /// The processes that report removals.
-    pub reporters: BTreeSet<ProcessId>,
+    /// Makes the commands that give orders to the modules.
+    pub orders: Orders<'a>,
+    /// The processes that give them.
+    pub order_givers: BTreeSet<ProcessId>,
 }
 
-/// Makes the command that reports the bodies of these modules as removed.
-pub type Removal<'a> = Box<dyn Fn(&[ModuleId]) -> Command + 'a>;
+/// Orders to the modules of a run.
+pub struct Orders<'a> {
+    /// Makes the command that gives an order, in the options of the target publisher.
+    pub command: Box<dyn Fn(&[String]) -> Command + 'a>,
+    /// Whether robots vanish with their processes, so that their bodies are reported as removed.
+    pub bodies_vanish: bool,
+}
 
 impl RunLoop<'_, '_> {
     /// Runs to the end.
@@ -106,6 +113,7 @@ impl RunLoop<'_, '_> {
     fn run_until_the_end(&mut self) -> RunEnd {
         let mut set_aside = None;
         loop {
+            self.take_key();
             let due = self.display.due();
             let wake = due.map_or(self.deadline, |due| due.min(self.deadline));
             let end = match self.supervisor.next(wake) {
@@ -187,24 +195,44 @@ impl RunLoop<'_, '_> {
         let mut settled = verdict.assignments.iter();
         let mut blocked = verdict.blocked_spots.iter();
         settled.any(|assignment| dead.contains(&assignment.module))
-            || self.removal.is_some() && blocked.any(|blocked| dead.contains(&blocked.module))
+            || self.orders.bodies_vanish && blocked.any(|blocked| dead.contains(&blocked.module))
     }
 
     /// Reports the bodies of these modules as removed: simulated robots vanish with their process.
     fn report_removal(&mut self, modules: &[ModuleId]) {
-        let Some(removal) = self.removal.as_ref().filter(|_| !modules.is_empty()) else {
-            return;
-        };
-        let name = format!(
-            "the report that {} vanished",
-            listed_in_full(modules.iter().copied())
-        );
+        if self.orders.bodies_vanish && !modules.is_empty() {
+            let name = format!(
+                "the report that {} vanished",
+                listed_in_full(modules.iter().copied())
+            );
+            let modules: Vec<u32> = modules.iter().map(|module| module.0).collect();
+            self.give(name, &order::removal(&modules));
+        }
+    }
+
+    /// Gives the order that was asked for by a key.
+    fn take_key(&mut self) {
+        match self.display.key() {
+            Some(Key::Stop) => self.give("the order to stop".to_owned(), &[order::STOP.to_owned()]),
+            Some(Key::Resume) => {
+                self.give(
+                    "the order to resume".to_owned(),
+                    &[order::RESUME.to_owned()],
+                );
+            }
+            None => {}
+        }
+    }
+
+    /// Starts the process that gives an order.
+    fn give(&mut self, name: String, order: &[String]) {
+        let mut command = (self.orders.command)(order);
         let started = self
             .supervisor
-            .start(name.clone(), &mut removal(modules), Output::Discarded);
+            .start(name.clone(), &mut command, Output::Discarded);
         match started {
             Ok(process) => {
-                self.reporters.insert(process);
+                self.order_givers.insert(process);
             }
             Err(error) => self
                 .display
@@ -225,7 +253,7 @@ impl RunLoop<'_, '_> {
     }
 
     fn take_exit(&mut self, process: ProcessId, status: ExitStatus) -> Option<RunEnd> {
-        if self.reporters.remove(&process) {
+        if self.order_givers.remove(&process) {
             if !status.success() {
                 let name = self.supervisor.name(process);
                 self.display
@@ -311,8 +339,11 @@ mod tests {
             deadline: start + Duration::from_secs(seconds),
             display: &mut Display::Lines(LineThrottle::default()),
             observed: Observed::default(),
-            removal: None,
-            reporters: BTreeSet::new(),
+            orders: Orders {
+                command: Box::new(|_| Command::new("true")),
+                bodies_vanish: false,
+            },
+            order_givers: BTreeSet::new(),
         }
         .run();
         (end, observed, supervisor)

@@ -14,7 +14,7 @@ use super::memory::RunMemory;
 use super::processes::Host;
 use super::programs::Programs;
 use super::roles::ProcessRoles;
-use super::run_loop::Removal;
+use super::run_loop::Orders;
 use super::supervisor::{Output, ProcessId, Supervisor};
 use crate::arguments::{ON, RunArguments};
 
@@ -70,19 +70,18 @@ impl Start<'_> {
         })
     }
 
-    /// Makes the command that reports the bodies of modules as removed; `None` where robots outlive their processes.
-    pub fn removal(&self) -> Option<Removal<'_>> {
-        if self.arguments.motion.bodies_stay() {
-            return None;
+    /// Makes the commands that give orders to the modules.
+    pub fn orders(&self) -> Orders<'_> {
+        Orders {
+            command: Box::new(|order| {
+                let mut command = self.programs.command("target_publisher");
+                self.place(&mut command);
+                command.args(order);
+                self.join_session(&mut command);
+                command
+            }),
+            bodies_vanish: !self.arguments.motion.bodies_stay(),
         }
-        Some(Box::new(|modules| {
-            let modules: Vec<String> = modules.iter().map(|module| module.0.to_string()).collect();
-            let mut command = self.programs.command("target_publisher");
-            self.place(&mut command);
-            command.args(["--remove-module", &modules.join(",")]);
-            self.join_session(&mut command);
-            command
-        }))
     }
 
     /// Passes on the domain and the discovery range.

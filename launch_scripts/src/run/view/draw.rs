@@ -68,8 +68,10 @@ fn head(watched: &Watched<'_>, elapsed: Duration, style: Style) -> String {
         Some(epoch) if epoch.number > 1 => format!(", epoch {}", epoch.number),
         _ => String::new(),
     };
+    let is_stopped = watched.progress.as_ref().is_some_and(|now| now.stopped);
+    let stopped = if is_stopped { ", stopped" } else { "" };
     format!(
-        "{spinner} {}  {:.1} s{epoch}",
+        "{spinner} {}  {:.1} s{epoch}{stopped}",
         style.paint(name, Paint::Bold),
         elapsed.as_secs_f64()
     )

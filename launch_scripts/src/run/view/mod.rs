@@ -2,6 +2,7 @@
 
 mod canvas;
 mod draw;
+mod keys;
 mod map;
 mod style;
 mod watched;
@@ -17,7 +18,9 @@ use formation::verify::Progress;
 use crate::checked_plan::CheckedPlan;
 use canvas::Canvas;
 use draw::{Size, frame};
-use style::Style;
+pub use keys::Key;
+use keys::Keys;
+use style::{Paint, Style};
 use watched::Watched;
 
 /// The least time between two drawings.
@@ -30,6 +33,8 @@ pub struct View<'a> {
     watched: Watched<'a>,
     canvas: Canvas<Stderr>,
     terminal: Term,
+    /// `None` where the standard input is no terminal.
+    keys: Option<Keys>,
     style: Style,
     start: Instant,
     drawn: Instant,
@@ -47,6 +52,7 @@ impl<'a> View<'a> {
             watched: Watched::new(name, plan),
             canvas: Canvas::new(stderr()),
             terminal: Term::stderr(),
+            keys: Keys::of_terminal(),
             style: Style {
                 colours: colors_enabled_stderr(),
                 unicode: has_unicode(|name| env::var(name).ok()),
@@ -98,8 +104,16 @@ impl<'a> View<'a> {
             columns: usize::from(columns),
             rows: usize::from(rows),
         };
-        let lines = frame(&self.watched, self.start.elapsed(), size, self.style);
+        let mut lines = frame(&self.watched, self.start.elapsed(), size, self.style);
+        if self.keys.is_some() && lines.len() + 1 < size.rows {
+            lines.push(self.style.paint(keys::HELP, Paint::Dim));
+        }
         self.canvas.draw(&lines, size.columns);
+    }
+
+    /// What a key that was pressed asks for; does not wait for one.
+    pub fn key(&self) -> Option<Key> {
+        self.keys.as_ref().and_then(Keys::pressed)
     }
 
     /// Clears the view, lets `write` use the terminal, and draws the view again.
