@@ -4,10 +4,11 @@ use std::path::Path;
 
 use formation::model::Scenario;
 use formation::model::text::counted;
+use formation::motion::PlannedMotion;
 use formation::planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
 
-use crate::{console, scenario_file, warnings};
+use crate::{console, motion, scenario_file, warnings};
 
 /// Validates a scenario file and prints a summary of it.
 ///
@@ -17,6 +18,9 @@ pub fn check(path: &Path) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     refuse_long_plans(path, &scenario)?;
     warn(path, &scenario);
+    if let Some(warning) = motion::warning(&PlannedMotion::offline(scenario.problem())) {
+        console::note(&format!("warning: {}: {warning}", path.display()));
+    }
     console::result_line(&format!("{}: {}", path.display(), summary(&scenario)))
 }
 

@@ -84,9 +84,21 @@ pub fn warning(motion: &PlannedMotion) -> Option<String> {
     match motion {
         PlannedMotion::Paths(_) | PlannedMotion::Straight(None) => None,
         PlannedMotion::Straight(Some(error)) => Some(format!(
-            "modules move in straight lines, which is not collision-free: {error}"
+            "modules move in straight lines, which is not collision-free: {error}; for paths, {}",
+            error.cure()
         )),
-        PlannedMotion::Refused(error) => Some(format!("no module will move: {error}")),
+        PlannedMotion::Refused(error) => {
+            let cure = error.cure();
+            Some(format!("no module will move: {error}; {cure}"))
+        }
+    }
+}
+
+/// What is added to an outcome of which the motion is not free of collisions.
+pub fn mark(motion: &PlannedMotion) -> &'static str {
+    match motion {
+        PlannedMotion::Straight(_) => ", not collision-free",
+        PlannedMotion::Paths(_) | PlannedMotion::Refused(_) => "",
     }
 }
 

@@ -477,3 +477,31 @@ fn wrong_usage_is_refused_with_status_2() {
         assert!(output.stdout.is_empty(), "{arguments:?}");
     }
 }
+
+#[test]
+fn modules_whose_starts_leave_no_paths_are_named_and_robots_do_not_start() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("close.yaml");
+    let close = VALID.replace(
+        "{id: 4, x: 7.0, y: 5.0}",
+        "{id: 4, x: 5.8, y: 5.0, theta: 0.5}",
+    );
+    fs::write(&path, &close).unwrap();
+    let (status, _, stderr) = check(&path);
+    assert_eq!(status, Some(0), "{stderr}");
+    assert!(
+        stderr.contains("not collision-free: starts: module 3 and module 4 are too close; for paths, place these modules"),
+        "{stderr}"
+    );
+    let path_text = path.to_str().unwrap();
+    let refused = formation(&["run", path_text, "--driver", "true"]);
+    assert_eq!(refused.status.code(), Some(2));
+    let stderr = String::from_utf8(refused.stderr).unwrap();
+    assert!(
+        stderr
+            .contains("starts: module 3 and module 4 are too close; robots move along paths only"),
+        "{stderr}"
+    );
+    fs::write(&path, format!("{close}  motion: straight\n")).unwrap();
+    assert!(!check(&path).2.contains("collision-free"));
+}

@@ -7,6 +7,7 @@ use formation::model::{ModuleId, Pose, Service};
 use formation::motion::{DockingResult, DriveCommand};
 use formation::protocol::Identity;
 use formation_msgs::external::geometry_msgs::PoseStamped;
+use formation_msgs::external::nav_msgs::Path;
 use formation_msgs::{DockingRequest, DriverPose};
 use formation_node::{stamp, topics};
 use futures::stream::LocalBoxStream;
@@ -34,7 +35,14 @@ type DriverInputs = Inputs<(ModuleId, DriverMessage)>;
 /// Publishes to the drivers of the hosted modules.
 pub(crate) struct DriverPublishers {
     frame_id: String,
-    modules: BTreeMap<ModuleId, (PublisherQueue<PoseStamped>, PublisherQueue<DockingRequest>)>,
+    modules: BTreeMap<ModuleId, DriverQueues>,
+}
+
+/// What the driver of one module gets.
+struct DriverQueues {
+    goals: PublisherQueue<PoseStamped>,
+    paths: PublisherQueue<Path>,
+    requests: PublisherQueue<DockingRequest>,
 }
 
 /// Creates the endpoints for the drivers of these modules; `frame_id` is the frame of goals and poses.
@@ -68,9 +76,12 @@ pub(crate) fn open(
         })?;
         inputs.add(poses, move |pose| (module, DriverMessage::Pose(pose)));
         inputs.add(results, move |result| (module, result));
-        let goals = session.publisher(&topics::goal_pose(module))?;
-        let requests = session.publisher(&topics::docking(module))?;
-        publishers.insert(module, (goals, requests));
+        let queues = DriverQueues {
+            goals: session.publisher(&topics::goal_pose(module))?,
+            paths: session.publisher(&topics::path(module))?,
+            requests: session.publisher(&topics::docking(module))?,
+        };
+        publishers.insert(module, queues);
     }
     let publishers = DriverPublishers {
         frame_id: frame_id.to_owned(),
@@ -147,9 +158,26 @@ pub(crate) fn wait_for_poses(
 }
 
 impl DriverPublishers {
+    /// Publishes the path of a module to its driver.
+    pub(crate) fn publish_path(&self, module: ModuleId, path: &[Pose]) {
+        let Some(DriverQueues { paths, .. }) = self.modules.get(&module) else {
+            return;
+        };
+        let header = stamp::header(&self.frame_id);
+        let poses = path.iter().map(|pose| PoseStamped {
+            header: header.clone(),
+            pose: pose.into(),
+        });
+        let poses = poses.collect();
+        paths.publish(Path { header, poses });
+    }
+
     /// Publishes a command to the driver of a module.
     pub(crate) fn publish(&self, module: ModuleId, command: DriveCommand) {
-        let Some((goals, requests)) = self.modules.get(&module) else {
+        let Some(DriverQueues {
+            goals, requests, ..
+        }) = self.modules.get(&module)
+        else {
             return;
         };
         let header = stamp::header(&self.frame_id);

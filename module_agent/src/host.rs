@@ -40,6 +40,8 @@ pub(crate) enum Outgoing {
     Claim(Arc<SpotClaim>),
     /// An eviction, for observers.
     Eviction(EvictionNotice),
+    /// The poses that a module's driver is to pass.
+    Path(ModuleId, Vec<Pose>),
     /// A command for a module's driver.
     Drive(ModuleId, DriveCommand),
 }
@@ -49,6 +51,8 @@ struct Hosted {
     identity: Identity,
     agent: Agent,
     drive: Drive,
+    /// The path that its driver knows.
+    path: Vec<Pose>,
     /// The state that the next sample will carry for this module.
     state: Option<Arc<ModuleState>>,
     /// Whether no sample carried that state yet.
@@ -116,6 +120,7 @@ impl Host {
             drive: Drive::new(&identity, &self.motion, self.parameters.lease),
             identity,
             agent,
+            path: Vec::new(),
             state: None,
             state_is_new: false,
             heartbeat: None,
@@ -388,12 +393,21 @@ impl Host {
             self.carry_out(index, now);
         }
         let Hosted {
-            identity, drive, ..
+            identity,
+            agent,
+            drive,
+            path,
+            ..
         } = &mut self.modules[index];
         while let Some(fault) = drive.take_fault() {
             tracing::error!(module = identity.module.0, "{fault}");
         }
         while let Some(command) = drive.take_command() {
+            let ahead = agent.path_ahead();
+            if matches!(command, DriveCommand::Goal(_)) && *path != ahead {
+                path.clone_from(&ahead);
+                self.outgoing.push(Outgoing::Path(identity.module, ahead));
+            }
             self.outgoing
                 .push(Outgoing::Drive(identity.module, command));
         }

@@ -7,6 +7,7 @@ use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::model::{Incarnation, ModuleId, Service};
+use formation::motion::PlannedMotion;
 use formation::protocol::{ComputedPlan, Identity, PlanJob};
 use formation_msgs::{Eviction, Heartbeat, InSession, ModuleStates, Roster, SpotClaim};
 use formation_node::messages::{Received, session_of, source_id, subscribe, subscribe_all};
@@ -77,6 +78,12 @@ impl ModuleProcess {
         let parameters = self.settings.declare(name, declarations)?;
         let timing = self.timing.read(parameters.values())?;
         let motion = self.motion.clone().read(parameters.values())?;
+        if motion.mode == MotionMode::External
+            && let Some(scenario) = &self.hosted.scenario
+        {
+            let planned = PlannedMotion::offline(scenario.problem());
+            planned.check_for_robots().map_err(SessionError::BadInput)?;
+        }
         self.begin_runs(name, parameters.values(), modules, journal)?;
         let mut session = Session::join(&self.settings, name, parameters)?;
         let mut inputs = Inputs::default();
@@ -104,8 +111,10 @@ impl ModuleProcess {
             drivers,
         };
         let starting = modules.iter().cloned();
+        let start = since_boot();
         let mut node = ModuleNode {
-            start: since_boot(),
+            start,
+            clock_zero: stamp::since_1970(start),
             publishers,
             host: Host::new(source, starting, timing.0, &motion, journal.take()),
             workers,
@@ -228,6 +237,8 @@ struct Publishers {
 struct ModuleNode {
     /// The time since the machine started, when the node did.
     start: Duration,
+    /// The same moment since 1970.
+    clock_zero: Duration,
     publishers: Publishers,
     host: Host,
     workers: Workers,
@@ -309,7 +320,7 @@ impl ModuleNode {
             Outgoing::ModuleStates(states) => {
                 let header = stamp::header(&self.frame_id);
                 let states = states.iter().map(AsRef::as_ref);
-                let sample = ModuleStates::new(header, states);
+                let sample = ModuleStates::new(header, self.clock_zero, states);
                 publishers.states.publish(sample.in_session(own));
             }
             Outgoing::Heartbeats(heartbeats) => {
@@ -327,6 +338,11 @@ impl ModuleNode {
             Outgoing::Eviction(notice) => {
                 let queue = created(&mut publishers.evictions, session, &topics::EVICTIONS)?;
                 queue.publish(Eviction::from(&notice).in_session(own));
+            }
+            Outgoing::Path(module, path) => {
+                if let Some(drivers) = &publishers.drivers {
+                    drivers.publish_path(module, &path);
+                }
             }
             Outgoing::Drive(module, command) => {
                 if let Some(drivers) = &publishers.drivers {

@@ -28,6 +28,12 @@ fn stderr(output: &Output) -> String {
     String::from_utf8(output.stderr.clone()).unwrap()
 }
 
+/// Two modules that cannot turn without touching each other.
+const CLOSE: &str = "
+target: {spots: [{id: 1, x: 0, y: 0}, {id: 2, x: 1, y: 0}], edges: [[1, 2]]}
+singletons: [{id: 7, x: 0.2, y: 3, theta: 0.5}, {id: 8, x: 1, y: 3, theta: 1}]
+";
+
 #[test]
 fn bad_input_is_reported_in_one_line_before_anything_starts() {
     let scenario = concat!(
@@ -38,6 +44,9 @@ fn bad_input_is_reported_in_one_line_before_anything_starts() {
     let torn = stores.path().join("module_1.session_0.json");
     fs::write(&torn, "{\"format\": 1, \"sess").unwrap();
     let torn = format!("{}: is damaged (EOF while parsing", torn.display());
+    let close = stores.path().join("close.yaml");
+    fs::write(&close, CLOSE).unwrap();
+    let close = close.display();
     for (arguments, expected) in [
         (
             format!("--module 99 --scenario {scenario}"),
@@ -61,6 +70,11 @@ fn bad_input_is_reported_in_one_line_before_anything_starts() {
                 stores.path().display()
             ),
             &torn,
+        ),
+        (
+            format!("--module 7 --scenario {close} --motion external"),
+            "starts: module 7 and module 8 are too close; robots move along paths only, as they could run into each other \
+             in straight lines: place these modules further apart",
         ),
     ] {
         let output = agent("1", &arguments).output().unwrap();

@@ -2,8 +2,11 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
+use std::time::Duration;
+
 use formation::model::{
-    self, ConfigurationId, Incarnation, ModuleId, ModulePhase, Service, SpotId,
+    self, ConfigurationId, DriveState, Incarnation, ModuleId, ModulePhase, SenderTime, Service,
+    SpotId,
 };
 use serde::{Deserialize, Serialize};
 
@@ -13,7 +16,7 @@ use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
 use crate::session::PROTOCOL_VERSION;
-use crate::standard::Header;
+use crate::standard::{Header, Time};
 
 /// See `CausalMark.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -34,6 +37,8 @@ pub struct ModuleState {
     pub digest: u64,
     pub phase: u8,
     pub service: u8,
+    pub stamp: Time,
+    pub drive: u8,
     pub x: f64,
     pub y: f64,
     pub theta: f64,
@@ -87,6 +92,14 @@ enumeration! {
     }
 }
 
+enumeration! {
+    ModuleState "drive": drive_to_wire, drive_from_wire => DriveState {
+        DRIVE_STANDING STANDING 1 = Standing,
+        DRIVE_MOVING MOVING 2 = Moving,
+        DRIVE_FOLDING FOLDING 3 = Folding,
+    }
+}
+
 impl From<&model::CausalMark> for CausalMark {
     fn from(mark: &model::CausalMark) -> Self {
         Self {
@@ -120,6 +133,8 @@ impl From<&model::ModuleState> for ModuleState {
             digest: state.digest.map_or(0, |digest| digest.0),
             phase: phase_to_wire(state.phase),
             service: service_to_wire(state.service),
+            stamp: state.at.0.into(),
+            drive: drive_to_wire(state.drive),
             x: state.pose.x.to_units(),
             y: state.pose.y.to_units(),
             theta: state.pose.theta.to_units(),
@@ -166,6 +181,8 @@ impl ModuleState {
             digest: check::digest(epoch, self.has_digest, self.digest)?,
             phase: phase_from_wire(self.phase)?,
             service: service_from_wire(self.service)?,
+            at: SenderTime(self.stamp.validated("stamp")?),
+            drive: drive_from_wire(self.drive)?,
             pose: check::pose(self.x, self.y, self.theta)?,
             links: check::links(module, &self.links)?,
             configuration: check::optional_id(self.configuration_id, ConfigurationId),
@@ -183,16 +200,21 @@ impl ModuleState {
 }
 
 impl ModuleStates {
-    /// One sample of the states of all modules that a process hosts.
+    /// One sample of the states of all modules that a process hosts, whose clock began at `clock_zero`, the time since 1970.
     pub fn new<'a>(
         header: Header,
+        clock_zero: Duration,
         states: impl IntoIterator<Item = &'a model::ModuleState>,
     ) -> Self {
+        let stamped = |state: &model::ModuleState| ModuleState {
+            stamp: (clock_zero + state.at.0).into(),
+            ..state.into()
+        };
         Self {
             header,
             protocol_version: PROTOCOL_VERSION,
             session: 0,
-            modules: states.into_iter().map(ModuleState::from).collect(),
+            modules: states.into_iter().map(stamped).collect(),
         }
     }
 

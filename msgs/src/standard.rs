@@ -33,6 +33,22 @@ pub struct Duration {
     pub nanosec: u32,
 }
 
+impl From<time::Duration> for Time {
+    /// Ends at the latest time of the wire, in 2038.
+    fn from(since_1970: time::Duration) -> Self {
+        let Duration { sec, nanosec } = since_1970.into();
+        Self { sec, nanosec }
+    }
+}
+
+impl Time {
+    /// The time since 1970.
+    pub(crate) fn validated(self, field: &str) -> Checked<time::Duration> {
+        let Self { sec, nanosec } = self;
+        Duration { sec, nanosec }.validated(field)
+    }
+}
+
 impl From<time::Duration> for Duration {
     /// Ends at the longest span of the wire, 68 years.
     fn from(span: time::Duration) -> Self {

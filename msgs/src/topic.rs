@@ -21,6 +21,8 @@ pub const VERDICT: &str = "verdict";
 
 /// Under [`prefix_of`]: where a driver is to go, a `geometry_msgs/msg/PoseStamped`.
 pub const GOAL_POSE: &str = "goal_pose";
+/// Under [`prefix_of`]: the poses that a driver is to pass from its goal on, a `nav_msgs/msg/Path`.
+pub const PATH: &str = "path";
 /// Under [`prefix_of`]: where a driver says that it stands, a `geometry_msgs/msg/PoseStamped`.
 pub const POSE: &str = "pose";
 /// Under [`prefix_of`]: the same as a `nav_msgs/msg/Odometry`.

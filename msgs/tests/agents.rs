@@ -32,7 +32,11 @@ fn check(said: &Message, coverage: &mut Coverage) {
         }
         Message::ModuleState(state) => {
             let states = [(**state).clone()];
-            let sent = over_the_wire(wire::ModuleStates::new(wire::Header::default(), &states));
+            let sent = over_the_wire(wire::ModuleStates::new(
+                wire::Header::default(),
+                Duration::ZERO,
+                &states,
+            ));
             assert_eq!(Vec::try_from(sent), Ok(states.to_vec()));
             coverage.states_with_marks += usize::from(!state.waited_for.is_empty());
             coverage.states_with_bases += usize::from(!state.quorum_bases.is_empty());

@@ -15,7 +15,7 @@ use formation_msgs::external::geometry_msgs::{
     Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,
     TwistWithCovariance, Vector3,
 };
-use formation_msgs::external::nav_msgs::Odometry;
+use formation_msgs::external::nav_msgs::{Odometry, Path};
 use formation_msgs::external::sensor_msgs::CompressedImage;
 use formation_msgs::external::std_msgs::ColorRGBA;
 use formation_msgs::external::tf2_msgs::TFMessage;
@@ -33,6 +33,7 @@ fn all() -> Vec<Codec> {
         part::<MarkerArray>(),
         part::<MeshFile>(),
         part::<Odometry>(),
+        part::<Path>(),
         part::<Point>(),
         part::<Pose>(),
         part::<PoseStamped>(),

@@ -91,6 +91,8 @@ fn state() -> wire::ModuleState {
         digest: 7,
         phase: wire::ModuleState::PHASE_MOVING,
         service: wire::ModuleState::SERVICE_ACTIVE,
+        stamp: wire::Time { sec: 5, nanosec: 6 },
+        drive: wire::ModuleState::DRIVE_MOVING,
         x: 1.5,
         y: -2.0,
         theta: 0.0,
@@ -131,6 +133,10 @@ fn module_states() {
             "module_states: modules[1].module_id: 4294967295 stands for none and cannot be used here";
         sample => sample.modules[1].epoch.convener = NONE,
             "module_states: modules[1].epoch.convener: 4294967295 stands for none and cannot be used here";
+        sample => sample.modules[1].drive = 0,
+            "module_states: modules[1].drive: 0 is unknown; known are STANDING 1, MOVING 2, FOLDING 3";
+        sample => sample.modules[1].stamp.sec = -1,
+            "module_states: modules[1].stamp: needs sec >= 0 and nanosec < 10^9";
         sample => sample.modules[1].epoch = NO_EPOCH,
             "module_states: modules[1].digest: there cannot be one without an epoch";
         sample => sample.modules[1].has_digest = false,

@@ -1,5 +1,7 @@
 //! What the core says arrives as it was said.
 
+use std::time::Duration;
+
 use crate::common::codec::over_the_wire;
 use crate::common::core_values;
 use crate::common::samples::header;
@@ -21,7 +23,7 @@ proptest! {
 
     #[test]
     fn module_states(states in core_values::module_states(), header in header()) {
-        let sent = over_the_wire(wire::ModuleStates::new(header, &states));
+        let sent = over_the_wire(wire::ModuleStates::new(header, Duration::ZERO, &states));
         prop_assert_eq!(Vec::<model::ModuleState>::try_from(sent), Ok(states));
     }
 

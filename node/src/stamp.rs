@@ -1,8 +1,13 @@
 //! Wall-clock time: stamps, incarnations and revisions.
 
+use std::time::Duration;
+
 use formation::model::{Incarnation, STAMP_AHEAD_MAX};
 use formation_msgs::{Header, Time};
-use ros_runtime::stamp::since_epoch;
+use ros_runtime::stamp::{since_boot, since_epoch};
+
+/// How often both clocks are looked at.
+const LOOKS: u32 = 5;
 
 /// A header for data taken now.
 #[must_use]
@@ -15,6 +20,19 @@ pub fn header(frame_id: &str) -> Header {
         },
         frame_id: frame_id.to_owned(),
     }
+}
+
+/// The time since 1970 at which the machine had run for `since_start`. Of several looks at both clocks, the one that took
+/// the least time counts: a process may be suspended between two calls.
+#[must_use]
+pub fn since_1970(since_start: Duration) -> Duration {
+    let look = |_| {
+        let (before, now, after) = (since_boot(), since_epoch(), since_boot());
+        (after.saturating_sub(before), now.saturating_sub(before))
+    };
+    let looks = (0..LOOKS).map(look);
+    let boot = looks.min().map_or_else(since_epoch, |(_, boot)| boot);
+    boot + since_start
 }
 
 /// An incarnation for a process that starts now.

@@ -2,7 +2,7 @@
 
 use formation::model::ModuleId;
 use formation_msgs::external::geometry_msgs::PoseStamped;
-use formation_msgs::external::nav_msgs::Odometry;
+use formation_msgs::external::nav_msgs::{Odometry, Path};
 use formation_msgs::external::tf2_msgs::TFMessage;
 use formation_msgs::external::visualization_msgs::MarkerArray;
 use formation_msgs::{
@@ -76,6 +76,12 @@ fn of_module<M: InterfaceType>(module: ModuleId, name: &'static str, quality: Qu
 #[must_use]
 pub fn goal_pose(module: ModuleId) -> Topic<PoseStamped> {
     of_module(module, topic::GOAL_POSE, RELIABLE)
+}
+
+/// The path of a module: its goal and the poses after it. For drivers that look ahead; it is no command to move.
+#[must_use]
+pub fn path(module: ModuleId) -> Topic<Path> {
+    of_module(module, topic::PATH, LATCHED)
 }
 
 /// What a module's driver is to do with its ports; repeated until it is answered.

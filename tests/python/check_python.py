@@ -33,6 +33,7 @@ TOPIC_TYPES = {
     "heartbeats": "formation_msgs/msg/Heartbeat",
     "verdict": "formation_msgs/msg/Verdict",
     "goal_pose": "geometry_msgs/msg/PoseStamped",
+    "path": "nav_msgs/msg/Path",
     "pose": "geometry_msgs/msg/PoseStamped",
     "odom": "nav_msgs/msg/Odometry",
     "docking": "formation_msgs/msg/DockingRequest",

@@ -176,6 +176,7 @@ fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     let Some(poses) = Peer::take("module_1/pose", pose, false, domain) else {
         return;
     };
+    let paths = Peer::take("module_1/path", "nav_msgs/msg/Path", true, domain).unwrap();
     let announce = ["--scenario", file.path(), "--expected-modules", "1"];
     let _announcer = Running::start("target_publisher", domain, &announce);
     let arguments = [
@@ -188,6 +189,16 @@ fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     ];
     let mut agent = Running::start("module_agent", domain, &arguments);
     let next = || poses.taken()["pose"]["position"]["x"].as_f64().unwrap();
+    // One path with each goal of a step: the goal and the poses after it, the spot last.
+    let ahead = paths.taken()["poses"].clone();
+    let ahead: Vec<f64> = ahead
+        .as_array()
+        .unwrap()
+        .iter()
+        .map(|pose| pose["pose"]["position"]["x"].as_f64().unwrap())
+        .collect();
+    assert!(ahead.len() >= 39 && ahead.is_sorted(), "{ahead:?}");
+    assert!((ahead[ahead.len() - 1] - 40.0).abs() < 1e-6, "{ahead:?}");
     while next() < 2.0 {}
     agent.kill();
     // Twenty poses a second: it has stopped when as many are equal.

@@ -179,9 +179,9 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 #[cfg(test)]
 pub(crate) mod tests {
     use formation::model::{
-        Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase, ModuleState,
-        PlannerParameters, Roster, RosterMessage, Scenario, Service, SpotClaim, SpotSelection,
-        Stop, TargetAnnouncement,
+        Decision, DriveState, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase,
+        ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SenderTime, Service,
+        SpotClaim, SpotSelection, Stop, TargetAnnouncement,
     };
 
     use super::*;
@@ -200,6 +200,8 @@ pub(crate) mod tests {
             digest: None,
             phase: ModulePhase::Moving,
             service: Service::Active,
+            at: SenderTime::default(),
+            drive: DriveState::Standing,
             pose,
             links: [ModuleId(module ^ 1)].into(),
             configuration: Some(ConfigurationId(1)),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 use std::fmt;
+use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -123,6 +124,30 @@ pub struct CausalMark {
     pub sequence: u64,
 }
 
+/// What the drive of a module does from the time of a state on.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveState {
+    /// The module stands where it is until it publishes another state.
+    #[default]
+    Standing,
+    /// The module moves straight on, until it publishes a state at the next corner or stop.
+    Moving,
+    /// The same in a step in which the modules of its unit fold: these may overlap each other.
+    Folding,
+}
+
+/// When a state held. An agent counts from the start of its own clock, a message from 1970-01-01 UTC by the clock of its
+/// sender. No agent decides by it, so it does not enter hashes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SenderTime(pub Duration);
+
+impl Hash for SenderTime {
+    fn hash<H: Hasher>(&self, _: &mut H) {}
+}
+
 /// The state that a module publishes.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct ModuleState {
@@ -142,6 +167,10 @@ pub struct ModuleState {
     pub phase: ModulePhase,
     /// Whether it takes part in plans.
     pub service: Service,
+    /// When it had this pose.
+    pub at: SenderTime,
+    /// What its drive does from then on.
+    pub drive: DriveState,
     /// Its pose.
     pub pose: Pose,
     /// The modules to which it is docked.

@@ -1,8 +1,12 @@
 //! How the modules of a plan move: along paths, in straight lines, or not at all.
 
+use std::sync::Arc;
+
 use crate::model::{
     ActingUnit, AssemblyWarning, ModuleId, MotionMode, Plan, PlanningProblem, SpotId,
 };
+
+use crate::planner;
 
 use super::paths::{
     Area, MotionError, MotionParameters, MotionPlan, MotionRequest, UnitMotion, plan_motion,
@@ -44,6 +48,28 @@ impl PlannedMotion {
             Err(error) if mode == MotionMode::Auto => (Self::Straight(Some(error)), plan),
             Err(error) => (Self::Refused(error), plan),
         }
+    }
+
+    /// The motion of a problem as it is planned offline: all modules of the problem take part, and no others are there.
+    #[must_use]
+    pub fn offline(problem: &PlanningProblem) -> Self {
+        let planned = planner::plan(Arc::new(problem.clone()));
+        Self::of(problem, planned.plan, &[]).0
+    }
+
+    /// Whether robots may start: nothing is sure to bring them into contact unless the target demands it.
+    ///
+    /// # Errors
+    /// Names the modules or spots for which there are no paths, and the cure.
+    pub fn check_for_robots(&self) -> Result<(), String> {
+        let (Self::Straight(Some(error)) | Self::Refused(error)) = self else {
+            return Ok(());
+        };
+        let cure = error.cure();
+        Err(format!(
+            "{error}; robots move along paths only, as they could run into each other in straight lines: {cure}, or demand \
+             straight lines (planner.motion: straight)"
+        ))
     }
 
     /// The motion plan, if modules move along paths.

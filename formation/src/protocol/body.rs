@@ -1,8 +1,9 @@
 //! The module's body: its pose, its links, and what its drive and ports are doing.
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
-use crate::model::{Digest, ModuleId, Pose, Service, SpotId};
+use crate::model::{Digest, DriveState, ModuleId, Pose, SenderTime, Service, SpotId};
 
 /// The spot on which a module has settled, and the target that it belongs to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -15,6 +16,8 @@ pub(super) struct SettledOn {
 #[derive(Clone, Debug, Hash)]
 pub(super) struct Body {
     pub pose: Pose,
+    /// When a module that moves had this pose.
+    pub pose_at: SenderTime,
     pub links: BTreeSet<ModuleId>,
     pub service: Service,
     pub settled_on: Option<SettledOn>,
@@ -28,11 +31,26 @@ impl Body {
     pub fn new(pose: Pose, links: BTreeSet<ModuleId>) -> Self {
         Self {
             pose,
+            pose_at: SenderTime::default(),
             links,
             service: Service::Active,
             settled_on: None,
             moving: false,
             ports_busy: BTreeSet::new(),
+        }
+    }
+
+    /// The drive reports a pose.
+    pub fn stand_at(&mut self, pose: Pose, now: Duration) {
+        self.pose = pose;
+        self.pose_at = SenderTime(now);
+    }
+
+    /// When it had its pose, and what its drive does since then.
+    pub fn drive_state(&self, now: Duration) -> (SenderTime, DriveState) {
+        match self.moving {
+            true => (self.pose_at, DriveState::Moving),
+            false => (SenderTime(now), DriveState::Standing),
         }
     }
 

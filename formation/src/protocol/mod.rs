@@ -197,6 +197,12 @@ impl Agent {
         self.context.body.pose
     }
 
+    /// The goals of the present step and of all after it; empty while it does not move.
+    #[must_use]
+    pub fn path_ahead(&self) -> Vec<Pose> {
+        self.stage.path_ahead()
+    }
+
     /// The modules that it is docked to.
     #[must_use]
     pub fn links(&self) -> &BTreeSet<ModuleId> {

@@ -11,17 +11,18 @@ use super::stage::Stage;
 
 impl Agent {
     pub(super) fn handle_motion(&mut self, report: MotionReport) {
+        let now = self.context.now;
         let body = &mut self.context.body;
         match report {
             MotionReport::Pose(pose) => {
-                body.pose = pose;
+                body.stand_at(pose, now);
                 let published = self.context.outbox.states.pose_at;
-                if self.context.now < published + self.context.parameters.pose_interval {
+                if now < published + self.context.parameters.pose_interval {
                     return;
                 }
             }
             MotionReport::Arrived(pose) => {
-                body.pose = pose;
+                body.stand_at(pose, now);
                 body.moving = false;
                 // A goal that waited for the store meanwhile would have the module set off again.
                 self.context.outbox.withdraw_goals();
@@ -32,7 +33,7 @@ impl Agent {
                 }
             }
             MotionReport::Halted(pose) => {
-                body.pose = pose;
+                body.stand_at(pose, now);
                 body.moving = false;
                 self.context.outbox.withdraw_goals();
             }

@@ -49,6 +49,7 @@ impl Agent {
 
     fn state(&mut self) -> ModuleState {
         let context = &self.context;
+        let (at, drive) = context.body.drive_state(context.now);
         let mut state = ModuleState {
             module: context.module(),
             incarnation: context.own.run.incarnation,
@@ -58,6 +59,8 @@ impl Agent {
             digest: self.digest(),
             phase: self.phase(),
             service: context.body.service,
+            at,
+            drive,
             pose: context.body.pose,
             links: context.body.links.clone(),
             configuration: context.own.configuration,

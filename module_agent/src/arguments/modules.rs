@@ -114,6 +114,8 @@ pub struct HostedModules {
     pub modules: Vec<Identity>,
     /// The frame of all poses (REP-105).
     pub frame_id: String,
+    /// The scenario from which they come, if they come from one.
+    pub scenario: Option<Scenario>,
 }
 
 impl ModuleArguments {
@@ -137,6 +139,7 @@ impl ModuleArguments {
             None => Ok(HostedModules {
                 modules: vec![self.described(listed[0])?],
                 frame_id: "map".to_owned(),
+                scenario: None,
             }),
         }
     }
@@ -220,6 +223,7 @@ impl HostedModules {
         Ok(Self {
             modules,
             frame_id: problem.target().frame_id().to_owned(),
+            scenario: Some(scenario.clone()),
         })
     }
 }

@@ -1,8 +1,8 @@
-//! Odometry.
+//! Odometry and paths.
 
 use serde::{Deserialize, Serialize};
 
-use super::geometry_msgs::{PoseWithCovariance, TwistWithCovariance};
+use super::geometry_msgs::{PoseStamped, PoseWithCovariance, TwistWithCovariance};
 use crate::standard::Header;
 
 /// Where a robot estimates to be, and how fast it moves.
@@ -15,4 +15,12 @@ pub struct Odometry {
     pub twist: TwistWithCovariance,
 }
 
-interface_types!("nav_msgs": Odometry);
+/// The poses that a robot is to pass, in that order.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[expect(missing_docs, reason = "the fields are those of the package")]
+pub struct Path {
+    pub header: Header,
+    pub poses: Vec<PoseStamped>,
+}
+
+interface_types!("nav_msgs": Odometry, Path);

@@ -6,11 +6,11 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, Epoch, EvictionNotice,
-    EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase, ModuleState,
-    MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawSpot,
-    RawTarget, Removal, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId,
-    SpotSelection, Stop, StoreId, Target, TargetAnnouncement, Timing, TurnOrder, Voter,
+    BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
+    EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
+    ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawSpot,
+    RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime, Service, SpotClaim,
+    SpotId, SpotSelection, Stop, StoreId, Target, TargetAnnouncement, Timing, TurnOrder, Voter,
     VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
@@ -301,6 +301,22 @@ fn planning_module() -> impl Strategy<Value = PlanningModule> {
         )
 }
 
+fn sender_time() -> impl Strategy<Value = SenderTime> {
+    let latest = u64::from(i32::MAX.unsigned_abs());
+    (0..latest, 0..1_000_000_000_u32).prop_map(|(seconds, nanos)| {
+        let at = Duration::new(seconds, nanos);
+        SenderTime(at)
+    })
+}
+
+fn drive() -> impl Strategy<Value = DriveState> {
+    select(vec![
+        DriveState::Standing,
+        DriveState::Moving,
+        DriveState::Folding,
+    ])
+}
+
 pub fn module_state() -> impl Strategy<Value = ModuleState> {
     (
         planning_module(),
@@ -309,7 +325,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
             any::<u64>(),
             epoch_and_digest(),
         ),
-        (phase(), service()),
+        (phase(), service(), sender_time(), drive()),
         (
             option::of(module_id()),
             option::of(any::<u32>()),
@@ -321,7 +337,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
             |(
                 module,
                 ((incarnation, store), sequence, (epoch, digest)),
-                (phase, service),
+                (phase, service, at, drive),
                 (unit, steps_done, since),
                 (waited_for, agreed_on, quorum_bases, bodies),
             )| ModuleState {
@@ -333,6 +349,8 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 digest,
                 phase,
                 service,
+                at,
+                drive,
                 pose: module.pose,
                 links: module.links,
                 configuration: module.configuration,

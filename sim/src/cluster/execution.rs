@@ -201,7 +201,13 @@ impl Cluster {
             };
             let local = process.clock.local(now);
             match output {
-                Output::Publish(message) => self.publish(module, &message),
+                Output::Publish(mut message) => {
+                    if let Message::ModuleState(state) = &mut message {
+                        let at = &mut Arc::make_mut(state).at.0;
+                        *at = process.clock.global(*at);
+                    }
+                    self.publish(module, &message);
+                }
                 Output::Event(event) => self.observe(Observation::Noted(module, event)),
                 Output::Move(goal) => {
                     let plan = process.agent.epoch().zip(process.agent.digest());

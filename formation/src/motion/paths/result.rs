@@ -323,6 +323,25 @@ pub enum MotionError {
     },
 }
 
+impl MotionError {
+    /// What to change so that there are paths.
+    #[must_use]
+    pub fn cure(&self) -> &'static str {
+        match self {
+            Self::OffLattice { .. } | Self::SharedCell(..) | Self::LongEdge(..) => {
+                "put each spot on a cell of its own of one lattice of units, with headings in quarter turns"
+            }
+            Self::Starts(_) => {
+                "place these modules further apart, so that each can turn without touching another (`formation generate \
+                 --apart` draws such starts)"
+            }
+            Self::CoveredSpot(_) | Self::FieldTooLarge(_) | Self::Unreachable { .. } => {
+                "change the target or the starts"
+            }
+        }
+    }
+}
+
 /// The largest number of cells that the planner searches.
 pub const FIELD_CELLS_MAX: u64 = 4_000_000;
 

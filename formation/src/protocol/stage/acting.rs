@@ -4,7 +4,9 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::model::{ModuleId, ModulePhase, ModuleState, Service, SpotId, digest};
+use crate::model::{
+    DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId, digest,
+};
 use crate::motion::PlannedMotion;
 
 use super::super::body::SettledOn;
@@ -140,6 +142,9 @@ impl Acting {
             self.proofs.note_settled(state.sequence);
         }
         self.proofs.describe(state);
+        if state.drive == DriveState::Moving && self.folds() {
+            state.drive = DriveState::Folding;
+        }
         state.steps_done = self.held.motion.planned.paths().map(|_| self.steps_done);
     }
 
@@ -208,6 +213,14 @@ impl Acting {
         match &self.held.motion.route {
             Some(route) => route.goal(self.steps_done + 1),
             None => self.held.goal(),
+        }
+    }
+
+    /// The goals of the present step and of all after it.
+    pub fn path_ahead(&self) -> Vec<Pose> {
+        match &self.held.motion.route {
+            Some(route) => route.poses_from(self.steps_done + 1).collect(),
+            None => self.held.goal().into_iter().map(|goal| goal.pose).collect(),
         }
     }
 
@@ -405,6 +418,7 @@ impl Acting {
             && let Some(goal) = self.goal()
         {
             // The drive halted, because agreement lapsed or because its goal did not repeat in time.
+            context.mark_state_changed();
             send_goal(goal, context);
         }
         if let Some(lapse) = self.next_lapse(context) {
@@ -480,5 +494,6 @@ impl Acting {
 
 fn send_goal(goal: MotionGoal, context: &mut Context) {
     context.body.moving = true;
+    context.body.pose_at = SenderTime(context.now);
     context.outbox.push(Output::Move(goal));
 }

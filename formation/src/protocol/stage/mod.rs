@@ -14,7 +14,7 @@ mod route;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use crate::model::{Epoch, ModulePhase, ModuleState, Roster, SpotClaim};
+use crate::model::{Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim};
 
 pub(super) use acting::Acting;
 pub(super) use agreeing::Agreeing;
@@ -141,6 +141,14 @@ impl Stage {
         match self {
             Self::Acting(acting) => acting.steps_done(),
             _ => 0,
+        }
+    }
+
+    /// The goals of the present step and of all after it, while modules act.
+    pub fn path_ahead(&self) -> Vec<Pose> {
+        match self {
+            Self::Acting(acting) => acting.path_ahead(),
+            _ => Vec::new(),
         }
     }
 

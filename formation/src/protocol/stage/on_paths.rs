@@ -112,8 +112,7 @@ impl Acting {
     /// The module is free to take its next step, or has taken all of them.
     fn leave(&mut self, context: &mut Context) -> Progress {
         if self.steps_done < self.steps() {
-            let goes_on = self.held.motion.route.as_ref();
-            if !goes_on.is_some_and(|route| route.goes_on(self.steps_done + 1)) {
+            if self.begins_segment() {
                 context.mark_state_changed();
             }
             self.move_on(context);
@@ -126,6 +125,23 @@ impl Acting {
         }
         self.task = Task::Spare;
         Progress::Wait
+    }
+
+    /// Whether the next step leads elsewhere than the one before, or begins after a stop, or when others have left its
+    /// cells. Observers interpolate between the states that are published then, so a module seems to be nowhere before it
+    /// may be there.
+    fn begins_segment(&self) -> bool {
+        let step = self.steps_done + 1;
+        let has_stopped =
+            self.stopped_after == Some(self.steps_done) || self.task == Task::Undocking;
+        let route = self.held.motion.route.as_ref();
+        has_stopped || !route.is_some_and(|route| route.goes_on(step) && !route.has_waits(step))
+    }
+
+    /// Whether the modules of its unit may overlap each other during the present step.
+    pub(super) fn folds(&self) -> bool {
+        let route = self.held.motion.route.as_ref();
+        route.is_some_and(|route| route.folds(self.steps_done + 1))
     }
 
     /// Publishes once where the module stands while it waits.

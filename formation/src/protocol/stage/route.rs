@@ -119,6 +119,18 @@ impl Route {
         is_joint || unit.modules.len() > 1 || self.awaited_ends.contains(&step)
     }
 
+    /// Whether a step waits for steps of other units.
+    pub fn has_waits(&self, step: u32) -> bool {
+        self.own().waits.iter().any(|wait| wait.step == step)
+    }
+
+    /// Whether the modules of the unit may overlap each other during a step.
+    pub fn folds(&self, step: u32) -> bool {
+        let step = step.checked_sub(1).map(|index| index as usize);
+        let step = step.and_then(|index| self.own().steps.get(index));
+        step.is_some_and(|step| matches!(step.kind, StepKind::Fold { .. } | StepKind::Regroup))
+    }
+
     /// Whether a step leads on in the direction of the one before.
     pub fn goes_on(&self, step: u32) -> bool {
         let waypoints = &self.own().modules[self.member].waypoints;
@@ -135,6 +147,12 @@ impl Route {
             )
         };
         along(0) == along(1)
+    }
+
+    /// Where a step and all after it lead.
+    pub fn poses_from(&self, step: u32) -> impl Iterator<Item = Pose> {
+        let waypoints = self.own().modules[self.member].waypoints.iter();
+        waypoints.skip(step as usize).map(|waypoint| waypoint.pose)
     }
 
     /// Where a step leads.
