@@ -7,7 +7,7 @@ use ros_runtime::exit::{Failure, one_line};
 
 use crate::arguments::SPEED_UNITS_PER_S;
 use crate::checked_plan::{CheckedPlan, PlanReport};
-use crate::motion::MotionReport;
+use crate::motion::{self, MotionReport};
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 
@@ -45,21 +45,28 @@ fn write_report(
     name: &str,
 ) -> Result<(), Failure> {
     let subject = Subject::planned(&one_line(name), &plan.problem, &plan.outcome);
-    let course = course_of_plan(&plan.problem, &plan.outcome, SPEED_UNITS_PER_S);
+    let course = course_of_plan(
+        &plan.problem,
+        &plan.outcome,
+        &plan.motion,
+        SPEED_UNITS_PER_S,
+    );
+    let mut notes = plan.statistics.warnings.clone();
+    notes.extend(motion::warning(&plan.motion));
     let summary = Summary {
         outcome: format!(
-            "Planned: {} of {} spots get a module",
+            "Planned: {} of {} spots get a module{}",
             plan.statistics.assignments.len(),
-            plan.problem.target().spots().len()
+            plan.problem.target().spots().len(),
+            motion::mark(&plan.motion)
         ),
         tone: Tone::Neutral,
         source: format!(
-            "Planned offline and not carried out: the film shows the turns of the plan, then its motions, as drives \
-             make them that go straight at {SPEED_UNITS_PER_S} units a second. The clock next to the film counts the \
-             motions alone."
+            "Planned offline and not carried out: the film shows the turns of the plan, then its motions, at \
+             {SPEED_UNITS_PER_S} units a second. The clock next to the film counts the motions alone."
         ),
         facts: plan.facts(),
-        notes: plan.statistics.warnings.clone(),
+        notes,
     };
     directory.write_json(&with_motion(plan))?;
     directory.write_pictures(&subject, &course, &summary)

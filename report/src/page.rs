@@ -197,7 +197,7 @@ fn legend_of(subject: &Subject) -> Vec<Element> {
         (Mark::Line("link kept"), "link that is kept"),
         (Mark::Break, "link that breaks"),
         (Mark::Line("link new"), "new link"),
-        (Mark::Line("goal"), "path to the claimed spot"),
+        (Mark::Line("goal"), "to the claimed spot"),
         (Mark::Ring("ring acting"), "acts in this step"),
         (Mark::Ring("ring evicted"), "loses its spot in this step"),
         (Mark::Spot, "free spot"),

@@ -1,13 +1,21 @@
-//! The course of a plan: its turns, then the motions of one unit after another on straight paths.
+//! The course of a plan: its turns, then the motions: of all units along their paths, or of one unit after another in
+//! straight lines.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use formation::event_log::{Entry, Event, ModuleSnapshot, milliseconds};
-use formation::model::{ActingUnit, Epoch, ModuleId, ModulePhase, PlanningProblem, Pose, SpotId};
-use formation::motion::SimulatedDrive;
+use formation::model::{
+    ActingUnit, Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem, Pose,
+    SpotId,
+};
+use formation::motion::paths::{Step, StepKind, UnitMotion};
+use formation::motion::{PlannedMotion, SimulatedDrive};
 use formation::planner::PlanOutcome;
 use formation::protocol::MotionGoal;
+
+/// Into how many straight parts an arc is divided.
+const ARC_PARTS: u32 = 6;
 
 /// The course of a plan whose modules move by simulated drives at this speed.
 ///
@@ -16,6 +24,7 @@ use formation::protocol::MotionGoal;
 pub fn course_of_plan(
     problem: &PlanningProblem,
     outcome: &PlanOutcome,
+    motion: &PlannedMotion,
     speed_units_per_s: f64,
 ) -> Vec<Entry> {
     let epoch = Epoch {
@@ -32,14 +41,15 @@ pub fn course_of_plan(
         });
     }
     course.wait_for_turns();
-    for unit in outcome
-        .plan
-        .assembly
-        .units
-        .iter()
-        .filter(|unit| !unit.pinned)
-    {
-        course.act(unit, speed_units_per_s);
+    match motion {
+        PlannedMotion::Paths(paths) => course.follow_paths(&paths.units, speed_units_per_s),
+        PlannedMotion::Straight(_) => {
+            let units = outcome.plan.assembly.units.iter();
+            for unit in units.filter(|unit| !unit.pinned) {
+                course.act(unit, speed_units_per_s);
+            }
+        }
+        PlannedMotion::Refused(_) => {}
     }
     course.entries
 }
@@ -129,6 +139,47 @@ impl<'a> Course<'a> {
         }
     }
 
+    /// All units move along their paths, as the plan times them: a step takes as long as a cell.
+    fn follow_paths(&mut self, units: &[UnitMotion], speed_units_per_s: f64) {
+        let mut moments: Vec<Moment> = units.iter().flat_map(moments_of).collect();
+        moments.sort_by(|one, other| one.time.total_cmp(&other.time));
+        let begin = self.now;
+        for Moment { time, module, what } in moments {
+            let passed = Duration::try_from_secs_f64(time / speed_units_per_s);
+            self.now = begin + passed.unwrap_or_default();
+            match what {
+                What::SetsOff => self.change(module, |state| state.phase = ModulePhase::Moving),
+                What::Undocks => self.undock(module),
+                What::IsAt(pose) => {
+                    if let Some(state) = self.modules.get_mut(&module) {
+                        state.pose = pose;
+                        self.note(Event::Pose { module, pose });
+                    }
+                }
+                What::Docks(spot) => self.settle(module, spot),
+                What::IsSpare => self.change(module, |state| state.phase = ModulePhase::Spare),
+            }
+        }
+    }
+
+    /// A module has arrived at its spot, and docks to those that are there.
+    fn settle(&mut self, module: ModuleId, spot: SpotId) {
+        let Some(spot) = self.problem.target().spot(spot).copied() else {
+            return;
+        };
+        let docked = self.docked_at(spot.id);
+        for &other in &docked {
+            self.change(other, |state| {
+                state.links.insert(module);
+            });
+        }
+        self.change(module, |state| {
+            state.pose = spot.pose;
+            state.phase = ModulePhase::Settled;
+            state.links.extend(docked);
+        });
+    }
+
     /// A unit undocks from the links that the plan breaks, moves and docks.
     fn act(&mut self, unit: &ActingUnit, speed_units_per_s: f64) {
         let placements = &unit.placements;
@@ -154,20 +205,7 @@ impl<'a> Course<'a> {
         drive.go(Duration::ZERO, goal);
         self.now += drive.time_left(Duration::ZERO).unwrap_or_default();
         for &(module, spot) in placements {
-            let Some(spot) = self.problem.target().spot(spot).copied() else {
-                continue;
-            };
-            let docked = self.docked_at(spot.id);
-            for &other in &docked {
-                self.change(other, |state| {
-                    state.links.insert(module);
-                });
-            }
-            self.change(module, |state| {
-                state.pose = spot.pose;
-                state.phase = ModulePhase::Settled;
-                state.links.extend(docked);
-            });
+            self.settle(module, spot);
         }
     }
 
@@ -200,4 +238,76 @@ impl<'a> Course<'a> {
             .map(|state| state.module)
             .collect()
     }
+}
+
+/// Something that a module does at a time of the plan.
+struct Moment {
+    time: f64,
+    module: ModuleId,
+    what: What,
+}
+
+enum What {
+    SetsOff,
+    Undocks,
+    IsAt(Pose),
+    Docks(SpotId),
+    IsSpare,
+}
+
+/// What the modules of a unit do, in the order of its steps.
+fn moments_of(unit: &UnitMotion) -> Vec<Moment> {
+    let mut moments = Vec::new();
+    for module in &unit.modules {
+        let mut add = |time: f64, what| {
+            let module = module.module;
+            moments.push(Moment { time, module, what });
+        };
+        let ends = module.waypoints.windows(2);
+        let mut number = 0;
+        for (step, ends) in unit.steps.iter().zip(ends) {
+            let begin = f64::from(step.begin);
+            if number == 0 {
+                add(begin, What::SetsOff);
+            }
+            if number == unit.joint_steps {
+                add(begin, What::Undocks);
+            }
+            number += 1;
+            // It has stood there since the end of the step before.
+            add(begin, What::IsAt(ends[0].pose));
+            let length = f64::from(ends[1].time) - begin;
+            for (share, pose) in along(step, ends[0].pose, ends[1].pose) {
+                add(begin + length * share, What::IsAt(pose));
+            }
+        }
+        let end = module.waypoints.last().map_or(0, |last| last.time);
+        match (module.spot, unit.docked_at) {
+            (Some(spot), Some(docked)) => add(f64::from(docked), What::Docks(spot)),
+            _ if number > 0 => add(f64::from(end), What::IsSpare),
+            _ => {}
+        }
+    }
+    moments
+}
+
+/// The poses of a module in a step, each at a share of its time; several where it goes along an arc.
+fn along(step: &Step, from: Pose, to: Pose) -> Vec<(f64, Pose)> {
+    let StepKind::Turn { centre, .. } = step.kind else {
+        return vec![(1.0, to)];
+    };
+    let goal = MotionGoal {
+        pose: to,
+        unit_distance: MicroUnits(MICRO_PER_UNIT),
+        pivot: Some(centre),
+    };
+    let mut drive = SimulatedDrive::new(from, 1.0, Duration::MAX);
+    drive.go(Duration::ZERO, goal);
+    let whole = drive.time_left(Duration::ZERO).unwrap_or_default();
+    (1..=ARC_PARTS)
+        .map(|part| {
+            let pose = drive.pose_at(whole * part / ARC_PARTS);
+            (f64::from(part) / f64::from(ARC_PARTS), pose)
+        })
+        .collect()
 }

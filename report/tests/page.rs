@@ -31,7 +31,7 @@ fn film(page: &str) -> Value {
 }
 
 fn planned(formed: &Formed) -> (Vec<Entry>, Value) {
-    let course = course_of_plan(formed.problem(), &formed.outcome, 5.0);
+    let course = course_of_plan(formed.problem(), &formed.outcome, &formed.motion, 5.0);
     let film = film(&page(&formed.subject(), &course, &summary("done")));
     (course, film)
 }
@@ -47,6 +47,32 @@ fn steps(film: &Value) -> Vec<&str> {
         .iter()
         .map(|step| step["text"].as_str().unwrap())
         .collect()
+}
+
+#[test]
+fn modules_are_played_along_their_paths() {
+    let formed = Formed::of(
+        "
+target: {spots: [{id: 1, x: 0, y: 0}, {id: 2, x: 1, y: 0}], edges: [[1, 2]]}
+singletons: [{id: 7, x: 0, y: 2}, {id: 8, x: 4, y: 3}]
+",
+    );
+    let (_, film) = planned(&formed);
+    let side = |module: usize, frame: usize| {
+        let track = &film["modules"][module]["track"];
+        let place = |frame: &Value| (frame[1].as_f64().unwrap(), frame[2].as_f64().unwrap());
+        let (from, to) = (place(&track[frame]), place(&track[frame + 1]));
+        ((to.0 - from.0).abs(), (to.1 - from.1).abs())
+    };
+    let frames = film["modules"][1]["track"].as_array().unwrap().len();
+    let legs: Vec<(f64, f64)> = (0..frames - 1).map(|frame| side(1, frame)).collect();
+    assert!(
+        legs.iter().all(|leg| leg.0 < 0.1 || leg.1 < 0.1),
+        "{legs:?}"
+    );
+    let length = |along: fn(&(f64, f64)) -> f64| legs.iter().map(along).sum::<f64>();
+    assert!((length(|leg| leg.0) - 3.0 * 48.0).abs() < 1.0, "{legs:?}");
+    assert!((length(|leg| leg.1) - 3.0 * 48.0).abs() < 1.0, "{legs:?}");
 }
 
 #[test]
@@ -91,22 +117,8 @@ fn a_plan_is_played_to_its_end() {
             .filter(|text| text.contains(" off "))
             .count();
         assert_eq!(set_off, units.len(), "{name}");
-        // The drives go one after another at 5 units a second.
-        let seconds: f64 = units
-            .iter()
-            .map(|unit| {
-                let ways = unit.placements.iter().map(|(module, spot)| {
-                    let spot = formed.problem().target().spot(*spot).unwrap();
-                    formed
-                        .problem()
-                        .module(*module)
-                        .unwrap()
-                        .pose
-                        .distance_to(&spot.pose)
-                });
-                ways.max().unwrap().to_units() / 5.0
-            })
-            .sum();
+        // All units move at the same time, at 5 steps a second.
+        let seconds = f64::from(formed.motion.paths().unwrap().makespan) / 5.0;
         let recorded = Duration::from_millis(course.last().unwrap().at_ms);
         assert!((recorded.as_secs_f64() - seconds).abs() < 0.01, "{name}");
         assert_eq!(last(&film["clock"])[1], course.last().unwrap().at_ms);
@@ -257,7 +269,7 @@ target: {spots: [{id: 1, x: 0.0, y: 0.0}]}
 singletons: [{id: 7, x: 0.0, y: 1.0}]
 "#,
     );
-    let course = course_of_plan(formed.problem(), &formed.outcome, 5.0);
+    let course = course_of_plan(formed.problem(), &formed.outcome, &formed.motion, 5.0);
     let page = page(
         &formed.subject(),
         &course,
@@ -278,7 +290,7 @@ singletons: [{id: 7, x: 0.0, y: 1.0}]
 #[test]
 fn everything_stands_in_the_page() {
     let formed = Formed::shipped("figure1_ladder17");
-    let course = course_of_plan(formed.problem(), &formed.outcome, 5.0);
+    let course = course_of_plan(formed.problem(), &formed.outcome, &formed.motion, 5.0);
     let page = page(&formed.subject(), &course, &summary("all is well"));
     for part in [
         "all is well",

@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use super::{Entry, Event, ModuleSnapshot, milliseconds};
 use crate::model::{
-    Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState, Roster, RosterMember,
-    RosterMessage, Service, SpotClaim,
+    DriveState, Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState, Roster,
+    RosterMember, RosterMessage, Service, SpotClaim,
 };
 
 /// The usual least time between two recorded poses of one module.
@@ -36,6 +36,8 @@ struct Known {
     incarnation: Incarnation,
     sequence: u64,
     snapshot: ModuleSnapshot,
+    drive: DriveState,
+    steps_done: Option<u32>,
     pose_at: Duration,
 }
 
@@ -161,7 +163,11 @@ impl Recorder {
             };
             only_moved = !is_restart && before == snapshot;
             let is_too_soon = now < known.pose_at.saturating_add(self.pose_interval);
-            if only_moved && (snapshot.pose == known.snapshot.pose || is_too_soon) {
+            // Viewers interpolate between poses, so they need every corner, begin and stop.
+            let goes_on = known.drive == state.drive;
+            let is_corner = known.steps_done != state.steps_done;
+            let is_same = snapshot.pose == known.snapshot.pose;
+            if only_moved && goes_on && (is_same || is_too_soon && !is_corner) {
                 return None;
             }
         } else if self.modules.len() >= MODULES_MAX {
@@ -171,6 +177,8 @@ impl Recorder {
             incarnation: state.incarnation,
             sequence: state.sequence,
             snapshot: snapshot.clone(),
+            drive: state.drive,
+            steps_done: state.steps_done,
             pose_at: now,
         };
         self.modules.insert(state.module, known);

@@ -9,6 +9,7 @@ use std::fs;
 use std::sync::Arc;
 
 use formation::model::{PlanningProblem, Scenario};
+use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Statistics, plan};
 use formation_report::Subject;
 
@@ -16,13 +17,20 @@ use formation_report::Subject;
 pub struct Formed {
     scenario: Scenario,
     pub outcome: PlanOutcome,
+    pub motion: PlannedMotion,
 }
 
 impl Formed {
     pub fn of(yaml: &str) -> Self {
         let scenario = Scenario::from_yaml(yaml).unwrap();
-        let outcome = plan(Arc::new(scenario.problem().clone()));
-        Self { scenario, outcome }
+        let mut outcome = plan(Arc::new(scenario.problem().clone()));
+        let (motion, plan) = PlannedMotion::of(scenario.problem(), outcome.plan, &[]);
+        outcome.plan = plan;
+        Self {
+            scenario,
+            outcome,
+            motion,
+        }
     }
 
     pub fn shipped(name: &str) -> Self {

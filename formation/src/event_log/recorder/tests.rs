@@ -1,7 +1,7 @@
 use super::*;
 use crate::model::{
-    Decision, MicroUnits, ModulePhase, PlannerParameters, Pose, Roster, Service, SpotId,
-    SpotSelection, TargetAnnouncement,
+    Decision, DriveState, MicroUnits, ModulePhase, PlannerParameters, Pose, Roster, SenderTime,
+    Service, SpotId, SpotSelection, TargetAnnouncement,
 };
 
 fn epoch(number: u64) -> Epoch {
@@ -32,6 +32,8 @@ fn state(module: u32, incarnation: u64, sequence: u64, phase: ModulePhase, x: i6
         digest: None,
         phase,
         service: Service::Active,
+        at: SenderTime::default(),
+        drive: DriveState::Standing,
         pose: pose(x),
         links: [ModuleId(9)].into(),
         configuration: None,
@@ -198,6 +200,35 @@ fn a_state_is_recorded_when_something_changed() {
         None,
         "the earlier run"
     );
+}
+
+#[test]
+fn corners_begins_and_stops_are_never_left_out() {
+    let mut recorder = Recorder::new(POSE_INTERVAL);
+    let mut poses = Vec::new();
+    for (sequence, millis, x, drive, steps) in [
+        (1, 0, 0, DriveState::Standing, 0),
+        (2, 300, 0, DriveState::Moving, 0),
+        (3, 310, 3, DriveState::Moving, 0),
+        (4, 320, 9, DriveState::Moving, 1),
+        (5, 330, 9, DriveState::Standing, 1),
+        (6, 340, 9, DriveState::Standing, 1),
+    ] {
+        let Message::ModuleState(known) = state(4, 1, sequence, ModulePhase::Moving, x) else {
+            panic!("it is a state");
+        };
+        let state = ModuleState {
+            drive,
+            steps_done: Some(steps),
+            ..ModuleState::clone(&known)
+        };
+        let entries = recorder.record(at(millis), &Message::ModuleState(Arc::new(state)));
+        poses.extend(entries.into_iter().filter_map(|entry| match entry.event {
+            Event::Pose { pose, .. } => Some((entry.at_ms, pose.x.0)),
+            _ => None,
+        }));
+    }
+    assert_eq!(poses, [(300, 0), (320, 9), (330, 9)]);
 }
 
 #[test]

@@ -50,7 +50,7 @@ fn is_moving(entry: &Entry) -> bool {
 #[test]
 fn it_shows_whose_turn_it_is_and_who_waits_for_whom() {
     let plan = plan();
-    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let roster = entries
         .iter()
         .position(|entry| matches!(entry.event, Event::Roster { .. }))
@@ -85,7 +85,7 @@ fn it_shows_whose_turn_it_is_and_who_waits_for_whom() {
 #[test]
 fn the_map_shows_what_is_filled_moving_claimed_and_free() {
     let plan = plan();
-    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let start = drawn(&after(&plan, &entries, 0), LARGE);
     assert!(
         start.contains("\n      · \n   ·  · \n".trim_end()),
@@ -108,7 +108,7 @@ fn the_map_shows_what_is_filled_moving_claimed_and_free() {
 #[test]
 fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
     let plan = plan();
-    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let mut watched = after(&plan, &entries, entries.len());
     watched.take(&Entry {
         at_ms: 9_000,
@@ -148,7 +148,7 @@ fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
 #[test]
 fn no_frame_is_larger_than_its_terminal() {
     let plan = plan();
-    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let mut watched = after(&plan, &entries, entries.len());
     watched.name = "a name\u{1b}[31m that is\nlonger than any terminal is wide, 模块化机器人 模块化机器人 模块化机器人";
     let colourful = Style {
@@ -177,7 +177,7 @@ fn no_frame_is_larger_than_its_terminal() {
 #[test]
 fn colours_add_nothing_but_colour() {
     let plan = plan();
-    let entries = course_of_plan(&plan.problem, &plan.outcome, 5.0);
+    let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let colourful = Style {
         colours: true,
         unicode: true,
