@@ -146,6 +146,10 @@ pub struct RunArguments {
     /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
+    /// Write every state that a module publishes to this file, one JSON object a line: t (by the sender's clock, in s since
+    /// 1970), module, x, y (units), theta (radians), links, folding.
+    #[arg(long, value_name = "FILE")]
+    pub trace: Option<PathBuf>,
     /// Print one JSON object instead of a table; progress stays on the standard error output.
     #[arg(long)]
     pub json: bool,
@@ -186,9 +190,14 @@ impl MotionArguments {
         self.motion.as_deref().unwrap_or(default)
     }
 
+    /// Whether drivers outside the processes move the modules.
+    pub fn is_external(&self) -> bool {
+        self.mode() == EXTERNAL
+    }
+
     /// Whether robots outlive their processes.
     pub fn bodies_stay(&self) -> bool {
-        self.bodies_stay || self.mode() == EXTERNAL
+        self.bodies_stay || self.is_external()
     }
 }
 

@@ -43,6 +43,8 @@ pub fn judges(outcome: Outcome, assignments: &[(u32, u32)], open_spots: &[u32]) 
         planning_ms: Some(1),
         acting_ms: Some(2),
         counts: Counts::default(),
+        collision_free: true,
+        collision_reason: None,
     }))
 }
 

@@ -23,6 +23,8 @@ pub struct Verdict {
     pub unassigned_modules: Vec<u32>,
     pub assignments: Vec<SpotSelection>,
     pub blocked_spots: Vec<SpotSelection>,
+    pub collision_free: bool,
+    pub collision_reason: String,
     pub violations: Vec<String>,
 }
 
@@ -71,6 +73,11 @@ impl From<&verify::Verdict> for Verdict {
                     module_id: blocked.module.0,
                 })
                 .collect(),
+            collision_free: verdict.collision_risk.is_none(),
+            collision_reason: verdict
+                .collision_risk
+                .map(|risk| risk.to_string())
+                .unwrap_or_default(),
             violations: bounded(
                 verdict
                     .violations

@@ -26,6 +26,7 @@ fn verdict() -> Verdict {
         missing: Vec::new(),
         timings: Timings::default(),
         counts: Counts::default(),
+        collision_risk: None,
     }
 }
 
@@ -48,6 +49,8 @@ fn a_verdict_goes_out_whole() {
             unassigned_modules: vec![4],
             assignments: vec![selection(5, 2), selection(6, 1)],
             blocked_spots: vec![selection(8, 3)],
+            collision_free: true,
+            collision_reason: String::new(),
             violations: Vec::new(),
         }
     );

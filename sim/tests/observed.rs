@@ -6,13 +6,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::{GeneratorParameters, Grouping, Random, generate};
+use formation::generate::{Apart, GeneratorParameters, Grouping, Random, generate, set_apart};
 use formation::model::{
     Message, ModuleId, ModulePhase, MotionMode, PlanningProblem, Scenario, TargetAnnouncement,
 };
 use formation::planner;
-use formation::verify::{Observer, ObserverParameters, Outcome, Verdict};
-use formation_sim::{Cluster, ClusterParameters, NetworkParameters, Observation};
+use formation::protocol::{Agent, Mutation};
+use formation::verify::{
+    BodyParameters, Observer, ObserverParameters, Outcome, Verdict, Violation,
+};
+use formation_sim::{AgentFactory, Cluster, ClusterParameters, NetworkParameters, Observation};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
     problem_of(modules, spots, Grouping::Mixed, seed)
@@ -50,6 +53,71 @@ fn published(problem: &PlanningProblem, network: NetworkParameters, seed: u64) -
     let mut messages = vec![Message::Target(Arc::new(announcement(problem)))];
     messages.extend(received(&mut cluster));
     messages
+}
+
+/// A problem whose modules start apart, so that they move along paths.
+fn apart(modules: usize, seed: u64) -> PlanningProblem {
+    let parameters = GeneratorParameters::new(modules, modules, seed).grouped(Grouping::Mixed);
+    let mut raw = generate(&parameters).unwrap();
+    set_apart(&mut raw, Apart::Circles, 300, seed);
+    Scenario::try_from(raw).unwrap().problem().clone()
+}
+
+/// The messages of a run along paths, as an observer receives them whose clock is as exact as that of the senders.
+fn judge_paths(agents: AgentFactory, problem: &PlanningProblem, seed: u64) -> Verdict {
+    let mut cluster = Cluster::of_agents(problem, ClusterParameters::default(), seed, agents);
+    cluster.announce(announcement(problem));
+    cluster.run_until(Duration::from_secs(300), Cluster::has_formed);
+    let end = cluster.now() + Duration::from_secs(3);
+    cluster.run_until(end, |_| false);
+    let mut observer = Observer::new(ObserverParameters {
+        bodies: BodyParameters {
+            clock_error: Duration::from_millis(1),
+            ..BodyParameters::default()
+        },
+        ..ObserverParameters::default()
+    });
+    observer.handle(
+        Duration::ZERO,
+        &Message::Target(Arc::new(announcement(problem))),
+    );
+    for message in received(&mut cluster) {
+        observer.handle(Duration::ZERO, &message);
+    }
+    observer.verdict(Duration::ZERO);
+    let due = observer.poll_timeout().unwrap_or_default();
+    observer.verdict(due).unwrap().clone()
+}
+
+#[test]
+fn bodies_are_judged_by_what_modules_publish() {
+    for seed in 0..24 {
+        let problem = apart(18, seed);
+        let verdict = judge_paths(AgentFactory::default(), &problem, seed);
+        assert_formed(&verdict, &problem, seed);
+        assert_eq!(verdict.collision_risk, None, "seed {seed}");
+        assert_eq!(verdict.counts.missed_states, 0, "seed {seed}");
+        assert!(verdict.counts.segments > 18 * 4, "seed {seed}");
+    }
+}
+
+#[test]
+fn modules_that_do_not_wait_are_found_by_what_they_publish() {
+    let agents = AgentFactory::new(|identity, parameters, now| {
+        Agent::new(identity, parameters, now).mutated(Mutation::SkipWaits)
+    });
+    let (mut early, mut met) = (0, 0);
+    for seed in 0..20 {
+        let verdict = judge_paths(agents.clone(), &apart(18, seed), seed);
+        let mut violations = verdict.violations.iter();
+        early += u32::from(violations.any(|one| matches!(one, Violation::WaitNotKept { .. })));
+        met += u32::from(verdict.collision_risk.is_some());
+    }
+    println!("waits {early}, overlaps {met} of 20 runs");
+    assert!(
+        early >= 18 && met >= 12,
+        "waits {early}, overlaps {met} of 20 runs"
+    );
 }
 
 fn received(cluster: &mut Cluster) -> impl Iterator<Item = Message> {

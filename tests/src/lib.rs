@@ -19,6 +19,7 @@ mod rclpy;
 mod ros_tool;
 mod scenario_file;
 mod tools;
+mod trace;
 mod transcript;
 
 pub use domain::Domain;
@@ -33,4 +34,5 @@ pub use ros_tool::RosTool;
 pub use rustix::process::Signal;
 pub use scenario_file::{EIGHT, ScenarioFile};
 pub use tools::{Tool, on_path, report, tool_or_skip};
+pub use trace::{Overlap, overlaps};
 pub use transcript::{Line, Transcript};

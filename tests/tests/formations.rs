@@ -7,11 +7,13 @@
 )]
 
 use std::collections::BTreeSet;
+use std::path::Path;
 use std::time::Duration;
 
 use formation::model::Scenario;
 use formation_tests::{
-    Domain, EIGHT, Finished, Peer, Running, ScenarioFile, room_for_many_processes, scenario_path,
+    Domain, EIGHT, Finished, Peer, Running, ScenarioFile, overlaps, room_for_many_processes,
+    scenario_path,
 };
 use serde_json::{Value, json};
 
@@ -27,7 +29,7 @@ fn launch(command: &str, scenario: &str, domain: &str, more: &[&str]) -> Finishe
 
 /// Asserts that the plan of the processes equals that of the offline planner; returns the run's report, or `None` where
 /// the network does not let this many processes discover each other.
-fn runs_as_planned(scenario: &str, outcome: &str) -> Option<Value> {
+fn runs_as_planned(scenario: &str, outcome: &str, more: &[&str]) -> Option<Value> {
     room_for_many_processes()?;
     let text = std::fs::read_to_string(scenario_path(scenario)).unwrap();
     let modules = Scenario::from_yaml(&text)
@@ -39,12 +41,8 @@ fn runs_as_planned(scenario: &str, outcome: &str) -> Option<Value> {
     let plan = launch("plan", scenario, domain, &[]);
     assert_eq!(plan.status, 0, "{}", plan.stderr);
     let plan = plan.json();
-    let run = launch(
-        "run",
-        scenario,
-        domain,
-        &["--domain", domain, "--timeout", "90"],
-    );
+    let options = [&["--domain", domain, "--timeout", "90"], more].concat();
+    let run = launch("run", scenario, domain, &options);
     assert_eq!(run.status, 0, "{scenario}: {}\n{}", run.stdout, run.stderr);
     let run = run.json();
     for key in [
@@ -70,12 +68,34 @@ fn runs_as_planned(scenario: &str, outcome: &str) -> Option<Value> {
     Some(run)
 }
 
+/// What other code finds in the trace of a run, and the verifier in its messages.
+fn assert_free_of_collisions(run: &Value, trace: &Path, modules: usize) {
+    assert_eq!(run["collision_free"], true, "{run}");
+    let trace = std::fs::read_to_string(trace).unwrap();
+    let traced: BTreeSet<u64> = trace
+        .lines()
+        .map(|line| {
+            serde_json::from_str::<Value>(line).unwrap()["module"]
+                .as_u64()
+                .unwrap()
+        })
+        .collect();
+    assert_eq!(traced.len(), modules);
+    let mut overlaps = overlaps(&trace);
+    overlaps.retain(|overlap| overlap.depth > 0.01);
+    assert_eq!(overlaps, [], "{} lines", trace.lines().count());
+}
+
 #[test]
-fn figure_1_forms_with_seventeen_agent_processes() {
-    let Some(run) = runs_as_planned("figure1_ladder17", "COMPLETE") else {
+fn figure_1_forms_with_seventeen_agent_processes_and_no_two_bodies_overlap() {
+    let directory = tempfile::tempdir().unwrap();
+    let trace = directory.path().join("trace.jsonl");
+    let more = ["--trace", trace.to_str().unwrap()];
+    let Some(run) = runs_as_planned("figure1_ladder17", "COMPLETE", &more) else {
         return;
     };
     assert_eq!(run["assignments"].as_array().unwrap().len(), 17);
+    assert_free_of_collisions(&run, &trace, 17);
 }
 
 #[test]
@@ -104,12 +124,12 @@ fn modules_that_start_apart_form_along_paths() {
 
 #[test]
 fn ten_singletons_form() {
-    runs_as_planned("singletons_10", "COMPLETE");
+    runs_as_planned("singletons_10", "COMPLETE", &[]);
 }
 
 #[test]
 fn spares_stand_by() {
-    let Some(run) = runs_as_planned("oversupply", "COMPLETE") else {
+    let Some(run) = runs_as_planned("oversupply", "COMPLETE", &[]) else {
         return;
     };
     assert!(!run["unassigned"].as_array().unwrap().is_empty());
@@ -117,7 +137,7 @@ fn spares_stand_by() {
 
 #[test]
 fn too_few_modules_fill_a_connected_part() {
-    let Some(run) = runs_as_planned("undersupply", "PARTIAL") else {
+    let Some(run) = runs_as_planned("undersupply", "PARTIAL", &[]) else {
         return;
     };
     assert!(!run["open_spots"].as_array().unwrap().is_empty());
@@ -125,7 +145,7 @@ fn too_few_modules_fill_a_connected_part() {
 
 #[test]
 fn a_configuration_that_cannot_fit_whole_breaks() {
-    let Some(run) = runs_as_planned("mcs_detach", "COMPLETE") else {
+    let Some(run) = runs_as_planned("mcs_detach", "COMPLETE", &[]) else {
         return;
     };
     assert!(run["broken_links"].as_u64().unwrap() > 0);

@@ -9,7 +9,9 @@ use formation::verify::ObserverParameters;
 use formation_node::micro_units;
 use formation_node::scenario::read_scenario;
 use ros_runtime::exit::Failure;
-use ros_runtime::parameters::{Tunable, Tunables, Tuned, seconds};
+use ros_runtime::parameters::{
+    ParameterValue, Range, Tunable, Tunables, Tuned, ValueType, as_number, seconds,
+};
 
 /// How a formation is judged.
 #[derive(Clone, Debug)]
@@ -66,6 +68,18 @@ impl Tunables for Judging {
                 |own| &mut own.0.grace,
                 "Time in which an end state that is reached but not yet right may become right",
             ),
+            fixed(Tunable::new(
+                "body_width",
+                micro_units("UNITS", 0.01, 1.0),
+                |own: &mut Self| &mut own.0.bodies.width,
+                "The side of a module's square body, in units; what is left of a unit is the clearance",
+            )),
+            fixed(Tunable::new(
+                "clock_error_ms",
+                milliseconds(),
+                |own: &mut Self| &mut own.0.bodies.clock_error,
+                "The greatest difference between the clocks of two processes of modules, in milliseconds",
+            )),
             time(
                 "silence_s",
                 |own| &mut own.0.silence,
@@ -74,6 +88,18 @@ impl Tunables for Judging {
             .option_only(),
         ]
     }
+}
+
+/// A time of at most a minute.
+fn milliseconds() -> ValueType<Duration> {
+    let range = Range::Double {
+        from: 0.0,
+        to: 60_000.0,
+    };
+    let write = |time: &Duration| ParameterValue::Double(time.as_secs_f64() * 1_000.0);
+    ValueType::new("MILLISECONDS", range, write, |value| {
+        Duration::try_from_secs_f64(as_number(value)? / 1_000.0).ok()
+    })
 }
 
 /// How a formation is judged, and which modules take part in it.

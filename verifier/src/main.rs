@@ -1,6 +1,7 @@
 //! Judges a formation, independently of the planner.
 
 use std::io::{self, Write};
+use std::path::PathBuf;
 use std::process::ExitCode;
 use std::time::Duration;
 
@@ -37,6 +38,10 @@ struct Arguments {
     /// is that of the last
     #[arg(long, conflicts_with = "plan_only")]
     keep_watching: bool,
+    /// Write every state that a module publishes to this file, one JSON object a line: t (by the sender's clock, in s since
+    /// 1970), module, x, y (units), theta (radians), links, folding
+    #[arg(long, value_name = "FILE")]
+    trace: Option<PathBuf>,
     #[command(flatten)]
     judging: JudgingArguments,
 }
@@ -49,6 +54,7 @@ impl Program for Arguments {
             plan_only: self.plan_only,
             event_log: self.event_log,
             keep_watching: self.keep_watching,
+            trace: self.trace,
             linger: LINGER,
         };
         let judgement = process.run(stop, |news| match news {

@@ -41,6 +41,8 @@ fn verdict_text(verdict: &VerdictReport) -> String {
         let unassigned = listed_in_full(verdict.unassigned.iter().copied());
         lines.push(format!("without a spot: {unassigned}"));
     }
+    let reason = verdict.collision_reason.iter();
+    lines.extend(reason.map(|reason| format!("not collision-free: {reason}")));
     lines.extend(violations(&verdict.violations));
     let missing = verdict.missing.iter();
     lines.extend(missing.map(|sentence| format!("missing: {sentence}")));
@@ -108,6 +110,7 @@ mod tests {
                 ..Timings::default()
             },
             counts: Counts::default(),
+            collision_risk: None,
         }
     }
 

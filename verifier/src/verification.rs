@@ -1,6 +1,7 @@
 //! The node of the process that judges the formation.
 
 use std::ops::ControlFlow;
+use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
@@ -18,6 +19,7 @@ use ros_runtime::settings::Settings;
 use ros_runtime::topic_statistics::{RefusalKind, SharedStatistics, TopicStatistics};
 
 use crate::judging::Judging;
+use crate::trace::TraceFile;
 
 const NODE_NAME: &str = "verifier";
 
@@ -40,6 +42,8 @@ pub struct VerifierProcess {
     pub event_log: bool,
     /// Whether it stays after the first verdict, and gives another whenever it changes, until it is asked to end.
     pub keep_watching: bool,
+    /// The file to which it writes the states that it receives.
+    pub trace: Option<PathBuf>,
     /// How long it stays after the verdict, so that subscribers can take it.
     pub linger: Duration,
 }
@@ -53,18 +57,21 @@ impl VerifierProcess {
     /// When the DDS library no longer receives, it starts over with what it receives then.
     ///
     /// # Errors
-    /// The ROS 2 graph could not be joined.
+    /// The ROS 2 graph could not be joined, or the trace cannot be written.
     pub fn run(
         self,
         stop: &Receiver<()>,
         mut notify: impl FnMut(News<'_>),
     ) -> Result<Judgement, SessionError> {
-        rejoining(|| self.judge(stop, &mut notify))
+        let trace = self.trace.as_deref().map(TraceFile::create).transpose();
+        let mut trace = trace.map_err(SessionError::BadInput)?;
+        rejoining(|| self.judge(stop, &mut trace, &mut notify))
     }
 
     fn judge(
         &self,
         stop: &Receiver<()>,
+        trace: &mut Option<TraceFile>,
         notify: &mut dyn FnMut(News<'_>),
     ) -> Result<Judgement, SessionError> {
         let parameters = self
@@ -80,6 +87,7 @@ impl VerifierProcess {
             process: self,
             start: Instant::now(),
             observer: Observer::new(judging),
+            trace,
             recorder: self.event_log.then(|| Recorder::new(POSE_INTERVAL)),
             source_guard: SourceGuard::default(),
             statistics: session.statistics(),
@@ -138,6 +146,7 @@ struct Verifier<'a> {
     observer: Observer,
     /// Where every event is to be reported.
     recorder: Option<Recorder>,
+    trace: &'a mut Option<TraceFile>,
     source_guard: SourceGuard,
     statistics: SharedStatistics,
     verdicts: PublisherQueue<formation_msgs::Verdict>,
@@ -173,6 +182,9 @@ impl Node for Verifier<'_> {
                 continue;
             }
             self.observer.handle(now, message);
+            if let Some(trace) = self.trace {
+                trace.write(message);
+            }
             let recorder = self.recorder.as_mut();
             let entries = recorder.map(|recorder| recorder.record(now, message));
             for entry in entries.into_iter().flatten() {
@@ -216,6 +228,9 @@ impl Node for Verifier<'_> {
 impl Verifier<'_> {
     /// Judges what was received, and reports what is new.
     fn judge(&mut self) -> Phase {
+        if let Some(trace) = self.trace {
+            trace.flush();
+        }
         let progress = self.observer.progress();
         if self.progress.as_ref() != Some(&progress) {
             (self.notify)(News::Progress(&progress));

@@ -55,6 +55,7 @@ fn another_vendor_announces_a_target_talks_nonsense_and_reads_the_verdict() {
         plan_only: false,
         event_log: false,
         keep_watching: false,
+        trace: None,
         linger: Duration::from_secs(1),
     };
     let (_stop, stopped) = bounded(1);

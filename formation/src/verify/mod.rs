@@ -10,7 +10,8 @@ mod report;
 mod violation;
 
 pub use observer::{
-    Agreement, Counts, Observer, ObserverParameters, Outcome, Progress, Timings, Verdict,
+    Agreement, BodyParameters, CollisionRisk, Counts, Observer, ObserverParameters, Outcome,
+    Progress, Timings, Verdict,
 };
 pub use plan::check_plan;
 pub use report::{AgreementReport, ReportLine, TimingsReport, VerdictReport, outcome_text};

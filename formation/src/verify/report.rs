@@ -58,6 +58,16 @@ pub struct VerdictReport {
     pub acting_ms: Option<u64>,
     /// How many messages of each kind were received.
     pub counts: Counts,
+    /// Whether modules moved along paths only, and no bodies overlapped.
+    #[serde(default = "yes")]
+    pub collision_free: bool,
+    /// Why they were not free of collisions.
+    #[serde(default)]
+    pub collision_reason: Option<String>,
+}
+
+fn yes() -> bool {
+    true
 }
 
 /// [`Timings`] in milliseconds since the verifier's start.
@@ -103,6 +113,8 @@ impl From<&Verdict> for VerdictReport {
             acting_ms: between(timings.first_moving, timings.completed),
             timings_ms: timings.into(),
             counts: verdict.counts,
+            collision_free: verdict.collision_risk.is_none(),
+            collision_reason: verdict.collision_risk.map(|risk| risk.to_string()),
         }
     }
 }
@@ -166,7 +178,7 @@ mod tests {
 
     use super::*;
     use crate::model::FormationStage;
-    use crate::verify::Missing;
+    use crate::verify::{CollisionRisk, Missing};
 
     const EPOCH: Epoch = Epoch {
         number: 2,
@@ -202,6 +214,7 @@ mod tests {
                 ..Timings::default()
             },
             counts: Counts::default(),
+            collision_risk: Some(CollisionRisk::NoPaths(EPOCH)),
         };
         assert_eq!(
             read(&ReportLine::Verdict((&verdict).into())),
@@ -220,7 +233,11 @@ mod tests {
                 "acting_ms": null,
                 "counts": {
                     "claims": 0, "pairs": 0, "evictions": 0, "detached": 0, "epochs": 0, "messages": 0, "dropped": 0,
+                    "segments": 0, "missed_states": 0,
                 },
+                "collision_free": false,
+                "collision_reason":
+                    "modules moved in straight lines in epoch 2.1, because there were no paths",
             }})
         );
     }

@@ -4,6 +4,7 @@ use std::time::Duration;
 
 use thiserror::Error;
 
+use super::observer::CollisionRisk;
 use crate::model::{Digest, Epoch, MicroUnits, ModuleId, ModulePhase, SpotId};
 
 /// A guarantee that was broken. The message of each variant describes it and names the modules and spots concerned.
@@ -178,6 +179,45 @@ pub enum Violation {
     },
     #[error("the unit of {module} and others claim in {epoch} that they waited for each other")]
     CircularWait { epoch: Epoch, module: ModuleId },
+    /// The times are those of the senders' clocks.
+    #[error(
+        "{first} and {second} overlap by {depth} units in {epoch} at {} s",
+        at.as_secs_f64()
+    )]
+    BodiesOverlap {
+        epoch: Epoch,
+        first: ModuleId,
+        second: ModuleId,
+        depth: MicroUnits,
+        at: Duration,
+    },
+    /// A step began while another module had not left the cells of the step, or had not done the step before of a block.
+    #[error(
+        "{module} began step {step} of its path in {epoch} {} s too early for {other} at {} s",
+        early.as_secs_f64(),
+        at.as_secs_f64()
+    )]
+    WaitNotKept {
+        epoch: Epoch,
+        module: ModuleId,
+        step: u32,
+        other: ModuleId,
+        early: Duration,
+        at: Duration,
+    },
+    /// Docked modules did not keep their places to each other in a step that is no fold.
+    #[error(
+        "{first} and {second} are docked and {off} units off their places to each other after step {step} in {epoch} at {} s",
+        at.as_secs_f64()
+    )]
+    BlockTorn {
+        epoch: Epoch,
+        first: ModuleId,
+        second: ModuleId,
+        step: u32,
+        off: MicroUnits,
+        at: Duration,
+    },
     #[error("{module} settled on {}, the claims say {}", or_nothing(*held), or_nothing(*claimed))]
     WrongSpot {
         module: ModuleId,
@@ -244,6 +284,25 @@ pub enum Missing {
     },
     #[error("{spot} is empty")]
     Spot { spot: SpotId },
+}
+
+impl Violation {
+    /// The overlap that it reports.
+    pub(super) fn as_overlap(&self) -> Option<CollisionRisk> {
+        match *self {
+            Self::BodiesOverlap {
+                epoch,
+                first,
+                second,
+                ..
+            } => Some(CollisionRisk::Overlap {
+                epoch,
+                first,
+                second,
+            }),
+            _ => None,
+        }
+    }
 }
 
 fn or_nothing(spot: Option<SpotId>) -> String {

@@ -17,6 +17,8 @@ use super::run_loop::{Judgement, Observed};
 use crate::checked_plan::{CheckedPlan, PlanReport};
 use crate::table::aligned;
 
+/// How a run whose modules may have run into each other is marked.
+const NOT_COLLISION_FREE: &str = "not collision-free";
 /// More differences from the plan are counted only.
 const DIFFERENCES_MAX: usize = 8;
 
@@ -56,6 +58,9 @@ pub struct RunReport {
     /// The time limit, if the run ended because the time was up.
     #[serde(rename = "timed_out", serialize_with = "is_some")]
     time_limit: Option<Duration>,
+    /// Whether modules moved along paths only, and no bodies overlapped; `None` where modules only agree.
+    collision_free: Option<bool>,
+    collision_reason: Option<String>,
     /// The spots that bodies block, by the verdict.
     blocked_spots: Vec<BlockedSpot>,
     #[serde(skip)]
@@ -125,6 +130,8 @@ impl RunReport {
             participation: Participation::new(plan, epoch, observed),
             time_limit: (is_late || observed.timed_out).then_some(time_limit),
             filled_spots: 0,
+            collision_free: None,
+            collision_reason: None,
             blocked_spots: Vec::new(),
         };
         let statistics = &mut report.plan.statistics;
@@ -140,6 +147,8 @@ impl RunReport {
                 report.missing = Some(verdict.missing);
                 report.planning_ms = verdict.planning_ms;
                 report.acting_ms = verdict.acting_ms;
+                report.collision_free = Some(verdict.collision_free);
+                report.collision_reason = verdict.collision_reason;
             }
             Judgement::Agreement(agreement) => {
                 statistics.assignments = agreement.assignments;
@@ -213,6 +222,7 @@ impl RunReport {
         lines.extend(self.dead.iter().map(|death| format!("dead: {death}")));
         let blocked = self.blocked_spots.iter();
         lines.extend(blocked.map(|blocked| format!("blocked: {blocked}")));
+        lines.extend(self.collision_note());
         lines.push(self.outcome_text());
         lines.join("\n")
     }
@@ -230,8 +240,22 @@ impl RunReport {
         }
     }
 
+    /// Why the motion was not free of collisions, if it was not.
+    fn collision_note(&self) -> Option<String> {
+        let reason = self.collision_reason.as_ref();
+        reason.map(|reason| format!("{NOT_COLLISION_FREE}: {reason}"))
+    }
+
     /// The verdict in one line.
     pub fn outcome_text(&self) -> String {
+        let text = self.outcome_alone();
+        match self.collision_reason {
+            Some(_) => format!("{text}, {NOT_COLLISION_FREE}"),
+            None => text,
+        }
+    }
+
+    fn outcome_alone(&self) -> String {
         let filled = self.filled_spots;
         let spots = filled + self.plan.statistics.open_spots.len();
         match self.verdict {
@@ -269,6 +293,7 @@ impl RunReport {
     /// All that is wrong, one sentence each.
     pub fn faults(&self) -> Vec<String> {
         let mut faults = self.violations.clone();
+        faults.extend(self.collision_note());
         faults.extend(self.time_was_up());
         faults.extend(self.missing.iter().flatten().cloned());
         faults.extend(self.dead.iter().map(ToString::to_string));

@@ -415,6 +415,8 @@ mod tests {
             planning_ms: None,
             acting_ms: None,
             counts: Default::default(),
+            collision_free: true,
+            collision_reason: None,
         }))
     }
 

@@ -104,7 +104,9 @@ impl Start<'_> {
             // When a module dies, the verdict may change.
             false => "--keep-watching",
         };
-        let options = [
+        let trace = self.arguments.trace.as_ref();
+        let trace = trace.map(|file| file.to_string_lossy());
+        let mut options = vec![
             "--progress",
             "--event-log",
             "--json",
@@ -112,6 +114,9 @@ impl Start<'_> {
             &timeout,
             until,
         ];
+        if let Some(file) = &trace {
+            options.extend(["--trace", file]);
+        }
         let name = "verifier".to_owned();
         self.program(supervisor, "verifier", name, &options, Output::Results)
     }

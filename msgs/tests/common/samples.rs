@@ -1,5 +1,7 @@
 //! Values of every type of the package, as our own side puts them on the wire.
 
+use std::time::Duration;
+
 use formation_msgs as wire;
 use formation_msgs::InterfaceType;
 use proptest::prelude::*;
@@ -174,6 +176,8 @@ fn verdict() -> impl Strategy<Value = wire::Verdict> {
                         })
                         .collect(),
                     blocked_spots: Vec::new(),
+                    collision_free: filled_spots == spots,
+                    collision_reason: "they met".to_owned(),
                     violations,
                 }
             },
@@ -248,7 +252,7 @@ pub fn samples(count: usize) -> Vec<Sample> {
         };
         samples.add_target(&target);
         let states = draw(&mut runner, &core_values::module_states());
-        samples.add_states(&wire::ModuleStates::new(header, &states));
+        samples.add_states(&wire::ModuleStates::new(header, Duration::ZERO, &states));
         samples.add_roster(&(&draw(&mut runner, &core_values::roster_message())).into());
         samples.add_claim(&(&draw(&mut runner, &core_values::claim())).into());
         let notice = draw(&mut runner, &core_values::eviction_notice());

@@ -22,6 +22,9 @@ impl Observer {
         }
         let is_late = now >= self.time_limit();
         let missing = self.missing(now);
+        if missing.is_empty() || is_late {
+            self.received.bodies.settle();
+        }
         if !missing.is_empty() {
             self.reached_since = None;
             return is_late.then(|| self.report(now, missing, None));
@@ -121,8 +124,11 @@ impl Observer {
                 epochs: epochs.clone().count(),
                 messages: self.received.messages,
                 dropped: self.received.dropped,
+                segments: self.received.bodies.segments,
+                missed_states: self.received.bodies.missed(),
                 ..Counts::default()
             },
+            collision_risk: None,
         };
         for (epoch, record) in epochs {
             let violations = self.received.violations_in(epoch, record);
@@ -131,6 +137,8 @@ impl Observer {
         if let Some(planned) = self.received.current() {
             self.report_on(now, planned, &mut verdict);
         }
+        let overlap = verdict.violations.iter().find_map(|one| one.as_overlap());
+        verdict.collision_risk = overlap.or_else(|| self.received.straight_motion());
         verdict.violations.sort();
         verdict.violations.dedup();
         verdict.violations.truncate(VIOLATIONS_MAX);

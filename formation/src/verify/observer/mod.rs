@@ -4,6 +4,7 @@
 //! causal marks in their messages, since the order in which messages of different senders arrive proves nothing. A promise
 //! counts as broken only if some message shows it, or if all messages were received and none shows that it was kept.
 
+mod bodies;
 mod claims;
 mod end_state;
 mod judgement;
@@ -19,5 +20,5 @@ mod verdict;
 mod tests;
 
 pub use observation::Observer;
-pub use parameters::ObserverParameters;
-pub use verdict::{Agreement, Counts, Outcome, Progress, Timings, Verdict};
+pub use parameters::{BodyParameters, ObserverParameters};
+pub use verdict::{Agreement, CollisionRisk, Counts, Outcome, Progress, Timings, Verdict};

@@ -35,7 +35,7 @@ impl Observer {
     /// Starts at time zero.
     pub fn new(parameters: ObserverParameters) -> Self {
         Self {
-            received: Received::new(parameters.position_tolerance),
+            received: Received::new(&parameters),
             parameters,
             reached_since: None,
             broken_since: None,

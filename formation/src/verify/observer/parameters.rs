@@ -5,6 +5,24 @@ use std::time::Duration;
 
 use crate::model::{MicroUnits, ModuleId};
 
+/// What the bodies of modules are, and how exactly the times of their states are known.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct BodyParameters {
+    /// The side of the square that a body fills, in units of the lattice. What is left of a unit is the clearance.
+    pub width: MicroUnits,
+    /// The greatest difference between the clocks of two processes.
+    pub clock_error: Duration,
+}
+
+impl Default for BodyParameters {
+    fn default() -> Self {
+        Self {
+            width: MicroUnits(900_000),
+            clock_error: Duration::from_millis(50),
+        }
+    }
+}
+
 /// The tolerances and limits of an observer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ObserverParameters {
@@ -20,6 +38,8 @@ pub struct ObserverParameters {
     pub grace: Duration,
     /// A member that is silent for longer than this does not count as living, so no formation with it is done.
     pub silence: Duration,
+    /// The bodies of modules that move along paths.
+    pub bodies: BodyParameters,
     /// The modules that are to take part, if known beforehand, so that absent ones can be named.
     pub expected: BTreeSet<ModuleId>,
 }
@@ -32,6 +52,7 @@ impl Default for ObserverParameters {
             time_limit: Duration::from_secs(120),
             grace: Duration::from_secs(3),
             silence: Duration::from_secs(5),
+            bodies: BodyParameters::default(),
             expected: BTreeSet::new(),
         }
     }

@@ -4,9 +4,12 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::bodies::Bodies;
 use super::claims::replay_claims;
 use super::order::Acts;
+use super::parameters::ObserverParameters;
 use super::record::{EpochRecord, ModuleRecord, PlannedEpoch, ReceivedRoster, entry_within};
+use super::verdict::CollisionRisk;
 use crate::model::{
     Epoch, Incarnation, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, Pose,
     RosterMessage, TargetAnnouncement,
@@ -22,6 +25,8 @@ const EPOCHS_MAX: usize = 64;
 #[derive(Clone, Debug, Default)]
 pub(super) struct Received {
     position_tolerance: MicroUnits,
+    /// Where the modules were.
+    pub(super) bodies: Bodies,
     /// The announcement with the highest revision.
     pub(super) target: Option<Arc<TargetAnnouncement>>,
     /// The highest revision that withdrew the target then in force. Agents ignore a withdrawal that arrives after a later
@@ -31,6 +36,8 @@ pub(super) struct Received {
     /// Where the newest run of each module of another session was last seen.
     pub(super) other_sessions: BTreeMap<ModuleId, (Incarnation, Pose)>,
     epochs: BTreeMap<Epoch, EpochRecord>,
+    /// An epoch that was dropped for a newer one and in which modules moved in straight lines.
+    retired_straight: Option<CollisionRisk>,
     /// The violations of epochs that were dropped for newer ones.
     pub(super) retired: Vec<Violation>,
     /// The number of messages, repetitions included.
@@ -40,9 +47,10 @@ pub(super) struct Received {
 }
 
 impl Received {
-    pub(super) fn new(position_tolerance: MicroUnits) -> Self {
+    pub(super) fn new(parameters: &ObserverParameters) -> Self {
         Self {
-            position_tolerance,
+            position_tolerance: parameters.position_tolerance,
+            bodies: Bodies::new(parameters.bodies),
             ..Self::default()
         }
     }
@@ -97,6 +105,7 @@ impl Received {
             return false;
         };
         module.handle_state(now, state);
+        self.bodies.handle(state);
         state
             .epoch
             .is_none_or(|epoch| self.epoch(epoch).handle_state(now, state))
@@ -125,6 +134,10 @@ impl Received {
                 && let Some(record) = self.epochs.remove(&dropped)
             {
                 self.retire(self.violations_in(dropped, &record));
+                let straight = record
+                    .planned(dropped)
+                    .and_then(PlannedEpoch::straight_motion);
+                self.retired_straight = self.retired_straight.or(straight);
             }
         }
         self.epochs.entry(epoch).or_default()
@@ -159,6 +172,13 @@ impl Received {
             .filter(|planned| !self.is_outdated(planned.roster))
     }
 
+    /// An epoch in which modules moved in straight lines, the latest that is known.
+    pub(super) fn straight_motion(&self) -> Option<CollisionRisk> {
+        let mut epochs = self.epochs.iter().rev();
+        let straight = epochs.find_map(|(&epoch, record)| record.planned(epoch)?.straight_motion());
+        straight.or(self.retired_straight)
+    }
+
     /// Whether a newer target is in force than the roster's: one with other content, or the same after a withdrawal. Agents
     /// compare targets by content, too.
     pub(super) fn is_outdated(&self, received: &ReceivedRoster) -> bool {
@@ -183,6 +203,8 @@ impl Received {
             }));
             violations.extend(replay_claims(planned).replay.violations);
             violations.extend(Acts::new(planned).violations(self.position_tolerance));
+            let is_known = |module| planned.knows_body(module);
+            violations.extend(self.bodies.violations(epoch, is_known));
         }
         violations
     }

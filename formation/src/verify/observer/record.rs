@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
+use super::verdict::CollisionRisk;
 use crate::model::{
     CausalMark, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits, ModuleId,
-    ModulePhase, ModuleRun, ModuleState, PlanningProblem, Pose, Roster, RosterMember, SpotClaim,
-    SpotId, Stop,
+    ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, Roster, RosterMember,
+    SpotClaim, SpotId, Stop, Whereabouts,
 };
 use crate::verify::Violation;
 
@@ -248,6 +249,31 @@ pub(super) struct PlannedEpoch<'a> {
 impl<'a> PlannedEpoch<'a> {
     pub(super) fn members(&self) -> &'a [RosterMember] {
         &self.roster.roster.members
+    }
+
+    /// Whether members that are not pinned moved, and not along paths.
+    pub(super) fn straight_motion(self) -> Option<CollisionRisk> {
+        let mut members = self.members().iter();
+        let moved = members.any(|member| {
+            let act = self.act_of(member).filter(|_| member.module.pin.is_none());
+            act.is_some_and(|act| act.moved_received.is_some() && !act.on_paths)
+        });
+        let demanded = self.roster.roster.target.parameters.motion == MotionMode::Straight;
+        moved.then_some(match demanded {
+            true => CollisionRisk::StraightDemanded(self.epoch),
+            false => CollisionRisk::NoPaths(self.epoch),
+        })
+    }
+
+    /// Whether the plan is made around the body of a module: it is a member, or an absent module whose body was not removed.
+    pub(super) fn knows_body(&self, module: ModuleId) -> bool {
+        let roster = &self.roster.roster;
+        let mut bodies = roster.bodies.iter();
+        roster
+            .members
+            .iter()
+            .any(|member| member.module.id == module)
+            || bodies.any(|body| body.module == module && body.whereabouts != Whereabouts::Removed)
     }
 
     /// The acts of a member, in the run that the roster names.

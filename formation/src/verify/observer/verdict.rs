@@ -32,6 +32,22 @@ impl fmt::Display for Outcome {
     }
 }
 
+/// Why modules may have run into each other. The message of each variant describes it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, thiserror::Error)]
+#[expect(missing_docs, reason = "the message of each variant describes it")]
+pub enum CollisionRisk {
+    #[error("{first} and {second} overlapped in {epoch}")]
+    Overlap {
+        epoch: Epoch,
+        first: ModuleId,
+        second: ModuleId,
+    },
+    #[error("modules moved in straight lines in {0}, as the target demands")]
+    StraightDemanded(Epoch),
+    #[error("modules moved in straight lines in {0}, because there were no paths")]
+    NoPaths(Epoch),
+}
+
 /// The times of milestones, as received, since the observer's start.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Timings {
@@ -62,6 +78,12 @@ pub struct Counts {
     pub messages: u64,
     /// Messages that were dropped because a limit was reached.
     pub dropped: u64,
+    /// Segments of motion, from one published pose to the next, that were compared with the bodies of all other modules.
+    #[serde(default)]
+    pub segments: u64,
+    /// States that did not arrive: the motion before and after them is not judged.
+    #[serde(default)]
+    pub missed_states: u64,
 }
 
 /// The verdict on a formation.
@@ -89,6 +111,8 @@ pub struct Verdict {
     pub timings: Timings,
     /// The numbers of messages and their contents.
     pub counts: Counts,
+    /// Why the motion was not free of collisions, if it was not.
+    pub collision_risk: Option<CollisionRisk>,
 }
 
 /// A plan whose digest every member of its epoch has shown.

@@ -56,6 +56,8 @@ fn verdict(outcome: Outcome, spots: [u32; 2]) -> VerdictReport {
         planning_ms: Some(12),
         acting_ms: Some(345),
         counts: Default::default(),
+        collision_free: true,
+        collision_reason: None,
     }
 }
 

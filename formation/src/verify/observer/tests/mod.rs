@@ -1,5 +1,6 @@
 //! Hand-made message sequences: the good case in any order, what is missing at the time limit, and each violation.
 
+mod bodies;
 mod good_sequences;
 mod review;
 mod time_limit;
@@ -12,10 +13,10 @@ use std::time::Duration;
 use super::*;
 use crate::generate::random::Random;
 use crate::model::{
-    CausalMark, Decision, Digest, Epoch, EvictionRecord, FormationStage, Heartbeat, Incarnation,
-    Message, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters, PlanningModule,
-    Pose, RawSpot, RawTarget, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId,
-    SpotSelection, Stop, Target, TargetAnnouncement,
+    CausalMark, Decision, Digest, DriveState, Epoch, EvictionRecord, FormationStage, Heartbeat,
+    Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters,
+    PlanningModule, Pose, RawSpot, RawTarget, Roster, RosterMember, RosterMessage, SenderTime,
+    Service, SpotClaim, SpotId, SpotSelection, Stop, Target, TargetAnnouncement,
 };
 use crate::verify::{Missing, Violation};
 
@@ -81,6 +82,8 @@ fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
         digest: Some(PLAN),
         phase,
         service: Service::Active,
+        at: SenderTime::default(),
+        drive: DriveState::Standing,
         pose: pose(0, i64::from(module)),
         links: BTreeSet::new(),
         configuration: None,
