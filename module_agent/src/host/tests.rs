@@ -121,7 +121,7 @@ fn messages_of(outgoing: &Outgoing) -> Vec<Message> {
         Outgoing::Roster(roster) => vec![Message::Roster(roster)],
         Outgoing::Claim(claim) => vec![Message::Claim(claim)],
         Outgoing::Eviction(notice) => vec![Message::Eviction(notice)],
-        Outgoing::Drive(..) => Vec::new(),
+        Outgoing::Drive(..) | Outgoing::Path(..) => Vec::new(),
     }
 }
 

@@ -335,9 +335,10 @@ impl MotionError {
                 "place these modules further apart, so that each can turn without touching another (`formation generate \
                  --apart` draws such starts)"
             }
-            Self::CoveredSpot(_) | Self::FieldTooLarge(_) | Self::Unreachable { .. } => {
-                "change the target or the starts"
-            }
+            Self::CoveredSpot(_)
+            | Self::FieldTooLarge(_)
+            | Self::TooManyCorners(_)
+            | Self::Unreachable { .. } => "change the target or the starts",
         }
     }
 }
