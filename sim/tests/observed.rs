@@ -64,9 +64,15 @@ fn apart(modules: usize, seed: u64) -> PlanningProblem {
 }
 
 /// The messages of a run along paths, as an observer receives them whose clock is as exact as that of the senders.
-fn judge_paths(agents: AgentFactory, problem: &PlanningProblem, seed: u64) -> Verdict {
+fn judge_paths(
+    agents: AgentFactory,
+    problem: &PlanningProblem,
+    seed: u64,
+    disturb: impl FnOnce(&mut Cluster),
+) -> Verdict {
     let mut cluster = Cluster::of_agents(problem, ClusterParameters::default(), seed, agents);
     cluster.announce(announcement(problem));
+    disturb(&mut cluster);
     cluster.run_until(Duration::from_secs(300), Cluster::has_formed);
     let end = cluster.now() + Duration::from_secs(3);
     cluster.run_until(end, |_| false);
@@ -93,11 +99,65 @@ fn judge_paths(agents: AgentFactory, problem: &PlanningProblem, seed: u64) -> Ve
 fn bodies_are_judged_by_what_modules_publish() {
     for seed in 0..24 {
         let problem = apart(18, seed);
-        let verdict = judge_paths(AgentFactory::default(), &problem, seed);
+        let verdict = judge_paths(AgentFactory::default(), &problem, seed, |_| {});
         assert_formed(&verdict, &problem, seed);
         assert_eq!(verdict.collision_risk, None, "seed {seed}");
         assert_eq!(verdict.counts.missed_states, 0, "seed {seed}");
         assert!(verdict.counts.segments > 18 * 4, "seed {seed}");
+    }
+}
+
+fn after(cluster: &mut Cluster, millis: u64) {
+    let end = cluster.now() + Duration::from_millis(millis);
+    cluster.run_until(end, |_| false);
+}
+
+#[test]
+fn faults_on_the_way_are_no_breaches() {
+    for seed in 0..32 {
+        let problem = apart(14, seed);
+        let verdict = judge_paths(AgentFactory::default(), &problem, seed, |cluster| {
+            let moving = |cluster: &Cluster| {
+                let mut running = cluster.running().into_iter();
+                running.find(|&module| cluster.is_moving(module))
+            };
+            let limit = Duration::from_secs(100);
+            assert!(cluster.run_until(limit, |cluster| moving(cluster).is_some()));
+            after(cluster, 150 + 97 * (seed / 4));
+            let Some(module) = moving(cluster) else {
+                return;
+            };
+            match seed % 4 {
+                0 => {
+                    let aside = cluster.running().into_iter().take(5).collect();
+                    cluster.cut(&aside);
+                    after(cluster, 9_000);
+                    cluster.heal();
+                }
+                1 => cluster.pause(module, Duration::from_secs(4)),
+                2 => {
+                    cluster.crash(module);
+                    after(cluster, 2_000);
+                    cluster.remove(module);
+                }
+                _ => {
+                    cluster.crash(module);
+                    after(cluster, 1_000);
+                    cluster.restart(module);
+                }
+            }
+        });
+        let is_breach = |violation: &&Violation| {
+            matches!(
+                violation,
+                Violation::BodiesOverlap { .. }
+                    | Violation::WaitNotKept { .. }
+                    | Violation::BlockTorn { .. }
+            )
+        };
+        let breaches: Vec<&Violation> = verdict.violations.iter().filter(is_breach).collect();
+        assert!(breaches.is_empty(), "seed {seed}: {breaches:?}");
+        assert!(verdict.counts.segments > 14, "seed {seed}");
     }
 }
 
@@ -108,7 +168,7 @@ fn modules_that_do_not_wait_are_found_by_what_they_publish() {
     });
     let (mut early, mut met) = (0, 0);
     for seed in 0..20 {
-        let verdict = judge_paths(agents.clone(), &apart(18, seed), seed);
+        let verdict = judge_paths(agents.clone(), &apart(18, seed), seed, |_| {});
         let mut violations = verdict.violations.iter();
         early += u32::from(violations.any(|one| matches!(one, Violation::WaitNotKept { .. })));
         met += u32::from(verdict.collision_risk.is_some());
