@@ -1,6 +1,6 @@
 //! Rectangles that overlap, and motion between two published poses.
 
-use std::f64::consts::{PI, SQRT_2, TAU};
+use std::f64::consts::{FRAC_PI_2, PI, SQRT_2, TAU};
 use std::time::Duration;
 
 use crate::model::Pose;
@@ -47,6 +47,20 @@ impl Placed {
         let moved = (other.x - self.x).hypot(other.y - self.y);
         moved + turn(self.heading, other.heading).abs() * width / SQRT_2
     }
+
+    /// How far a module that is seen there is off the nearest place at which it can be docked: side by side, with its ports
+    /// opposite those of the other.
+    pub(super) fn off_docked(&self, width: f64) -> f64 {
+        let quarter = (self.heading / FRAC_PI_2).round() * FRAC_PI_2;
+        let sides = [(1.0, 0.0), (0.0, 1.0), (-1.0, 0.0), (0.0, -1.0)].into_iter();
+        let places = sides.map(|(x, y)| Self {
+            x,
+            y,
+            heading: quarter,
+        });
+        let distances = places.map(|place| self.deviation(&place, width));
+        distances.fold(f64::INFINITY, f64::min)
+    }
 }
 
 /// The smaller angle from one heading to another.
@@ -85,7 +99,7 @@ impl Rectangle {
             other.centre.y - self.centre.y,
         );
         let headings = [self.centre.heading, other.centre.heading];
-        let directions = headings.into_iter().flat_map(|one| [one, one + PI / 2.0]);
+        let directions = headings.into_iter().flat_map(|one| [one, one + FRAC_PI_2]);
         directions
             .map(|direction| {
                 let (sine, cosine) = direction.sin_cos();

@@ -381,7 +381,10 @@ impl Bodies {
         }
         let was = before.placed.sees(&other_before.placed);
         let is = end.placed.sees(&other.placed);
-        let off = was.deviation(&is, self.width());
+        // After a halt in mid-step, the first steps bring members back to their places.
+        let off = was
+            .deviation(&is, self.width())
+            .min(is.off_docked(self.width()));
         if off <= 1.0 - self.width() {
             return None;
         }
