@@ -76,7 +76,7 @@ impl From<&verify::Verdict> for Verdict {
             collision_free: verdict.collision_risk.is_none(),
             collision_reason: verdict
                 .collision_risk
-                .map(|risk| risk.to_string())
+                .map(|risk| shortened(risk.to_string(), VIOLATION_BYTES_MAX))
                 .unwrap_or_default(),
             violations: bounded(
                 verdict

@@ -186,7 +186,7 @@ fn constants_agree() {
         ModuleState:
             NONE, PHASE_LISTENING, PHASE_GATHERED, PHASE_PLANNING, PHASE_AGREEING, PHASE_WAITING,
             PHASE_MOVING, PHASE_SETTLED, PHASE_SPARE, PHASE_WAITING_FOR_QUORUM, PHASE_COMPUTING,
-            SERVICE_ACTIVE, SERVICE_RETIRED, SERVICE_MOTION_FAILED;
+            SERVICE_ACTIVE, SERVICE_RETIRED, SERVICE_MOTION_FAILED, DRIVE_STANDING, DRIVE_MOVING, DRIVE_FOLDING;
         PlannerParameters:
             POLICY_EXACT, POLICY_PAPER, POLICY_AUCTION, POLICY_HUNGARIAN, ORDER_RANK, ORDER_SIZE_FIRST,
             D_MAX_UNBOUNDED, MOTION_AUTO, MOTION_PATHS, MOTION_STRAIGHT;
@@ -286,6 +286,7 @@ fn bounds_agree() {
         text("RetireModule_Response.message", bounds::ANSWER_BYTES_MAX),
         text("StopFormation_Response.message", bounds::ANSWER_BYTES_MAX),
         text("TargetConfiguration.name", bounds::NAME_BYTES_MAX),
+        text("Verdict.collision_reason", bounds::VIOLATION_BYTES_MAX),
         text("WithdrawTarget_Response.message", bounds::ANSWER_BYTES_MAX),
         (
             "Verdict.violations".to_owned(),
