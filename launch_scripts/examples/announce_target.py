@@ -25,10 +25,13 @@ def announcement(scenario, options):
     message = TargetConfiguration(name=scenario.get("name", ""), expected_modules=options.expected_modules)
     message.session = options.session
     message.header.frame_id = target.get("frame_id", "map")
+    # Scenarios are in units, messages in metres.
+    size = message.module_size = float(scenario.get("module_size", 1.0))
+    message.body_width = size * float(scenario.get("body_width", 0.9))
     # The highest revision holds, so later announcements replace this one.
     message.revision = int(time.time() * 1000)
     message.spots = [
-        Spot(id=spot["id"], x=float(spot["x"]), y=float(spot["y"]), theta=float(spot.get("theta", 0.0)))
+        Spot(id=spot["id"], x=size * float(spot["x"]), y=size * float(spot["y"]), theta=float(spot.get("theta", 0.0)))
         for spot in target["spots"]
     ]
     message.edges = [Edge(first=first, second=second) for first, second in target.get("edges", [])]

@@ -72,12 +72,13 @@ class Robot:
 
 
 def start_poses(scenario_file):
-    """Where the modules of a scenario stand at the start, by identifier."""
+    """Where the modules of a scenario stand at the start, by identifier. Scenarios are in units of `module_size` metres."""
     scenario = yaml.safe_load(pathlib.Path(scenario_file).read_text(encoding="utf-8"))
+    size = float(scenario.get("module_size", 1.0))
     groups = [configuration["modules"] for configuration in scenario.get("configurations") or []]
     groups.append(scenario.get("singletons") or [])
     return {
-        module["id"]: Pose(float(module["x"]), float(module["y"]), float(module.get("theta", 0.0)))
+        module["id"]: Pose(size * float(module["x"]), size * float(module["y"]), float(module.get("theta", 0.0)))
         for group in groups
         for module in group
     }

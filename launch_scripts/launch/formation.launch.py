@@ -80,7 +80,9 @@ def launch_setup(context):
     value = {name: LaunchConfiguration(name).perform(context) for name in ARGUMENTS}
     path = scenario_path(value["scenario"])
     with open(path, encoding="utf-8") as file:
-        modules, leaders = modules_of(yaml.safe_load(file))
+        content = yaml.safe_load(file)
+    modules, leaders = modules_of(content)
+    module_size = float(content.get("module_size", 1.0))
     modules_per_process = int(value["modules_per_process"])
     if modules_per_process < 1:
         raise ValueError(f"modules_per_process: must be at least 1, got {modules_per_process}")
@@ -92,7 +94,7 @@ def launch_setup(context):
             name=name,
             namespace=value["namespace"],
             arguments=[*arguments, "--log-level", value["log_level"]],
-            parameters=[{"session": int(value["session"])}],
+            parameters=[{"session": int(value["session"]), "module_size": module_size}],
             output="screen",
         )
 

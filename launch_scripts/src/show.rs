@@ -3,6 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
+use formation::model::{BODY_WIDTH, Scenario};
 use formation::planner::plan;
 use formation_report::{Subject, before};
 use ros_runtime::exit::{Failure, one_line};
@@ -30,7 +31,21 @@ pub fn show(path: &Path, svg: bool) -> Result<(), Failure> {
             path.display()
         ))
     })?;
-    console::result_line(&format!("name: {name}\n{}", maps.trim_end()))
+    let sizes = sizes(&scenario);
+    console::result_line(&format!("name: {name}\n{sizes}{}", maps.trim_end()))
+}
+
+/// The sizes of a scenario that are not the default ones, as its file has them.
+fn sizes(scenario: &Scenario) -> String {
+    let mut lines = String::new();
+    if let Some(size) = scenario.module_size() {
+        lines.push_str(&format!("module_size: {}\n", size.metres()));
+    }
+    let width = scenario.problem().target().surroundings().body_width();
+    if width != BODY_WIDTH {
+        lines.push_str(&format!("body_width: {}\n", width.to_units()));
+    }
+    lines
 }
 
 /// Prints the JSON schema of scenario files.

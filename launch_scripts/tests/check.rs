@@ -148,6 +148,27 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
             "singletons[1].theta: must be a finite number, got inf (module 4)",
         ),
         (
+            "x: 7.0, y: 5.0",
+            "x: 7.0, y: 5.0, theta: 90",
+            "singletons[1].theta: 90 is beyond a full turn of 2π; headings are in radians (module 4)",
+        ),
+        (
+            "x: 3.0, y: 0.0",
+            "x: 3.0, y: 0.0, theta: -6.3",
+            "target.spots[3].theta: -6.3 is beyond a full turn of 2π; headings are in radians (spot 4)",
+        ),
+        // Sizes.
+        (
+            "name: small",
+            "module_size: 0",
+            "module_size: must lie between 0.001 m and 1000 m, got 0",
+        ),
+        (
+            "name: small",
+            "body_width: 1.5",
+            "body_width: must lie between 0.1 units and 1, the pitch of the lattice, got 1.5",
+        ),
+        (
             "x: 1.0, y: 5.0",
             "x: .NaN, y: 5.0",
             "configurations[0].modules[1].x: must be a finite number, got NaN (module 2)",

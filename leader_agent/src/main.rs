@@ -10,7 +10,7 @@ use async_channel::Receiver;
 use clap::Parser;
 use formation::model::ModuleId;
 use formation_node::Program;
-use formation_node::scenario::read_scenario;
+use formation_node::scenario::read_own_scenario;
 use module_agent::ModuleProcess;
 use module_agent::arguments::{HostedModules, Memory, Motion, Timing, require_leader};
 use ros_runtime::exit::{Failure, STATUS_DONE};
@@ -39,8 +39,8 @@ struct Arguments {
 }
 
 impl Program for Arguments {
-    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
-        let scenario = read_scenario(&self.scenario)?;
+    fn run(self, mut settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        let scenario = read_own_scenario(&self.scenario, &mut settings)?;
         let module = ModuleId(self.module);
         let wrong = |reason| Failure::bad_input(format!("{}: {reason}", self.scenario.display()));
         require_leader(&scenario, module).map_err(wrong)?;

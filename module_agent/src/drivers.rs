@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use formation::model::{ModuleId, Pose, Service};
+use formation::model::{ModuleId, ModuleSize, Pose, Service};
 use formation::motion::{DockingResult, DriveCommand};
 use formation::protocol::Identity;
-use formation_msgs::external::geometry_msgs::PoseStamped;
+use formation_msgs::external::geometry_msgs::{self, PoseStamped};
 use formation_msgs::external::nav_msgs::Path;
-use formation_msgs::{DockingRequest, DriverPose};
+use formation_msgs::{DockingRequest, DriverPose, IntoCore};
+use formation_node::messages::module_size_of;
 use formation_node::{stamp, topics};
 use futures::stream::LocalBoxStream;
 use ros_runtime::PublisherQueue;
@@ -35,6 +36,7 @@ type DriverInputs = Inputs<(ModuleId, DriverMessage)>;
 /// Publishes to the drivers of the hosted modules.
 pub(crate) struct DriverPublishers {
     frame_id: String,
+    module_size: ModuleSize,
     modules: BTreeMap<ModuleId, DriverQueues>,
 }
 
@@ -54,6 +56,7 @@ pub(crate) fn open(
 ) -> Result<(DriverInputs, DriverPublishers), SessionError> {
     let mut inputs = DriverInputs::default();
     let mut publishers = BTreeMap::new();
+    let size = module_size_of(session);
     for module in modules {
         let poses = match source {
             PoseSource::Pose => {
@@ -65,7 +68,7 @@ pub(crate) fn open(
         };
         let results = session.subscription(&topics::docking_result(module), move |_, result| {
             let (named, result) = result
-                .try_into()
+                .into_core(size)
                 .map_err(|error| format!("{module}: {error}"))?;
             if named == module {
                 Ok(DriverMessage::Docking(result))
@@ -85,6 +88,7 @@ pub(crate) fn open(
     }
     let publishers = DriverPublishers {
         frame_id: frame_id.to_owned(),
+        module_size: size,
         modules: publishers,
     };
     Ok((inputs, publishers))
@@ -96,9 +100,9 @@ fn subscribe_poses<M: DriverPose + DeserializeOwned + 'static>(
     module: ModuleId,
     frame_id: &str,
 ) -> Result<LocalBoxStream<'static, Pose>, SessionError> {
-    let frame_id = frame_id.to_owned();
+    let (frame_id, size) = (frame_id.to_owned(), module_size_of(session));
     session.subscription(topic, move |_, sample: M| {
-        let pose = sample.in_frame(&frame_id);
+        let pose = sample.in_frame(&frame_id, size);
         pose.map_err(|error| format!("{module}: {error}"))
     })
 }
@@ -183,7 +187,7 @@ impl DriverPublishers {
         let header = stamp::header(&self.frame_id);
         match command {
             DriveCommand::Goal(pose) => {
-                let pose = (&pose).into();
+                let pose = geometry_msgs::Pose::new(&pose, self.module_size);
                 goals.publish(PoseStamped { header, pose });
             }
             DriveCommand::Docking(request) => {

@@ -29,10 +29,11 @@ struct Arguments {
 }
 
 impl Program for Arguments {
-    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+    fn run(self, mut settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        let hosted = self.modules.resolve(&mut settings)?;
         ModuleProcess {
             settings,
-            hosted: self.modules.resolve()?,
+            hosted,
             timing: self.timing.0,
             motion: self.motion.0,
             memory: self.memory.0,

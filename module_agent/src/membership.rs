@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use formation::model::{
-    MicroUnits, ModuleId, ModulePhase, NO_ID, Pose, PoseError, Service as InService,
+    MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleSize, NO_ID, PoseError,
+    Service as InService,
 };
 use formation::protocol::Command;
 use formation_msgs::{
@@ -14,8 +15,8 @@ use ros_runtime::service::{Call, Service};
 use crate::host::Host;
 use crate::journal::added_module;
 
-/// The least distance between two modules: the width of one, less the tolerance of a pose.
-const DISTANCE_MIN: MicroUnits = MicroUnits(950_000);
+/// The least distance between two modules: one unit, less the tolerance of a pose.
+const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
 
 pub(crate) const ADD_MODULE: Service<AddModuleRequest, AddModuleResponse> =
     Service::new("~/add_module", "formation_msgs", "AddModule");
@@ -30,10 +31,10 @@ pub(crate) enum MembershipRequest {
 
 impl MembershipRequest {
     /// Carries out the request if possible, and answers with what will happen, once the store holds it.
-    pub(crate) fn carry_out(self, host: &mut Host, now: Duration) {
+    pub(crate) fn carry_out(self, host: &mut Host, size: ModuleSize, now: Duration) {
         match self {
             Self::Add(Call { request, reply }) => {
-                let (success, message) = answer(request.module_id, add(host, now, request));
+                let (success, message) = answer(request.module_id, add(host, size, now, request));
                 host.answer(move || reply(AddModuleResponse { success, message }));
             }
             Self::Retire(Call { request, reply }) => {
@@ -58,12 +59,18 @@ fn answer(module: u32, outcome: Result<String, String>) -> (bool, String) {
 
 /// Hosts one more module, which is docked to none and listens before it takes part. Says what will happen, or why nothing
 /// does.
-fn add(host: &mut Host, now: Duration, request: AddModuleRequest) -> Result<String, String> {
+fn add(
+    host: &mut Host,
+    size: ModuleSize,
+    now: Duration,
+    request: AddModuleRequest,
+) -> Result<String, String> {
     let module = ModuleId(request.module_id);
     if module.0 == NO_ID {
         return Err(format!("module_id: {NO_ID} is reserved and cannot be used"));
     }
-    let pose = Pose::from_units(request.x, request.y, request.theta)
+    let pose = size
+        .pose_from_metres(request.x, request.y, request.theta)
         .map_err(|PoseError { coordinate, source }| format!("{coordinate}: {source}"))?;
     if host.status_of(module).is_some() {
         return Err(format!(
@@ -79,8 +86,8 @@ fn add(host: &mut Host, now: Duration, request: AddModuleRequest) -> Result<Stri
         let distance = place.map(|place| place.distance_to(&pose));
         if let Some(distance) = distance.filter(|&distance| distance < DISTANCE_MIN) {
             return Err(format!(
-                "{other} stands there: {} units away, and a module is one unit wide",
-                distance.to_units()
+                "{other} stands there: {} m away, and a module needs {size}",
+                size.to_metres(distance)
             ));
         }
     }
@@ -135,13 +142,14 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
 
 #[cfg(test)]
 mod tests {
-    use formation::model::{Heartbeat, Incarnation, Message, Stop};
+    use formation::model::{Heartbeat, Incarnation, Message, Pose, Stop};
     use formation::protocol::{AgentParameters, SourceId};
 
     use super::*;
     use crate::arguments::{Motion, MotionMode};
 
     const NOW: Duration = Duration::from_secs(1);
+    const METRE: ModuleSize = ModuleSize::METRE;
 
     /// A process with module 4 at the origin.
     fn host(motion: &Motion) -> Host {
@@ -172,21 +180,36 @@ mod tests {
             (newcomer(NO_ID, 5.0), "is reserved"),
             (newcomer(5, f64::NAN), "x: must be a finite number"),
             (newcomer(4, 5.0), "hosted by this process already"),
-            (newcomer(5, 0.5), "module 4 stands there: 0.5 units away"),
+            (
+                newcomer(5, 0.5),
+                "module 4 stands there: 0.5 m away, and a module needs 1 m",
+            ),
         ] {
-            let reason = add(&mut host, NOW, request).unwrap_err();
+            let reason = add(&mut host, METRE, NOW, request).unwrap_err();
             assert!(reason.contains(expected), "{reason}");
         }
         assert_eq!(host.modules().len(), 1);
-        assert!(add(&mut host, NOW, newcomer(5, 1.0)).is_ok());
+        assert!(add(&mut host, METRE, NOW, newcomer(5, 1.0)).is_ok());
         assert_eq!(service_of(&host, 5), Some(InService::Active));
-        let answer = add(&mut host, NOW, newcomer(6, 1.5)).unwrap_err();
+        let answer = add(&mut host, METRE, NOW, newcomer(6, 1.5)).unwrap_err();
         assert!(answer.contains("module 5 stands there"), "{answer}");
         for module in 6..=19 {
-            assert!(add(&mut host, NOW, newcomer(module, f64::from(module))).is_ok());
+            assert!(add(&mut host, METRE, NOW, newcomer(module, f64::from(module))).is_ok());
         }
-        let full = add(&mut host, NOW, newcomer(20, 30.0)).unwrap_err();
+        let full = add(&mut host, METRE, NOW, newcomer(20, 30.0)).unwrap_err();
         assert!(full.contains("at most 16 modules"), "{full}");
+    }
+
+    #[test]
+    fn a_small_module_is_added_where_a_large_one_has_no_room() {
+        let mut host = host(&Motion::default());
+        let size = ModuleSize::from_metres(0.08).unwrap();
+        let reason = add(&mut host, size, NOW, newcomer(5, 0.07)).unwrap_err();
+        let expected = "module 4 stands there: 0.07 m away, and a module needs 0.08 m";
+        assert!(reason.contains(expected), "{reason}");
+        assert!(add(&mut host, size, NOW, newcomer(5, 0.08)).is_ok());
+        let pose = host.modules()[1].0.pose;
+        assert_eq!(pose, Pose::from_units(1.0, 0.0, 0.0).unwrap());
     }
 
     #[test]
@@ -207,11 +230,11 @@ mod tests {
             stop: Stop::default(),
         };
         host.handle_message(NOW, SourceId(2), &Message::Heartbeat(heartbeat));
-        let answer = add(&mut host, NOW, newcomer(9, 5.0)).unwrap_err();
+        let answer = add(&mut host, METRE, NOW, newcomer(9, 5.0)).unwrap_err();
         assert!(answer.contains("is live already"), "{answer}");
         let later = NOW + Duration::from_secs(6);
         host.advance(later);
-        assert!(add(&mut host, later, newcomer(9, 5.0)).is_ok());
+        assert!(add(&mut host, METRE, later, newcomer(9, 5.0)).is_ok());
     }
 
     #[test]
@@ -220,7 +243,7 @@ mod tests {
             mode: MotionMode::External,
             ..Motion::default()
         });
-        let answer = add(&mut host, NOW, newcomer(5, 5.0)).unwrap_err();
+        let answer = add(&mut host, METRE, NOW, newcomer(5, 5.0)).unwrap_err();
         assert!(answer.contains("--motion external --module 5"), "{answer}");
     }
 

@@ -6,11 +6,13 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::{Incarnation, ModuleId, Service};
+use formation::model::{Incarnation, ModuleId, ModuleSize, Service};
 use formation::motion::PlannedMotion;
 use formation::protocol::{ComputedPlan, Identity, PlanJob};
 use formation_msgs::{Eviction, Heartbeat, InSession, ModuleStates, Roster, SpotClaim};
-use formation_node::messages::{Received, session_of, source_id, subscribe, subscribe_all};
+use formation_node::messages::{
+    Received, module_size_of, session_of, source_id, subscribe, subscribe_all,
+};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::diagnostics::Report;
@@ -120,6 +122,7 @@ impl ModuleProcess {
             workers,
             failure: None,
             frame_id: self.hosted.frame_id.clone(),
+            module_size: module_size_of(&session),
         };
         let ended = session.run(&mut node, inputs, stop);
         for (module, refusals) in node.host.refusals() {
@@ -245,6 +248,7 @@ struct ModuleNode {
     /// Why the process cannot go on.
     failure: Option<String>,
     frame_id: String,
+    module_size: ModuleSize,
 }
 
 impl Node for ModuleNode {
@@ -261,7 +265,9 @@ impl Node for ModuleNode {
                 }
             }
             Input::Driver(module, message) => self.host.handle_driver(now, module, message),
-            Input::Membership(request) => request.carry_out(&mut self.host, now),
+            Input::Membership(request) => {
+                request.carry_out(&mut self.host, self.module_size, now);
+            }
             Input::Computed(computed) => self.host.handle_computed(now, &computed),
             Input::Written(number) => self.host.handle_written(now, number),
             Input::Failed(reason) => self.failure = Some(reason),
@@ -320,11 +326,11 @@ impl ModuleNode {
             Outgoing::ModuleStates(states) => {
                 let header = stamp::header(&self.frame_id);
                 let states = states.iter().map(AsRef::as_ref);
-                let sample = ModuleStates::new(header, self.clock_zero, states);
+                let sample = ModuleStates::new(header, self.clock_zero, states, self.module_size);
                 publishers.states.publish(sample.in_session(own));
             }
             Outgoing::Heartbeats(heartbeats) => {
-                let sample = Heartbeat::new(&heartbeats);
+                let sample = Heartbeat::new(&heartbeats, self.module_size);
                 publishers.heartbeats.publish(sample.in_session(own));
             }
             Outgoing::Claim(claim) => {
@@ -333,7 +339,7 @@ impl ModuleNode {
             }
             Outgoing::Roster(roster) => {
                 let queue = created(&mut publishers.roster, session, &topics::ROSTER)?;
-                queue.publish(Roster::from(&roster).in_session(own));
+                queue.publish(Roster::new(&roster, self.module_size).in_session(own));
             }
             Outgoing::Eviction(notice) => {
                 let queue = created(&mut publishers.evictions, session, &topics::EVICTIONS)?;

@@ -16,6 +16,7 @@ use proptest::prelude::*;
 use proptest::sample::select;
 use ros_runtime::arguments::RosArguments;
 use ros_runtime::parameters::{Tunables, Tuned};
+use ros_runtime::settings::Settings;
 
 /// How many cases a test tries.
 fn cases(usual: u32) -> ProptestConfig {
@@ -202,7 +203,7 @@ proptest! {
         if agent.timing.0.check().is_ok() {
             prop_assert!(times.heartbeat < times.lease && times.lease < times.suspicion);
         }
-        if let Ok(hosted) = agent.modules.resolve() {
+        if let Ok(hosted) = agent.modules.resolve(&mut Settings::default()) {
             prop_assert!(!hosted.modules.is_empty());
         }
     }

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use formation::model::{Digest, Epoch, MicroUnits, ModuleId, NO_ID, Pose, PoseError};
+use formation::model::{Digest, Epoch, MicroUnits, ModuleId, ModuleSize, NO_ID, Pose, PoseError};
 
 use crate::bounds::{COORDINATE_LIMIT_MICRO, LINKS_MAX, NAME_BYTES_MAX};
 use crate::error::{Fault, MessageError};
@@ -101,8 +101,9 @@ pub(crate) fn optional_id<T>(raw: u32, make: impl Fn(u32) -> T) -> Option<T> {
     (raw != NO_ID).then(|| make(raw))
 }
 
-pub(crate) fn pose(x: f64, y: f64, theta: f64) -> Checked<Pose> {
-    Pose::from_units(x, y, theta)
+/// A pose that is given in metres and radians.
+pub(crate) fn pose((x, y): (f64, f64), theta: f64, size: ModuleSize) -> Checked<Pose> {
+    size.pose_from_metres(x, y, theta)
         .map_err(|PoseError { coordinate, source }| FieldError::new(coordinate, source))
 }
 
@@ -203,6 +204,15 @@ pub(crate) fn version(version: u32) -> Checked<()> {
         ours: PROTOCOL_VERSION,
     };
     Err(FieldError::new("protocol_version", fault))
+}
+
+/// The size of modules that a message states, which is that of the receiver.
+pub(crate) fn module_size(metres: f64, ours: ModuleSize) -> Checked<()> {
+    if ModuleSize::from_metres(metres) == Ok(ours) {
+        return Ok(());
+    }
+    let fault = Fault::OtherModuleSize { metres, ours };
+    Err(FieldError::new("module_size", fault))
 }
 
 /// Ascending identifiers of modules.

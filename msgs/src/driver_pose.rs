@@ -1,6 +1,6 @@
 //! The poses that drivers publish, in either of two message types.
 
-use formation::model;
+use formation::model::{self, ModuleSize};
 
 use crate::check::{self, Checked, FieldError};
 use crate::error::{Fault, MessageError};
@@ -11,26 +11,30 @@ use crate::topic;
 
 /// A message with the pose of a module.
 pub trait DriverPose {
-    /// The pose in the plane, given in `frame_id`.
+    /// The pose in the plane, given in `frame_id` and metres, in units of `size`.
     ///
     /// # Errors
     /// The pose is given in another frame, is no number, or lies too far away.
-    fn in_frame(&self, frame_id: &str) -> Result<model::Pose, MessageError>;
+    fn in_frame(&self, frame_id: &str, size: ModuleSize) -> Result<model::Pose, MessageError>;
 }
 
 impl DriverPose for PoseStamped {
-    fn in_frame(&self, frame_id: &str) -> Result<model::Pose, MessageError> {
+    fn in_frame(&self, frame_id: &str, size: ModuleSize) -> Result<model::Pose, MessageError> {
         same_frame(&self.header, frame_id)
-            .and_then(|()| self.pose.in_plane().map_err(|error| error.within("pose")))
+            .and_then(|()| {
+                self.pose
+                    .in_plane(size)
+                    .map_err(|error| error.within("pose"))
+            })
             .map_err(|error| error.on(topic::POSE))
     }
 }
 
 impl DriverPose for Odometry {
-    fn in_frame(&self, frame_id: &str) -> Result<model::Pose, MessageError> {
+    fn in_frame(&self, frame_id: &str, size: ModuleSize) -> Result<model::Pose, MessageError> {
         same_frame(&self.header, frame_id)
             .and_then(|()| {
-                let pose = self.pose.pose.in_plane();
+                let pose = self.pose.pose.in_plane(size);
                 pose.map_err(|error| error.within("pose.pose"))
             })
             .map_err(|error| error.on(topic::ODOMETRY))

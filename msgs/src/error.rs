@@ -1,8 +1,8 @@
 //! What can be wrong with a message.
 
 use formation::model::{
-    self, CutPriceError, MICRO_PER_UNIT, ModuleId, NO_ID, ProblemError, QuantiseError, SpotId,
-    WeightsError,
+    self, CutPriceError, MICRO_PER_UNIT, ModuleId, ModuleSize, NO_ID, ProblemError, QuantiseError,
+    SpotId, WeightsError,
 };
 use thiserror::Error;
 
@@ -81,6 +81,14 @@ pub enum Fault {
         version: u32,
         /// The version of this program.
         ours: u32,
+    },
+    /// The sender's modules have another size.
+    #[error("is {metres} m, but the modules of this node measure {ours}; give all nodes the same")]
+    OtherModuleSize {
+        /// The sender's size.
+        metres: f64,
+        /// The size of this node's modules.
+        ours: ModuleSize,
     },
     /// An epoch is needed, but the one given is number 0.
     #[error("number 0 stands for no epoch, but one is needed here")]

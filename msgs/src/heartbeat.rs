@@ -3,7 +3,7 @@
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
 use formation::model;
-use formation::model::{Incarnation, ModuleId};
+use formation::model::{Incarnation, ModuleId, ModuleSize};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
@@ -33,11 +33,12 @@ pub struct ModuleHeartbeat {
 }
 
 /// See `Heartbeat.msg`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct Heartbeat {
     pub protocol_version: u32,
     pub session: u64,
     pub modules: Vec<ModuleHeartbeat>,
+    pub module_size: f64,
 }
 
 impl From<&model::Heartbeat> for ModuleHeartbeat {
@@ -97,17 +98,22 @@ impl ModuleHeartbeat {
 
 impl Heartbeat {
     /// One sample of the heartbeats of all modules that a process hosts.
-    pub fn new<'a>(heartbeats: impl IntoIterator<Item = &'a model::Heartbeat>) -> Self {
+    pub fn new<'a>(
+        heartbeats: impl IntoIterator<Item = &'a model::Heartbeat>,
+        size: ModuleSize,
+    ) -> Self {
         Self {
             protocol_version: PROTOCOL_VERSION,
             session: 0,
             modules: heartbeats.into_iter().map(ModuleHeartbeat::from).collect(),
+            module_size: size.metres(),
         }
     }
 
     /// The heartbeats of distinct modules, in the order in which they came.
-    pub(crate) fn validated(self) -> Checked<Vec<model::Heartbeat>> {
+    pub(crate) fn validated(self, size: ModuleSize) -> Checked<Vec<model::Heartbeat>> {
         check::version(self.protocol_version)?;
+        check::module_size(self.module_size, size)?;
         let validate = ModuleHeartbeat::validated;
         let heartbeats = check::entries("modules", &self.modules, MODULES_MAX, validate)?;
         let modules = heartbeats.iter().map(|heartbeat| heartbeat.module);

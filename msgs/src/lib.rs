@@ -4,9 +4,10 @@
 //! the same types in Rust. Each struct here has the name of a `.msg` file, or of a section of a `.srv` or `.action`
 //! file, and its fields in the order of that file; the file says what each field means and in which unit.
 //!
-//! Whatever arrives is raw. `TryFrom` makes validated data of [`formation::model`] of it, or a [`MessageError`]
-//! that names the topic, the field and the reason; `From<&_>` goes the other way. Going out and in again changes
-//! nothing. Neither way panics, and nothing grows beyond a constant factor of the bytes that arrived.
+//! Whatever arrives is raw. [`IntoCore`] makes validated data of [`formation::model`] of it, or a [`MessageError`]
+//! that names the topic, the field and the reason; constructors go the other way. Messages are in metres and the core is in
+//! units, so both take a [`formation::model::ModuleSize`]. Going out and in again changes nothing. Neither way panics,
+//! and nothing grows beyond a constant factor of the bytes that arrived.
 
 /// The numbers of an enumerated field: the constants of its message, each with its name in errors, and the conversions from
 /// and to the core's type.
@@ -46,16 +47,22 @@ macro_rules! enumeration {
     };
 }
 
-/// Conversions of what arrives into validated data, each with the topic that errors name.
+/// Conversions of what arrives into validated data, each with the topic that errors name; messages `with lengths` need the
+/// size of modules.
 macro_rules! validated {
-    ($($raw:ident => $core:ty, $topic:path;)+) => {
-        $(impl TryFrom<$raw> for $core {
-            type Error = MessageError;
-
-            fn try_from(raw: $raw) -> Result<Self, MessageError> {
-                raw.validated().map_err(|error| error.on($topic))
+    ($($raw:ty => $core:ty, $topic:path $(, $with_lengths:ident)?;)+) => {
+        $(impl IntoCore<$core> for $raw {
+            fn into_core(self, size: model::ModuleSize) -> Result<$core, MessageError> {
+                validated!(@ self, size $(, $with_lengths)?).map_err(|error| error.on($topic))
             }
         })+
+    };
+    (@ $message:ident, $size:ident) => {{
+        let _ = $size;
+        $message.validated()
+    }};
+    (@ $message:ident, $size:ident, with_lengths) => {
+        $message.validated($size)
     };
 }
 
@@ -126,6 +133,15 @@ pub use verdict::Verdict;
 /// Stands for "none" where an identifier is optional.
 pub const NONE: u32 = model::NO_ID;
 
+/// A message, which becomes validated data of the core.
+pub trait IntoCore<T> {
+    /// The message as data of the core. Lengths in metres become units of `size`.
+    ///
+    /// # Errors
+    /// Names the field that is wrong, or that the message is for modules of another size.
+    fn into_core(self, size: model::ModuleSize) -> Result<T, MessageError>;
+}
+
 /// Names a type as ROS 2 does: `PACKAGE/msg/NAME`. A section of a service or an action
 /// is named after both, as `NAME_Request` is.
 pub trait InterfaceType {
@@ -184,12 +200,12 @@ interface_types!(
 validated! {
     Eviction => model::EvictionNotice, topic::EVICTIONS;
     ModuleHeartbeat => model::Heartbeat, topic::HEARTBEATS;
-    Heartbeat => Vec<model::Heartbeat>, topic::HEARTBEATS;
-    ModuleState => model::ModuleState, topic::MODULE_STATES;
-    ModuleStates => Vec<model::ModuleState>, topic::MODULE_STATES;
+    Heartbeat => Vec<model::Heartbeat>, topic::HEARTBEATS, with_lengths;
+    ModuleState => model::ModuleState, topic::MODULE_STATES, with_lengths;
+    ModuleStates => Vec<model::ModuleState>, topic::MODULE_STATES, with_lengths;
     OperatorCommand => Vec<model::Message>, topic::COMMANDS;
-    Roster => model::RosterMessage, topic::ROSTER;
+    Roster => model::RosterMessage, topic::ROSTER, with_lengths;
     SpotClaim => model::SpotClaim, topic::CLAIMS;
-    TargetConfiguration => model::TargetAnnouncement, topic::TARGET;
+    TargetConfiguration => model::TargetAnnouncement, topic::TARGET, with_lengths;
     DockingResult => (model::ModuleId, motion::DockingResult), topic::DOCKING_RESULT;
 }

@@ -5,8 +5,8 @@
 use std::time::Duration;
 
 use formation::model::{
-    self, ConfigurationId, DriveState, Incarnation, ModuleId, ModulePhase, SenderTime, Service,
-    SpotId,
+    self, ConfigurationId, DriveState, Incarnation, ModuleId, ModulePhase, ModuleSize, SenderTime,
+    Service, SpotId,
 };
 use serde::{Deserialize, Serialize};
 
@@ -63,6 +63,7 @@ pub struct ModuleStates {
     pub protocol_version: u32,
     pub session: u64,
     pub modules: Vec<ModuleState>,
+    pub module_size: f64,
 }
 
 impl ModuleState {
@@ -121,8 +122,11 @@ fn marks(field: &str, raw: &[CausalMark]) -> Checked<Vec<model::CausalMark>> {
     Ok(marks)
 }
 
-impl From<&model::ModuleState> for ModuleState {
-    fn from(state: &model::ModuleState) -> Self {
+impl ModuleState {
+    /// The state of a module, as it goes out.
+    #[must_use]
+    pub fn new(state: &model::ModuleState, size: ModuleSize) -> Self {
+        let (x, y) = size.position_in_metres(&state.pose);
         Self {
             module_id: state.module.0,
             incarnation: state.incarnation.0,
@@ -135,8 +139,8 @@ impl From<&model::ModuleState> for ModuleState {
             service: service_to_wire(state.service),
             stamp: state.at.0.into(),
             drive: drive_to_wire(state.drive),
-            x: state.pose.x.to_units(),
-            y: state.pose.y.to_units(),
+            x,
+            y,
             theta: state.pose.theta.to_units(),
             links: state.links.iter().map(|link| link.0).collect(),
             configuration_id: state.configuration.map_or(NONE, |id| id.0),
@@ -167,7 +171,7 @@ impl ModuleState {
         Ok(self.on_paths.then_some(self.steps_done))
     }
 
-    pub(crate) fn validated(&self) -> Checked<model::ModuleState> {
+    pub(crate) fn validated(&self, size: ModuleSize) -> Checked<model::ModuleState> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         let epoch = self.epoch.validated()?;
         // A module cannot have settled in a state that it has yet to publish.
@@ -183,7 +187,7 @@ impl ModuleState {
             service: service_from_wire(self.service)?,
             at: SenderTime(self.stamp.validated("stamp")?),
             drive: drive_from_wire(self.drive)?,
-            pose: check::pose(self.x, self.y, self.theta)?,
+            pose: check::pose((self.x, self.y), self.theta, size)?,
             links: check::links(module, &self.links)?,
             configuration: check::optional_id(self.configuration_id, ConfigurationId),
             leader: check::optional_id(self.leader_id, ModuleId),
@@ -205,24 +209,27 @@ impl ModuleStates {
         header: Header,
         clock_zero: Duration,
         states: impl IntoIterator<Item = &'a model::ModuleState>,
+        size: ModuleSize,
     ) -> Self {
         let stamped = |state: &model::ModuleState| ModuleState {
             stamp: (clock_zero + state.at.0).into(),
-            ..state.into()
+            ..ModuleState::new(state, size)
         };
         Self {
             header,
             protocol_version: PROTOCOL_VERSION,
             session: 0,
             modules: states.into_iter().map(stamped).collect(),
+            module_size: size.metres(),
         }
     }
 
     /// The states of distinct modules, in the order in which they came.
-    pub(crate) fn validated(self) -> Checked<Vec<model::ModuleState>> {
+    pub(crate) fn validated(self, size: ModuleSize) -> Checked<Vec<model::ModuleState>> {
         check::version(self.protocol_version)?;
+        check::module_size(self.module_size, size)?;
         check::name("header.frame_id", &self.header.frame_id)?;
-        let validate = ModuleState::validated;
+        let validate = |state: &ModuleState| state.validated(size);
         let states = check::entries("modules", &self.modules, MODULES_MAX, validate)?;
         check::distinct("modules", states.iter().map(|state| state.module))?;
         Ok(states)

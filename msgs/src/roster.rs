@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use formation::model::{
-    self, ConfigurationId, Digest, Incarnation, ModuleId, PlanningModule, Pose, RosterMessage,
-    SpotId, Timing,
+    self, ConfigurationId, Digest, Incarnation, ModuleId, ModuleSize, PlanningModule, Pose,
+    RosterMessage, SpotId, Timing,
 };
 use serde::{Deserialize, Serialize};
 
@@ -106,8 +106,8 @@ impl RosterMember {
     }
 }
 
-impl From<&model::Roster> for Roster {
-    fn from(roster: &model::Roster) -> Self {
+impl Roster {
+    fn of_plan(roster: &model::Roster, size: ModuleSize) -> Self {
         Self {
             protocol_version: PROTOCOL_VERSION,
             session: 0,
@@ -115,7 +115,7 @@ impl From<&model::Roster> for Roster {
             stage: Self::STAGE_PLAN,
             target_revision: roster.target.revision,
             target_digest: 0,
-            target: TargetConfiguration::from(&roster.target),
+            target: TargetConfiguration::new(&roster.target, size),
             members: roster.members.iter().map(RosterMember::from).collect(),
             quorum_bases: roster.quorum_bases.iter().map(QuorumBasis::from).collect(),
             bodies: roster.bodies.iter().map(Body::from).collect(),
@@ -124,12 +124,12 @@ impl From<&model::Roster> for Roster {
             lease: roster.timing.lease.into(),
         }
     }
-}
 
-impl From<&RosterMessage> for Roster {
-    fn from(announcement: &RosterMessage) -> Self {
+    /// What a convener announces, as it goes out.
+    #[must_use]
+    pub fn new(announcement: &RosterMessage, size: ModuleSize) -> Self {
         match announcement {
-            RosterMessage::Plan(roster) => Self::from(&**roster),
+            RosterMessage::Plan(roster) => Self::of_plan(roster, size),
             &RosterMessage::Gather {
                 ref epoch,
                 target_revision,
@@ -147,11 +147,11 @@ impl From<&RosterMessage> for Roster {
 }
 
 impl Roster {
-    pub(crate) fn validated(self) -> Checked<RosterMessage> {
+    pub(crate) fn validated(self, size: ModuleSize) -> Checked<RosterMessage> {
         check::version(self.protocol_version)?;
         match self.stage {
             Self::STAGE_GATHER => self.gather(),
-            Self::STAGE_PLAN => self.plan(),
+            Self::STAGE_PLAN => self.plan(size),
             value => {
                 let (value, known) = (value.into(), "GATHER 1, PLAN 2");
                 let fault = Fault::UnknownValue { value, known };
@@ -176,7 +176,7 @@ impl Roster {
         })
     }
 
-    fn plan(self) -> Checked<RosterMessage> {
+    fn plan(self, size: ModuleSize) -> Checked<RosterMessage> {
         let epoch = self.epoch.required()?;
         if self.target.revision != self.target_revision {
             let reason = "differs from target_revision";
@@ -189,7 +189,7 @@ impl Roster {
         }
         let target = self
             .target
-            .validated()
+            .validated(size)
             .map_err(|error| error.within("target"))?;
         let validate = RosterMember::validated;
         let members = check::entries("members", &self.members, MODULES_MAX, validate)?;

@@ -2,6 +2,8 @@
 
 use std::fmt;
 
+use formation::model::ModuleSize;
+
 use crate::claim::{Eviction, SpotClaim};
 use crate::heartbeat::Heartbeat;
 use crate::module_state::ModuleStates;
@@ -33,17 +35,27 @@ pub trait InSession: Sized {
     /// Its session.
     fn session(&self) -> SessionId;
 
+    /// The size of modules that it states; one metre if it states none that is valid.
+    fn module_size(&self) -> ModuleSize {
+        ModuleSize::METRE
+    }
+
     /// The same message in a session.
     #[must_use]
     fn in_session(self, session: SessionId) -> Self;
 }
 
 macro_rules! in_session {
-    ($($message:ty),+ $(,)?) => {
+    ($($message:ty $(, |$sized:ident| $metres:expr)?);+ $(;)?) => {
         $(impl InSession for $message {
             fn session(&self) -> SessionId {
                 SessionId(self.session)
             }
+
+            $(fn module_size(&self) -> ModuleSize {
+                let $sized = self;
+                ModuleSize::from_metres($metres).unwrap_or_default()
+            })?
 
             fn in_session(mut self, session: SessionId) -> Self {
                 self.session = session.0;
@@ -54,11 +66,11 @@ macro_rules! in_session {
 }
 
 in_session!(
-    Eviction,
-    Heartbeat,
-    ModuleStates,
-    OperatorCommand,
-    Roster,
-    SpotClaim,
-    TargetConfiguration,
+    Eviction;
+    Heartbeat, |own| own.module_size;
+    ModuleStates, |own| own.module_size;
+    OperatorCommand;
+    Roster, |own| own.target.module_size;
+    SpotClaim;
+    TargetConfiguration, |own| own.module_size;
 );

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use formation::model::{
-    self, CutPrice, MotionMode, Policy, RawSpot, RawTarget, Target, TargetAnnouncement, TurnOrder,
-    Weights, WeightsError,
+    self, CutPrice, ModuleSize, MotionMode, Policy, RawSpot, RawSurroundings, RawTarget,
+    Surroundings, Target, TargetAnnouncement, TurnOrder, Weights, WeightsError,
 };
 use serde::{Deserialize, Serialize};
 
@@ -61,6 +61,8 @@ pub struct TargetConfiguration {
     pub spots: Vec<Spot>,
     pub edges: Vec<Edge>,
     pub planner: PlannerParameters,
+    pub module_size: f64,
+    pub body_width: f64,
 }
 
 impl Default for TargetConfiguration {
@@ -78,6 +80,8 @@ impl Default for TargetConfiguration {
             spots: Vec::new(),
             edges: Vec::new(),
             planner: PlannerParameters::default(),
+            module_size: ModuleSize::METRE.metres(),
+            body_width: 0.0,
         }
     }
 }
@@ -166,10 +170,26 @@ impl PlannerParameters {
     }
 }
 
-impl From<&TargetAnnouncement> for TargetConfiguration {
-    /// The header's stamp stays zero, for the sender to fill.
-    fn from(announcement: &TargetAnnouncement) -> Self {
+/// The spots of a target in metres.
+fn spots_in_metres(spots: Vec<RawSpot>, size: ModuleSize) -> Vec<Spot> {
+    let in_metres = |RawSpot { id, x, y, theta }| Spot {
+        id,
+        x: size.scale_to_metres(x),
+        y: size.scale_to_metres(y),
+        theta,
+    };
+    spots.into_iter().map(in_metres).collect()
+}
+
+impl TargetConfiguration {
+    /// An announced target, as it goes out. The header's stamp stays zero, for the sender to fill.
+    #[must_use]
+    pub fn new(announcement: &TargetAnnouncement, size: ModuleSize) -> Self {
         let raw = announcement.target.as_ref().map(|target| target.to_raw());
+        let surroundings = announcement
+            .target
+            .as_ref()
+            .map(|target| target.surroundings());
         let withdrawn = raw.is_none();
         let (frame_id, spots, edges) =
             raw.map_or_else(Default::default, |raw| (raw.frame_id, raw.spots, raw.edges));
@@ -185,22 +205,23 @@ impl From<&TargetAnnouncement> for TargetConfiguration {
             withdrawn,
             expected_modules: announcement.expected_modules.unwrap_or(0),
             founders: announcement.founders.iter().map(|id| id.0).collect(),
-            spots: spots
-                .into_iter()
-                .map(|RawSpot { id, x, y, theta }| Spot { id, x, y, theta })
-                .collect(),
+            spots: spots_in_metres(spots, size),
             edges: edges
                 .into_iter()
                 .map(|[first, second]| Edge { first, second })
                 .collect(),
             planner: PlannerParameters::from(&announcement.parameters),
+            module_size: size.metres(),
+            body_width: surroundings.map_or(0.0, |own| size.to_metres(own.body_width())),
         }
     }
-}
 
-impl TargetConfiguration {
-    pub(crate) fn validated(self) -> Checked<TargetAnnouncement> {
+    pub(crate) fn validated(self, size: ModuleSize) -> Checked<TargetAnnouncement> {
         check::version(self.protocol_version)?;
+        // A withdrawal has no lengths, and stops modules of any size.
+        if !self.withdrawn {
+            check::module_size(self.module_size, size)?;
+        }
         check::name("header.frame_id", &self.header.frame_id)?;
         check::name("name", &self.name)?;
         let expected = self.expected_modules.into();
@@ -214,11 +235,7 @@ impl TargetConfiguration {
             check::empty(&lists, "must be empty while the target is withdrawn")?;
             None
         } else {
-            Some(Arc::new(validated_target(
-                self.header.frame_id,
-                &self.spots,
-                &self.edges,
-            )?))
+            Some(Arc::new(self.validated_target(size)?))
         };
         Ok(TargetAnnouncement {
             revision: self.revision,
@@ -231,14 +248,26 @@ impl TargetConfiguration {
     }
 }
 
-fn validated_target(frame_id: String, spots: &[Spot], edges: &[Edge]) -> Checked<Target> {
-    let raw = RawTarget {
-        frame_id,
-        spots: spots
-            .iter()
-            .map(|&Spot { id, x, y, theta }| RawSpot { id, x, y, theta })
-            .collect(),
-        edges: edges.iter().map(|edge| [edge.first, edge.second]).collect(),
-    };
-    Target::try_from(raw).map_err(|error| FieldError::new("", error))
+impl TargetConfiguration {
+    fn validated_target(&self, size: ModuleSize) -> Checked<Target> {
+        let in_units = |&Spot { id, x, y, theta }: &Spot| RawSpot {
+            id,
+            x: size.scale_to_units(x),
+            y: size.scale_to_units(y),
+            theta,
+        };
+        let edges = self.edges.iter();
+        let raw = RawTarget {
+            frame_id: self.header.frame_id.clone(),
+            spots: self.spots.iter().map(in_units).collect(),
+            edges: edges.map(|edge| [edge.first, edge.second]).collect(),
+        };
+        let width = size.scale_to_units(self.body_width);
+        let surroundings = Surroundings::try_from(RawSurroundings {
+            body_width: (self.body_width != 0.0).then_some(width),
+        });
+        let refused = |error| FieldError::new("", error);
+        let target = Target::try_from(raw).map_err(refused)?;
+        Ok(target.within(surroundings.map_err(refused)?))
+    }
 }

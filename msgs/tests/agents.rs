@@ -5,9 +5,12 @@ use std::time::Duration;
 
 use crate::common::codec::over_the_wire;
 use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::model::{self, Message, ModuleId, RosterMessage, Scenario};
+use formation::model::{Message, ModuleId, ModuleSize, RosterMessage, Scenario};
 use formation_msgs as wire;
+use formation_msgs::IntoCore;
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters, Observation};
+
+const SIZE: ModuleSize = ModuleSize::METRE;
 
 /// How many messages exercise which part of the message types.
 #[derive(Debug, Default)]
@@ -26,8 +29,8 @@ fn check(said: &Message, coverage: &mut Coverage) {
     coverage.messages += 1;
     match said {
         Message::Target(announcement) => {
-            let sent = over_the_wire(wire::TargetConfiguration::from(&**announcement));
-            let back = model::TargetAnnouncement::try_from(sent);
+            let sent = over_the_wire(wire::TargetConfiguration::new(announcement, SIZE));
+            let back = sent.into_core(SIZE);
             assert_eq!(back.as_ref(), Ok(&**announcement));
         }
         Message::ModuleState(state) => {
@@ -36,31 +39,32 @@ fn check(said: &Message, coverage: &mut Coverage) {
                 wire::Header::default(),
                 Duration::ZERO,
                 &states,
+                SIZE,
             ));
-            assert_eq!(Vec::try_from(sent), Ok(states.to_vec()));
+            assert_eq!(sent.into_core(SIZE), Ok(states.to_vec()));
             coverage.states_with_marks += usize::from(!state.waited_for.is_empty());
             coverage.states_with_bases += usize::from(!state.quorum_bases.is_empty());
         }
         Message::Roster(roster) => {
-            let sent = over_the_wire(wire::Roster::from(roster));
-            assert_eq!(RosterMessage::try_from(sent).as_ref(), Ok(roster));
+            let sent = over_the_wire(wire::Roster::new(roster, SIZE));
+            assert_eq!(sent.into_core(SIZE).as_ref(), Ok(roster));
             coverage.plans += usize::from(matches!(roster, RosterMessage::Plan(_)));
         }
         Message::Claim(claim) => {
             let sent = over_the_wire(wire::SpotClaim::from(&**claim));
-            assert_eq!(model::SpotClaim::try_from(sent).as_ref(), Ok(&**claim));
+            assert_eq!(sent.into_core(SIZE).as_ref(), Ok(&**claim));
             coverage.claims_with_evictions += usize::from(!claim.decision.evictions.is_empty());
             coverage.claims_with_detached += usize::from(!claim.decision.detached.is_empty());
         }
         Message::Eviction(notice) => {
             let sent = over_the_wire(wire::Eviction::from(notice));
-            assert_eq!(model::EvictionNotice::try_from(sent).as_ref(), Ok(notice));
+            assert_eq!(sent.into_core(SIZE).as_ref(), Ok(notice));
         }
         // No agent sends commands, or messages of another session.
         Message::OtherSessionState(_) | Message::Stop(_) | Message::Removal(_) => {}
         Message::Heartbeat(heartbeat) => {
-            let sent = over_the_wire(wire::Heartbeat::new([heartbeat]));
-            assert_eq!(Vec::try_from(sent), Ok(vec![*heartbeat]));
+            let sent = over_the_wire(wire::Heartbeat::new([heartbeat], SIZE));
+            assert_eq!(sent.into_core(SIZE), Ok(vec![*heartbeat]));
             coverage.heartbeats_with_digest += usize::from(heartbeat.digest.is_some());
         }
     }

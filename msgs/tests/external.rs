@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use crate::common::codec::{Codec, part};
 use crate::common::python;
-use formation::model;
+use formation::model::{self, ModuleSize};
 use formation_msgs::external::geometry_msgs::{
     Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,
     TwistWithCovariance, Vector3,
@@ -226,9 +226,15 @@ fn stamped(frame_id: &str, pose: Pose) -> PoseStamped {
 
 #[test]
 fn poses_survive_the_way_out_and_in() {
-    for theta in [0.0, 1.0, -1.0, 3.1, -3.1, 1.5] {
+    for (theta, metres) in [0.0, 1.0, -1.0, 3.1, -3.1, 1.5]
+        .into_iter()
+        .flat_map(|theta| [(theta, 1.0), (theta, 0.08)])
+    {
+        let size = ModuleSize::from_metres(metres).unwrap();
         let pose = model::Pose::from_units(-3.25, 1e6, theta).unwrap();
-        let back = stamped("map", (&pose).into()).in_frame("map").unwrap();
+        let sent = Pose::new(&pose, size);
+        assert!((sent.position.x + 3.25 * metres).abs() < 1e-12);
+        let back = stamped("map", sent).in_frame("map", size).unwrap();
         assert_eq!((back.x, back.y), (pose.x, pose.y));
         assert!(
             (back.theta.0 - pose.theta.0).abs() <= 1,
@@ -239,7 +245,12 @@ fn poses_survive_the_way_out_and_in() {
 
 #[test]
 fn a_pose_that_cannot_be_used_is_refused_with_its_field() {
-    let refused = |message: &PoseStamped| message.in_frame("map").unwrap_err().to_string();
+    let refused = |message: &PoseStamped| {
+        message
+            .in_frame("map", ModuleSize::METRE)
+            .unwrap_err()
+            .to_string()
+    };
     assert_eq!(
         refused(&stamped("odom", Pose::default())),
         "pose: header.frame_id: must be `map`, the frame of all poses, got `odom`"

@@ -17,12 +17,13 @@ use crate::common::cases;
 use crate::common::codec::{self, Codec, read};
 use crate::common::hostile::Writer;
 use formation::generate::Random;
-use formation::model::{Incarnation, Message, ModuleId, Pose};
+use formation::model::{Incarnation, Message, ModuleId, ModuleSize, Pose};
 use formation::protocol::{
     Agent, AgentParameters, Identity, Input, MotionReport, Output, SourceId,
 };
 use formation::verify::{Observer, ObserverParameters};
 use formation_msgs as wire;
+use formation_msgs::IntoCore;
 use proptest::prelude::*;
 use serde_reflection::Registry;
 
@@ -47,8 +48,9 @@ fn codecs() -> Rc<Described> {
 
 /// The messages of one sample, as the process at the border makes them.
 fn messages(name: &str, payload: &[u8]) -> Vec<Message> {
-    fn of<T: serde::de::DeserializeOwned, V: TryFrom<T>>(payload: &[u8]) -> Option<V> {
-        V::try_from(read::<T>(payload).ok()?.0).ok()
+    fn of<T: serde::de::DeserializeOwned + IntoCore<V>, V>(payload: &[u8]) -> Option<V> {
+        let (sample, _) = read::<T>(payload).ok()?;
+        sample.into_core(ModuleSize::METRE).ok()
     }
     let one = |message: Option<Message>| message.into_iter().collect();
     match name {

@@ -347,6 +347,16 @@ fn defaults_agree() {
         defaults(include_str!("../msg/RosterMember.msg")),
         unset(&["configuration_id", "leader_id", "pinned_spot_id"])
     );
+    for (text, default) in [
+        (
+            include_str!("../msg/TargetConfiguration.msg"),
+            wire::TargetConfiguration::default().module_size,
+        ),
+        (include_str!("../msg/ModuleStates.msg"), 1.0),
+        (include_str!("../msg/Heartbeat.msg"), 1.0),
+    ] {
+        assert_eq!(defaults(text)["module_size"], default, "{text}");
+    }
     assert_eq!(
         defaults(include_str!("../msg/EvictionRecord.msg")),
         unset(&["to_spot_id"])

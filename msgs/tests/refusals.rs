@@ -5,20 +5,19 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-use formation::model;
+use formation::model::{self, ModuleSize};
 use formation_msgs as wire;
-use formation_msgs::{MessageError, NONE, PROTOCOL_VERSION, bounds};
+use formation_msgs::{IntoCore, NONE, PROTOCOL_VERSION, bounds};
 
 /// The text of the refusal after `change`; the message must be accepted without it.
 fn refusal<T, V>(valid: &T, change: impl FnOnce(&mut T)) -> String
 where
-    T: Clone,
-    V: TryFrom<T, Error = MessageError>,
+    T: Clone + IntoCore<V>,
 {
-    assert!(V::try_from(valid.clone()).is_ok());
+    assert!(valid.clone().into_core(ModuleSize::METRE).is_ok());
     let mut bad = valid.clone();
     change(&mut bad);
-    match V::try_from(bad) {
+    match bad.into_core(ModuleSize::METRE) {
         Ok(_) => "accepted".to_owned(),
         Err(error) => error.to_string(),
     }
@@ -124,8 +123,11 @@ fn module_states() {
             },
             state(),
         ],
+        module_size: 1.0,
     };
     refusals!(valid, Vec<model::ModuleState>:
+        sample => sample.module_size = 0.0,
+            "module_states: module_size: is 0 m, but the modules of this node measure 1 m; give all nodes the same";
         sample => sample.header.frame_id = "m".repeat(256),
             "module_states: header.frame_id: 256 bytes, at most 255 are allowed";
         sample => sample.modules[1].module_id = 8, "module_states: modules[1]: module 8 is listed twice";
@@ -249,6 +251,12 @@ fn targets() {
             "target: planner.weight_loc: must lie within +-100, got 101";
         target => target.planner.weight_undock = 0.5,
             "target: planner: must satisfy loc > dock > undock >= 0, got loc 1, dock 0.1, undock 0.5";
+        target => target.module_size = 0.08,
+            "target: module_size: is 0.08 m, but the modules of this node measure 1 m; give all nodes the same";
+        target => target.module_size = f64::NAN,
+            "target: module_size: is NaN m, but the modules of this node measure 1 m; give all nodes the same";
+        target => target.body_width = 1.1,
+            "target: body_width: must lie between 0.1 units and 1, the pitch of the lattice, got 1.1";
         target => target.planner.cut_price = -1.0,
             "target: planner.cut_price: must not be negative, got -1.000000";
     );
@@ -258,7 +266,7 @@ fn targets() {
         edges: Vec::new(),
         ..target()
     };
-    let announcement = model::TargetAnnouncement::try_from(withdrawn).unwrap();
+    let announcement = withdrawn.into_core(ModuleSize::METRE).unwrap();
     assert_eq!(announcement.target, None);
     assert_eq!(announcement.expected_modules, None);
 }
@@ -463,6 +471,7 @@ fn heartbeats() {
         protocol_version: PROTOCOL_VERSION,
         session: 8,
         modules: vec![heartbeat(4), heartbeat(1)],
+        module_size: 1.0,
     };
     refusals!(valid, Vec<model::Heartbeat>:
         sample => sample.modules[1].module_id = 4, "heartbeats: modules[1]: module 4 is listed twice";

@@ -5,9 +5,16 @@ use std::time::Duration;
 use crate::common::codec::over_the_wire;
 use crate::common::core_values;
 use crate::common::samples::header;
-use formation::model::{self, MicroUnits};
+use formation::model::{self, MicroUnits, ModuleSize};
 use formation_msgs as wire;
+use formation_msgs::IntoCore;
 use proptest::prelude::*;
+
+/// From a millimetre to a kilometre, in whole micrometres.
+fn module_size() -> impl Strategy<Value = ModuleSize> {
+    (1_000_u32..=1_000_000_000)
+        .prop_map(|micrometres| ModuleSize::from_metres(f64::from(micrometres) / 1.0e6).unwrap())
+}
 
 proptest! {
     #[test]
@@ -16,45 +23,49 @@ proptest! {
     }
 
     #[test]
-    fn targets(announcement in core_values::announcement()) {
-        let sent = over_the_wire(wire::TargetConfiguration::from(&announcement));
-        prop_assert_eq!(model::TargetAnnouncement::try_from(sent), Ok(announcement));
+    fn targets(announcement in core_values::announcement(), size in module_size()) {
+        let sent = over_the_wire(wire::TargetConfiguration::new(&announcement, size));
+        prop_assert_eq!(sent.into_core(size), Ok(announcement));
     }
 
     #[test]
-    fn module_states(states in core_values::module_states(), header in header()) {
-        let sent = over_the_wire(wire::ModuleStates::new(header, Duration::ZERO, &states));
-        prop_assert_eq!(Vec::<model::ModuleState>::try_from(sent), Ok(states));
+    fn module_states(
+        states in core_values::module_states(),
+        header in header(),
+        size in module_size(),
+    ) {
+        let sent = over_the_wire(wire::ModuleStates::new(header, Duration::ZERO, &states, size));
+        prop_assert_eq!(sent.into_core(size), Ok(states));
     }
 
     #[test]
-    fn one_module_state(state in core_values::module_state()) {
-        let sent = over_the_wire(wire::ModuleState::from(&state));
-        prop_assert_eq!(model::ModuleState::try_from(sent), Ok(state));
+    fn one_module_state(state in core_values::module_state(), size in module_size()) {
+        let sent = over_the_wire(wire::ModuleState::new(&state, size));
+        prop_assert_eq!(sent.into_core(size), Ok(state));
     }
 
     #[test]
-    fn rosters(roster in core_values::roster_message()) {
-        let sent = over_the_wire(wire::Roster::from(&roster));
-        prop_assert_eq!(model::RosterMessage::try_from(sent), Ok(roster));
+    fn rosters(roster in core_values::roster_message(), size in module_size()) {
+        let sent = over_the_wire(wire::Roster::new(&roster, size));
+        prop_assert_eq!(sent.into_core(size), Ok(roster));
     }
 
     #[test]
     fn claims(claim in core_values::claim()) {
         let sent = over_the_wire(wire::SpotClaim::from(&claim));
-        prop_assert_eq!(model::SpotClaim::try_from(sent), Ok(claim));
+        prop_assert_eq!(sent.into_core(ModuleSize::METRE), Ok(claim));
     }
 
     #[test]
     fn evictions(notice in core_values::eviction_notice()) {
         let sent = over_the_wire(wire::Eviction::from(&notice));
-        prop_assert_eq!(model::EvictionNotice::try_from(sent), Ok(notice));
+        prop_assert_eq!(sent.into_core(ModuleSize::METRE), Ok(notice));
     }
 
     #[test]
-    fn heartbeats(heartbeats in core_values::heartbeats()) {
-        let sent = over_the_wire(wire::Heartbeat::new(&heartbeats));
-        prop_assert_eq!(Vec::<model::Heartbeat>::try_from(sent), Ok(heartbeats));
+    fn heartbeats(heartbeats in core_values::heartbeats(), size in module_size()) {
+        let sent = over_the_wire(wire::Heartbeat::new(&heartbeats, size));
+        prop_assert_eq!(sent.into_core(size), Ok(heartbeats));
     }
 }
 

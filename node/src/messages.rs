@@ -2,11 +2,11 @@
 
 use std::sync::Arc;
 
-use formation::model::{Message, RosterMessage};
+use formation::model::{Message, ModuleSize, RosterMessage};
 use formation::protocol::SourceId;
 use formation_msgs::{
-    Eviction, Heartbeat, InSession, MessageError, ModuleStates, OperatorCommand, Roster, SessionId,
-    SpotClaim, TargetConfiguration,
+    Eviction, Heartbeat, InSession, IntoCore, MessageError, ModuleStates, OperatorCommand, Roster,
+    SessionId, SpotClaim, TargetConfiguration,
 };
 use futures::stream::LocalBoxStream;
 use ros_runtime::session::{ParticipantId, Session, SessionError};
@@ -32,53 +32,75 @@ pub fn session_of(session: &Session) -> SessionId {
     SessionId(session.node_parameters().session.unwrap_or_default().into())
 }
 
+/// The size of the modules of a node's formation.
+#[must_use]
+pub fn module_size_of(session: &Session) -> ModuleSize {
+    let metres = session.node_parameters().module_size;
+    // The range of the parameter excludes others.
+    metres.map_or_else(ModuleSize::default, |metres| {
+        ModuleSize::from_metres(metres).unwrap_or_default()
+    })
+}
+
 /// A sample type whose samples carry messages of the core.
 pub trait Sample: InSession + DeserializeOwned + 'static {
-    /// The messages of one sample, or what is wrong with it; a sample is accepted whole or not at all.
+    /// The messages of one sample for modules of this size, or what is wrong with it; a sample is accepted whole or not at
+    /// all.
     ///
     /// # Errors
     /// Names the field that is wrong.
-    fn into_messages(self) -> Result<Vec<Message>, MessageError>;
+    fn into_messages(self, size: ModuleSize) -> Result<Vec<Message>, MessageError>;
 
-    /// What a sample of another session means to modules; `None` if it is refused.
-    fn into_other_session_messages(self) -> Option<Result<Vec<Message>, MessageError>> {
+    /// What a sample of another session means to modules of this size; `None` if it is refused.
+    fn into_other_session_messages(
+        self,
+        _size: ModuleSize,
+    ) -> Option<Result<Vec<Message>, MessageError>> {
         None
     }
 }
 
 macro_rules! samples {
-    ($($sample:ty => |$raw:ident| $convert:expr $(, $other_session:expr)?;)+) => {
+    ($($sample:ty => |$raw:ident, $size:ident| $convert:expr $(, $other_session:expr)?;)+) => {
         $(impl Sample for $sample {
-            fn into_messages(self) -> Result<Vec<Message>, MessageError> {
+            fn into_messages(self, $size: ModuleSize) -> Result<Vec<Message>, MessageError> {
                 let $raw = self;
                 $convert
             }
 
-            $(fn into_other_session_messages(self) -> Option<Result<Vec<Message>, MessageError>> {
-                let convert: fn(Self) -> Result<Vec<Message>, MessageError> = $other_session;
-                Some(convert(self))
+            $(fn into_other_session_messages(
+                self,
+                size: ModuleSize,
+            ) -> Option<Result<Vec<Message>, MessageError>> {
+                let convert: fn(Self, ModuleSize) -> Result<Vec<Message>, MessageError> =
+                    $other_session;
+                Some(convert(self, size))
             })?
         })+
     };
 }
 
 samples! {
-    TargetConfiguration => |raw| Ok(vec![Message::Target(Arc::new(raw.try_into()?))]);
-    Roster => |raw| Ok(vec![Message::Roster(raw.try_into()?)]);
-    SpotClaim => |raw| Ok(vec![Message::Claim(Arc::new(raw.try_into()?))]);
-    Eviction => |raw| Ok(vec![Message::Eviction(raw.try_into()?)]);
-    ModuleStates => |raw| {
-        let states = Vec::try_from(raw)?.into_iter();
+    TargetConfiguration => |raw, size| Ok(vec![Message::Target(Arc::new(raw.into_core(size)?))]);
+    Roster => |raw, size| Ok(vec![Message::Roster(raw.into_core(size)?)]);
+    SpotClaim => |raw, size| Ok(vec![Message::Claim(Arc::new(raw.into_core(size)?))]);
+    Eviction => |raw, size| Ok(vec![Message::Eviction(raw.into_core(size)?)]);
+    ModuleStates => |raw, size| {
+        let states = raw.into_core(size)?.into_iter();
         Ok(states.map(|state| Message::ModuleState(Arc::new(state))).collect())
-    }, |raw| {
-        let states = Vec::try_from(raw)?.into_iter();
+    }, |mut raw, size| {
+        // The modules of another formation may have another size; where they stand is in metres.
+        raw.module_size = size.metres();
+        let states = raw.into_core(size)?.into_iter();
         Ok(states.map(|state| Message::OtherSessionState(Arc::new(state))).collect())
     };
-    OperatorCommand => |raw| raw.try_into(), |raw| match raw.session() {
-        SessionId::EVERY => raw.try_into(),
+    OperatorCommand => |raw, size| raw.into_core(size), |raw, size| match raw.session() {
+        SessionId::EVERY => raw.into_core(size),
         _ => Ok(Vec::new()),
     };
-    Heartbeat => |raw| Ok(Vec::try_from(raw)?.into_iter().map(Message::Heartbeat).collect());
+    Heartbeat => |raw, size| {
+        Ok(raw.into_core(size)?.into_iter().map(Message::Heartbeat).collect())
+    };
 }
 
 /// A participant, as the core knows it.
@@ -87,13 +109,17 @@ pub fn source_id(participant: ParticipantId) -> SourceId {
     SourceId(participant.0)
 }
 
-/// The messages of a sample, if it belongs to this node's session or means something to all.
-fn accepted<M: Sample>(sample: M, ours: SessionId) -> Result<Vec<Message>, String> {
+/// The messages of a sample for modules of this size, if it belongs to this node's session or means something to all.
+fn accepted<M: Sample>(
+    sample: M,
+    ours: SessionId,
+    size: ModuleSize,
+) -> Result<Vec<Message>, String> {
     let theirs = sample.session();
     let messages = if theirs == ours {
-        Some(sample.into_messages())
+        Some(sample.into_messages(size))
     } else {
-        sample.into_other_session_messages()
+        sample.into_other_session_messages(size)
     };
     let messages = match messages {
         Some(messages) => messages.map_err(|error| error.to_string())?,
@@ -126,9 +152,9 @@ pub fn subscribe<M: Sample>(
     topic: &Topic<M>,
 ) -> Result<LocalBoxStream<'static, Received>, SessionError> {
     let name = topic.name();
-    let ours = session_of(session);
+    let (ours, size) = (session_of(session), module_size_of(session));
     session.subscription(topic, move |sender, sample: M| {
-        let messages = accepted(sample, ours)?;
+        let messages = accepted(sample, ours, size)?;
         Ok(Received {
             topic: name,
             source: source_id(sender),
@@ -137,17 +163,24 @@ pub fn subscribe<M: Sample>(
     })
 }
 
-/// Subscribes one topic of the protocol, whatever the session of its samples.
+/// Subscribes one topic of the protocol for what has no lengths, whatever the size of modules in its samples; and, if the
+/// node belongs to every session, whatever their session.
 ///
 /// # Errors
 /// The name cannot be used, or the library refuses.
-pub fn subscribe_every_session<M: Sample>(
+pub fn subscribe_every_size<M: Sample>(
     session: &mut Session,
     topic: &Topic<M>,
 ) -> Result<LocalBoxStream<'static, Received>, SessionError> {
     let name = topic.name();
+    let ours = session_of(session);
     session.subscription(topic, move |sender, sample: M| {
-        let messages = sample.into_messages().map_err(|error| error.to_string())?;
+        let ours = match ours {
+            SessionId::EVERY => sample.session(),
+            ours => ours,
+        };
+        let size = sample.module_size();
+        let messages = accepted(sample, ours, size)?;
         Ok(Received {
             topic: name,
             source: source_id(sender),
@@ -202,7 +235,8 @@ mod tests {
     #[test]
     fn a_sample_carries_one_message_for_each_module() {
         let (one, two) = (heartbeat(1), heartbeat(2));
-        let messages = Heartbeat::new([&one, &two]).into_messages();
+        let size = ModuleSize::METRE;
+        let messages = Heartbeat::new([&one, &two], size).into_messages(size);
         assert_eq!(
             messages,
             Ok(vec![Message::Heartbeat(one), Message::Heartbeat(two)])
@@ -211,10 +245,11 @@ mod tests {
 
     #[test]
     fn a_sample_of_another_session_is_refused_by_name() {
-        let of = |session| Heartbeat::new([&heartbeat(1)]).in_session(SessionId(session));
-        assert_eq!(accepted(of(4), SessionId(4)).unwrap().len(), 1);
+        let size = ModuleSize::METRE;
+        let of = |session| Heartbeat::new([&heartbeat(1)], size).in_session(SessionId(session));
+        assert_eq!(accepted(of(4), SessionId(4), size).unwrap().len(), 1);
         assert_eq!(
-            accepted(of(3), SessionId(4)),
+            accepted(of(3), SessionId(4), size),
             Err("it belongs to session 3, and this node to session 4".to_owned())
         );
     }
@@ -226,15 +261,46 @@ mod tests {
             withdrawn: true,
             ..TargetConfiguration::default()
         };
-        let own = SessionId(0);
-        assert!(accepted(of(stamp::revision()), own).is_ok());
-        let refused = accepted(of(u64::MAX), own).unwrap_err();
+        let (own, size) = (SessionId(0), ModuleSize::METRE);
+        assert!(accepted(of(stamp::revision()), own, size).is_ok());
+        let refused = accepted(of(u64::MAX), own, size).unwrap_err();
         assert!(refused.contains("too far ahead of this clock"), "{refused}");
     }
 
     #[test]
     fn a_contradictory_sample_is_refused_whole() {
         let one = heartbeat(1);
-        assert!(Heartbeat::new([&one, &one]).into_messages().is_err());
+        let size = ModuleSize::METRE;
+        assert!(
+            Heartbeat::new([&one, &one], size)
+                .into_messages(size)
+                .is_err()
+        );
+    }
+
+    #[test]
+    fn a_sample_of_another_size_is_refused_by_name_unless_it_is_of_another_session() {
+        let size = |metres| ModuleSize::from_metres(metres).unwrap();
+        let of = |metres| Heartbeat::new([&heartbeat(1)], size(metres));
+        let ours = SessionId(0);
+        assert!(accepted(of(0.08), ours, size(0.08)).is_ok());
+        let expected = "heartbeats: module_size: is 1 m, but the modules of this node measure 0.08 m; give all nodes \
+                        the same";
+        assert_eq!(
+            accepted(of(1.0), ours, size(0.08)),
+            Err(expected.to_owned())
+        );
+        let states = ModuleStates::new(stamp::header("map"), [], size(1.0));
+        assert!(accepted(states.clone(), ours, size(0.08)).is_err());
+        let other = states.in_session(SessionId(7));
+        assert!(accepted(other, ours, size(0.08)).is_ok());
+        let target = TargetConfiguration {
+            withdrawn: true,
+            ..TargetConfiguration::default()
+        };
+        assert!(
+            accepted(target, ours, size(0.08)).is_ok(),
+            "a withdrawal stops modules of any size"
+        );
     }
 }

@@ -19,6 +19,8 @@ pub struct Settings {
     pub ros: RosArguments,
     /// The lines for `/rosout`, if any are published.
     pub log: Option<LogLines>,
+    /// The metres in a unit of length, unless a parameter gives them.
+    pub module_size: Option<f64>,
 }
 
 impl Settings {
@@ -35,10 +37,11 @@ impl Settings {
     /// Names the parameter whose value cannot be used.
     pub fn declare(&self, name: &str, own: Vec<Declaration>) -> Result<Parameters, ParameterError> {
         let node = self.identity(name);
-        let declarations = NodeParameters::default()
-            .declarations()
-            .into_iter()
-            .chain(own);
+        let of_every_node = NodeParameters {
+            module_size: self.module_size,
+            ..NodeParameters::default()
+        };
+        let declarations = of_every_node.declarations().into_iter().chain(own);
         let assignments = self.ros.parameters.of_node(&node);
         let (parameters, warnings) = Parameters::declare(declarations, &assignments)?;
         for warning in warnings {

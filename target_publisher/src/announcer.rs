@@ -5,12 +5,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::TargetAnnouncement;
+use formation::model::{ModuleSize, TargetAnnouncement};
 use formation_msgs::{
     InSession, OperatorCommand, RemoveModuleRequest, RemoveModuleResponse, SessionId,
     StopFormationResponse, TargetConfiguration, WithdrawTargetResponse, bounds,
 };
-use formation_node::messages::{Received, session_of};
+use formation_node::messages::{Received, module_size_of, session_of};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::action::ActionRequest;
@@ -95,10 +95,12 @@ impl TargetPublisher {
             resolver: GoalResolver {
                 folder: parameters.scenario_folder.clone().map(PathBuf::from),
                 expected_modules: parameters.expected_modules,
+                module_size: module_size_of(&session),
             },
             parameters,
             announced: None,
             session: session_of(&session),
+            module_size: module_size_of(&session),
             target,
             action,
         };
@@ -112,6 +114,7 @@ impl TargetPublisher {
 struct Announcer<'a> {
     start: Instant,
     session: SessionId,
+    module_size: ModuleSize,
     tracker: &'a mut GoalTracker<RequestId>,
     commander: &'a mut Commander,
     commands: Option<PublisherQueue<OperatorCommand>>,
@@ -255,7 +258,7 @@ impl Announcer<'_> {
             return;
         }
         self.announced = Some(own.revision);
-        let mut sample = TargetConfiguration::from(own.as_ref());
+        let mut sample = TargetConfiguration::new(own, self.module_size);
         sample.header.stamp = stamp::header("").stamp;
         self.target.publish(sample.in_session(self.session));
         let (revision, name) = (own.revision, &own.name);

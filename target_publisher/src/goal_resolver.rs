@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use formation::model::{MODULES_MAX, TargetAnnouncement};
+use formation::model::{MODULES_MAX, ModuleSize, TargetAnnouncement};
 use formation::planner::PlanSize;
-use formation_msgs::FormConfigurationGoal;
+use formation_msgs::{FormConfigurationGoal, IntoCore};
 use formation_node::scenario::read_scenario;
 
 /// How many scenarios the answer to a client lists that asked for one that does not exist.
@@ -17,6 +17,8 @@ pub(crate) struct GoalResolver {
     pub folder: Option<PathBuf>,
     /// How many modules take part, where a goal does not say.
     pub expected_modules: Option<u32>,
+    /// The size of the modules that form the target.
+    pub module_size: ModuleSize,
 }
 
 impl GoalResolver {
@@ -32,7 +34,8 @@ impl GoalResolver {
             ));
         }
         let announcement = if goal.scenario.is_empty() {
-            TargetAnnouncement::try_from(goal.target).map_err(|error| error.to_string())?
+            let target = goal.target.into_core(self.module_size);
+            target.map_err(|error| error.to_string())?
         } else {
             self.of_scenario(&goal.scenario)?
         };
@@ -77,6 +80,13 @@ impl GoalResolver {
             ));
         }
         let scenario = read_scenario(&path).map_err(|failure| format!("scenario: {failure}"))?;
+        let (own, given) = (self.module_size, scenario.module_size());
+        if let Some(given) = given.filter(|&given| given != own) {
+            return Err(format!(
+                "scenario: the modules of `{name}` measure {given}, and those of this publisher {own}; start it with \
+                 the parameter module_size"
+            ));
+        }
         Ok(TargetAnnouncement {
             name: scenario.name().to_owned(),
             ..TargetAnnouncement::new(scenario.problem(), 0)
@@ -136,6 +146,7 @@ mod tests {
         GoalResolver {
             folder: Some(root.join("launch_scripts/scenarios")),
             expected_modules: Some(7),
+            module_size: ModuleSize::METRE,
         }
     }
 

@@ -15,7 +15,7 @@ use std::process::ExitCode;
 use async_channel::Receiver;
 use clap::{Args, Parser};
 use formation::model::{ModuleId, TargetAnnouncement};
-use formation_node::scenario::read_scenario;
+use formation_node::scenario::read_own_scenario;
 use formation_node::{Program, stamp};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
@@ -81,14 +81,15 @@ impl OrderArguments {
 }
 
 impl Program for Arguments {
-    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+    fn run(self, mut settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
         if let Some(order) = self.order.order() {
             let outcome = operator::command(&settings, order, stop)?;
             tracing::info!("{outcome}");
             return Ok(STATUS_DONE);
         }
         let founders: BTreeSet<ModuleId> = self.founders.iter().copied().map(ModuleId).collect();
-        let scenario = self.scenario.as_deref().map(read_scenario).transpose()?;
+        let mut read = |path| read_own_scenario(path, &mut settings);
+        let scenario = self.scenario.as_deref().map(&mut read).transpose()?;
         let announcement = scenario.map(|scenario| {
             let revision = self.revision.unwrap_or_else(stamp::revision);
             let announcement = TargetAnnouncement::new(scenario.problem(), revision);

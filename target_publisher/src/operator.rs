@@ -13,16 +13,14 @@ use formation::model::{
     Heartbeat, Incarnation, MODULES_MAX, Message, ModuleId, NO_ID, Removal, RosterMessage, Stop,
 };
 use formation_msgs::{InSession, OperatorCommand, SessionId};
-use formation_node::messages::{Received, Sample, session_of, subscribe, subscribe_every_session};
+use formation_node::messages::{Received, session_of, subscribe_every_size};
 use formation_node::topics;
-use futures::stream::LocalBoxStream;
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::parameters::{ParameterError, Values};
 use ros_runtime::session::{Session, SessionError};
 use ros_runtime::settings::Settings;
-use ros_runtime::topic::Topic;
 
 const NODE_NAME: &str = "operator";
 
@@ -180,9 +178,10 @@ pub(crate) fn command(
     let parameters = settings.declare(NODE_NAME, Vec::new())?;
     let mut session = Session::join(settings, NODE_NAME, parameters)?;
     let mut inputs = Inputs::default();
-    let heartbeats = listen(&mut session, &topics::HEARTBEATS)?;
+    // A command applies to modules of any size.
+    let heartbeats = subscribe_every_size(&mut session, &topics::HEARTBEATS)?;
     inputs.add(heartbeats, |one| one);
-    let rosters = listen(&mut session, &topics::ROSTER)?;
+    let rosters = subscribe_every_size(&mut session, &topics::ROSTER)?;
     inputs.add(rosters, |one| one);
     let mut operator = Operator {
         order,
@@ -200,17 +199,6 @@ pub(crate) fn command(
     let interrupted = || Err("interrupted".to_owned());
     let outcome = operator.outcome.unwrap_or_else(interrupted);
     outcome.map_err(SessionError::Failed)
-}
-
-/// Subscribes a topic for the session that the command is for, or for every session.
-fn listen<M: Sample>(
-    session: &mut Session,
-    topic: &Topic<M>,
-) -> Result<LocalBoxStream<'static, Received>, SessionError> {
-    match session_of(session) {
-        SessionId::EVERY => subscribe_every_session(session, topic),
-        _ => subscribe(session, topic),
-    }
 }
 
 struct Operator {

@@ -13,6 +13,9 @@ use formation_tests::{Domain, Finished, Peer, Python, Running, ScenarioFile, sce
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
+/// More samples than any test here takes.
+const SAMPLES_MAX: usize = 20_000;
+
 /// Runs a shipped scenario, its modules driven by `tests/python/drive_modules.py`.
 fn run_driven(scenario: &str, driver: &str, more: &[&str]) -> Option<Finished> {
     let python = Python::find()?;
@@ -54,6 +57,92 @@ fn driven_modules_undock_move_dock_and_leave_no_hole() {
     assert_eq!(report["verdict"], "COMPLETE", "{report}");
     assert!(report["broken_links"].as_u64().unwrap() > 0, "{report}");
     assert_eq!(errors(&run), [""; 0]);
+}
+
+/// The first of many samples that a peer takes for which something holds.
+fn first(peer: &Peer, holds: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
+    let mut samples = (0..SAMPLES_MAX).map(|_| peer.taken());
+    samples.find(|sample| holds(sample)).unwrap()
+}
+
+/// Scenarios are in units of 8 cm; goals, states and markers are in metres.
+#[test]
+fn a_quadruped_of_8_cm_is_formed_by_drivers_without_a_hole() {
+    let domain = &*Domain::shared();
+    let arguments = ["--rate", "20", "--ros-args", "-p", "module_size:=0.08"];
+    let visualiser = Running::start("visualiser", domain, &arguments);
+    let goal_type = "geometry_msgs/msg/PoseStamped";
+    let (Some(goals), Some(states), Some(markers)) = (
+        Peer::take("module_11/goal_pose", goal_type, false, domain),
+        Peer::take(
+            "module_states",
+            "formation_msgs/msg/ModuleStates",
+            true,
+            domain,
+        ),
+        Peer::take(
+            "markers",
+            "visualization_msgs/msg/MarkerArray",
+            true,
+            domain,
+        ),
+    ) else {
+        return;
+    };
+    let limits = ["--timeout", "90", "--session", "0"];
+    let run = run_driven("quadruped_8cm", "--speed 0.8", &limits).unwrap();
+    assert_eq!(run.status, 0, "{}{}", run.stdout, run.stderr);
+    let report = run.json();
+    assert_eq!(report["verdict"], "COMPLETE", "{report}");
+    assert_eq!(report["filled_spots"], 11, "{report}");
+    assert_eq!(errors(&run), [""; 0]);
+
+    // Module 11 starts at (2, 6) units, and its spot is at most 4 units away from the origin.
+    let goal = first(&goals, |_| true);
+    for along in ["x", "y"] {
+        let metres = goal["pose"]["position"][along].as_f64().unwrap();
+        assert!((-0.1..0.6).contains(&metres), "{goal}");
+    }
+    let settled = first(&states, |sample| {
+        let mut modules = sample["modules"].as_array().unwrap().iter();
+        modules.any(|state| state["phase"] == 7)
+    });
+    assert_eq!(settled["module_size"], 0.08);
+    for state in settled["modules"].as_array().unwrap() {
+        let metres = state["x"].as_f64().unwrap();
+        assert!((-0.3..0.7).contains(&metres), "{state}");
+    }
+    let is_module = |marker: &&serde_json::Value| marker["ns"] == "modules";
+    let picture = first(&markers, |picture| {
+        let markers = picture["markers"].as_array().unwrap().iter();
+        markers.filter(is_module).count() == 11
+    });
+    let mut drawn = picture["markers"].as_array().unwrap().iter();
+    let module = drawn.find(is_module).unwrap();
+    let width = module["scale"]["x"].as_f64().unwrap();
+    assert!((width - 0.072).abs() < 1e-9, "{module}");
+    assert_eq!(visualiser.stop().status, 0);
+}
+
+#[test]
+fn a_node_of_another_size_refuses_the_target_by_name() {
+    let domain = &*Domain::shared();
+    let path = scenario_path("quadruped_8cm");
+    let publisher = Running::start(
+        "target_publisher",
+        domain,
+        &["--scenario", path.to_str().unwrap()],
+    );
+    let agent = Running::start(
+        "module_agent",
+        domain,
+        &["--module", "1", "--x", "0", "--y", "0"],
+    );
+    let expected = "target: module_size: is 0.08 m, but the modules of this node measure 1 m";
+    assert!(agent.wait_for_log(0, expected, PATIENCE).is_some());
+    for process in [agent, publisher] {
+        assert_eq!(process.stop().status, 0);
+    }
 }
 
 #[test]

@@ -7,11 +7,12 @@ use clap::Args;
 use formation::model::MicroUnits;
 use formation::verify::ObserverParameters;
 use formation_node::micro_units;
-use formation_node::scenario::read_scenario;
+use formation_node::scenario::read_own_scenario;
 use ros_runtime::exit::Failure;
 use ros_runtime::parameters::{
     ParameterValue, Range, Tunable, Tunables, Tuned, ValueType, as_number, seconds,
 };
+use ros_runtime::settings::Settings;
 
 /// How a formation is judged.
 #[derive(Clone, Debug)]
@@ -113,14 +114,14 @@ pub struct JudgingArguments {
 }
 
 impl JudgingArguments {
-    /// How a formation is judged.
+    /// How a formation is judged; the scenario also gives the size of modules.
     ///
     /// # Errors
     /// Names the file that is wrong.
-    pub fn resolve(self) -> Result<Judging, Failure> {
+    pub fn resolve(self, settings: &mut Settings) -> Result<Judging, Failure> {
         let Judging(mut parameters) = self.judging.0;
         if let Some(path) = &self.scenario {
-            let scenario = read_scenario(path)?;
+            let scenario = read_own_scenario(path, settings)?;
             let modules = scenario.problem().modules().iter();
             parameters.expected = modules.map(|module| module.id).collect();
         }
@@ -135,7 +136,6 @@ mod tests {
 
     use formation_tests::parameter_section;
     use ros_runtime::arguments::RosArguments;
-    use ros_runtime::settings::Settings;
 
     use super::*;
 

@@ -47,10 +47,11 @@ struct Arguments {
 }
 
 impl Program for Arguments {
-    fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+    fn run(self, mut settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
+        let judging = self.judging.resolve(&mut settings)?;
         let process = VerifierProcess {
             settings,
-            judging: self.judging.resolve()?,
+            judging,
             plan_only: self.plan_only,
             event_log: self.event_log,
             keep_watching: self.keep_watching,

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{ModuleId, ModulePhase, Pose};
+use formation::model::{BODY_WIDTH, ModuleId, ModulePhase, ModuleSize, Pose};
 use formation_msgs::Header;
 use formation_msgs::external::geometry_msgs::{self, Point, Vector3};
 use formation_msgs::external::std_msgs::ColorRGBA;
@@ -10,8 +10,6 @@ use formation_msgs::external::visualization_msgs::{Marker, MarkerArray};
 
 use crate::scene::{DrawnScene, Figure};
 
-/// A module is a unit wide; a little less shows the gap between two.
-const MODULE_SIZE: f64 = 0.9;
 const MODULE_HEIGHT: f64 = 0.3;
 const LABEL_HEIGHT: f64 = 0.35;
 const LINE_WIDTH: f64 = 0.05;
@@ -31,11 +29,14 @@ const fn scale(x: f64, y: f64, z: f64) -> Vector3 {
     Vector3 { x, y, z }
 }
 
-/// A picture of the whole scene; it replaces the one before.
+/// A picture of the whole scene in units; it replaces the one before.
 pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArray {
     let figures: BTreeMap<ModuleId, Figure<'_>> = scene.figures().collect();
+    let target = scene.target();
+    let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
     let mut picture = Picture {
         header,
+        width: width.to_units(),
         figures: &figures,
         markers: vec![Marker {
             header: header.clone(),
@@ -57,6 +58,8 @@ pub(crate) fn of(scene: &DrawnScene, header: &Header, labels: bool) -> MarkerArr
 
 struct Picture<'a> {
     header: &'a Header,
+    /// The width of a body.
+    width: f64,
     figures: &'a BTreeMap<ModuleId, Figure<'a>>,
     markers: Vec<Marker>,
 }
@@ -93,7 +96,7 @@ impl Picture<'_> {
     }
 
     fn add_label(&mut self, ns: &str, id: u32, pose: &Pose, height: f64, colour: ColorRGBA) {
-        let mut pose = geometry_msgs::Pose::from(pose);
+        let mut pose = in_units(pose);
         pose.position.z = height;
         self.add(
             ns,
@@ -120,7 +123,7 @@ impl Picture<'_> {
             let holder = scene.holders().get(&spot.id);
             let holder = holder.and_then(|module| self.figures.get(module));
             let colour = holder.map_or(GREY, colour_of);
-            let corners = corners_of(&spot.pose);
+            let corners = corners_of(&spot.pose, self.width);
             for (index, corner) in corners.iter().enumerate() {
                 outlines.push(([*corner, corners[(index + 1) % 4]], colour));
             }
@@ -211,7 +214,7 @@ impl Picture<'_> {
     }
 
     fn draw_module(&mut self, module: ModuleId, figure: &Figure, labels: bool) {
-        let mut pose = geometry_msgs::Pose::from(&figure.snapshot.pose);
+        let mut pose = in_units(&figure.snapshot.pose);
         pose.position.z = MODULE_HEIGHT / 2.0;
         self.add(
             "modules",
@@ -219,7 +222,7 @@ impl Picture<'_> {
             Marker {
                 r#type: Marker::CUBE,
                 pose,
-                scale: scale(MODULE_SIZE, MODULE_SIZE, MODULE_HEIGHT),
+                scale: scale(self.width, self.width, MODULE_HEIGHT),
                 color: colour_of(figure),
                 ..Marker::default()
             },
@@ -237,6 +240,11 @@ impl Picture<'_> {
     }
 }
 
+/// The picture is drawn in units, and scaled as a whole.
+fn in_units(pose: &Pose) -> geometry_msgs::Pose {
+    geometry_msgs::Pose::new(pose, ModuleSize::METRE)
+}
+
 fn point(pose: &Pose, z: f64) -> Point {
     Point {
         x: pose.x.to_units(),
@@ -245,10 +253,10 @@ fn point(pose: &Pose, z: f64) -> Point {
     }
 }
 
-/// The corners of a module that stands there, in their order around it.
-fn corners_of(pose: &Pose) -> [Point; 4] {
+/// The corners of a body of this width that stands there, in their order around it.
+fn corners_of(pose: &Pose, width: f64) -> [Point; 4] {
     let (sine, cosine) = pose.theta.to_units().sin_cos();
-    let half = MODULE_SIZE / 2.0;
+    let half = width / 2.0;
     [(1.0, 1.0), (-1.0, 1.0), (-1.0, -1.0), (1.0, -1.0)].map(|(ahead, left)| Point {
         x: pose.x.to_units() + half * (ahead * cosine - left * sine),
         y: pose.y.to_units() + half * (ahead * sine + left * cosine),
@@ -369,7 +377,7 @@ mod tests {
     #[test]
     fn an_outline_turns_with_its_spot() {
         let turned = Pose::from_units(1.0, 1.0, std::f64::consts::FRAC_PI_2).unwrap();
-        let corner = corners_of(&turned)[0];
+        let corner = corners_of(&turned, 0.9)[0];
         assert!((corner.x - 0.55).abs() < 1e-6 && (corner.y - 1.45).abs() < 1e-6);
     }
 }

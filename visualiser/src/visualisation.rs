@@ -4,10 +4,10 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::Message;
+use formation::model::{Message, ModuleSize};
 use formation_msgs::external::tf2_msgs::TFMessage;
 use formation_msgs::external::visualization_msgs::MarkerArray;
-use formation_node::messages::{Received, subscribe_all};
+use formation_node::messages::{Received, module_size_of, subscribe_all};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
@@ -101,6 +101,7 @@ impl VisualiserProcess {
         }
         let mut visualiser = Visualiser {
             start: Instant::now(),
+            module_size: module_size_of(&session),
             markers: session.publisher(&topics::MARKERS)?,
             transforms: session.publisher(&topics::TRANSFORMS)?,
             fixed_transforms: session.publisher(&topics::FIXED_TRANSFORMS)?,
@@ -115,6 +116,7 @@ impl VisualiserProcess {
 
 struct Visualiser {
     start: Instant,
+    module_size: ModuleSize,
     markers: PublisherQueue<MarkerArray>,
     transforms: PublisherQueue<TFMessage>,
     fixed_transforms: PublisherQueue<TFMessage>,
@@ -144,13 +146,14 @@ impl Node for Visualiser {
         let changed = self.scene.has_changed() && is_due(self.drawn, self.interval());
         let header = stamp::header(self.scene.frame_id());
         if changed {
+            let picture = markers::of(&self.scene, &header, self.drawing.labels);
             self.markers
-                .publish(markers::of(&self.scene, &header, self.drawing.labels));
+                .publish(picture.scaled(self.module_size.metres()));
             self.scene.was_drawn();
             self.drawn = Some(now);
         }
         if changed || is_due(self.transformed, TRANSFORM_INTERVAL) {
-            let sample = transforms::of_modules(&self.scene, &header);
+            let sample = transforms::of_modules(&self.scene, &header, self.module_size);
             if !sample.transforms.is_empty() {
                 self.transforms.publish(sample);
             }
@@ -183,7 +186,7 @@ impl Visualiser {
         {
             let header = stamp::header(self.scene.frame_id());
             self.fixed_transforms
-                .publish(transforms::of_spots(target, &header));
+                .publish(transforms::of_spots(target, &header, self.module_size));
         }
     }
 }

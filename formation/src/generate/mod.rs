@@ -164,6 +164,8 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         configurations,
         singletons: ids.take(alone).map(&mut singleton).collect(),
         planner: PlannerParameters::default(),
+        module_size: None,
+        body_width: None,
     })
 }
 

@@ -6,7 +6,7 @@ use crate::motion::paths::MotionPlan;
 
 use crate::model::{
     BodyReport, Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule,
-    PlanningProblem, Pose, Roster, Target, TargetAnnouncement, Whereabouts,
+    PlanningProblem, Pose, Roster, Surroundings, Target, TargetAnnouncement, Whereabouts,
 };
 
 /// Feeds numbers to SHA-256 in a fixed layout. The length of every list precedes it, so that different inputs never have
@@ -79,7 +79,13 @@ fn put_target(canonical: &mut Canonical, parameters: &PlannerParameters, target:
         canonical.number(0);
         return;
     };
-    canonical.number(1);
+    let surroundings = target.surroundings();
+    let is_plain = *surroundings == Surroundings::default();
+    // Each kind of target has a number of its own, so what follows is read in one way only.
+    canonical.number(if is_plain { 1 } else { 2 });
+    if !is_plain {
+        canonical.signed(surroundings.body_width().0);
+    }
     canonical.length(target.frame_id().len());
     canonical.0.update(target.frame_id().as_bytes());
     canonical.length(target.spots().len());

@@ -10,9 +10,9 @@ use thiserror::Error;
 use crate::model::field::{check_id, checked_pose, connected_graph};
 use crate::model::scenario_file::ScenarioFile;
 use crate::model::{
-    ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, NAME_BYTES_MAX,
-    PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawModule, RawTarget, Target,
-    Topology,
+    ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize, NAME_BYTES_MAX,
+    PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawModule, RawPlacement,
+    RawSurroundings, RawTarget, SpotId, Surroundings, Target, Topology,
 };
 
 /// An initial configuration as it stands in a scenario file.
@@ -49,6 +49,12 @@ pub struct RawScenario {
     /// The user's choices about planning.
     #[serde(default)]
     pub planner: PlannerParameters,
+    /// The metres in a unit; `None` for one.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub module_size: Option<f64>,
+    /// The width of a body, in units; `None` for [`crate::model::BODY_WIDTH`].
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub body_width: Option<f64>,
 }
 
 /// A validated scenario.
@@ -56,6 +62,7 @@ pub struct RawScenario {
 pub struct Scenario {
     name: String,
     problem: PlanningProblem,
+    module_size: Option<ModuleSize>,
 }
 
 /// Why a scenario was refused; each message begins with the place or the field that is wrong.
@@ -118,6 +125,25 @@ fn check_length(field: &str, name: &str) -> Result<(), FieldError> {
     Ok(())
 }
 
+/// A full turn, with room for roundings.
+const HEADING_LIMIT: f64 = 6.284;
+
+/// Refuses a heading beyond a full turn, which is probably in degrees. One that is no number is refused by its quantisation.
+fn check_heading(
+    field: &str,
+    name: impl fmt::Display,
+    placed: &RawPlacement,
+) -> Result<(), FieldError> {
+    if placed.theta.is_finite() && placed.theta.abs() > HEADING_LIMIT {
+        let reason = format!(
+            "{} is beyond a full turn of 2π; headings are in radians ({name})",
+            placed.theta
+        );
+        return Err(FieldError::new(format_args!("{field}.theta"), reason));
+    }
+    Ok(())
+}
+
 /// Refuses more neighbours than a module can announce.
 fn check_degrees<N: fmt::Display>(
     topology: &Topology,
@@ -148,6 +174,11 @@ impl Scenario {
         &self.name
     }
 
+    /// The metres in a unit, if the scenario gives them.
+    pub fn module_size(&self) -> Option<ModuleSize> {
+        self.module_size
+    }
+
     /// The input of the plan.
     pub fn problem(&self) -> &PlanningProblem {
         &self.problem
@@ -176,6 +207,7 @@ impl ModuleList {
             let reason = format!("{id} is used twice: in {other} and in {owner}");
             return Err(FieldError::new(format_args!("{field}.id"), reason));
         }
+        check_heading(field, id, &raw)?;
         let pose = checked_pose(field, id, (raw.x, raw.y, raw.theta))?;
         let position = self.modules.len();
         self.modules.push(PlanningModule {
@@ -225,7 +257,16 @@ impl TryFrom<RawScenario> for Scenario {
         check_length("name", &raw.name)?;
         check_length("target.frame_id", &raw.target.frame_id)?;
         let in_target = |error: FieldError| error.within("target");
+        let module_size = raw.module_size.map(ModuleSize::from_metres).transpose();
+        let module_size = module_size.map_err(|error| FieldError::new("module_size", error))?;
+        let surroundings = Surroundings::try_from(RawSurroundings {
+            body_width: raw.body_width,
+        })?;
+        for (index, spot) in raw.target.spots.iter().enumerate() {
+            check_heading(&format!("spots[{index}]"), SpotId(spot.id), spot).map_err(in_target)?;
+        }
         let target = Target::try_from(raw.target).map_err(in_target)?;
+        let target = target.within(surroundings);
         check_degrees(target.topology(), |node| target.spots()[node].id).map_err(in_target)?;
         let members = raw.configurations.iter().map(|one| one.modules.len());
         let count = raw.singletons.len() + members.sum::<usize>();
@@ -248,6 +289,7 @@ impl TryFrom<RawScenario> for Scenario {
         }
         Ok(Self {
             name: raw.name,
+            module_size,
             problem: PlanningProblem::new(Arc::new(target), raw.planner, list.modules)?,
         })
     }

@@ -22,6 +22,8 @@ pub(super) struct ScenarioFile {
     singletons: Vec<RawModule>,
     #[serde(default)]
     planner: PlannerParameters,
+    module_size: Option<f64>,
+    body_width: Option<f64>,
 }
 
 #[derive(Deserialize)]
@@ -110,6 +112,8 @@ impl TryFrom<ScenarioFile> for RawScenario {
             configurations,
             singletons,
             planner: file.planner,
+            module_size: file.module_size,
+            body_width: file.body_width,
         })
     }
 }

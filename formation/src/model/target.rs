@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::model::field::{check_id, checked_pose, connected_graph};
-use crate::model::{EDGES_MAX, FieldError, MicroUnits, Pose, SPOTS_MAX, SpotId, Topology};
+use crate::model::{
+    EDGES_MAX, FieldError, MicroUnits, Pose, SPOTS_MAX, SpotId, Surroundings, Topology,
+};
 
 /// A spot or a module as it stands in a file or a message, not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -59,6 +61,7 @@ pub struct Target {
     frame_id: String,
     spots: Vec<Spot>,
     topology: Topology,
+    surroundings: Surroundings,
 }
 
 impl TryFrom<RawTarget> for Target {
@@ -103,11 +106,26 @@ impl TryFrom<RawTarget> for Target {
             topology: connected_graph(&ids, &raw.edges, SpotId, "the target")?,
             frame_id: raw.frame_id,
             spots,
+            surroundings: Surroundings::default(),
         })
     }
 }
 
 impl Target {
+    /// The same target in other surroundings.
+    #[must_use]
+    pub fn within(self, surroundings: Surroundings) -> Self {
+        Self {
+            surroundings,
+            ..self
+        }
+    }
+
+    /// The bodies of its modules, and where they move.
+    pub fn surroundings(&self) -> &Surroundings {
+        &self.surroundings
+    }
+
     /// The frame of all poses.
     pub fn frame_id(&self) -> &str {
         &self.frame_id
@@ -167,6 +185,7 @@ impl Target {
             frame_id: self.frame_id.clone(),
             spots: spots.collect(),
             topology,
+            surroundings: self.surroundings.clone(),
         })
     }
 

@@ -15,7 +15,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 
 use crate::model::{
-    MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Roster, Service, body, polyline,
+    BODY_WIDTH, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Roster, Service, body,
+    polyline,
 };
 use crate::motion::PlannedMotion;
 use crate::motion::paths::Area;
@@ -48,6 +49,8 @@ pub struct ComputedPlan {
 
 /// The bodies that stand in the way: those of the members that take no part in the plan, and those of absent modules.
 pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
+    let target = roster.target.target.as_ref();
+    let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
     let members = roster.members.iter();
     let aside = members.filter(|member| member.service != Service::Active);
     let aside = aside.map(|member| member.module.pose);
@@ -57,7 +60,7 @@ pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
     let absent = absent.flat_map(|body| polyline::sampled(body.whereabouts.poses(), spacing));
     aside
         .chain(absent)
-        .map(|pose| Area::of_body(&pose))
+        .map(|pose| Area::of_body(&pose, width))
         .collect()
 }
 

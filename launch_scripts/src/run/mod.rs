@@ -81,6 +81,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         arguments,
         memory: &memory,
         problem: scenario.problem(),
+        module_size: scenario.module_size().unwrap_or_default(),
         programs: &programs,
         hosts: &hosts,
         environment,

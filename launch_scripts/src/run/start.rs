@@ -6,7 +6,7 @@ use std::process::Command;
 
 use anyhow::Context;
 use formation::model::text::ranges;
-use formation::model::{ModuleId, PlanningProblem};
+use formation::model::{ModuleId, ModuleSize, PlanningProblem};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
@@ -30,6 +30,8 @@ pub struct Start<'a> {
     pub memory: &'a RunMemory,
     /// The modules and their target.
     pub problem: &'a PlanningProblem,
+    /// The size of the modules.
+    pub module_size: ModuleSize,
     /// Where the programs are.
     pub programs: &'a Programs,
     /// The processes of modules.
@@ -91,10 +93,11 @@ impl Start<'_> {
             .args(["--discovery-range", &self.environment.range.to_string()]);
     }
 
-    /// Passes on the session of the run, as the first parameter.
+    /// Passes on the session of the run and the size of its modules, as the first parameters.
     fn join_session(&self, command: &mut Command) {
         let session = format!("session:={}", self.memory.session());
-        command.args(["--ros-args", "-p", &session]);
+        let module_size = format!("module_size:={:?}", self.module_size.metres());
+        command.args(["--ros-args", "-p", &session, "-p", &module_size]);
     }
 
     fn verifier(&self, supervisor: &mut Supervisor) -> Result<ProcessId, Failure> {

@@ -8,9 +8,10 @@ use clap::Args;
 use formation::model::{ConfigurationId, MODULES_MAX, ModuleId, NO_ID, Pose, PoseError, Scenario};
 use formation::protocol::Identity;
 
-use formation_node::scenario::read_scenario;
+use formation_node::scenario::read_own_scenario;
 use formation_node::stamp;
 use ros_runtime::exit::Failure;
+use ros_runtime::settings::Settings;
 
 /// Modules given as numbers and ranges, such as `1,4,7-9`: ascending, distinct, at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -77,7 +78,7 @@ pub struct ModuleArguments {
     /// Scenario file that says where the modules stand and how they are docked
     #[arg(long, value_name = "FILE", conflicts_with_all = ["x", "y", "theta", "link", "configuration", "leader"])]
     pub scenario: Option<PathBuf>,
-    /// Position in units, without a scenario
+    /// Position in units of `module_size`, without a scenario
     #[arg(
         long,
         value_name = "UNITS",
@@ -85,7 +86,7 @@ pub struct ModuleArguments {
         required_unless_present = "scenario"
     )]
     pub x: Option<f64>,
-    /// Position in units, without a scenario
+    /// Position in units of `module_size`, without a scenario
     #[arg(
         long,
         value_name = "UNITS",
@@ -119,19 +120,22 @@ pub struct HostedModules {
 }
 
 impl ModuleArguments {
-    /// What the modules know of themselves.
+    /// What the modules know of themselves; a scenario also gives their size.
     ///
     /// # Errors
     /// Names the file, field or argument that is wrong.
-    pub fn resolve(&self) -> Result<HostedModules, Failure> {
+    pub fn resolve(&self, settings: &mut Settings) -> Result<HostedModules, Failure> {
         let listed: Vec<ModuleId> = match (&self.modules, self.module) {
             (Some(list), _) => list.modules().to_vec(),
             (None, Some(id)) => vec![identifier("--module", id)?],
             (None, None) => return Err(Failure::bad_input("--module or --modules is required")),
         };
         match &self.scenario {
-            Some(path) => HostedModules::from_scenario(&listed, &read_scenario(path)?)
-                .map_err(|reason| Failure::bad_input(format_args!("{}: {reason}", path.display()))),
+            Some(path) => {
+                HostedModules::from_scenario(&listed, &read_own_scenario(path, settings)?).map_err(
+                    |reason| Failure::bad_input(format_args!("{}: {reason}", path.display())),
+                )
+            }
             // Not left to clap, which lets `--x` excuse the missing scenario.
             None if self.modules.is_some() => {
                 Err(Failure::bad_input("--modules needs a --scenario"))
@@ -268,7 +272,7 @@ mod tests {
     fn resolved(arguments: &str) -> Result<Vec<Identity>, String> {
         let words = std::iter::once("test").chain(arguments.split_whitespace());
         let command = Command::try_parse_from(words).map_err(|error| error.to_string())?;
-        let hosted = command.modules.resolve();
+        let hosted = command.modules.resolve(&mut Settings::default());
         hosted
             .map(|hosted| hosted.modules)
             .map_err(|failure| failure.to_string())

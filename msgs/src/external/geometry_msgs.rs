@@ -2,7 +2,7 @@
 
 #![expect(missing_docs, reason = "the fields are those of the package")]
 
-use formation::model;
+use formation::model::{self, ModuleSize};
 use serde::{Deserialize, Serialize};
 
 use crate::check::{self, Checked, FieldError};
@@ -118,25 +118,26 @@ impl Quaternion {
     }
 }
 
-impl From<&model::Pose> for Pose {
-    fn from(pose: &model::Pose) -> Self {
+impl Pose {
+    /// A pose of the core in metres.
+    #[must_use]
+    pub fn new(pose: &model::Pose, size: ModuleSize) -> Self {
+        let (x, y) = size.position_in_metres(pose);
         Self {
-            position: Point {
-                x: pose.x.to_units(),
-                y: pose.y.to_units(),
-                z: 0.0,
-            },
+            position: Point { x, y, z: 0.0 },
             orientation: Quaternion::from_yaw(pose.theta.to_units()),
         }
     }
 }
 
-impl From<&model::Pose> for Transform {
-    fn from(pose: &model::Pose) -> Self {
+impl Transform {
+    /// The transform to a pose of the core, in metres.
+    #[must_use]
+    pub fn new(pose: &model::Pose, size: ModuleSize) -> Self {
         let Pose {
             position: Point { x, y, z },
             orientation: rotation,
-        } = pose.into();
+        } = Pose::new(pose, size);
         let translation = Vector3 { x, y, z };
         Self {
             translation,
@@ -149,15 +150,16 @@ impl From<&model::Pose> for Transform {
 const ROTATION_SLACK: f64 = 0.01;
 
 impl Pose {
-    /// The pose in the plane: height, roll and pitch are left out.
-    pub(crate) fn in_plane(&self) -> Checked<model::Pose> {
+    /// The pose in the plane, in units: height, roll and pitch are left out.
+    pub(crate) fn in_plane(&self, size: ModuleSize) -> Checked<model::Pose> {
         let Quaternion { x, y, z, w } = self.orientation;
         let length = (x * x + y * y + z * z + w * w).sqrt();
         // A length that is no number fails as well.
         if !((1.0 - ROTATION_SLACK)..=(1.0 + ROTATION_SLACK)).contains(&length) {
             return Err(FieldError::new("orientation", Fault::NoRotation(length)));
         }
-        check::pose(self.position.x, self.position.y, self.orientation.yaw())
+        let position = (self.position.x, self.position.y);
+        check::pose(position, self.orientation.yaw(), size)
             .map_err(|error| error.within("position"))
     }
 }

@@ -54,6 +54,30 @@ pub struct MarkerArray {
     pub markers: Vec<Marker>,
 }
 
+impl MarkerArray {
+    /// The same shapes with every length multiplied.
+    #[must_use]
+    pub fn scaled(mut self, by: f64) -> Self {
+        for marker in &mut self.markers {
+            let Marker {
+                pose,
+                scale,
+                points,
+                ..
+            } = marker;
+            for point in points.iter_mut().chain([&mut pose.position]) {
+                for length in [&mut point.x, &mut point.y, &mut point.z] {
+                    *length *= by;
+                }
+            }
+            for length in [&mut scale.x, &mut scale.y, &mut scale.z] {
+                *length *= by;
+            }
+        }
+        self
+    }
+}
+
 /// Where in a texture a vertex lies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct UVCoordinate {

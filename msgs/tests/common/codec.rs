@@ -3,10 +3,10 @@
 use std::fmt::Debug;
 
 use byteorder::{BigEndian, LittleEndian};
-use formation::model::ModuleId;
+use formation::model::{ModuleId, ModuleSize};
 use formation::{model, motion};
 use formation_msgs as wire;
-use formation_msgs::InterfaceType;
+use formation_msgs::{InterfaceType, IntoCore};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
@@ -97,10 +97,9 @@ fn decode<T: Serialize + DeserializeOwned>(payload: &[u8]) -> Result<Decoded, St
 
 fn accept<T, V>(payload: &[u8]) -> bool
 where
-    T: DeserializeOwned,
-    V: TryFrom<T>,
+    T: DeserializeOwned + IntoCore<V>,
 {
-    read::<T>(payload).is_ok_and(|(value, _)| V::try_from(value).is_ok())
+    read::<T>(payload).is_ok_and(|(value, _)| value.into_core(ModuleSize::METRE).is_ok())
 }
 
 fn trace<T: DeserializeOwned>() -> Registry {
@@ -111,21 +110,23 @@ fn trace<T: DeserializeOwned>() -> Registry {
 
 fn codec<T, V>() -> Codec
 where
-    T: InterfaceType + Serialize + DeserializeOwned,
-    V: TryFrom<T>,
+    T: InterfaceType + Serialize + DeserializeOwned + IntoCore<V>,
 {
     Codec {
-        package: T::PACKAGE,
-        name: T::NAME,
-        decode: decode::<T>,
         accept: accept::<T, V>,
-        trace: trace::<T>,
+        ..part::<T>()
     }
 }
 
 /// A type that only ever travels within another one, or only goes out.
 pub fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
-    codec::<T, T>()
+    Codec {
+        package: T::PACKAGE,
+        name: T::NAME,
+        decode: decode::<T>,
+        accept: |payload| read::<T>(payload).is_ok(),
+        trace: trace::<T>,
+    }
 }
 
 /// Every type of the package, in the order of the files' names; messages before services before actions.

@@ -109,11 +109,14 @@ impl<'a> Writer<'a> {
             }
             ContainerFormat::Struct(fields) => {
                 for field in fields {
-                    // Another version ends the examination of a message before it has begun.
-                    if field.name == "protocol_version" && !self.one_in(8) {
-                        self.put(&formation_msgs::PROTOCOL_VERSION.to_le_bytes());
-                    } else {
-                        self.value(&field.value);
+                    // Another version or size ends the examination of a message before it has begun.
+                    match field.name.as_str() {
+                        "protocol_version" if !self.one_in(8) => {
+                            self.put(&formation_msgs::PROTOCOL_VERSION.to_le_bytes());
+                        }
+                        "module_size" if !self.one_in(8) => self.put(&1.0_f64.to_le_bytes()),
+                        "body_width" if !self.one_in(8) => self.put(&0.0_f64.to_le_bytes()),
+                        _ => self.value(&field.value),
                     }
                 }
             }

@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use formation::model::ModuleSize;
 use formation_msgs as wire;
 use formation_msgs::InterfaceType;
 use proptest::prelude::*;
@@ -12,6 +13,9 @@ use serde_json::Value;
 
 use super::codec::{encode, full_name};
 use super::core_values;
+
+/// The size of the modules in samples.
+const SIZE: ModuleSize = ModuleSize::METRE;
 
 /// One value and its encoding.
 pub struct Sample {
@@ -248,16 +252,19 @@ pub fn samples(count: usize) -> Vec<Sample> {
         let header = draw(&mut runner, &header());
         let target = wire::TargetConfiguration {
             header: header.clone(),
-            ..wire::TargetConfiguration::from(&draw(&mut runner, &core_values::announcement()))
+            ..wire::TargetConfiguration::new(&draw(&mut runner, &core_values::announcement()), SIZE)
         };
         samples.add_target(&target);
         let states = draw(&mut runner, &core_values::module_states());
-        samples.add_states(&wire::ModuleStates::new(header, Duration::ZERO, &states));
-        samples.add_roster(&(&draw(&mut runner, &core_values::roster_message())).into());
+        samples.add_states(&wire::ModuleStates::new(header, Duration::ZERO, &states, SIZE));
+        samples.add_roster(&wire::Roster::new(
+            &draw(&mut runner, &core_values::roster_message()),
+            SIZE,
+        ));
         samples.add_claim(&(&draw(&mut runner, &core_values::claim())).into());
         let notice = draw(&mut runner, &core_values::eviction_notice());
         samples.add(&wire::Eviction::from(&notice));
-        let heartbeat = wire::Heartbeat::new(&draw(&mut runner, &core_values::heartbeats()));
+        let heartbeat = wire::Heartbeat::new(&draw(&mut runner, &core_values::heartbeats()), SIZE);
         samples.add_all(&heartbeat.modules);
         let (stop, removals) = draw(&mut runner, &core_values::commands());
         let command = wire::OperatorCommand::new(stop, &removals);

@@ -76,6 +76,7 @@ impl NetworkArguments {
             service_mapping,
             ros,
             log,
+            module_size: None,
         })
     }
 }

@@ -2,12 +2,13 @@
 
 use std::time::Duration;
 
-use super::tunable::{Tunable, Tunables, choice, seconds_in, switch, whole_number};
+use super::store::ParameterError;
+use super::tunable::{Tunable, Tunables, choice, metres, seconds_in, switch, whole_number};
 use crate::service_mapping::ServiceMapping;
 use crate::words::Words;
 
 /// The parameters that every node has.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq)]
 pub struct NodeParameters {
     /// Whether the node serves its parameters, and offers its other services.
     pub start_parameter_services: bool,
@@ -19,6 +20,8 @@ pub struct NodeParameters {
     pub use_sim_time: bool,
     /// The session to which the node's messages belong; `None` for number 0.
     pub session: Option<u32>,
+    /// The metres in the node's unit of length, which is the size of a module; `None` if it was not given.
+    pub module_size: Option<f64>,
 }
 
 impl Default for NodeParameters {
@@ -29,6 +32,7 @@ impl Default for NodeParameters {
             diagnostics_period: Duration::from_secs(1),
             use_sim_time: false,
             session: None,
+            module_size: None,
         }
     }
 }
@@ -43,8 +47,19 @@ impl Words for Option<ServiceMapping> {
 
 const ENDPOINTS: &str = "it says which endpoints the node has";
 
+/// The least size of a module, in metres.
+const MODULE_SIZE_MIN: f64 = 0.001;
+
 impl Tunables for NodeParameters {
     const HEADING: &'static str = "Node";
+
+    fn check(&self) -> Result<(), ParameterError> {
+        if self.module_size.is_some_and(|size| size < MODULE_SIZE_MIN) {
+            let reason = format!("must be at least {MODULE_SIZE_MIN}, or 0 for none");
+            return Err(ParameterError::new("module_size", reason));
+        }
+        Ok(())
+    }
 
     fn table() -> Vec<Tunable<Self>> {
         vec![
@@ -83,6 +98,14 @@ impl Tunables for NodeParameters {
                 "The session, equal for all programs of one formation: messages of another session are refused",
             )
             .at_start("all messages of a node belong to one session"),
+            Tunable::new(
+                "module_size",
+                metres(1_000.0),
+                |node: &mut Self| &mut node.module_size,
+                "The size of a module, equal for all programs of one formation: the metres in a unit of length; \
+                 0: that of the scenario file, otherwise 1",
+            )
+            .at_start("all messages of a node are for modules of one size"),
         ]
     }
 }

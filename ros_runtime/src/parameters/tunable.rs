@@ -63,6 +63,14 @@ pub fn number(value_name: &'static str, from: f64, to: f64) -> ValueType<f64> {
     ValueType::new(value_name, Range::Double { from, to }, write, as_number)
 }
 
+/// A length in metres from 0 to `to`, of which 0 stands for none.
+#[must_use]
+pub fn metres(to: f64) -> ValueType<Option<f64>> {
+    let write = |length: &Option<f64>| ParameterValue::Double(length.unwrap_or_default());
+    let read = |value: &_| as_number(value).map(|length| (length > 0.0).then_some(length));
+    ValueType::new("METRES", Range::Double { from: 0.0, to }, write, read)
+}
+
 /// A time in seconds, from a millisecond to a week.
 #[must_use]
 pub fn seconds() -> ValueType<Duration> {

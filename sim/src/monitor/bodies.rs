@@ -17,7 +17,7 @@ use formation::model::{
 use super::{Monitor, ViolationKind};
 use crate::cluster::Cluster;
 
-/// Two modules are one unit wide: nearer to a spot than half of that, a body stands on the spot.
+/// A body of any width stands on a spot if it is nearer to it than half the pitch of the lattice.
 const HALF_WIDTH_UNITS: f64 = 0.5;
 
 impl Monitor {

@@ -1,19 +1,17 @@
 //! Whether bodies meet while modules move along paths: judged from where the drives are, at every moment.
 //!
-//! A body is a square, 0.9 units wide, around its module. Between two reports of its drive a module moves evenly, so two
+//! A body is a square of the width that the target states, 0.9 units by default, around its module. Between two reports of its drive a module moves evenly, so two
 //! bodies whose sides lie along the axes are compared exactly over the whole time. Where one of them is turned, they are
 //! compared at 17 moments between two reports, from one to the next of which a body moves by less than its clearance. Modules that are docked to each other, directly or through others, are one body.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use formation::model::{ModuleId, Pose};
+use formation::model::{BODY_WIDTH, ModuleId, Pose};
 
 use super::{Monitor, PlanKey, ViolationKind};
 use crate::cluster::Cluster;
 
-/// The width of a body, in units.
-const WIDTH: f64 = 0.9;
 /// A body is turned if its heading is further than this from a quarter turn, in radians.
 const TURNED: f64 = 0.01;
 /// Drives report more often than this while they move.
@@ -116,6 +114,9 @@ impl Monitor {
         if !self.bodies.by_paths.contains(&plan) {
             return;
         }
+        let target = known.roster.target.target.as_ref();
+        let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
+        let width = width.to_units();
         let mut found = Vec::new();
         for &other in &known.members {
             let pair = (module.min(other), module.max(other));
@@ -126,7 +127,11 @@ impl Monitor {
                 continue;
             };
             let meets = match self.bodies.tracks.get(&other) {
-                None => meet(&leg, &Leg::at_rest(Duration::ZERO, leg.end, standing.pose)),
+                None => meet(
+                    &leg,
+                    &Leg::at_rest(Duration::ZERO, leg.end, standing.pose),
+                    width,
+                ),
                 Some(track) if track.docked.contains(&module) => false,
                 Some(track) => {
                     let rest = Leg::at_rest(track.since, leg.end, track.pose);
@@ -135,7 +140,7 @@ impl Monitor {
                         .legs
                         .iter()
                         .chain(&rest)
-                        .any(|other| meet(&leg, other))
+                        .any(|other| meet(&leg, other, width))
                 }
             };
             if meets {
@@ -198,8 +203,8 @@ impl Leg {
     }
 }
 
-/// Whether two bodies overlap at any moment that both legs have in common.
-fn meet(one: &Leg, other: &Leg) -> bool {
+/// Whether two bodies of a width overlap at any moment that both legs have in common.
+fn meet(one: &Leg, other: &Leg, width: f64) -> bool {
     let (begin, end) = (one.begin.max(other.begin), one.end.min(other.end));
     if begin >= end {
         return false;
@@ -209,25 +214,25 @@ fn meet(one: &Leg, other: &Leg) -> bool {
         (first.0 - second.0, first.1 - second.1)
     };
     let (before, after) = (gap(begin), gap(end));
-    if nearest(before, after) > WIDTH * std::f64::consts::SQRT_2 {
+    if nearest(before, after) > width * std::f64::consts::SQRT_2 {
         return false;
     }
     if one.is_straight() && other.is_straight() {
-        let across = within(before.0, after.0);
-        let along = within(before.1, after.1);
+        let across = within(before.0, after.0, width);
+        let along = within(before.1, after.1, width);
         return matches!((across, along), (Some(x), Some(y)) if x.0.max(y.0) < x.1.min(y.1));
     }
     (0..=MOMENTS).any(|moment| {
         let at = begin + (end - begin) * moment / MOMENTS;
-        squares_overlap(one.pose(at), other.pose(at))
+        squares_overlap(one.pose(at), other.pose(at), width)
     })
 }
 
 /// Whether two squares overlap: no side of either separates them.
-fn squares_overlap(one: Placed, other: Placed) -> bool {
+fn squares_overlap(one: Placed, other: Placed, width: f64) -> bool {
     let (right, up) = (other.0.0 - one.0.0, other.0.1 - one.0.1);
-    let reach = |turn: f64| WIDTH / 2.0 * (turn.cos().abs() + turn.sin().abs());
-    let apart = WIDTH / 2.0 + reach(one.1 - other.1) - SLACK;
+    let reach = |turn: f64| width / 2.0 * (turn.cos().abs() + turn.sin().abs());
+    let apart = width / 2.0 + reach(one.1 - other.1) - SLACK;
     [one.1, other.1].into_iter().all(|heading| {
         let (sine, cosine) = heading.sin_cos();
         let (along, across) = (right * cosine + up * sine, up * cosine - right * sine);
@@ -236,8 +241,8 @@ fn squares_overlap(one: Placed, other: Placed) -> bool {
 }
 
 /// For which shares of the time a number that goes evenly from `before` to `after` is within a body's width of zero.
-fn within(before: f64, after: f64) -> Option<(f64, f64)> {
-    let width = WIDTH - SLACK;
+fn within(before: f64, after: f64, width: f64) -> Option<(f64, f64)> {
+    let width = width - SLACK;
     if (after - before).abs() < 1.0e-12 {
         return (before.abs() < width).then_some((0.0, 1.0));
     }
@@ -273,6 +278,10 @@ mod tests {
         }
     }
 
+    fn meet(one: &Leg, other: &Leg) -> bool {
+        super::meet(one, other, 0.9)
+    }
+
     #[test]
     fn bodies_meet_between_reports() {
         let right = leg((0.0, 0.0, 0.0), (4.0, 0.0, 0.0));
@@ -280,7 +289,9 @@ mod tests {
         assert!(!meet(&right, &leg((2.0, 1.0, 0.0), (2.0, 1.0, 0.0))));
         assert!(meet(&right, &leg((4.0, 0.5, 0.0), (0.0, 0.5, 0.0))));
         assert!(!meet(&right, &leg((1.0, 0.0, 0.0), (5.0, 0.0, 0.0))));
-        assert!(meet(&right, &leg((0.8, 0.0, 0.0), (4.8, 0.0, 0.0))));
+        let ahead = leg((0.8, 0.0, 0.0), (4.8, 0.0, 0.0));
+        assert!(meet(&right, &ahead));
+        assert!(!super::meet(&right, &ahead, 0.7), "narrower bodies");
     }
 
     #[test]

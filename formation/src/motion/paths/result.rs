@@ -4,7 +4,7 @@ use thiserror::Error;
 
 use super::turning::rotated;
 use crate::model::{
-    MICRO_PER_UNIT, MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId,
+    MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId,
 };
 
 /// A rectangle with sides along the axes of the frame.
@@ -16,17 +16,15 @@ pub struct Area {
     pub high: (MicroUnits, MicroUnits),
 }
 
-/// Half the width of a body.
-const BODY: i64 = MICRO_PER_UNIT * 9 / 20;
-
 impl Area {
-    /// What the body of a module covers, and the corners between its headings and the axes.
+    /// What a body of this width covers, and the corners between its headings and the axes.
     #[must_use]
-    pub fn of_body(pose: &Pose) -> Self {
-        let corners = [(BODY, BODY), (BODY, -BODY)].map(|corner| rotated(corner, pose.theta.0));
+    pub fn of_body(pose: &Pose, width: MicroUnits) -> Self {
+        let half = width.0 / 2;
+        let corners = [(half, half), (half, -half)].map(|corner| rotated(corner, pose.theta.0));
         let reach = |along: fn(&(i64, i64)) -> i64| {
             let reaches = corners.iter().map(|corner| along(corner).abs());
-            reaches.max().unwrap_or(BODY)
+            reaches.max().unwrap_or(half)
         };
         let (across, along) = (reach(|corner| corner.0), reach(|corner| corner.1));
         let corner = |sign: i64| {
