@@ -11,12 +11,17 @@ import time
 
 import rclpy
 import yaml
-from formation_msgs.msg import Edge, Spot, TargetConfiguration
+from formation_msgs.msg import Area, Edge, Spot, TargetConfiguration
 from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
 
 TRANSIENT_LOCAL = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
+
+
+def in_metres(area, size):
+    """The fields of a box, which scenarios have in units."""
+    return {name: size * float(units) for name, units in area.items()}
 
 
 def announcement(scenario, options):
@@ -30,6 +35,9 @@ def announcement(scenario, options):
     message.body_width = size * float(scenario.get("body_width", 0.9))
     # The highest revision holds, so later announcements replace this one.
     message.revision = int(time.time() * 1000)
+    message.obstacles = [Area(**in_metres(area, size)) for area in scenario.get("obstacles") or []]
+    if "arena" in scenario:
+        message.arena = Area(**in_metres(scenario["arena"], size))
     message.spots = [
         Spot(id=spot["id"], x=size * float(spot["x"]), y=size * float(spot["y"]), theta=float(spot.get("theta", 0.0)))
         for spot in target["spots"]

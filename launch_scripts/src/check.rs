@@ -8,19 +8,20 @@ use formation::motion::PlannedMotion;
 use formation::planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
 
-use crate::{console, motion, scenario_file, warnings};
+use crate::checked_plan::CheckedPlan;
+use crate::{console, scenario_file, warnings};
 
-/// Validates a scenario file and prints a summary of it.
+/// Validates a scenario file, plans it, and prints a summary of it.
 ///
 /// # Errors
-/// Names the file, the place and what is wrong there.
+/// Names the file, the place and what is wrong there, or the spot that cannot be reached.
 pub fn check(path: &Path) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     refuse_long_plans(path, &scenario)?;
     warn(path, &scenario);
-    if let Some(warning) = motion::warning(&PlannedMotion::offline(scenario.problem())) {
-        console::note(&format!("warning: {}: {warning}", path.display()));
-    }
+    let plan = CheckedPlan::of(&scenario)?;
+    plan.refuse_without_motion(path)?;
+    plan.warn_of_motion(path);
     console::result_line(&format!("{}: {}", path.display(), summary(&scenario)))
 }
 

@@ -95,14 +95,33 @@ impl CheckedPlan {
         for warning in &self.statistics.warnings {
             console::note(&format!("warning: {}: {warning}", path.display()));
         }
-        if let Some(warning) = motion::warning(&self.motion) {
-            console::note(&format!("warning: {}: {warning}", path.display()));
-        }
+        self.warn_of_motion(path);
         if !self.statistics.proven {
             console::note(&format!(
                 "warning: {}: a search on a graph with cycles was cut at its budget; a better plan may exist",
                 path.display()
             ));
+        }
+    }
+
+    /// Prints what is wrong with the motion, if it is not along paths for that reason.
+    pub fn warn_of_motion(&self, path: &Path) {
+        if let Some(warning) = motion::warning(&self.motion) {
+            console::note(&format!("warning: {}: {warning}", path.display()));
+        }
+    }
+
+    /// Refuses a plan by which no module would move.
+    ///
+    /// # Errors
+    /// Names the unit and its spots, and the reason.
+    pub fn refuse_without_motion(&self, path: &Path) -> Result<(), Failure> {
+        match &self.motion {
+            PlannedMotion::Refused(error) => Err(Failure::bad_input(format_args!(
+                "{}: no module would move: {error}",
+                path.display()
+            ))),
+            PlannedMotion::Paths(_) | PlannedMotion::Straight(_) => Ok(()),
         }
     }
 

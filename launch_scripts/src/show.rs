@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use formation::model::{BODY_WIDTH, Scenario};
+use formation::model::{Area, BODY_WIDTH, RawArea, Scenario};
 use formation::planner::plan;
 use formation_report::{Subject, before};
 use ros_runtime::exit::{Failure, one_line};
@@ -31,12 +31,12 @@ pub fn show(path: &Path, svg: bool) -> Result<(), Failure> {
             path.display()
         ))
     })?;
-    let sizes = sizes(&scenario);
-    console::result_line(&format!("name: {name}\n{sizes}{}", maps.trim_end()))
+    let surroundings = surroundings(&scenario);
+    console::result_line(&format!("name: {name}\n{surroundings}{}", maps.trim_end()))
 }
 
-/// The sizes of a scenario that are not the default ones, as its file has them.
-fn sizes(scenario: &Scenario) -> String {
+/// Sizes that are not the default ones, obstacles and walls, as a scenario file has them.
+fn surroundings(scenario: &Scenario) -> String {
     let mut lines = String::new();
     if let Some(size) = scenario.module_size() {
         lines.push_str(&format!("module_size: {}\n", size.metres()));
@@ -44,6 +44,25 @@ fn sizes(scenario: &Scenario) -> String {
     let width = scenario.problem().target().surroundings().body_width();
     if width != BODY_WIDTH {
         lines.push_str(&format!("body_width: {}\n", width.to_units()));
+    }
+    let surroundings = scenario.problem().target().surroundings();
+    let written = |area: &Area| {
+        let RawArea {
+            x,
+            y,
+            width,
+            height,
+        } = area.to_raw();
+        format!("{{x: {x}, y: {y}, width: {width}, height: {height}}}")
+    };
+    if !surroundings.obstacles().is_empty() {
+        lines.push_str("obstacles:\n");
+    }
+    for obstacle in surroundings.obstacles() {
+        lines.push_str(&format!("  - {}\n", written(obstacle)));
+    }
+    if let Some(arena) = surroundings.arena() {
+        lines.push_str(&format!("arena: {}\n", written(&arena)));
     }
     lines
 }

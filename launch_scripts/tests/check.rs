@@ -168,6 +168,17 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
             "body_width: 1.5",
             "body_width: must lie between 0.1 units and 1, the pitch of the lattice, got 1.5",
         ),
+        // Obstacles and walls.
+        (
+            "name: small",
+            "obstacles: [{x: 2.0, y: 0.4, width: 0.2, height: 0.2}]",
+            "obstacles[0]: spot 3 lies on it",
+        ),
+        (
+            "name: small",
+            "arena: {x: 3.5, y: 2.5, width: 8, height: 6}\nobstacles: [{x: 3.5, y: 2.5, width: 8, height: 2}]",
+            "no module would move: module 1 cannot reach spot 1: obstacles close the path",
+        ),
         (
             "x: 1.0, y: 5.0",
             "x: .NaN, y: 5.0",
@@ -477,7 +488,9 @@ fn the_scenarios_of_the_repository_are_valid() {
             "figure1_ladder17",
             "mcs_detach",
             "oversupply",
+            "quadruped_8cm",
             "singletons_10",
+            "two_rooms",
             "undersupply"
         ]
     );

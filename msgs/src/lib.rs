@@ -127,7 +127,7 @@ pub use services::{
 };
 pub use session::{InSession, PROTOCOL_VERSION, SessionId};
 pub use standard::{Duration, Header, Time};
-pub use target::{Edge, PlannerParameters, Spot, TargetConfiguration};
+pub use target::{Area, Edge, PlannerParameters, Spot, TargetConfiguration};
 pub use verdict::Verdict;
 
 /// Stands for "none" where an identifier is optional.
@@ -155,6 +155,7 @@ interface_types!("builtin_interfaces": Duration, Time);
 interface_types!("std_msgs": Header);
 interface_types!(
     "formation_msgs":
+    Area,
     Body,
     CausalMark,
     DockingRequest,

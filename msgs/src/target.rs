@@ -5,7 +5,7 @@
 use std::sync::Arc;
 
 use formation::model::{
-    self, CutPrice, ModuleSize, MotionMode, Policy, RawSpot, RawSurroundings, RawTarget,
+    self, CutPrice, ModuleSize, MotionMode, Policy, RawArea, RawSpot, RawSurroundings, RawTarget,
     Surroundings, Target, TargetAnnouncement, TurnOrder, Weights, WeightsError,
 };
 use serde::{Deserialize, Serialize};
@@ -30,6 +30,15 @@ pub struct Spot {
 pub struct Edge {
     pub first: u32,
     pub second: u32,
+}
+
+/// See `Area.msg`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
+pub struct Area {
+    pub x: f64,
+    pub y: f64,
+    pub width: f64,
+    pub height: f64,
 }
 
 /// See `PlannerParameters.msg`.
@@ -63,6 +72,8 @@ pub struct TargetConfiguration {
     pub planner: PlannerParameters,
     pub module_size: f64,
     pub body_width: f64,
+    pub obstacles: Vec<Area>,
+    pub arena: Area,
 }
 
 impl Default for TargetConfiguration {
@@ -82,6 +93,8 @@ impl Default for TargetConfiguration {
             planner: PlannerParameters::default(),
             module_size: ModuleSize::METRE.metres(),
             body_width: 0.0,
+            obstacles: Vec::new(),
+            arena: Area::NONE,
         }
     }
 }
@@ -170,6 +183,44 @@ impl PlannerParameters {
     }
 }
 
+impl Area {
+    const NONE: Self = Self {
+        x: 0.0,
+        y: 0.0,
+        width: 0.0,
+        height: 0.0,
+    };
+
+    fn new(area: &model::Area, size: ModuleSize) -> Self {
+        let raw = area.to_raw();
+        let [x, y, width, height] =
+            [raw.x, raw.y, raw.width, raw.height].map(|units| size.scale_to_metres(units));
+        Self {
+            x,
+            y,
+            width,
+            height,
+        }
+    }
+
+    /// The area in units. Its ends are converted, as its middle may lie between two micro-units.
+    fn in_units(&self, size: ModuleSize) -> RawArea {
+        let along = |middle: f64, extent: f64| {
+            let [low, high] =
+                [middle - extent / 2.0, middle + extent / 2.0].map(|end| size.scale_to_units(end));
+            (f64::midpoint(low, high), high - low)
+        };
+        let (x, width) = along(self.x, self.width);
+        let (y, height) = along(self.y, self.height);
+        RawArea {
+            x,
+            y,
+            width,
+            height,
+        }
+    }
+}
+
 /// The spots of a target in metres.
 fn spots_in_metres(spots: Vec<RawSpot>, size: ModuleSize) -> Vec<Spot> {
     let in_metres = |RawSpot { id, x, y, theta }| Spot {
@@ -213,6 +264,13 @@ impl TargetConfiguration {
             planner: PlannerParameters::from(&announcement.parameters),
             module_size: size.metres(),
             body_width: surroundings.map_or(0.0, |own| size.to_metres(own.body_width())),
+            obstacles: surroundings.map_or_else(Vec::new, |own| {
+                let areas = own.obstacles().iter();
+                areas.map(|area| Area::new(area, size)).collect()
+            }),
+            arena: surroundings
+                .and_then(Surroundings::arena)
+                .map_or(Area::NONE, |area| Area::new(&area, size)),
         }
     }
 
@@ -230,8 +288,17 @@ impl TargetConfiguration {
             .planner
             .validated()
             .map_err(|error| error.within("planner"))?;
+        let has_obstacles = !self.obstacles.is_empty() || self.arena != Area::NONE;
+        if has_obstacles && parameters.motion == MotionMode::Straight {
+            let reason = "straight lines would lead through obstacles and walls";
+            return Err(FieldError::contradiction("planner.motion", reason));
+        }
         let target = if self.withdrawn {
-            let lists = [("spots", self.spots.len()), ("edges", self.edges.len())];
+            let lists = [
+                ("spots", self.spots.len()),
+                ("edges", self.edges.len()),
+                ("obstacles", self.obstacles.len()),
+            ];
             check::empty(&lists, "must be empty while the target is withdrawn")?;
             None
         } else {
@@ -265,9 +332,17 @@ impl TargetConfiguration {
         let width = size.scale_to_units(self.body_width);
         let surroundings = Surroundings::try_from(RawSurroundings {
             body_width: (self.body_width != 0.0).then_some(width),
+            obstacles: self
+                .obstacles
+                .iter()
+                .map(|area| area.in_units(size))
+                .collect(),
+            arena: (self.arena != Area::NONE).then(|| self.arena.in_units(size)),
         });
         let refused = |error| FieldError::new("", error);
         let target = Target::try_from(raw).map_err(refused)?;
-        Ok(target.within(surroundings.map_err(refused)?))
+        target
+            .within(surroundings.map_err(refused)?)
+            .map_err(refused)
     }
 }

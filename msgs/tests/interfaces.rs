@@ -272,6 +272,7 @@ fn bounds_agree() {
         list("SpotClaim.selections", bounds::SPOTS_MAX),
         list("TargetConfiguration.edges", bounds::EDGES_MAX),
         list("TargetConfiguration.founders", bounds::MODULES_MAX),
+        list("TargetConfiguration.obstacles", bounds::OBSTACLES_MAX),
         list("TargetConfiguration.spots", bounds::SPOTS_MAX),
         list("Verdict.assignments", bounds::SPOTS_MAX),
         list("Verdict.blocked_spots", bounds::SPOTS_MAX),

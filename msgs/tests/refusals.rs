@@ -255,6 +255,16 @@ fn targets() {
             "target: module_size: is 0.08 m, but the modules of this node measure 1 m; give all nodes the same";
         target => target.module_size = f64::NAN,
             "target: module_size: is NaN m, but the modules of this node measure 1 m; give all nodes the same";
+        target => target.obstacles = vec![area(0.0, 0.0)],
+            "target: obstacles[0]: spot 1 lies on it";
+        target => target.obstacles = vec![area(f64::NAN, 9.0)],
+            "target: obstacles[0].x: must be a finite number, got NaN";
+        target => target.obstacles = vec![area(9.0, 9.0); bounds::OBSTACLES_MAX + 1],
+            "target: obstacles: 1001 entries; at most 1000 are supported";
+        target => target.arena = area(0.0, 0.0),
+            "target: arena: spot 2 is beyond it";
+        target => { target.arena = area(0.0, 0.0); target.planner.motion = wire::PlannerParameters::MOTION_STRAIGHT; },
+            "target: planner.motion: straight lines would lead through obstacles and walls";
         target => target.body_width = 1.1,
             "target: body_width: must lie between 0.1 units and 1, the pitch of the lattice, got 1.1";
         target => target.planner.cut_price = -1.0,
@@ -269,6 +279,17 @@ fn targets() {
     let announcement = withdrawn.into_core(ModuleSize::METRE).unwrap();
     assert_eq!(announcement.target, None);
     assert_eq!(announcement.expected_modules, None);
+}
+
+/// A box of one unit.
+fn area(x: f64, y: f64) -> wire::Area {
+    let (width, height) = (1.0, 1.0);
+    wire::Area {
+        x,
+        y,
+        width,
+        height,
+    }
 }
 
 fn member(module_id: u32) -> wire::RosterMember {

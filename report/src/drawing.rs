@@ -1,6 +1,6 @@
 //! The drawings of spots, links and modules, for the pictures and for the page's player.
 
-use formation::model::Pose;
+use formation::model::{Area, MicroUnits, Pose};
 
 use crate::element::{Element, Short};
 use crate::frame::Frame;
@@ -147,13 +147,37 @@ pub(crate) fn cross(x: f64, y: f64, half: f64) -> Element {
     )
 }
 
-/// The target: its edges, and its spots with their numbers.
+/// A box of the ground.
+fn area(frame: &Frame, class: &str, area: &Area) -> Element {
+    let corner = |(x, y): (MicroUnits, MicroUnits)| {
+        let theta = MicroUnits::ZERO;
+        let pose = Pose { x, y, theta };
+        (frame.x(&pose), frame.y(&pose))
+    };
+    let ((left, bottom), (right, top)) = (corner(area.low), corner(area.high));
+    Element::new("rect").with("class", class).lengths([
+        ("x", left),
+        ("y", top),
+        ("width", right - left),
+        ("height", bottom - top),
+    ])
+}
+
+/// The target: obstacles and walls, its edges, and its spots with their numbers.
 pub(crate) fn target(
     frame: &Frame,
     subject: &Subject,
     class_of: impl Fn(&Spot) -> &'static str,
 ) -> Element {
     let mut group = Element::group("target");
+    let surroundings = &subject.surroundings;
+    group.extend(
+        surroundings
+            .arena()
+            .map(|walls| area(frame, "arena", &walls)),
+    );
+    let obstacles = surroundings.obstacles().iter();
+    group.extend(obstacles.map(|obstacle| area(frame, "obstacle", obstacle)));
     for &(one, other) in &subject.edges {
         let (one, other) = (&subject.spots[one].pose, &subject.spots[other].pose);
         group.push(line(frame, "edge", one, other));

@@ -29,6 +29,7 @@ pub(crate) enum Mark {
     /// A link that breaks.
     Break,
     Spot,
+    Obstacle,
     OpenSpot,
     ClaimedSpot,
     None,
@@ -77,6 +78,9 @@ pub(crate) fn of_modules(subject: &Subject) -> Vec<Entry> {
     if !subject.configurations.is_empty() {
         let mark = module(Some(0), true);
         entries.push(Entry::new(mark, "leads its configuration"));
+    }
+    if !subject.surroundings.obstacles().is_empty() {
+        entries.push(Entry::new(Mark::Obstacle, "obstacle"));
     }
     entries
 }
@@ -155,6 +159,7 @@ pub(crate) fn drawn(mark: Mark) -> Element {
         Mark::Break => sign
             .containing(line("link broken"))
             .containing(drawing::cross(13.0, 0.0, 4.5)),
+        Mark::Obstacle => sign.containing(square(Element::group("obstacles"))),
         Mark::Spot => sign.containing(square(Element::group("spot"))),
         Mark::OpenSpot => sign.containing(square(Element::group("spot open"))),
         Mark::ClaimedSpot => {

@@ -168,6 +168,7 @@ fn places<'a>(subject: &'a Subject, course: &'a [Entry]) -> impl Iterator<Item =
         .iter()
         .flat_map(|module| [module.start, module.end]);
     ends.chain(subject.spots.iter().map(|spot| spot.pose))
+        .chain(subject.corners())
         .chain(known.map(|(_, pose)| pose))
 }
 

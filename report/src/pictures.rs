@@ -91,7 +91,8 @@ fn picture(
 ) -> String {
     let poses = subject.modules.iter().map(|module| *pose(module));
     let spots = subject.spots.iter().map(|spot| spot.pose);
-    let frame = Frame::around(poses.chain(spots)).at_least(GROUND_WIDTH_MIN);
+    let corners = subject.corners();
+    let frame = Frame::around(poses.chain(spots).chain(corners)).at_least(GROUND_WIDTH_MIN);
     let pose_of = |module: usize| pose(&subject.modules[module]);
     let line = |class, (one, other)| drawing::line(&frame, class, pose_of(one), pose_of(other));
     let [mut links, mut bows, mut crosses] = [(); 3].map(|()| Element::group("links"));

@@ -3,7 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use formation::model::{
-    self, ConfigurationId, ModuleId, PlanningModule, PlanningProblem, Pose, SpotId,
+    self, Area, ConfigurationId, MicroUnits, ModuleId, PlanningModule, PlanningProblem, Pose,
+    SpotId, Surroundings,
 };
 use formation::planner::PlanOutcome;
 
@@ -20,6 +21,8 @@ pub struct Subject {
     pub(crate) links: Vec<Link>,
     /// The links at the end that are not kept from the start.
     pub(crate) new_links: Vec<(usize, usize)>,
+    /// Obstacles and walls.
+    pub(crate) surroundings: Surroundings,
 }
 
 /// Modules that are docked to each other at the start.
@@ -132,6 +135,7 @@ impl Subject {
             new_links: last.iter().copied().filter(is_new).collect(),
             spots: spots(problem, &modules),
             edges: problem.target().topology().edges().to_vec(),
+            surroundings: problem.target().surroundings().clone(),
             modules,
         }
     }
@@ -140,6 +144,20 @@ impl Subject {
         self.modules
             .binary_search_by_key(&module, |module| module.id)
             .ok()
+    }
+
+    /// The obstacles, then the walls if there are any.
+    pub(crate) fn areas(&self) -> impl Iterator<Item = Area> {
+        let (obstacles, arena) = (self.surroundings.obstacles(), self.surroundings.arena());
+        obstacles.iter().copied().chain(arena)
+    }
+
+    /// The corners of obstacles and walls, which pictures show in full.
+    pub(crate) fn corners(&self) -> impl Iterator<Item = Pose> {
+        self.areas().flat_map(|area| {
+            let theta = MicroUnits::ZERO;
+            [area.low, area.high].map(|(x, y)| Pose { x, y, theta })
+        })
     }
 
     /// The title of pictures and pages.

@@ -2,7 +2,10 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use std::sync::Arc;
+
 use formation::generate::Apart;
+use formation::model::Scenario;
 use formation::protocol::{Agent, Mutation};
 use formation_sim::{AgentFactory, CampaignParameters, FaultKind, ViolationKind, run_seeds};
 
@@ -43,6 +46,25 @@ fn cuts_lead_to_no_contact() {
         &parameters(FaultKind::Partition, Apart::Circles),
         0..seeds(),
     );
+}
+
+/// Obstacles and walls travel with the target, and each module plans around them. Where a body that failed leaves no path,
+/// no module moves, so a run with faults may have no end.
+#[test]
+fn modules_keep_clear_of_obstacles_and_walls() {
+    let text = include_str!("../../launch_scripts/scenarios/two_rooms.yaml");
+    let scenario = Scenario::from_yaml(text).unwrap();
+    let parameters = |faults| CampaignParameters {
+        faults,
+        problem: Some(Arc::new(scenario.problem().clone())),
+        ..CampaignParameters::default()
+    };
+    run_all(&parameters(FaultKind::None), 0..seeds() / 3);
+    run_seeds(&parameters(FaultKind::Mixed), 0..seeds() / 3, |report| {
+        let mut kinds = report.violations.iter().map(|one| one.kind);
+        assert!(kinds.all(|kind| kind != ViolationKind::BodiesOverlap));
+    })
+    .unwrap();
 }
 
 #[test]

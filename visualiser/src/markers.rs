@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{BODY_WIDTH, ModuleId, ModulePhase, ModuleSize, Pose};
+use formation::model::{
+    BODY_WIDTH, ModuleId, ModulePhase, ModuleSize, Pose, RawArea, Surroundings,
+};
 use formation_msgs::Header;
 use formation_msgs::external::geometry_msgs::{self, Point, Vector3};
 use formation_msgs::external::std_msgs::ColorRGBA;
@@ -17,6 +19,7 @@ const LINE_WIDTH: f64 = 0.05;
 const LINK_WIDTH: f64 = 0.15;
 
 const GREY: ColorRGBA = colour(0.5, 0.5, 0.5, 0.6);
+const DARK_GREY: ColorRGBA = colour(0.25, 0.25, 0.28, 1.0);
 const WHITE: ColorRGBA = colour(1.0, 1.0, 1.0, 1.0);
 /// Single modules.
 const PALE_BLUE: ColorRGBA = colour(0.7, 0.8, 1.0, 1.0);
@@ -117,6 +120,7 @@ impl Picture<'_> {
         let Some(target) = scene.target() else {
             return;
         };
+        self.draw_surroundings(target.surroundings());
         let mut outlines = Vec::new();
         let mut edges = Vec::new();
         for spot in target.spots() {
@@ -141,6 +145,46 @@ impl Picture<'_> {
         }
         self.add_lines("target_spots", LINE_WIDTH, &outlines);
         self.add_lines("target_edges", LINE_WIDTH, &edges);
+    }
+
+    /// A block for each obstacle, and a line along the walls.
+    fn draw_surroundings(&mut self, surroundings: &Surroundings) {
+        for (id, obstacle) in (0..).zip(surroundings.obstacles()) {
+            let RawArea {
+                x,
+                y,
+                width,
+                height,
+            } = obstacle.to_raw();
+            let mut pose = geometry_msgs::Pose::default();
+            (pose.position.x, pose.position.y) = (x, y);
+            pose.position.z = MODULE_HEIGHT / 2.0;
+            self.add(
+                "obstacles",
+                id,
+                Marker {
+                    r#type: Marker::CUBE,
+                    pose,
+                    scale: scale(width, height, MODULE_HEIGHT),
+                    color: DARK_GREY,
+                    ..Marker::default()
+                },
+            );
+        }
+        let Some(walls) = surroundings.arena() else {
+            return;
+        };
+        let (low, high) = (walls.low, walls.high);
+        let corners = [low, (high.0, low.1), high, (low.0, high.1), low];
+        let points = corners.map(|(x, y)| Point {
+            x: x.to_units(),
+            y: y.to_units(),
+            z: 0.0,
+        });
+        let lines = points
+            .windows(2)
+            .map(|ends| ([ends[0], ends[1]], DARK_GREY));
+        self.add_lines("arena", LINE_WIDTH, &lines.collect::<Vec<_>>());
     }
 
     /// A line between two docked modules; pale while only one of them says so.

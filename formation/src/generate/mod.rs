@@ -166,6 +166,8 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         planner: PlannerParameters::default(),
         module_size: None,
         body_width: None,
+        obstacles: Vec::new(),
+        arena: None,
     })
 }
 

@@ -5,7 +5,7 @@ use sha2::{Digest as _, Sha256};
 use crate::motion::paths::MotionPlan;
 
 use crate::model::{
-    BodyReport, Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule,
+    Area, BodyReport, Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule,
     PlanningProblem, Pose, Roster, Surroundings, Target, TargetAnnouncement, Whereabouts,
 };
 
@@ -85,6 +85,14 @@ fn put_target(canonical: &mut Canonical, parameters: &PlannerParameters, target:
     canonical.number(if is_plain { 1 } else { 2 });
     if !is_plain {
         canonical.signed(surroundings.body_width().0);
+        let (obstacles, arena) = (surroundings.obstacles(), surroundings.arena());
+        canonical.length(obstacles.len());
+        canonical.number(u64::from(arena.is_some()));
+        for Area { low, high } in obstacles.iter().chain(&arena) {
+            for coordinate in [low.0, low.1, high.0, high.1] {
+                canonical.signed(coordinate.0);
+            }
+        }
     }
     canonical.length(target.frame_id().len());
     canonical.0.update(target.frame_id().as_bytes());

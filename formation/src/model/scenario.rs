@@ -10,9 +10,9 @@ use thiserror::Error;
 use crate::model::field::{check_id, checked_pose, connected_graph};
 use crate::model::scenario_file::ScenarioFile;
 use crate::model::{
-    ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize, NAME_BYTES_MAX,
-    PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawModule, RawPlacement,
-    RawSurroundings, RawTarget, SpotId, Surroundings, Target, Topology,
+    ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize, MotionMode,
+    NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawArea,
+    RawModule, RawPlacement, RawSurroundings, RawTarget, SpotId, Surroundings, Target, Topology,
 };
 
 /// An initial configuration as it stands in a scenario file.
@@ -55,6 +55,12 @@ pub struct RawScenario {
     /// The width of a body, in units; `None` for [`crate::model::BODY_WIDTH`].
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub body_width: Option<f64>,
+    /// Boxes that no module may enter.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub obstacles: Vec<RawArea>,
+    /// The box that no module may leave; `None` for an open field.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub arena: Option<RawArea>,
 }
 
 /// A validated scenario.
@@ -261,12 +267,18 @@ impl TryFrom<RawScenario> for Scenario {
         let module_size = module_size.map_err(|error| FieldError::new("module_size", error))?;
         let surroundings = Surroundings::try_from(RawSurroundings {
             body_width: raw.body_width,
+            obstacles: raw.obstacles,
+            arena: raw.arena,
         })?;
         for (index, spot) in raw.target.spots.iter().enumerate() {
             check_heading(&format!("spots[{index}]"), SpotId(spot.id), spot).map_err(in_target)?;
         }
         let target = Target::try_from(raw.target).map_err(in_target)?;
-        let target = target.within(surroundings);
+        let target = target.within(surroundings)?;
+        if !target.surroundings().is_open() && raw.planner.motion == MotionMode::Straight {
+            let reason = "straight lines would lead through obstacles and walls";
+            return Err(FieldError::new("planner.motion", reason).into());
+        }
         check_degrees(target.topology(), |node| target.spots()[node].id).map_err(in_target)?;
         let members = raw.configurations.iter().map(|one| one.modules.len());
         let count = raw.singletons.len() + members.sum::<usize>();

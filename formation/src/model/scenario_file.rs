@@ -4,8 +4,8 @@ use serde::Deserialize;
 
 use crate::model::map::{Lattice, Map, Undrawable, draw};
 use crate::model::{
-    FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawConfiguration, RawModule, RawScenario,
-    RawSpot, RawTarget, Scenario,
+    FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration, RawModule,
+    RawScenario, RawSpot, RawTarget, Scenario,
 };
 
 /// A scenario file as it is written.
@@ -24,6 +24,9 @@ pub(super) struct ScenarioFile {
     planner: PlannerParameters,
     module_size: Option<f64>,
     body_width: Option<f64>,
+    #[serde(default)]
+    obstacles: Vec<RawArea>,
+    arena: Option<RawArea>,
 }
 
 #[derive(Deserialize)]
@@ -114,6 +117,8 @@ impl TryFrom<ScenarioFile> for RawScenario {
             planner: file.planner,
             module_size: file.module_size,
             body_width: file.body_width,
+            obstacles: file.obstacles,
+            arena: file.arena,
         })
     }
 }

@@ -113,12 +113,15 @@ impl TryFrom<RawTarget> for Target {
 
 impl Target {
     /// The same target in other surroundings.
-    #[must_use]
-    pub fn within(self, surroundings: Surroundings) -> Self {
-        Self {
+    ///
+    /// # Errors
+    /// Names the spot that lies on an obstacle or beyond the walls.
+    pub fn within(self, surroundings: Surroundings) -> Result<Self, FieldError> {
+        surroundings.check_spots(&self.spots)?;
+        Ok(Self {
             surroundings,
             ..self
-        }
+        })
     }
 
     /// The bodies of its modules, and where they move.

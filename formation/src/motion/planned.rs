@@ -19,7 +19,7 @@ pub enum PlannedMotion {
     Paths(MotionPlan),
     /// One unit after another in straight lines, with the reason if paths were wanted. Modules may run into each other.
     Straight(Option<MotionError>),
-    /// The problem demands paths and there are none: no module moves.
+    /// The problem demands paths, or has obstacles or walls, and there are none: no module moves.
     Refused(MotionError),
 }
 
@@ -33,11 +33,12 @@ impl PlannedMotion {
         if mode == MotionMode::Straight {
             return (Self::Straight(None), plan);
         }
+        let surroundings = problem.target().surroundings();
         let motion = plan_motion(&MotionRequest {
             problem,
             plan: &plan,
-            obstacles,
-            walls: None,
+            obstacles: &[surroundings.obstacles(), obstacles].concat(),
+            walls: surroundings.arena(),
             parameters: MotionParameters::default(),
         });
         match motion {
@@ -45,7 +46,10 @@ impl PlannedMotion {
                 let plan = reordered(problem, plan, &motion);
                 (Self::Paths(motion), plan)
             }
-            Err(error) if mode == MotionMode::Auto => (Self::Straight(Some(error)), plan),
+            // Straight lines would lead through obstacles and walls.
+            Err(error) if mode == MotionMode::Auto && surroundings.is_open() => {
+                (Self::Straight(Some(error)), plan)
+            }
             Err(error) => (Self::Refused(error), plan),
         }
     }

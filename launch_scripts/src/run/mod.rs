@@ -66,6 +66,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     check::refuse_long_plans(path, &scenario)?;
     check::warn(path, &scenario);
     let plan = CheckedPlan::of(&scenario)?;
+    plan.refuse_without_motion(path)?;
     if arguments.motion.is_external() {
         let refused = plan.motion.check_for_robots();
         refused.map_err(|reason| Failure::bad_input(format!("{}: {reason}", path.display())))?;

@@ -132,6 +132,7 @@ pub fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
 /// Every type of the package, in the order of the files' names; messages before services before actions.
 pub fn all() -> Vec<Codec> {
     vec![
+        part::<wire::Area>(),
         part::<wire::Body>(),
         part::<wire::CausalMark>(),
         part::<wire::DockingRequest>(),

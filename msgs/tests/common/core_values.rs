@@ -8,10 +8,10 @@ use std::time::Duration;
 use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
-    ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose,
-    QuorumBasis, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime,
-    Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, Target, TargetAnnouncement, Timing,
-    TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
+    ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawArea, RawSpot, RawSurroundings,
+    RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime, Service, SpotClaim,
+    SpotId, SpotSelection, Stop, StoreId, Surroundings, Target, TargetAnnouncement, Timing, TurnOrder, Voter,
+    VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -187,11 +187,48 @@ fn target() -> impl Strategy<Value = Target> {
         })
 }
 
+/// Widths of bodies, obstacles and walls.
+fn surroundings() -> impl Strategy<Value = Surroundings> {
+    let extent = || prop_oneof![0.000_001..2.0_f64, 1.0..100_000.0];
+    let area = move || {
+        (
+            -400_000.0..400_000.0_f64,
+            -400_000.0..400_000.0_f64,
+            extent(),
+            extent(),
+        )
+            .prop_map(|(x, y, width, height)| RawArea {
+                x,
+                y,
+                width,
+                height,
+            })
+    };
+    let width = option::of(0.1..1.0_f64);
+    (width, vec(area(), 0..4), option::of(area())).prop_map(|(body_width, obstacles, arena)| {
+        let raw = RawSurroundings {
+            body_width,
+            obstacles,
+            arena,
+        };
+        Surroundings::try_from(raw).unwrap()
+    })
+}
+
+/// The target in these surroundings, if its spots and the motion allow them.
+fn placed_within(target: Target, surroundings: Surroundings, motion: MotionMode) -> Target {
+    if motion == MotionMode::Straight {
+        return target;
+    }
+    let open = target.clone();
+    target.within(surroundings).unwrap_or(open)
+}
+
 pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
     (
         any::<u64>(),
         "\\PC{0,20}",
-        option::weighted(0.8, target()),
+        option::weighted(0.8, (target(), surroundings())),
         parameters(),
         option::of(1..=10_000_u32),
         module_ids(),
@@ -200,7 +237,9 @@ pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
             |(revision, name, target, parameters, expected_modules, founders)| TargetAnnouncement {
                 revision,
                 name,
-                target: target.map(Arc::new),
+                target: target.map(|(target, surroundings)| {
+                    Arc::new(placed_within(target, surroundings, parameters.motion))
+                }),
                 parameters,
                 expected_modules,
                 founders: founders.into_iter().collect(),

@@ -52,6 +52,8 @@ impl Collection {
         self.add(&target.planner);
         self.add_all(&target.spots);
         self.add_all(&target.edges);
+        self.add_all(&target.obstacles);
+        self.add(&target.arena);
     }
 
     fn add_states(&mut self, states: &wire::ModuleStates) {

@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use formation::model::{BODY_WIDTH, ModuleId, Pose};
+use formation::model::{Area, BODY_WIDTH, MicroUnits, ModuleId, Pose, Surroundings};
 
 use super::{Monitor, PlanKey, ViolationKind};
 use crate::cluster::Cluster;
@@ -48,7 +48,7 @@ pub(super) struct Bodies {
     tracks: BTreeMap<ModuleId, Track>,
     /// The plans by which modules move along paths.
     pub by_paths: BTreeSet<PlanKey>,
-    /// The pairs that were found to overlap, which are reported once.
+    /// The pairs that were found to overlap, which are reported once; a module and itself for an obstacle.
     found: BTreeSet<(ModuleId, ModuleId)>,
 }
 
@@ -147,6 +147,13 @@ impl Monitor {
                 found.push(pair);
             }
         }
+        if let Some(target) = target
+            && leaves_the_field(&leg, target.surroundings())
+            && self.bodies.found.insert((module, module))
+        {
+            let detail = format!("{module} meets an obstacle or a wall in {}", plan.0);
+            self.violate(leg.end, ViolationKind::BodiesOverlap, detail);
+        }
         for pair in found {
             self.bodies.found.insert(pair);
             let detail = format!("{} and {} in {}", pair.0, pair.1, plan.0);
@@ -228,6 +235,32 @@ fn meet(one: &Leg, other: &Leg, width: f64) -> bool {
     })
 }
 
+/// Whether the box around a body touches an obstacle or a wall at any of some moments of a leg.
+fn leaves_the_field(leg: &Leg, surroundings: &Surroundings) -> bool {
+    if surroundings.is_open() {
+        return false;
+    }
+    let width = surroundings.body_width().to_units();
+    (0..=MOMENTS).any(|moment| {
+        let ((x, y), heading) = leg.pose(leg.begin + (leg.end - leg.begin) * moment / MOMENTS);
+        let reach = width / 2.0 * (heading.cos().abs() + heading.sin().abs()) - SLACK;
+        let (left, right, bottom, top) = (x - reach, x + reach, y - reach, y + reach);
+        let ends = |area: &Area| {
+            let ((from_x, from_y), (to_x, to_y)) = (area.low, area.high);
+            [from_x, from_y, to_x, to_y].map(MicroUnits::to_units)
+        };
+        let meets = surroundings.obstacles().iter().any(|area| {
+            let [from_x, from_y, to_x, to_y] = ends(area);
+            left < to_x && from_x < right && bottom < to_y && from_y < top
+        });
+        let is_out = surroundings.arena().is_some_and(|area| {
+            let [from_x, from_y, to_x, to_y] = ends(&area);
+            left < from_x || bottom < from_y || right > to_x || top > to_y
+        });
+        meets || is_out
+    })
+}
+
 /// Whether two squares overlap: no side of either separates them.
 fn squares_overlap(one: Placed, other: Placed, width: f64) -> bool {
     let (right, up) = (other.0.0 - one.0.0, other.0.1 - one.0.1);
@@ -266,6 +299,8 @@ fn nearest(before: (f64, f64), after: (f64, f64)) -> f64 {
 
 #[cfg(test)]
 mod tests {
+    use formation::model::{RawArea, RawSurroundings};
+
     use super::*;
 
     fn leg(from: (f64, f64, f64), to: (f64, f64, f64)) -> Leg {
@@ -292,6 +327,28 @@ mod tests {
         let ahead = leg((0.8, 0.0, 0.0), (4.8, 0.0, 0.0));
         assert!(meet(&right, &ahead));
         assert!(!super::meet(&right, &ahead, 0.7), "narrower bodies");
+    }
+
+    #[test]
+    fn obstacles_and_walls_are_met_between_reports() {
+        let boxed = |x, y, width, height| RawArea {
+            x,
+            y,
+            width,
+            height,
+        };
+        let surroundings = Surroundings::try_from(RawSurroundings {
+            body_width: None,
+            obstacles: vec![boxed(2.0, 1.0, 1.0, 1.0)],
+            arena: Some(boxed(2.0, 0.0, 6.0, 4.0)),
+        })
+        .unwrap();
+        let leaves = |from, to| leaves_the_field(&leg(from, to), &surroundings);
+        assert!(!leaves((0.0, 0.0, 0.0), (4.0, 0.0, 0.0)));
+        assert!(leaves((0.0, 0.1, 0.0), (4.0, 0.1, 0.0)), "the obstacle");
+        assert!(!leaves((0.0, -1.5, 0.0), (4.0, -1.5, 0.0)));
+        assert!(leaves((0.0, -1.5, 0.0), (4.6, -1.5, 0.0)), "a wall");
+        assert!(leaves((0.0, -1.5, 0.5), (0.0, -1.5, 0.5)), "a corner");
     }
 
     #[test]

@@ -7,7 +7,7 @@ use super::group::{Group, HALF, Rectangle, hull, overlap, square};
 use super::lattice::{Lattice, Site, point};
 use super::result::StartFault;
 use super::turning::off_quarter;
-use crate::model::{PlanningProblem, Pose};
+use crate::model::{Area, MicroUnits, PlanningProblem, Pose};
 
 /// How far the corners of a body reach from its middle.
 const CORNER: i64 = 636_400;
@@ -44,7 +44,13 @@ pub(super) fn regroup(
     let is_free = |site: &Site| {
         let cell = square(lattice.point(*site));
         let others = bodies.iter().enumerate();
-        !taken.contains(site)
+        let corner = |(x, y): (i64, i64)| (MicroUnits(x), MicroUnits(y));
+        let area = Area {
+            low: corner(cell.0),
+            high: corner(cell.1),
+        };
+        problem.target().surroundings().admits(&area)
+            && !taken.contains(site)
             && others
                 .filter(|(module, _)| modules.binary_search(module).is_err())
                 .all(|(_, body)| !overlap(&cell, body, tolerance))

@@ -3,18 +3,10 @@
 use thiserror::Error;
 
 use super::turning::rotated;
+pub use crate::model::Area;
 use crate::model::{
     MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId,
 };
-
-/// A rectangle with sides along the axes of the frame.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Area {
-    /// The corner with the smaller coordinates.
-    pub low: (MicroUnits, MicroUnits),
-    /// The corner with the larger coordinates.
-    pub high: (MicroUnits, MicroUnits),
-}
 
 impl Area {
     /// What a body of this width covers, and the corners between its headings and the axes.
@@ -348,14 +340,15 @@ pub const FIELD_CELLS_MAX: u64 = 4_000_000;
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Obstruction {
     /// Units on these spots surround it or its spots.
-    #[error("walled in by {}", listed(.0))]
+    #[error("walled in by {}", spots_listed(.0))]
     WalledIn(Vec<SpotId>),
     /// Obstacles or walls close the way.
     #[error("obstacles close the path")]
     Obstacles,
     /// Units on the path have no free cell to move to.
     #[error(
-        "no room: {missing} free cells are missing for {} to make way",
+        "no room: {} missing for {} to make way",
+        cells(*missing),
         listed(modules)
     )]
     NoRoom {
@@ -364,6 +357,23 @@ pub enum Obstruction {
         /// How many free cells are missing.
         missing: usize,
     },
+}
+
+fn spots_listed(spots: &[SpotId]) -> String {
+    match spots {
+        [spot] => spot.to_string(),
+        spots => {
+            let numbers: Vec<u32> = spots.iter().map(|spot| spot.0).collect();
+            format!("spots {}", listed(&numbers))
+        }
+    }
+}
+
+fn cells(count: usize) -> String {
+    match count {
+        1 => "1 free cell is".to_owned(),
+        count => format!("{count} free cells are"),
+    }
 }
 
 fn listed<T: std::fmt::Display>(entries: &[T]) -> String {

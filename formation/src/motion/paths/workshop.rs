@@ -4,13 +4,34 @@ use std::collections::BTreeSet;
 
 use super::field::NO_UNIT;
 use super::group::{Group, Phase};
-use super::lattice::{Arena, Lattice, Site, Time};
+use super::lattice::{Arena, Lattice, Site, Time, bounds};
 use super::result::{Area, MotionError, MotionRequest, StartFault};
 use super::start::align;
 use super::turning::quarters;
 use super::units::Unit;
 use super::waits::aligners;
-use crate::model::{ModuleId, Pose};
+use crate::model::{ModuleId, Pose, Surroundings};
+
+/// Paths lead around what lies this many cells or fewer from the starts and spots.
+const DETOUR: i64 = 64;
+
+/// The corners of the obstacles near some cells: the arena holds what leads around them.
+fn corners_near(sites: &[Site], lattice: &Lattice, surroundings: &Surroundings) -> Vec<Site> {
+    let (low, high) = bounds(sites);
+    let (low, high) = (
+        (low.0 - DETOUR, low.1 - DETOUR),
+        (high.0 + DETOUR, high.1 + DETOUR),
+    );
+    let corners = surroundings.obstacles().iter().flat_map(|area| {
+        let (from, to) = area.corners();
+        let (first, last) = lattice.covered(from, to);
+        let first = (first.0.max(low.0), first.1.max(low.1));
+        let last = (last.0.min(high.0), last.1.min(high.1));
+        let is_near = first.0 <= last.0 && first.1 <= last.1;
+        is_near.then_some([first, last]).into_iter().flatten()
+    });
+    corners.collect()
+}
 
 /// How much wider the arena is on each side if there are blocks.
 const BLOCK_MARGIN: i64 = 8;
@@ -80,7 +101,9 @@ impl<'a> Workshop<'a> {
                 starts[module] = group.site_of(member);
             }
         }
-        let all: Vec<Site> = spots.iter().chain(&starts).copied().collect();
+        let mut all: Vec<Site> = spots.iter().chain(&starts).copied().collect();
+        let near = corners_near(&all, &lattice, problem.target().surroundings());
+        all.extend(near);
         let margin = if request.plan.blocks.is_empty() {
             0
         } else {
