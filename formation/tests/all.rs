@@ -12,6 +12,7 @@ mod degenerate;
 mod duplicate_module;
 mod limits;
 mod motion_paths;
+mod obstacles;
 mod oracles;
 mod planning;
 mod properties;

@@ -45,7 +45,10 @@ class ModuleObserver(Node):
 def start_process(options):
     """Starts a process for the module."""
     command = [options.program, "--module", str(options.module), "--namespace", options.namespace]
-    command += [f"--x={options.x}", f"--y={options.y}", f"--theta={options.theta}"]
+    # The arguments of the program are in units, those of the service in metres.
+    size = options.module_size
+    command += [f"--x={options.x / size}", f"--y={options.y / size}", f"--theta={options.theta}"]
+    command += ["--ros-args", "-p", f"module_size:={size}"]
     return subprocess.Popen(command)
 
 
@@ -62,9 +65,10 @@ def ask_agent(observer, options):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--module", type=int, required=True, help="the new module's identifier")
-    parser.add_argument("--x", type=float, required=True)
-    parser.add_argument("--y", type=float, required=True)
+    parser.add_argument("--x", type=float, required=True, help="in metres")
+    parser.add_argument("--y", type=float, required=True, help="in metres")
     parser.add_argument("--theta", type=float, default=0.0)
+    parser.add_argument("--module-size", type=float, default=1.0, help="the size of the modules, in metres")
     parser.add_argument("--namespace", default="/formation")
     parser.add_argument("--agent", help="the node of a running agent that is to host the module, such as module_4")
     parser.add_argument("--program", default="module_agent", help="the program, if it is not on the PATH")

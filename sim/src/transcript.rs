@@ -305,6 +305,7 @@ fn noted(event: &Event) -> Entry {
         Event::Stopped => Entry::of("stopped"),
         Event::Resumed => Entry::of("resumed"),
         Event::NoPaths(error) => Entry::of("no_paths").with("reason", error),
+        Event::InvalidStart(fault) => Entry::of("invalid_start").with("reason", fault),
         Event::NotMoving(error) => Entry::of("not_moving").with("reason", error),
         Event::AssemblyWarning(warning) => acting_order(*warning),
     }

@@ -7,7 +7,9 @@ use std::sync::Arc;
 use formation::generate::Apart;
 use formation::model::Scenario;
 use formation::protocol::{Agent, Mutation};
-use formation_sim::{AgentFactory, CampaignParameters, FaultKind, ViolationKind, run_seeds};
+use formation_sim::{
+    AgentFactory, CampaignParameters, Ending, FaultKind, ViolationKind, run_seeds,
+};
 
 use crate::support::run_all;
 
@@ -63,6 +65,40 @@ fn modules_keep_clear_of_obstacles_and_walls() {
     run_seeds(&parameters(FaultKind::Mixed), 0..seeds() / 3, |report| {
         let mut kinds = report.violations.iter().map(|one| one.kind);
         assert!(kinds.all(|kind| kind != ViolationKind::BodiesOverlap));
+    })
+    .unwrap();
+}
+
+/// Modules 3 and 4 stand in each other: they stay, and are named, and the others form without them.
+#[test]
+fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
+    let text = "
+target: {map: 'o-o-o'}
+planner: {motion: paths}
+singletons:
+  - {id: 1, x: 0, y: 5}
+  - {id: 2, x: 2, y: 5}
+  - {id: 3, x: 6, y: 5}
+  - {id: 4, x: 6.3, y: 5}
+  - {id: 5, x: 4, y: 9}
+";
+    let scenario = Scenario::from_yaml(text).unwrap();
+    let parameters = CampaignParameters {
+        faults: FaultKind::None,
+        problem: Some(Arc::new(scenario.problem().clone())),
+        transcripts: true,
+        ..CampaignParameters::default()
+    };
+    run_seeds(&parameters, 0..5, |report| {
+        assert!(report.violations.is_empty(), "{:?}", report.violations);
+        assert_eq!(report.ending, Ending::Formed);
+        let transcript = report.transcript.to_string();
+        let named = "invalid_start reason=module 3 and module 4 are too close";
+        assert!(transcript.contains(named), "{transcript}");
+        for spot in 1..=3 {
+            let settled = format!("settled spot={spot}");
+            assert!(transcript.contains(&settled), "{transcript}");
+        }
     })
     .unwrap();
 }

@@ -108,10 +108,10 @@ class Types:
         raise ValueError(f"unexpected kind of field: {kind.name}")
 
     def value(self, name, raw):
-        """A message of that type from JSON; fields that are left out are zero, empty or false, but for the version."""
+        """A message of that type from JSON; fields that are left out are zero, empty or false, but for version and size."""
         _, fields = self.definitions[name]
-        if any(field == "protocol_version" for field, _ in fields):
-            raw = {"protocol_version": PROTOCOL_VERSION} | raw
+        defaults = {"protocol_version": PROTOCOL_VERSION, "module_size": 1.0}
+        raw = {field: defaults[field] for field, _ in fields if field in defaults} | raw
         unknown = set(raw) - {field for field, _ in fields}
         if unknown:
             raise ValueError(f"{name} has no field {', '.join(sorted(unknown))}")

@@ -198,11 +198,16 @@ impl Context {
 
     /// The drive or a port failed, or took too long: the module takes no spot until it receives the command to rejoin.
     pub fn fail_motion(&mut self, spot: Option<SpotId>) {
+        self.cannot_move(Event::MotionFailed(spot));
+    }
+
+    /// The module cannot move, for the reason in the event: it takes no spot until it receives the command to rejoin.
+    pub fn cannot_move(&mut self, reason: Event) {
         self.leave_spot();
         if self.body.service != Service::MotionFailed {
             self.body.service = Service::MotionFailed;
             self.mark_state_changed();
-            self.emit(Event::MotionFailed(spot));
+            self.emit(reason);
         }
     }
 

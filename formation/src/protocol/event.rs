@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use crate::model::{AssemblyWarning, BlockedSpot, Digest, Epoch, ModuleId, Service, SpotId};
 
-use crate::motion::paths::MotionError;
+use crate::motion::paths::{MotionError, StartFault};
 
 use super::refusal::Refusal;
 
@@ -108,6 +108,8 @@ pub enum Event {
     MotionOverdue(Option<SpotId>),
     /// Its drive or ports failed, while it moved to this spot if it was moving; it takes no spot any more.
     MotionFailed(Option<SpotId>),
+    /// No path without contact begins where it stands, and the target forbids straight lines: it takes no spot any more.
+    InvalidStart(StartFault),
     /// It received the command to leave the formation.
     Retired,
     /// It takes part again.
@@ -298,6 +300,10 @@ impl fmt::Display for Event {
             ),
             Self::NotMoving(error) => write!(formatter, "does not move: {error}"),
             Self::MotionFailed(spot) => write_motion_failed(formatter, *spot),
+            Self::InvalidStart(fault) => write!(
+                formatter,
+                "cannot move from where it stands: {fault}; it takes no spot until it receives the command to rejoin"
+            ),
             Self::Retired => write!(formatter, "retired: it leaves the formation"),
             Self::Rejoined => write!(formatter, "takes part again"),
             Self::SpotsLeftOpen(spots) => write_open(formatter, spots),
@@ -398,6 +404,7 @@ impl Event {
             | Self::MotionOverdue(_)
             | Self::RunRemoved
             | Self::NotMoving(_)
+            | Self::InvalidStart(_)
             | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }

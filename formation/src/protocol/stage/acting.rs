@@ -14,6 +14,7 @@ use super::super::context::Context;
 use super::super::event::Event;
 use super::super::io::{MotionGoal, Output};
 use super::held_plan::Place;
+use super::invalid_start::fault_of;
 use super::on_paths::Advance;
 use super::proofs::Proofs;
 use super::{HeldPlan, Stage, Step};
@@ -247,7 +248,14 @@ impl Acting {
         if self.held.motion.planned.paths().is_some() && context.body.service == Service::Active {
             return self.carry_on_along_path(&lagging, context);
         }
-        if matches!(&*self.held.motion.planned, PlannedMotion::Refused(_)) {
+        if let PlannedMotion::Refused(error) = &*self.held.motion.planned {
+            let fault = fault_of(context.module(), error, &self.held.roster);
+            if lagging.is_empty()
+                && context.body.service == Service::Active
+                && let Some(fault) = fault
+            {
+                context.cannot_move(Event::InvalidStart(fault));
+            }
             return Progress::Wait;
         }
         let to_act = self.step_to_act(context);

@@ -6,6 +6,7 @@ mod aside;
 mod claims;
 mod gathering;
 mod held_plan;
+mod invalid_start;
 mod on_paths;
 mod planning;
 mod proofs;
