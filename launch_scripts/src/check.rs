@@ -4,7 +4,6 @@ use std::path::Path;
 
 use formation::model::Scenario;
 use formation::model::text::counted;
-use formation::motion::PlannedMotion;
 use formation::planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
 

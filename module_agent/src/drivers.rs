@@ -170,7 +170,7 @@ impl DriverPublishers {
         let header = stamp::header(&self.frame_id);
         let poses = path.iter().map(|pose| PoseStamped {
             header: header.clone(),
-            pose: pose.into(),
+            pose: geometry_msgs::Pose::new(pose, self.module_size),
         });
         let poses = poses.collect();
         paths.publish(Path { header, poses });

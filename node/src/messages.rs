@@ -290,7 +290,7 @@ mod tests {
             accepted(of(1.0), ours, size(0.08)),
             Err(expected.to_owned())
         );
-        let states = ModuleStates::new(stamp::header("map"), [], size(1.0));
+        let states = ModuleStates::new(stamp::header("map"), Duration::ZERO, [], size(1.0));
         assert!(accepted(states.clone(), ours, size(0.08)).is_err());
         let other = states.in_session(SessionId(7));
         assert!(accepted(other, ours, size(0.08)).is_ok());

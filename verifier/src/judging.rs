@@ -70,12 +70,6 @@ impl Tunables for Judging {
                 "Time in which an end state that is reached but not yet right may become right",
             ),
             fixed(Tunable::new(
-                "body_width",
-                micro_units("UNITS", 0.01, 1.0),
-                |own: &mut Self| &mut own.0.bodies.width,
-                "The side of a module's square body, in units; what is left of a unit is the clearance",
-            )),
-            fixed(Tunable::new(
                 "clock_error_ms",
                 milliseconds(),
                 |own: &mut Self| &mut own.0.bodies.clock_error,

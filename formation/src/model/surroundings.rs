@@ -232,8 +232,7 @@ mod tests {
     use super::*;
     use crate::model::{Scenario, digest};
 
-    const TARGET: &str =
-        "target: {spots: [{id: 3, x: 0, y: 0}, {id: 7, x: 1, y: 0}], edges: [[3, 7]]}\nsingletons: [{id: 1, x: 20, y: 20}]";
+    const TARGET: &str = "target: {spots: [{id: 3, x: 0, y: 0}, {id: 7, x: 1, y: 0}], edges: [[3, 7]]}\nsingletons: [{id: 1, x: 20, y: 20}]";
 
     fn read(more: &str) -> Result<Scenario, String> {
         Scenario::from_yaml(&format!("{TARGET}\n{more}")).map_err(|error| error.to_string())

@@ -8,10 +8,11 @@ use std::time::Duration;
 use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
-    ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawArea, RawSpot, RawSurroundings,
-    RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime, Service, SpotClaim,
-    SpotId, SpotSelection, Stop, StoreId, Surroundings, Target, TargetAnnouncement, Timing, TurnOrder, Voter,
-    VoterMemory, Weights, Whereabouts,
+    ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose,
+    QuorumBasis, RawArea, RawSpot, RawSurroundings, RawTarget, Removal, Roster, RosterMember,
+    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId,
+    Surroundings, Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights,
+    Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;

@@ -258,7 +258,12 @@ pub fn samples(count: usize) -> Vec<Sample> {
         };
         samples.add_target(&target);
         let states = draw(&mut runner, &core_values::module_states());
-        samples.add_states(&wire::ModuleStates::new(header, Duration::ZERO, &states, SIZE));
+        samples.add_states(&wire::ModuleStates::new(
+            header,
+            Duration::ZERO,
+            &states,
+            SIZE,
+        ));
         samples.add_roster(&wire::Roster::new(
             &draw(&mut runner, &core_values::roster_message()),
             SIZE,

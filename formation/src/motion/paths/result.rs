@@ -4,9 +4,7 @@ use thiserror::Error;
 
 use super::turning::rotated;
 pub use crate::model::Area;
-use crate::model::{
-    MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId,
-};
+use crate::model::{MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId};
 
 impl Area {
     /// What a body of this width covers, and the corners between its headings and the axes.

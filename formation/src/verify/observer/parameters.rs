@@ -5,11 +5,9 @@ use std::time::Duration;
 
 use crate::model::{MicroUnits, ModuleId};
 
-/// What the bodies of modules are, and how exactly the times of their states are known.
+/// How exactly the times of the states of bodies are known; a target states how wide its bodies are.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct BodyParameters {
-    /// The side of the square that a body fills, in units of the lattice. What is left of a unit is the clearance.
-    pub width: MicroUnits,
     /// The greatest difference between the clocks of two processes.
     pub clock_error: Duration,
 }
@@ -17,7 +15,6 @@ pub struct BodyParameters {
 impl Default for BodyParameters {
     fn default() -> Self {
         Self {
-            width: MicroUnits(900_000),
             clock_error: Duration::from_millis(50),
         }
     }

@@ -62,6 +62,9 @@ impl Received {
             Message::Target(announcement) => return self.handle_target(announcement),
             Message::ModuleState(state) => self.handle_state(now, state),
             Message::Roster(RosterMessage::Plan(roster)) => {
+                if let Some(target) = &roster.target.target {
+                    self.bodies.note_target(target);
+                }
                 self.epoch(roster.epoch).handle_roster(now, roster);
                 true
             }

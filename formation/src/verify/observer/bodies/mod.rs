@@ -18,7 +18,7 @@ use std::time::Duration;
 use self::track::{Added, Segment, StepEnd, Track};
 use super::parameters::BodyParameters;
 use super::received::VIOLATIONS_MAX;
-use crate::model::{Epoch, MODULES_MAX, MicroUnits, ModuleId, ModuleState};
+use crate::model::{BODY_WIDTH, Epoch, MODULES_MAX, MicroUnits, ModuleId, ModuleState, Target};
 use crate::verify::Violation;
 
 /// The greatest number of contacts that wait for the next state of a module that stands.
@@ -50,6 +50,8 @@ struct Suspicion {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bodies {
     parameters: BodyParameters,
+    /// The width of a body, by the target of the latest roster.
+    width: MicroUnits,
     tracks: BTreeMap<ModuleId, Track>,
     suspicions: Vec<Suspicion>,
     /// The gravest breach of each promise.
@@ -62,8 +64,14 @@ impl Bodies {
     pub(super) fn new(parameters: BodyParameters) -> Self {
         Self {
             parameters,
+            width: BODY_WIDTH,
             ..Self::default()
         }
+    }
+
+    /// The target of a roster states how wide its bodies are.
+    pub(super) fn note_target(&mut self, target: &Target) {
+        self.width = target.surroundings().body_width();
     }
 
     /// Handles a state. The transport delivers those of one module in their order; what is missing between two is not judged.
@@ -402,7 +410,7 @@ impl Bodies {
     }
 
     fn width(&self) -> f64 {
-        self.parameters.width.to_units()
+        self.width.to_units()
     }
 }
 
