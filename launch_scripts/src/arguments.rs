@@ -30,7 +30,7 @@ Exit status:
 /// What the launcher can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Validate a scenario file, and say what is wrong and where.
+    /// Validate and plan a scenario file, and say what is wrong and where, or which spot cannot be reached and why.
     Check {
         /// The scenario file (YAML).
         scenario: PathBuf,

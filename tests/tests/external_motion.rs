@@ -18,8 +18,11 @@ const SAMPLES_MAX: usize = 20_000;
 
 /// Runs a shipped scenario, its modules driven by `tests/python/drive_modules.py`.
 fn run_driven(scenario: &str, driver: &str, more: &[&str]) -> Option<Finished> {
+    run_driven_in(&Domain::for_processes(6), scenario, driver, more)
+}
+
+fn run_driven_in(domain: &str, scenario: &str, driver: &str, more: &[&str]) -> Option<Finished> {
     let python = Python::find()?;
-    let domain = &*Domain::for_processes(6);
     let path = scenario_path(scenario);
     let path = path.to_str().unwrap();
     let driver = format!(
@@ -68,7 +71,7 @@ fn first(peer: &Peer, holds: impl Fn(&serde_json::Value) -> bool) -> serde_json:
 /// Scenarios are in units of 8 cm; goals, states and markers are in metres.
 #[test]
 fn a_quadruped_of_8_cm_is_formed_by_drivers_without_a_hole() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(10);
     let arguments = ["--rate", "20", "--ros-args", "-p", "module_size:=0.08"];
     let visualiser = Running::start("visualiser", domain, &arguments);
     let goal_type = "geometry_msgs/msg/PoseStamped";
@@ -90,7 +93,7 @@ fn a_quadruped_of_8_cm_is_formed_by_drivers_without_a_hole() {
         return;
     };
     let limits = ["--timeout", "90", "--session", "0"];
-    let run = run_driven("quadruped_8cm", "--speed 0.8", &limits).unwrap();
+    let run = run_driven_in(domain, "quadruped_8cm", "--speed 0.8", &limits).unwrap();
     assert_eq!(run.status, 0, "{}{}", run.stdout, run.stderr);
     let report = run.json();
     assert_eq!(report["verdict"], "COMPLETE", "{report}");
@@ -126,7 +129,7 @@ fn a_quadruped_of_8_cm_is_formed_by_drivers_without_a_hole() {
 
 #[test]
 fn a_node_of_another_size_refuses_the_target_by_name() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(2);
     let path = scenario_path("quadruped_8cm");
     let publisher = Running::start(
         "target_publisher",

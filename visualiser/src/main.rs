@@ -18,8 +18,8 @@ use crate::visualisation::{Drawing, VisualiserProcess};
 
 /// Publishes what is on the formation's topics as markers and transforms, until it is asked to stop.
 ///
-/// `markers` carries modules, links, target spots, claims and trails; `/tf` the frames `module_N` and `/tf_static` the
-/// frames `spot_N`. It takes no part in the formation.
+/// `markers` carries modules, links, target spots, obstacles, claims and trails; `/tf` the frames `module_N` and
+/// `/tf_static` the frames `spot_N`. It takes no part in the formation.
 #[derive(Parser)]
 #[command(version)]
 struct Arguments {
