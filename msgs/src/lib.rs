@@ -93,6 +93,7 @@ mod error;
 pub mod external;
 mod form_configuration;
 mod heartbeat;
+mod interface_files;
 mod module_state;
 mod operator;
 mod progress;
@@ -116,6 +117,7 @@ pub use form_configuration::{
     FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult,
 };
 pub use heartbeat::{Heartbeat, ModuleHeartbeat};
+pub use interface_files::INTERFACES;
 pub use module_state::{CausalMark, ModuleState, ModuleStates};
 pub use operator::{OperatorCommand, Removal, Stop};
 pub use progress::Progress;

@@ -121,6 +121,11 @@ fn every_file_is_built_and_every_section_has_its_type() {
     let mut found = BTreeSet::new();
     for (kind, ends) in KINDS {
         let files = files(kind);
+        let embedded = wire::INTERFACES.iter().filter_map(|(name, _)| {
+            let name = name.strip_prefix(&format!("formation_msgs/{kind}/"))?;
+            Some(format!("{name}.{kind}"))
+        });
+        assert_eq!(files, embedded.collect());
         let built: BTreeSet<String> = include_str!("../CMakeLists.txt")
             .lines()
             .filter_map(|line| {

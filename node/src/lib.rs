@@ -6,6 +6,8 @@ pub mod scenario;
 pub mod source_guard;
 pub mod stamp;
 pub mod topics;
+#[cfg(test)]
+mod type_hashes;
 mod value_types;
 
 use std::process::ExitCode;

@@ -35,6 +35,7 @@ pub mod stamp;
 mod subscription;
 pub mod topic;
 pub mod topic_statistics;
+pub mod type_hash;
 pub mod words;
 
 pub use publisher_queue::PublisherQueue;

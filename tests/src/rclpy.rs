@@ -1,8 +1,11 @@
 //! rclpy over Fast DDS, the default middleware of ROS 2, with the Python package of our interface files.
 
+use std::collections::BTreeMap;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
+
+use serde_json::Value;
 
 use crate::programs::{root, target_directory};
 use crate::python::{environment, locked, run};
@@ -15,6 +18,8 @@ const IS_3_11: &str = "import sys; \
 /// An environment with rclpy, Fast DDS and `formation_msgs`.
 pub struct Rclpy {
     python: PathBuf,
+    /// What the package was built into.
+    build: PathBuf,
     interfaces: PathBuf,
 }
 
@@ -27,6 +32,32 @@ impl Rclpy {
     #[must_use]
     pub fn find() -> Option<Self> {
         tool_or_skip(Tool::Rclpy, made())
+    }
+
+    /// The type hashes that the generator of ROS 2 computed: those of our interfaces, and those that the wheels publish of
+    /// theirs.
+    ///
+    /// # Panics
+    /// When the generator wrote none.
+    #[must_use]
+    pub fn type_hashes(&self) -> BTreeMap<String, String> {
+        let generated = self.build.join("rosidl_generator_type_description");
+        let published = self.python.ancestors().nth(2).unwrap().join("share");
+        let packages = entries(&generated).chain(entries(&published));
+        let folders =
+            packages.flat_map(|package| ["msg", "srv", "action"].map(|kind| package.join(kind)));
+        let files = folders
+            .filter(|folder| folder.is_dir())
+            .flat_map(|folder| entries(&folder).collect::<Vec<_>>())
+            .filter(|file| file.extension().is_some_and(|kind| kind == "json"));
+        let of_file = |file: PathBuf| {
+            let text = fs::read_to_string(file).unwrap();
+            let description: Value = serde_json::from_str(&text).unwrap();
+            let hash = &description["type_hashes"][0];
+            let text = |key: &str| hash[key].as_str().unwrap().to_owned();
+            (text("type_name"), text("hash_string"))
+        };
+        files.map(of_file).collect()
     }
 
     /// Starts a script of the repository, named as seen from its root, on a domain of loopback.
@@ -80,7 +111,11 @@ fn made() -> Result<Rclpy, String> {
         fs::write(complete, wanted).unwrap();
     }
     let interfaces = build.join("install");
-    Ok(Rclpy { python, interfaces })
+    Ok(Rclpy {
+        python,
+        build,
+        interfaces,
+    })
 }
 
 /// All files that the package is built from.

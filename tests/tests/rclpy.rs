@@ -1,6 +1,8 @@
 //! What a laboratory does with rclpy over Fast DDS, the default middleware of ROS 2.
 
-use formation_tests::{Domain, Rclpy, Running, scenario_path};
+use std::fs;
+
+use formation_tests::{Domain, Rclpy, Running, root, scenario_path};
 use serde_json::{Value, json};
 
 const SUCCEEDED: i64 = 4;
@@ -71,4 +73,42 @@ fn a_lab_forms_observes_and_commands_with_rclpy() {
         assert_eq!(program.stop().status, 0);
     }
     println!("{said}");
+}
+
+/// Packages whose wheels are not among the requirements; their hashes in the file are those that their wheels publish
+/// (`ros-geometry-msgs` and its like, 5.3.6), and that of `tf2_msgs` is the generator's for its definition.
+const NOT_INSTALLED: [&str; 6] = [
+    "diagnostic_msgs",
+    "geometry_msgs",
+    "nav_msgs",
+    "sensor_msgs",
+    "tf2_msgs",
+    "visualization_msgs",
+];
+
+#[test]
+fn type_hashes_are_those_of_the_generator() {
+    let Some(rclpy) = Rclpy::find() else {
+        return;
+    };
+    let generated = rclpy.type_hashes();
+    let kept = fs::read_to_string(root().join("msgs/type_hashes.txt")).unwrap();
+    let kept = kept.lines().filter(|line| !line.starts_with('#'));
+    let mut compared = 0;
+    for line in kept {
+        let (name, hash) = line.split_once(' ').unwrap();
+        let package = name.split('/').next().unwrap();
+        if !NOT_INSTALLED.contains(&package) {
+            assert_eq!(
+                generated.get(name).map(String::as_str),
+                Some(hash),
+                "{name}"
+            );
+            compared += usize::from(package == "formation_msgs");
+        }
+    }
+    let ours = generated
+        .keys()
+        .filter(|name| name.starts_with("formation_msgs/"));
+    assert_eq!(compared, ours.count(), "msgs/type_hashes.txt lacks types");
 }
