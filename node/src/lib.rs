@@ -38,7 +38,10 @@ pub fn main<P: Program>() -> ExitCode {
     let run = || {
         let (program, network, ros) = arguments::parse::<P>()?;
         let namespace: Result<Namespace, String> = NAMESPACE.parse();
-        let settings = network.start(ros, namespace.map_err(Failure::failed)?)?;
+        let settings = Settings {
+            interfaces: formation_msgs::INTERFACES,
+            ..network.start(ros, namespace.map_err(Failure::failed)?)?
+        };
         program.run(settings, &stop_requested()?)
     };
     conclude(run())

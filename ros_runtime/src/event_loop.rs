@@ -47,8 +47,7 @@ impl Session {
                 if node.advance(self)?.is_break() {
                     return Ok(());
                 }
-                self.check_liveness()?;
-                self.matched_readers.update();
+                self.graph.attend()?;
                 interfaces.report(self, || node.reports())?;
                 let retry = self.flush().then_some(RETRY_AFTER);
                 let latest = Instant::now() + retry.unwrap_or(LIVENESS_INTERVAL);

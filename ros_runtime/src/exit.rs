@@ -154,7 +154,10 @@ pub(crate) fn end_on_panic() {
 }
 
 /// From now on the process is asked to end when the one that started it ends, for whatever reason.
-pub(crate) fn end_with_parent() -> io::Result<()> {
+///
+/// # Errors
+/// The operating system refuses.
+pub fn end_with_parent() -> io::Result<()> {
     let parent = getppid();
     set_parent_process_death_signal(Some(Signal::TERM))?;
     if getppid() != parent {

@@ -1,7 +1,7 @@
 //! A ROS 2 node without a ROS 2 installation. This crate knows nothing of formations.
 //!
-//! A process joins the graph with [`session::Session::join`], which creates one DDS participant and one node. From the
-//! session it gets the queues of its topics, services and actions, which are declared as values
+//! A process joins the graph with [`session::Session::join`], which creates one participant and one node, over DDS or
+//! Zenoh. From the session it gets the queues of its topics, services and actions, which are declared as values
 //! ([`topic::Topic`], [`service::Service`], [`action::Action`]). Then [`session::Session::run`] runs the one event loop
 //! of all nodes, which calls the process's [`node::Node`], and serves its parameters, `/rosout` and
 //! `/diagnostics`.
@@ -11,17 +11,22 @@
 
 pub mod action;
 pub mod arguments;
+mod dds_action;
 mod dds_deadlock;
+mod dds_graph;
 mod dds_liveness;
+mod dds_service;
 pub mod diagnostics;
 pub mod environment;
 mod event_loop;
 pub mod exit;
 pub mod goals;
+mod graph;
 pub mod inputs;
 pub mod interfaces;
 mod logging;
 mod matched_readers;
+pub mod middleware;
 pub mod node;
 mod node_interfaces;
 pub mod parameters;
@@ -37,5 +42,9 @@ pub mod topic;
 pub mod topic_statistics;
 pub mod type_hash;
 pub mod words;
+#[cfg(feature = "zenoh")]
+mod zenoh_graph;
 
 pub use publisher_queue::PublisherQueue;
+#[cfg(feature = "zenoh")]
+pub use zenoh_graph::router;

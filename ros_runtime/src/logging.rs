@@ -12,7 +12,7 @@ use crate::arguments::{LogArguments, LogLevel};
 use crate::rosout::{LogLines, rosout};
 
 /// The libraries below, by the names under which they log.
-const LIBRARIES: [&str; 2] = ["rustdds", "ros2_client"];
+const LIBRARIES: [&str; 3] = ["rustdds", "ros2_client", "zenoh"];
 
 /// The filter in use, so that it can be replaced once the node has its name.
 static FILTER: OnceLock<reload::Handle<Targets, Registry>> = OnceLock::new();
@@ -35,7 +35,7 @@ fn filter(level: LogLevel, log: &LogArguments) -> Targets {
     if let Some(filter) = variable.and_then(|text| text.parse().ok()) {
         return filter;
     }
-    // The DDS library logs the ordinary hazards of a network as warnings and errors.
+    // The libraries log the ordinary hazards of a network as warnings and errors.
     let libraries = LIBRARIES.map(|library| {
         let mut levels = log.loggers.iter().rev();
         let level = match levels.find(|(logger, _)| logger == library) {

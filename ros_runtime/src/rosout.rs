@@ -20,10 +20,11 @@ const MESSAGE_BYTES_MAX: usize = 2_000;
 
 /// The libraries that publish the lines: each line about that would cause more lines. Those that use the `log` crate,
 /// as RustDDS does, have its name as their target.
-const LIBRARIES: [&str; 6] = [
+const LIBRARIES: [&str; 7] = [
     "log",
     "rustdds",
     "ros2_client",
+    "zenoh",
     "mio",
     "polling",
     "async_io",

@@ -1,5 +1,6 @@
 //! How a reply names its request on the wire, in which the vendors of ROS 2 differ.
 
+use crate::middleware::RMW_ZENOH;
 use crate::words::{Words, by_words};
 
 /// The variable that decides the mapping unless an argument does.
@@ -27,9 +28,11 @@ impl ServiceMapping {
                 Ok(Self::Enhanced)
             }
             Some("rmw_cyclonedds_cpp") => Ok(Self::Cyclone),
+            // An argument chose DDS instead.
+            Some(RMW_ZENOH) => Ok(Self::Enhanced),
             Some(other) => Err(format!(
-                "`{other}` is none of rmw_fastrtps_cpp, rmw_fastrtps_dynamic_cpp, rmw_connextdds and \
-                 rmw_cyclonedds_cpp; unset it, or choose a mapping with --service-mapping"
+                "`{other}` is none of rmw_fastrtps_cpp, rmw_fastrtps_dynamic_cpp, rmw_connextdds, rmw_cyclonedds_cpp and \
+                 rmw_zenoh_cpp; unset it, or choose a mapping with --service-mapping"
             )),
         }
     }
@@ -63,7 +66,7 @@ mod tests {
         ] {
             assert_eq!(ServiceMapping::of_middleware(name), Ok(mapping));
         }
-        let error = ServiceMapping::of_middleware(Some("rmw_zenoh_cpp")).unwrap_err();
+        let error = ServiceMapping::of_middleware(Some("rmw_other_cpp")).unwrap_err();
         assert!(error.contains("--service-mapping"), "{error}");
         assert_eq!("Cyclone".parse(), Ok(ServiceMapping::Cyclone));
         assert!("basic".parse::<ServiceMapping>().is_err());

@@ -2,13 +2,19 @@
 
 use crate::arguments::{Namespace, NodeIdentity, RosArguments};
 use crate::environment::Environment;
+use crate::middleware::Middleware;
 use crate::parameters::{Declaration, NodeParameters, ParameterError, Parameters, Tunables};
 use crate::rosout::LogLines;
 use crate::service_mapping::ServiceMapping;
+use crate::type_hash::Interface;
 
 /// The place of a process in the ROS 2 graph.
 #[derive(Clone, Debug, Default)]
 pub struct Settings {
+    /// What carries its messages.
+    pub middleware: Middleware,
+    /// The interfaces that its topics and services use, beside the standard ones; only Zenoh needs them.
+    pub interfaces: &'static [Interface],
     /// Its network.
     pub environment: Environment,
     /// The namespace of its node, unless a remapping rule changes it.

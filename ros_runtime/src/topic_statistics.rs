@@ -32,7 +32,7 @@ by_words!(RefusalKind);
 /// The counts of one topic.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct TopicCounts {
-    /// Samples handed to the DDS library.
+    /// Samples handed to the middleware.
     pub sent: u64,
     /// Samples of other participants that were accepted.
     pub received: u64,
@@ -42,7 +42,7 @@ pub struct TopicCounts {
     pub delayed: u64,
     /// Waiting samples that a newer one of the same publisher replaced.
     pub superseded: u64,
-    /// Samples that could not be sent at all.
+    /// Samples that could not be sent at all, or for which the process had no room.
     pub lost: u64,
 }
 
@@ -103,6 +103,21 @@ impl TopicStatistics {
         }
     }
 
+    /// Counts samples that arrived and found no room, and logs them less and less often.
+    #[cfg(any(test, feature = "zenoh"))]
+    pub(crate) fn overflow(&mut self, topic: &'static str, samples: u64) {
+        let lost = &mut self.on(topic).lost;
+        let before = *lost;
+        *lost += samples;
+        if (before + 1..=*lost).any(is_logged) {
+            tracing::error!(
+                topic,
+                count = *lost,
+                "lost samples: they came faster than the process takes them"
+            );
+        }
+    }
+
     /// The counts as a status for `/diagnostics`.
     pub(crate) fn report(&self) -> Report {
         let total = |count: fn(&TopicCounts) -> u64| self.topics.values().map(count).sum::<u64>();
@@ -117,10 +132,7 @@ impl TopicStatistics {
                 DiagnosticLevel::Warning,
                 format!("{refused} samples were malformed or contradicted themselves"),
             ),
-            (lost, _) => (
-                DiagnosticLevel::Error,
-                format!("{lost} samples could not be sent"),
-            ),
+            (lost, _) => (DiagnosticLevel::Error, format!("{lost} samples were lost")),
         };
         let values = self.topics.iter().flat_map(|(topic, counts)| {
             let counts = counts.named();

@@ -28,7 +28,7 @@ const FORM_CONFIGURATION: Action<
 
 /// Serves the action `FormConfiguration`.
 pub(crate) type FormConfigurationServer =
-    ActionServer<FormConfigurationGoal, FormConfigurationResult, FormConfigurationFeedback>;
+    ActionServer<FormConfigurationResult, FormConfigurationFeedback>;
 
 /// What the process receives.
 pub(crate) enum Input {

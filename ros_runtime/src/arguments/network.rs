@@ -6,6 +6,7 @@ use super::ros::{LogLevel, Namespace, RosArguments};
 use crate::environment::{self, DiscoveryRange, Domain, Environment, Overrides};
 use crate::exit::{self, Failure};
 use crate::logging;
+use crate::middleware::Middleware;
 use crate::service_mapping::{RMW_IMPLEMENTATION, ServiceMapping};
 use crate::settings::Settings;
 
@@ -13,7 +14,10 @@ use crate::settings::Settings;
 #[derive(Clone, Debug, Args)]
 #[command(next_help_heading = "Network and log")]
 pub struct NetworkArguments {
-    /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
+    /// What carries the messages: dds or zenoh [default: zenoh if RMW_IMPLEMENTATION is rmw_zenoh_cpp, else dds]
+    #[arg(long, value_name = "MIDDLEWARE")]
+    pub middleware: Option<Middleware>,
+    /// ROS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "NUMBER")]
     pub domain: Option<Domain>,
     /// How far to look for others: OFF, LOCALHOST, SUBNET or SYSTEM_DEFAULT [default: ROS_AUTOMATIC_DISCOVERY_RANGE,
@@ -64,13 +68,21 @@ impl NetworkArguments {
                 .map_err(Failure::bad_input)?
                 .unwrap_or(default_namespace),
         };
+        let implementation = variable(RMW_IMPLEMENTATION);
+        let middleware = Middleware::choose(self.middleware, implementation.as_deref())
+            .check()
+            .map_err(Failure::bad_input)?;
         let service_mapping = match self.service_mapping {
             Some(mapping) => mapping,
-            None => ServiceMapping::of_middleware(variable(RMW_IMPLEMENTATION).as_deref())
+            // Zenoh has one mapping of services.
+            None if middleware == Middleware::Zenoh => ServiceMapping::default(),
+            None => ServiceMapping::of_middleware(implementation.as_deref())
                 .map_err(|reason| environment::wrong(RMW_IMPLEMENTATION, &reason))
                 .map_err(Failure::bad_input)?,
         };
         Ok(Settings {
+            middleware,
+            interfaces: &[],
             environment,
             namespace,
             service_mapping,

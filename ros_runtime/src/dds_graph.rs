@@ -1,0 +1,227 @@
+//! A process in the ROS 2 graph over DDS: a participant and the node on it.
+
+use std::future::Future;
+use std::net::Ipv4Addr;
+use std::pin::pin;
+use std::sync::Arc;
+
+use futures::StreamExt;
+use futures::stream::{LocalBoxStream, poll_fn};
+use ros2_client::qos::QosProfile;
+use ros2_client::{
+    Context, MessageInfo, MessageTypeName, Node, NodeName, NodeOptions, ParameterValue,
+};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::arguments::NodeIdentity;
+use crate::dds_deadlock::DeadlockWatchdog;
+use crate::dds_liveness::LivenessWatchdog;
+use crate::environment::{DiscoveryRange, Environment};
+use crate::interfaces::{discovery_obstacle, interfaces};
+use crate::matched_readers::MatchedReaders;
+use crate::parameters::Parameters;
+use crate::publisher_queue::Sink;
+use crate::service_mapping::ServiceMapping;
+use crate::session::{ParticipantId, SessionError, bad_name, library_name};
+use crate::subscription::Taken;
+use crate::topic::Topic;
+
+/// A process's place in the ROS 2 graph over DDS.
+///
+/// The library's spinner does not run. It would subscribe `/clock` with a type that no other node uses, and all of
+/// `ros_discovery_info`, whose discovery traffic grows with the square of the number of processes.
+pub(crate) struct DdsGraph {
+    // Fields are dropped in the order in which they are declared.
+    node: Node,
+    #[expect(
+        dead_code,
+        reason = "dropped after the node and before the participant"
+    )]
+    context: Context,
+    pub(crate) participant: DomainParticipant,
+    pub(crate) matched_readers: MatchedReaders,
+    liveness: LivenessWatchdog,
+    deadlock: DeadlockWatchdog,
+    pub(crate) service_mapping: ServiceMapping,
+}
+
+impl DdsGraph {
+    /// Joins the graph of a domain.
+    ///
+    /// # Errors
+    /// Refuses names that are not ROS 2 names, and a machine on which the processes cannot discover each other; passes
+    /// on what the DDS library refuses, such as a domain that is full.
+    pub(crate) fn join(
+        environment: Environment,
+        identity: &NodeIdentity,
+        parameters: &Parameters,
+        service_mapping: ServiceMapping,
+    ) -> Result<Self, SessionError> {
+        let node_name = NodeName::new(identity.namespace.as_str(), &identity.name)
+            .map_err(|error| bad_name(&identity.fully_qualified(), &error))?;
+        let domain = environment.domain.number();
+        let failed = |what: &str, reason: &dyn ToString| library_error(what, domain, reason);
+        let liveness = LivenessWatchdog::before_participant();
+        let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads));
+        let participant = deadlock
+            .watch(|| participant_builder(domain, environment.range).build())
+            .map_err(|error| failed("create a DDS participant", &error))?;
+        let participants = participant.participant_id().saturating_add(1);
+        if let Some(obstacle) = discovery_obstacle(environment.range, &interfaces(), participants) {
+            return Err(SessionError::BadInput(obstacle));
+        }
+        let context = deadlock
+            .watch(|| Context::from_domain_participant(participant.clone()))
+            .map_err(|error| failed("create a ROS 2 context", &error))?;
+        let node = deadlock
+            .watch(|| context.new_node(node_name, node_options(parameters)))
+            .map_err(|error| failed("create a ROS 2 node", &error))?;
+        liveness.participant_created();
+        tracing::info!(
+            node = node.fully_qualified_name(),
+            domain,
+            range = %environment.range,
+            services = %service_mapping,
+            participant = participant.participant_id(),
+            "joined the ROS 2 graph"
+        );
+        Ok(Self {
+            node,
+            context,
+            matched_readers: MatchedReaders::of(&participant),
+            participant,
+            liveness,
+            deadlock,
+            service_mapping,
+        })
+    }
+
+    /// The participant of this process, as receivers see it in the samples that it sends.
+    pub(crate) fn participant(&self) -> ParticipantId {
+        participant_of(self.participant.guid().prefix.as_ref())
+    }
+
+    /// Fails once the DDS library has stopped receiving; only a new participant receives again.
+    pub(crate) fn check_liveness(&self) -> Result<(), SessionError> {
+        if self.liveness.is_alive() {
+            Ok(())
+        } else {
+            Err(SessionError::NotReceiving)
+        }
+    }
+
+    /// Publishes a topic under its fully qualified name.
+    pub(crate) fn publisher<M: Serialize + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<Sink<M>, SessionError> {
+        let quality = topic.quality().publisher_qos();
+        let dds_topic = self.dds_topic(topic, name, &quality)?;
+        let publisher = self.create(&format!("publish `{name}`"), |node| {
+            node.create_publisher(&dds_topic, Some(quality))
+        })?;
+        Ok(Box::new(move |sample| publisher.publish(sample)))
+    }
+
+    /// Subscribes a topic under its fully qualified name.
+    pub(crate) fn subscription<M: DeserializeOwned + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
+        let quality = topic.quality().subscription_qos();
+        let dds_topic = self.dds_topic(topic, name, &quality)?;
+        let subscription = self.create(&format!("subscribe `{name}`"), |node| {
+            node.create_subscription::<M>(&dds_topic, Some(quality))
+        })?;
+        let samples =
+            poll_fn(move |context| pin!(subscription.async_take()).poll(context).map(Some));
+        let taken = samples.map(|taken| match taken {
+            Ok((sample, info)) => Taken::Sample(sender_of(&info), sample),
+            Err(error) => Taken::Malformed(error.to_string()),
+        });
+        Ok(taken.boxed_local())
+    }
+
+    fn dds_topic<M>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+        quality: &QosProfile,
+    ) -> Result<rustdds::Topic, SessionError> {
+        let library_name = library_name(name)?;
+        let (package, type_name) = topic.type_name();
+        let type_name = MessageTypeName::new(package, type_name);
+        self.create(&format!("create topic `{name}`"), |node| {
+            node.create_topic(&library_name, type_name, quality)
+        })
+    }
+
+    /// Creates an endpoint, observed by both watchdogs.
+    pub(crate) fn create<T, E: ToString>(
+        &mut self,
+        what: &str,
+        create: impl FnOnce(&mut Node) -> Result<T, E>,
+    ) -> Result<T, SessionError> {
+        let node = &mut self.node;
+        self.deadlock.watch(|| create(node)).map_err(|error| {
+            // Without its threads the library refuses everything.
+            if self.liveness.threads.all_run() {
+                library_error(what, self.node.domain_id(), &error)
+            } else {
+                SessionError::NotReceiving
+            }
+        })
+    }
+
+    /// Publishes a changed parameter on `/parameter_events`.
+    pub(crate) fn announce_parameter(&mut self, name: &str, value: ParameterValue) {
+        if let Err(reason) = self.node.set_parameter(name, value) {
+            tracing::warn!("could not announce the change of parameter {name}: {reason}");
+        }
+    }
+}
+
+fn participant_builder(domain: u16, range: DiscoveryRange) -> DomainParticipantBuilder {
+    let builder = DomainParticipantBuilder::new(domain);
+    match range {
+        DiscoveryRange::Off => builder
+            .with_only_networks(Vec::<Ipv4Addr>::new())
+            .same_host_loopback(false),
+        DiscoveryRange::Localhost => builder.with_only_networks([Ipv4Addr::LOCALHOST]),
+        DiscoveryRange::Subnet | DiscoveryRange::SystemDefault => builder,
+    }
+}
+
+/// The library's own parameter services know one service mapping only, and its log is unbounded, so both are off. Its
+/// store of parameters publishes `/parameter_events`, by an endpoint that it creates in any case.
+fn node_options(parameters: &Parameters) -> NodeOptions {
+    let options = NodeOptions::new()
+        .enable_rosout(false)
+        .start_parameter_services(false);
+    let values = parameters.values().iter();
+    values.fold(options, |options, (name, value)| {
+        options.declare_parameter(name, value.clone())
+    })
+}
+
+fn library_error(what: &str, domain: u16, reason: &dyn ToString) -> SessionError {
+    let reason = reason.to_string();
+    SessionError::Failed(format!("cannot {what} in domain {domain}: {reason}"))
+}
+
+/// The participant that sent a sample.
+fn sender_of(info: &MessageInfo) -> ParticipantId {
+    // The first twelve bytes of an endpoint's identifier are its participant's.
+    participant_of(&info.publisher_gid().to_bytes16()[..12])
+}
+
+fn participant_of(prefix: &[u8]) -> ParticipantId {
+    let number = prefix
+        .iter()
+        .fold(0, |number, &byte| (number << 8) | u128::from(byte));
+    ParticipantId(number)
+}

@@ -1,0 +1,130 @@
+//! The middleware under a session: what each must do for it.
+
+use futures::stream::LocalBoxStream;
+use ros2_client::ParameterValue;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+
+use crate::action::{Action, ActionData, OpenedAction};
+use crate::arguments::NodeIdentity;
+use crate::dds_graph::DdsGraph;
+use crate::middleware::Middleware;
+use crate::parameters::Parameters;
+use crate::publisher_queue::Sink;
+use crate::service::{Call, Service};
+use crate::service_mapping::ServiceMapping;
+use crate::session::{ParticipantId, SessionError};
+use crate::settings::Settings;
+use crate::subscription::Taken;
+use crate::topic::Topic;
+#[cfg(feature = "zenoh")]
+use crate::zenoh_graph::ZenohGraph;
+
+/// A process's place in the ROS 2 graph, over one middleware. Names are fully qualified, and remapped already.
+pub(crate) enum Graph {
+    Dds(Box<DdsGraph>),
+    #[cfg(feature = "zenoh")]
+    Zenoh(Box<ZenohGraph>),
+}
+
+/// Calls the same function of either middleware.
+macro_rules! of_either {
+    ($graph:expr, $either:ident => $call:expr) => {
+        match $graph {
+            Graph::Dds($either) => $call,
+            #[cfg(feature = "zenoh")]
+            Graph::Zenoh($either) => $call,
+        }
+    };
+}
+
+impl Graph {
+    /// Joins the graph.
+    pub(crate) fn join(
+        settings: &Settings,
+        identity: &NodeIdentity,
+        parameters: &Parameters,
+        service_mapping: ServiceMapping,
+    ) -> Result<Self, SessionError> {
+        match settings.middleware {
+            Middleware::Dds => {
+                let environment = settings.environment;
+                let graph = DdsGraph::join(environment, identity, parameters, service_mapping)?;
+                Ok(Self::Dds(Box::new(graph)))
+            }
+            #[cfg(feature = "zenoh")]
+            Middleware::Zenoh => Ok(Self::Zenoh(Box::new(ZenohGraph::join(settings, identity)?))),
+            #[cfg(not(feature = "zenoh"))]
+            Middleware::Zenoh => Err(SessionError::BadInput(
+                crate::middleware::NOT_BUILT.to_owned(),
+            )),
+        }
+    }
+
+    /// This process, as receivers see it in the samples that it sends.
+    pub(crate) fn participant(&self) -> ParticipantId {
+        of_either!(self, graph => graph.participant())
+    }
+
+    /// Takes in what happened in the graph; to be called between the inputs of the event loop.
+    ///
+    /// # Errors
+    /// The middleware no longer receives.
+    pub(crate) fn attend(&self) -> Result<(), SessionError> {
+        match self {
+            Self::Dds(graph) => {
+                graph.check_liveness()?;
+                graph.matched_readers.update();
+                Ok(())
+            }
+            // The library reconnects by itself.
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(_) => Ok(()),
+        }
+    }
+
+    /// Publishes a topic.
+    pub(crate) fn publisher<M: Serialize + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<Sink<M>, SessionError> {
+        of_either!(self, graph => graph.publisher(topic, name))
+    }
+
+    /// Subscribes a topic.
+    pub(crate) fn subscription<M: DeserializeOwned + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
+        of_either!(self, graph => graph.subscription(topic, name))
+    }
+
+    /// Serves a service.
+    pub(crate) fn serve<Q, A>(
+        &mut self,
+        service: &Service<Q, A>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    where
+        Q: Serialize + DeserializeOwned + Clone + 'static,
+        A: Serialize + DeserializeOwned + 'static,
+    {
+        of_either!(self, graph => graph.serve(service, name))
+    }
+
+    /// Serves an action.
+    pub(crate) fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
+        &mut self,
+        action: &Action<G, R, F>,
+        name: &str,
+    ) -> Result<OpenedAction<G, R, F>, SessionError> {
+        of_either!(self, graph => graph.serve_action(action, name))
+    }
+
+    /// Publishes a changed parameter of the node on `/parameter_events`.
+    pub(crate) fn announce_parameter(&mut self, name: &str, value: ParameterValue) {
+        of_either!(self, graph => graph.announce_parameter(name, value));
+    }
+}

@@ -1,0 +1,335 @@
+//! Publishers, subscriptions and services over Zenoh.
+
+use std::cell::Cell;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use async_channel::{Receiver, Sender, bounded};
+use futures::StreamExt;
+use futures::stream::LocalBoxStream;
+use ros2_client::WriteError;
+use ros2_client::qos::History;
+use serde::Serialize;
+use serde::de::DeserializeOwned;
+use zenoh::Wait;
+use zenoh::pubsub::Publisher;
+use zenoh::qos::{CongestionControl, Reliability};
+use zenoh::query::Query;
+use zenoh::sample::{Locality, Sample, SourceInfo};
+use zenoh_ext::{
+    AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriberBuilderExt, CacheConfig,
+    HistoryConfig, MissDetectionConfig, RecoveryConfig,
+};
+
+use super::names::{Attachment, Gid, Kind};
+use super::{Announced, ZenohGraph, cdr, failed};
+use crate::publisher_queue::Sink;
+use crate::service::{Call, Reply, RequestId, Service, WAITING_MAX};
+use crate::session::{ParticipantId, SessionError};
+use crate::stamp::since_epoch;
+use crate::subscription::Taken;
+use crate::topic::{Quality, Topic};
+
+/// A publisher of a latched topic reports at most this often how many samples it has sent, so that a subscription notices
+/// the loss of the last one. `rmw_zenoh_cpp` uses the same period.
+const HEARTBEAT: Duration = Duration::from_millis(500);
+
+/// How long a query for earlier samples may take.
+const QUERY_LIMIT: Duration = Duration::from_secs(60);
+
+/// The quality that ROS 2 gives to services.
+const SERVICE: Quality = Quality::ReliableVolatile { depth: 10 };
+
+/// A request with the means to answer it.
+pub(super) type Asked<Q, A> = (RequestId, Q, Reply<A>);
+
+/// A publisher, with a cache if its topic is latched.
+enum Outlet {
+    Plain(Publisher<'static>),
+    Latched(AdvancedPublisher<'static>),
+}
+
+impl Outlet {
+    fn put(&self, payload: Vec<u8>, attachment: &Attachment) -> zenoh::Result<()> {
+        match self {
+            Self::Plain(publisher) => {
+                // The number wraps; receivers only need the publisher.
+                #[expect(clippy::cast_possible_truncation, clippy::cast_sign_loss)]
+                let number = attachment.sequence as u32;
+                let put = publisher.put(payload).attachment(attachment.to_bytes());
+                put.source_info(SourceInfo::new(publisher.id(), number))
+                    .wait()
+            }
+            // It sets the source itself.
+            Self::Latched(publisher) => publisher
+                .put(payload)
+                .attachment(attachment.to_bytes())
+                .wait(),
+        }
+    }
+}
+
+impl ZenohGraph {
+    /// Publishes a topic under its fully qualified name.
+    pub(crate) fn publisher<M: Serialize + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<Sink<M>, SessionError> {
+        self.typed_publisher(name, &message_type(topic), topic.quality())
+    }
+
+    /// Publishes a topic of any type.
+    pub(super) fn typed_publisher<M: Serialize + 'static>(
+        &mut self,
+        name: &str,
+        type_name: &str,
+        quality: Quality,
+    ) -> Result<Sink<M>, SessionError> {
+        let Announced { key, gid, token } =
+            self.announce(Kind::Publisher, name, type_name, quality)?;
+        let reliability = match quality {
+            Quality::BestEffort => Reliability::BestEffort,
+            Quality::TransientLocal { .. } | Quality::ReliableVolatile { .. } => {
+                Reliability::Reliable
+            }
+        };
+        let publisher = self
+            .session
+            .declare_publisher(key)
+            .reliability(reliability)
+            .congestion_control(CongestionControl::Drop);
+        let outlet = match quality {
+            Quality::TransientLocal { depth } => publisher
+                .cache(CacheConfig::default().max_samples(depth.max(1)))
+                .sample_miss_detection(MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT))
+                .publisher_detection()
+                .wait()
+                .map(Outlet::Latched),
+            Quality::ReliableVolatile { .. } | Quality::BestEffort => {
+                publisher.wait().map(Outlet::Plain)
+            }
+        };
+        let outlet = outlet.map_err(|error| failed(&format!("publish `{name}`"), &error))?;
+        let sequence = Cell::new(0);
+        Ok(Box::new(move |sample| {
+            // The graph shows the publisher as long as it can be used.
+            let _shown = &token;
+            let payload = match cdr::encoded(&sample) {
+                Ok(payload) => payload,
+                Err(reason) => {
+                    return Err(WriteError::Serialization {
+                        reason,
+                        data: sample,
+                    });
+                }
+            };
+            sequence.set(sequence.get() + 1);
+            let sent = outlet.put(payload, &attachment(sequence.get(), gid));
+            sent.map_err(|error| WriteError::Middleware {
+                reason: error.to_string(),
+                data: sample,
+            })
+        }))
+    }
+
+    /// Subscribes a topic under its fully qualified name. Samples of this session are left out.
+    pub(crate) fn subscription<M: DeserializeOwned + 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
+        let quality = topic.quality();
+        let Announced { key, token, .. } =
+            self.announce(Kind::Subscription, name, &message_type(topic), quality)?;
+        let (inlet, samples, lost) = inlet(quality);
+        let subscriber = self
+            .session
+            .declare_subscriber(key)
+            .allowed_origin(Locality::Remote)
+            .callback(inlet);
+        let wrong = |error: zenoh::Error| failed(&format!("subscribe `{name}`"), &error);
+        let taken = samples.map(|(sender, payload)| match cdr::decoded(&payload) {
+            Ok(sample) => Taken::Sample(sender, sample),
+            Err(reason) => Taken::Malformed(reason),
+        });
+        let with_losses = move |taken| match lost.swap(0, Ordering::Relaxed) {
+            0 => vec![taken],
+            lost => vec![Taken::Lost(lost), taken],
+        };
+        let taken = taken.flat_map(move |taken| futures::stream::iter(with_losses(taken)));
+        // The subscriber and its token live as long as the stream.
+        Ok(match quality {
+            Quality::TransientLocal { depth } => {
+                let history = HistoryConfig::default().max_samples(depth.max(1));
+                let held = subscriber
+                    .history(history)
+                    .recovery(RecoveryConfig::default().heartbeat())
+                    .query_timeout(QUERY_LIMIT)
+                    .wait()
+                    .map_err(wrong)?;
+                holding((held, token), taken)
+            }
+            Quality::ReliableVolatile { .. } | Quality::BestEffort => {
+                let held = subscriber.wait().map_err(wrong)?;
+                holding((held, token), taken)
+            }
+        })
+    }
+
+    /// Serves a service under its fully qualified name.
+    pub(crate) fn serve<Q, A>(
+        &mut self,
+        service: &Service<Q, A>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    where
+        Q: DeserializeOwned + 'static,
+        A: Serialize + 'static,
+    {
+        let (package, type_name) = service.type_name();
+        let asked = self.typed_server(name, &format!("{package}/srv/{type_name}"))?;
+        Ok(asked
+            .map(|(_, request, reply)| Call { request, reply })
+            .boxed_local())
+    }
+
+    /// Serves a service of any type.
+    pub(super) fn typed_server<Q, A>(
+        &mut self,
+        name: &str,
+        type_name: &str,
+    ) -> Result<LocalBoxStream<'static, Asked<Q, A>>, SessionError>
+    where
+        Q: DeserializeOwned + 'static,
+        A: Serialize + 'static,
+    {
+        let Announced { key, token, .. } = self.announce(Kind::Server, name, type_name, SERVICE)?;
+        let (sender, queries) = bounded::<Query>(WAITING_MAX);
+        let full = name.to_owned();
+        let queryable = self
+            .session
+            .declare_queryable(key)
+            .complete(true)
+            .callback(move |query| {
+                if sender.try_send(query).is_err() {
+                    tracing::warn!(
+                        service = full,
+                        "refused a request: {WAITING_MAX} wait already"
+                    );
+                }
+            })
+            .wait()
+            .map_err(|error| failed(&format!("serve `{name}`"), &error))?;
+        let service = name.to_owned();
+        let asked = queries.filter_map(move |query| {
+            let asked = asked(query, &service);
+            let asked = asked.inspect_err(|reason| {
+                tracing::warn!(service, "refused a request: {reason}");
+            });
+            std::future::ready(asked.ok())
+        });
+        Ok(holding((queryable, token), asked))
+    }
+}
+
+/// The name of the type of a topic.
+fn message_type<M>(topic: &Topic<M>) -> String {
+    let (package, type_name) = topic.type_name();
+    format!("{package}/msg/{type_name}")
+}
+
+/// The same stream, which keeps `held` until it is dropped.
+fn holding<T: 'static>(
+    held: impl Sized + 'static,
+    stream: impl futures::Stream<Item = T> + 'static,
+) -> LocalBoxStream<'static, T> {
+    let stream = stream.map(move |item| {
+        let _held = &held;
+        item
+    });
+    stream.boxed_local()
+}
+
+/// What is sent with a sample.
+fn attachment(sequence: i64, source: Gid) -> Attachment {
+    Attachment {
+        sequence,
+        stamp_ns: since_epoch().as_nanos().try_into().unwrap_or(i64::MAX),
+        source,
+    }
+}
+
+/// A sample with the process that sent it.
+type Arrived = (ParticipantId, Vec<u8>);
+
+/// The queue of a subscription: what takes samples from the library's threads, where they come out, and how many found no
+/// room. A full queue drops its oldest sample, as a subscription over DDS does.
+fn inlet(
+    quality: Quality,
+) -> (
+    impl Fn(Sample) + Send + Sync + 'static,
+    Receiver<Arrived>,
+    Arc<AtomicU64>,
+) {
+    let capacity = match quality.subscription_qos().history {
+        History::KeepLast { depth } => depth.max(1),
+        History::KeepAll => usize::from(u16::MAX),
+    };
+    let (sender, samples): (Sender<Arrived>, _) = bounded(capacity);
+    let lost = Arc::new(AtomicU64::new(0));
+    let counted = Arc::clone(&lost);
+    let take = move |sample: Sample| {
+        let arrived = (sender_of(&sample), sample.payload().to_bytes().into_owned());
+        if let Ok(Some(_)) = sender.force_send(arrived) {
+            counted.fetch_add(1, Ordering::Relaxed);
+        }
+    };
+    (take, samples, lost)
+}
+
+/// The session that sent a sample; where it does not name one, as samples of `rmw_zenoh_cpp` on topics that are not latched,
+/// the publisher.
+fn sender_of(sample: &Sample) -> ParticipantId {
+    let bytes = match sample.source_info() {
+        Some(source) => source.source_id().zid().to_le_bytes(),
+        None => {
+            let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
+            let attachment = attachment.and_then(|bytes| Attachment::from_bytes(&bytes));
+            attachment.map_or([0; 16], |attachment| attachment.source)
+        }
+    };
+    ParticipantId(u128::from_le_bytes(bytes))
+}
+
+/// The request in a query.
+fn asked<Q, A>(query: Query, service: &str) -> Result<Asked<Q, A>, String>
+where
+    Q: DeserializeOwned,
+    A: Serialize,
+{
+    let sent = query.attachment().map(|bytes| bytes.to_bytes());
+    let from = sent.and_then(|bytes| Attachment::from_bytes(&bytes));
+    let from = from.ok_or("it has no attachment with its number and its client")?;
+    let payload = query.payload().map(|payload| payload.to_bytes());
+    let request = cdr::decoded(&payload.ok_or("it is empty")?)?;
+    let id = RequestId {
+        writer_gid: from.source.into(),
+        sequence_number: from.sequence,
+    };
+    let service = service.to_owned();
+    let reply = move |answer: A| {
+        let sent = cdr::encoded(&answer).and_then(|payload| {
+            query
+                .reply(query.key_expr().clone(), payload)
+                .attachment(attachment(from.sequence, from.source).to_bytes())
+                .wait()
+                .map_err(|error| error.to_string())
+        });
+        if let Err(reason) = sent {
+            tracing::warn!(service, "could not answer: {reason}");
+        }
+    };
+    Ok((id, request, Box::new(reply)))
+}
