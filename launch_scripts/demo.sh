@@ -1,8 +1,19 @@
 #!/usr/bin/env bash
 # Builds the suite and forms the paper's Figure 1: seventeen modules, each a process of its own, on loopback.
+# With `--modules N` as the first arguments, N modules form a random target instead; more than 50 go over Zenoh.
 # Further arguments go to `formation run`, for example --json.
 set -euo pipefail
 repository="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
+
+modules=17
+if [ "${1:-}" = --modules ]; then
+    modules="${2:-}"
+    case "$modules" in
+        "" | *[!0-9]*) printf 'error: --modules needs a number\n' >&2; exit 2 ;;
+    esac
+    shift 2
+    drawn=yes
+fi
 
 missing() {
     printf 'error: %s\n' "$@" >&2
@@ -40,7 +51,9 @@ has_namespaces() {
         unshare --net --mount true || unshare --user --map-root-user --net --mount true
     } 2>/dev/null
 }
-case " $* " in
+features=()
+case "$([ "$modules" -gt 50 ] && echo many) $* " in
+    many* | *" --middleware zenoh "*) features=(--features zenoh) ;;
     *" --modules-per-process"*) ;;
     *)
         takes_multicast || has_namespaces || missing \
@@ -54,7 +67,13 @@ if [ ! -x "$target/release/formation" ]; then
     echo "Building in $target; the first time, this takes about four minutes on two cores." >&2
 fi
 cargo build --release --locked --manifest-path "$repository/Cargo.toml" --target-dir "$target" \
-    --no-default-features -p launch_scripts -p module_agent -p leader_agent -p target_publisher -p verifier
+    --no-default-features "${features[@]}" -p launch_scripts -p module_agent -p leader_agent -p target_publisher -p verifier
+
+scenario="$repository/launch_scripts/scenarios/figure1_ladder17.yaml"
+if [ -n "${drawn:-}" ]; then
+    scenario="$target/modules_$modules.yaml"
+    "$target/release/formation" generate --modules "$modules" --spots "$modules" --apart --seed 1 >"$scenario"
+fi
 
 # Replaced rather than started, so that signals and the exit status are the launcher's own.
-exec "$target/release/formation" run "$repository/launch_scripts/scenarios/figure1_ladder17.yaml" "$@"
+exec "$target/release/formation" run "$scenario" "$@"

@@ -7,11 +7,12 @@ use clap::{Args, Parser, Subcommand};
 use formation::model::{MICRO_PER_UNIT, MicroUnits};
 use formation_sim::FaultKind;
 use ros_runtime::environment::Domain;
+use ros_runtime::middleware::Middleware;
 
 /// The most modules in one process: their states must fit into one sample.
 pub const MODULES_PER_PROCESS_MAX: usize = 25;
 
-/// Forms a target configuration out of robot modules over DDS.
+/// Forms a target configuration out of robot modules over DDS or Zenoh.
 #[derive(Debug, Parser)]
 #[command(name = "formation", version, after_help = EXIT_STATUS)]
 pub struct Arguments {
@@ -45,7 +46,7 @@ pub enum Command {
     },
     /// Print the JSON schema of scenario files, with which editors complete and check them.
     Schema,
-    /// Form the target with real processes over DDS, and have the outcome verified.
+    /// Form the target with real processes over DDS or Zenoh, and have the outcome verified.
     Run(RunArguments),
     /// Stop all modules of a running formation: they stand still, also after restarts, until they are resumed.
     Stop(OrderArguments),
@@ -59,6 +60,8 @@ pub enum Command {
         #[command(flatten)]
         network: OrderArguments,
     },
+    /// Route messages between processes over Zenoh, until a signal ends it.
+    Router(RouterArguments),
     /// Plan offline which module takes which spot, by the same core as in every module.
     Plan {
         /// The scenario file (YAML).
@@ -100,6 +103,21 @@ pub enum Command {
     Experiments(ExperimentsArguments),
 }
 
+/// Where a router listens.
+#[derive(Debug, Args)]
+pub struct RouterArguments {
+    /// Listen at this endpoint, for example tcp/0.0.0.0:7447; may be repeated
+    /// [default: as ZENOH_ROUTER_CONFIG_URI says, else tcp/[::]:7447]
+    #[arg(long, value_name = "ENDPOINT")]
+    pub listen: Vec<String>,
+    /// Connect to the router at this endpoint, for example tcp/10.0.0.2:7447; may be repeated.
+    #[arg(long, value_name = "ENDPOINT")]
+    pub connect: Vec<String>,
+    /// End when the process that started this one ends.
+    #[arg(long, hide = true)]
+    pub stop_with_parent: bool,
+}
+
 /// Where a running formation is.
 #[derive(Debug, Args)]
 pub struct OrderArguments {
@@ -116,12 +134,16 @@ pub const SPEED_UNITS_PER_S: f64 = 5.0;
 pub struct RunArguments {
     /// The scenario file (YAML).
     pub scenario: PathBuf,
-    /// Host K modules in each process, on one DDS participant.
+    /// Host K modules in each process, on one participant.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = modules_per_process)]
     pub modules_per_process: usize,
-    /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
+    /// ROS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "D")]
     pub domain: Option<Domain>,
+    /// What carries the messages: dds or zenoh, for which a router is started unless ZENOH_SESSION_CONFIG_URI or
+    /// ZENOH_CONFIG_OVERRIDE name one [default: as RMW_IMPLEMENTATION says, else dds for up to 50 processes of modules]
+    #[arg(long, value_name = "MIDDLEWARE")]
+    pub middleware: Option<Middleware>,
     /// Fail after this many seconds without a verdict.
     #[arg(long, value_name = "S", default_value = "120", value_parser = seconds)]
     pub timeout: Duration,

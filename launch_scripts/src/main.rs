@@ -12,6 +12,7 @@ mod motion;
 mod order;
 mod plan;
 mod report;
+mod router;
 mod run;
 mod scenario_file;
 mod show;
@@ -35,6 +36,7 @@ fn main() -> ExitCode {
         Command::Stop(network) => order::give(&network, &[order::STOP.to_owned()]),
         Command::Resume(network) => order::give(&network, &[order::RESUME.to_owned()]),
         Command::Remove { modules, network } => order::give(&network, &order::removal(&modules)),
+        Command::Router(arguments) => router::run(&arguments),
         Command::Plan {
             scenario,
             report,

@@ -9,6 +9,7 @@ mod programs;
 mod recording;
 mod report;
 mod roles;
+mod router;
 mod run_loop;
 mod start;
 mod supervisor;
@@ -33,6 +34,7 @@ use memory::RunMemory;
 pub use network::environment_of_runs;
 pub use programs::Programs;
 use report::RunReport;
+use router::Carrier;
 use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
 use supervisor::{ProcessId, Supervisor};
@@ -62,7 +64,8 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let programs = Programs::next_to_launcher()?;
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();
-    let environment = network::prepare(arguments, modules, hosts.len())?;
+    let middleware = router::middleware(arguments, hosts.len())?;
+    let environment = network::prepare(arguments, middleware, modules, hosts.len())?;
     check::refuse_long_plans(path, &scenario)?;
     check::warn(path, &scenario);
     let plan = CheckedPlan::of(&scenario)?;
@@ -78,8 +81,11 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .map(ReportDirectory::create)
         .transpose()?;
     let memory = RunMemory::prepare(arguments)?;
+    // Ends after the processes, when all has been printed.
+    let carrier = Carrier::start(middleware)?;
     let start = Start {
         arguments,
+        carrier: &carrier,
         memory: &memory,
         problem: scenario.problem(),
         module_size: scenario.module_size().unwrap_or_default(),

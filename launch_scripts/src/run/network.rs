@@ -16,6 +16,7 @@ use anyhow::{Context, anyhow};
 use ros_runtime::environment::{DiscoveryRange, Domain, Environment, Overrides};
 use ros_runtime::exit::{Failure, one_line};
 use ros_runtime::interfaces::{PARTICIPANTS_WITHOUT_MULTICAST, discovery_obstacle, interfaces};
+use ros_runtime::middleware::Middleware;
 
 use super::processes::OTHER_PROCESSES;
 use crate::arguments::{MODULES_PER_PROCESS_MAX, RunArguments};
@@ -43,10 +44,15 @@ const SETUP: &str = "PATH=\"$PATH:/usr/sbin:/sbin\"; ip link set lo up && ip lin
 /// Says why the processes would not discover each other, and what to do.
 pub fn prepare(
     arguments: &RunArguments,
+    middleware: Middleware,
     modules: usize,
     hosts: usize,
 ) -> Result<Environment, Failure> {
     let environment = environment_of_runs(arguments.domain)?;
+    if middleware == Middleware::Zenoh {
+        // Processes find each other by their router.
+        return Ok(environment);
+    }
     let Environment { domain, range } = environment;
     warn_of_ephemeral_ports(domain.number());
     let participants = hosts + OTHER_PROCESSES + usize::from(arguments.motion.driver.is_some());

@@ -14,6 +14,7 @@ use super::memory::RunMemory;
 use super::processes::Host;
 use super::programs::Programs;
 use super::roles::ProcessRoles;
+use super::router::Carrier;
 use super::run_loop::Orders;
 use super::supervisor::{Output, ProcessId, Supervisor};
 use crate::arguments::{ON, RunArguments};
@@ -26,6 +27,8 @@ const PARAMETER_SERVICES_PROCESSES_MAX: usize = 25;
 pub struct Start<'a> {
     /// The user's choices.
     pub arguments: &'a RunArguments,
+    /// What carries the messages.
+    pub carrier: &'a Carrier,
     /// The session of the run, and the directory of its stores.
     pub memory: &'a RunMemory,
     /// The modules and their target.
@@ -86,8 +89,9 @@ impl Start<'_> {
         }
     }
 
-    /// Passes on the domain and the discovery range.
+    /// Passes on the middleware, the domain and the discovery range.
     fn place(&self, command: &mut Command) {
+        self.carrier.place(command);
         command
             .args(["--domain", &self.environment.domain.to_string()])
             .args(["--discovery-range", &self.environment.range.to_string()]);
@@ -166,6 +170,7 @@ impl Start<'_> {
             .env("ROS_DOMAIN_ID", domain.to_string())
             .env("ROS_AUTOMATIC_DISCOVERY_RANGE", range.to_string())
             .process_group(0);
+        self.carrier.place_any(&mut command);
         supervisor
             .start("driver".to_owned(), &mut command, Output::Discarded)
             .with_context(|| format!("cannot start the driver `{driver}`"))
@@ -199,7 +204,8 @@ impl Start<'_> {
     fn serves_parameters(&self) -> bool {
         match &self.arguments.parameter_services {
             Some(switch) => switch == ON,
-            None => self.hosts.len() <= PARAMETER_SERVICES_PROCESSES_MAX,
+            // Zenoh carries them: endpoints are known to the router alone.
+            None => self.carrier.is_zenoh() || self.hosts.len() <= PARAMETER_SERVICES_PROCESSES_MAX,
         }
     }
 }
