@@ -13,10 +13,18 @@ import threading
 
 from zenoh_ros2_sdk import ROS2ServiceClient, ROS2Subscriber
 from zenoh_ros2_sdk.discovery import get_service_names_and_types, get_topic_names_and_types
+from zenoh_ros2_sdk.qos import QosDurability, QosProfile, QosReliability
 from zenoh_ros2_sdk.session import ZenohSession
 
 MSGS = pathlib.Path(__file__).resolve().parent.parent.parent / "msgs"
 WAIT_S = 20.0
+LOG = """builtin_interfaces/Time stamp
+uint8 level
+string name
+string msg
+string file
+string function
+uint32 line"""
 
 
 def text(kind, name):
@@ -28,7 +36,7 @@ def hashes():
     return dict(line.split() for line in lines if not line.startswith("#"))
 
 
-def first_sample(name, message, place):
+def first_sample(topic, message, definition, quality, router):
     """The first sample of a topic, as the SDK decodes it."""
     arrived = threading.Event()
     samples = []
@@ -38,12 +46,13 @@ def first_sample(name, message, place):
         arrived.set()
 
     subscriber = ROS2Subscriber(
-        topic=f"{place['namespace']}/{name}",
-        msg_type=f"formation_msgs/msg/{message}",
+        topic=topic,
+        msg_type=message,
         callback=keep,
-        msg_definition=text("msg", message),
-        type_hash=hashes()[f"formation_msgs/msg/{message}"],
-        **place["router"],
+        msg_definition=definition,
+        type_hash=hashes()[message],
+        qos=quality,
+        **router,
     )
     arrived.wait(WAIT_S)
     subscriber.close()
@@ -53,14 +62,18 @@ def first_sample(name, message, place):
 def main():
     port, domain, namespace = sys.argv[1:]
     router = {"router_ip": "127.0.0.1", "router_port": int(port), "domain_id": int(domain)}
-    place = {"namespace": namespace, "router": router}
     session = ZenohSession.get_instance("127.0.0.1", int(port))
     session.register_message_type("int32 sec\nuint32 nanosec", "builtin_interfaces/msg/Time")
+    session.register_message_type("int32 sec\nuint32 nanosec", "builtin_interfaces/msg/Duration")
     session.register_message_type("builtin_interfaces/Time stamp\nstring frame_id", "std_msgs/msg/Header")
-    for nested in ("Epoch", "ModuleHeartbeat", "Spot", "Edge", "PlannerParameters"):
+    for nested in sorted(path.stem for path in (MSGS / "msg").glob("*.msg")):
         session.register_message_type(text("msg", nested), f"formation_msgs/msg/{nested}")
-    heartbeat = first_sample("heartbeats", "Heartbeat", place)
-    target = first_sample("target", "TargetConfiguration", place)
+    heartbeats = QosProfile(reliability=QosReliability.BEST_EFFORT)
+    message = "formation_msgs/msg/Heartbeat"
+    heartbeat = first_sample(f"{namespace}/heartbeats", message, text("msg", "Heartbeat"), heartbeats, router)
+    # The SDK finds the caches of topics in the root namespace only.
+    latched = QosProfile(durability=QosDurability.TRANSIENT_LOCAL)
+    line = first_sample("/rosout", "rcl_interfaces/msg/Log", LOG, latched, router)
     request, response = text("srv", "StopFormation").split("\n---\n")
     client = ROS2ServiceClient(
         service_name=f"{namespace}/stop_formation",
@@ -78,7 +91,7 @@ def main():
         json.dumps(
             {
                 "heartbeat": heartbeat is not None and len(heartbeat.modules),
-                "target": target is not None and len(target.spots),
+                "log": line is not None and line.msg,
                 "answer": answer is not None and [bool(answer.success), answer.message],
                 "topics": topics,
                 "services": services,

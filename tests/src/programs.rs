@@ -106,6 +106,17 @@ impl Running {
         Self::spawn(command, name, domain, arguments, "SUBNET")
     }
 
+    /// Starts a program on a domain over Zenoh, with the router at this endpoint.
+    #[must_use]
+    pub fn start_over_zenoh(router: &str, name: &str, domain: &str, arguments: &[&str]) -> Self {
+        let mut command = Command::new(program(name));
+        command.args(["--middleware", "zenoh"]).env(
+            "ZENOH_CONFIG_OVERRIDE",
+            format!("connect/endpoints=[\"{router}\"]"),
+        );
+        Self::spawn(command, name, domain, arguments, "LOCALHOST")
+    }
+
     fn spawn(
         mut command: Command,
         name: &str,

@@ -40,6 +40,20 @@ impl Python {
         tool_or_skip(Tool::Python, found.clone()).map(|path| Self { path })
     }
 
+    /// An interpreter that has the packages of `tests/zenoh_requirements.txt`, made like the other.
+    ///
+    /// # Panics
+    /// When Python is missing and `FORMATION_REQUIRE_TOOLS` names it.
+    #[must_use]
+    pub fn with_zenoh() -> Option<Self> {
+        let made = environment(
+            &target_directory().join("zenoh_python"),
+            &root().join("tests/zenoh_requirements.txt"),
+            IS_RECENT,
+        );
+        tool_or_skip(Tool::Python, made).map(|path| Self { path })
+    }
+
     /// A shell command that runs a script of the repository, named as seen from its root.
     #[must_use]
     pub fn command(&self, script: &str) -> String {

@@ -20,3 +20,5 @@ mod rtps;
 mod services;
 mod terminal;
 mod visualiser;
+#[cfg(feature = "zenoh")]
+mod zenoh;

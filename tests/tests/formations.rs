@@ -29,7 +29,7 @@ fn launch(command: &str, scenario: &str, domain: &str, more: &[&str]) -> Finishe
 
 /// Asserts that the plan of the processes equals that of the offline planner; returns the run's report, or `None` where
 /// the network does not let this many processes discover each other.
-fn runs_as_planned(scenario: &str, outcome: &str, more: &[&str]) -> Option<Value> {
+pub(crate) fn runs_as_planned(scenario: &str, outcome: &str, more: &[&str]) -> Option<Value> {
     room_for_many_processes()?;
     let text = std::fs::read_to_string(scenario_path(scenario)).unwrap();
     let modules = Scenario::from_yaml(&text)

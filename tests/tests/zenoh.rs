@@ -1,0 +1,129 @@
+//! Formations over Zenoh, and a peer on it that we did not write.
+
+use std::io::Read;
+use std::net::TcpListener;
+use std::process::Stdio;
+use std::time::Duration;
+
+use formation_tests::{Domain, Python, Running, scenario_path};
+use serde_json::Value;
+
+use crate::formations::runs_as_planned;
+
+const PATIENCE: Duration = Duration::from_secs(60);
+
+/// A router on a free port of loopback.
+struct Router {
+    process: Running,
+    port: u16,
+}
+
+impl Router {
+    fn start(domain: &str) -> Self {
+        let socket = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        let port = socket.local_addr().unwrap().port();
+        drop(socket);
+        Self::on(port, domain)
+    }
+
+    fn on(port: u16, domain: &str) -> Self {
+        let endpoint = format!("tcp/127.0.0.1:{port}");
+        let process = Running::start("formation", domain, &["router", "--listen", &endpoint]);
+        let routing = process.wait_for_log(0, "routing on", PATIENCE);
+        assert!(routing.is_some(), "{:?}", process.log_since(0));
+        Self { process, port }
+    }
+
+    fn run(&self, name: &str, domain: &str, arguments: &[&str]) -> Running {
+        let endpoint = format!("tcp/127.0.0.1:{}", self.port);
+        Running::start_over_zenoh(&endpoint, name, domain, arguments)
+    }
+}
+
+#[test]
+fn formations_are_as_planned() {
+    for (scenario, outcome) in [
+        ("figure1_ladder17", "COMPLETE"),
+        ("undersupply", "PARTIAL"),
+        ("oversupply", "COMPLETE"),
+    ] {
+        runs_as_planned(scenario, outcome, &["--middleware", "zenoh"]);
+    }
+}
+
+#[test]
+fn a_peer_that_others_wrote_receives_calls_and_lists() {
+    let Some(python) = Python::with_zenoh() else {
+        return;
+    };
+    let domain = &*Domain::shared();
+    let router = Router::start(domain);
+    let scenario = scenario_path("singletons_10");
+    let scenario = ["--scenario", scenario.to_str().unwrap()];
+    let slow = ["--modules", "1-10", "--speed", "0.01"];
+    let _programs = [
+        router.run("target_publisher", domain, &scenario),
+        router.run("module_agent", domain, &[&scenario[..], &slow].concat()),
+    ];
+    let port = router.port.to_string();
+    let arguments = [port.as_str(), domain, "/formation"];
+    let mut peer = python.start("tests/python/zenoh_peer.py", &arguments, Stdio::inherit());
+    let mut said = String::new();
+    peer.stdout
+        .take()
+        .unwrap()
+        .read_to_string(&mut said)
+        .unwrap();
+    assert!(peer.wait().unwrap().success(), "{said}");
+    let said: Value = serde_json::from_str(&said).unwrap();
+    assert_ne!(said["heartbeat"], false, "{said}");
+    assert!(said["log"].is_string(), "{said}");
+    assert_eq!(said["answer"][0], true, "{said}");
+    for (topic, kind) in [
+        (
+            "/formation/module_states",
+            "formation_msgs/msg/ModuleStates",
+        ),
+        ("/rosout", "rcl_interfaces/msg/Log"),
+        (
+            "/formation/form_configuration/_action/feedback",
+            "formation_msgs/action/FormConfiguration_FeedbackMessage",
+        ),
+    ] {
+        assert_eq!(said["topics"][topic][0], kind, "{said}");
+    }
+    let service = "/formation/modules_1_to_10/set_parameters";
+    assert_eq!(
+        said["services"][service][0],
+        "rcl_interfaces/srv/SetParameters"
+    );
+}
+
+#[test]
+fn a_formation_goes_on_when_its_router_is_killed_and_restarted() {
+    let domain = &*Domain::shared();
+    let mut router = Router::start(domain);
+    let scenario = scenario_path("singletons_10");
+    let scenario = ["--scenario", scenario.to_str().unwrap()];
+    let verifier = router.run("verifier", domain, &[&scenario[..], &["--json"]].concat());
+    let halves = ["1-5", "6-10"].map(|modules| {
+        let hosted = ["--modules", modules, "--speed", "0.5"];
+        router.run("module_agent", domain, &[&scenario[..], &hosted].concat())
+    });
+    let _publisher = router.run("target_publisher", domain, &scenario);
+    for half in &halves {
+        let moving = half.wait_for_log(0, "moving to spot", PATIENCE);
+        assert!(moving.is_some(), "{:?}", half.log_since(0));
+    }
+    let port = router.port;
+    router.process.kill();
+    std::thread::sleep(Duration::from_secs(1));
+    let _router = Router::on(port, domain);
+    let verdict = verifier.finish(PATIENCE);
+    assert_eq!(
+        verdict.last_json()["verdict"]["outcome"],
+        "COMPLETE",
+        "{}",
+        verdict.stdout
+    );
+}
