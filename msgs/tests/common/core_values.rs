@@ -343,18 +343,13 @@ fn planning_module() -> impl Strategy<Value = PlanningModule> {
 
 fn sender_time() -> impl Strategy<Value = SenderTime> {
     let latest = u64::from(i32::MAX.unsigned_abs());
-    (0..latest, 0..1_000_000_000_u32).prop_map(|(seconds, nanos)| {
-        let at = Duration::new(seconds, nanos);
-        SenderTime(at)
-    })
+    let times = (0..latest, 0..1_000_000_000_u32);
+    times.prop_map(|(seconds, nanos)| SenderTime(Duration::new(seconds, nanos)))
 }
 
 fn drive() -> impl Strategy<Value = DriveState> {
-    select(vec![
-        DriveState::Standing,
-        DriveState::Moving,
-        DriveState::Folding,
-    ])
+    use DriveState::{Folding, Moving, Standing};
+    select(vec![Standing, Moving, Folding])
 }
 
 pub fn module_state() -> impl Strategy<Value = ModuleState> {

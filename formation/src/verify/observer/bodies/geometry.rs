@@ -289,8 +289,8 @@ mod tests {
         let right = leg((0.0, 0.0, 0.0), (4.0, 0.0, 0.0));
         let after = leg((-1.0, 0.0, 0.0), (3.0, 0.0, 0.0));
         assert!(right.swept_depth(&after, WIDTH).unwrap() > 0.8);
-        let beside = leg((0.0, 1.0, 0.0), (4.0, 1.0, 0.0));
-        assert!(right.swept_depth(&beside, WIDTH).unwrap() < 0.0);
+        let parallel = leg((0.0, 1.0, 0.0), (4.0, 1.0, 0.0));
+        assert!(right.swept_depth(&parallel, WIDTH).unwrap() < 0.0);
         let turning = leg((0.0, 0.0, 0.0), (0.0, 0.0, 1.0));
         assert_eq!(right.swept_depth(&turning, WIDTH), None);
     }
