@@ -9,15 +9,16 @@ use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
     ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose,
-    QuorumBasis, RawArea, RawSpot, RawSurroundings, RawTarget, Removal, Roster, RosterMember,
-    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId,
-    Surroundings, Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights,
-    Whereabouts,
+    QuorumBasis, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime,
+    Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, Target, TargetAnnouncement, Timing,
+    TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
+
+use super::surroundings::{placed_within, surroundings};
 
 const LIMIT: i64 = 1_000_000_000_000;
 
@@ -186,43 +187,6 @@ fn target() -> impl Strategy<Value = Target> {
             })
             .unwrap()
         })
-}
-
-/// Widths of bodies, obstacles and walls.
-fn surroundings() -> impl Strategy<Value = Surroundings> {
-    let extent = || prop_oneof![0.000_001..2.0_f64, 1.0..100_000.0];
-    let area = move || {
-        (
-            -400_000.0..400_000.0_f64,
-            -400_000.0..400_000.0_f64,
-            extent(),
-            extent(),
-        )
-            .prop_map(|(x, y, width, height)| RawArea {
-                x,
-                y,
-                width,
-                height,
-            })
-    };
-    let width = option::of(0.1..1.0_f64);
-    (width, vec(area(), 0..4), option::of(area())).prop_map(|(body_width, obstacles, arena)| {
-        let raw = RawSurroundings {
-            body_width,
-            obstacles,
-            arena,
-        };
-        Surroundings::try_from(raw).unwrap()
-    })
-}
-
-/// The target in these surroundings, if its spots and the motion allow them.
-fn placed_within(target: Target, surroundings: Surroundings, motion: MotionMode) -> Target {
-    if motion == MotionMode::Straight {
-        return target;
-    }
-    let open = target.clone();
-    target.within(surroundings).unwrap_or(open)
 }
 
 pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {

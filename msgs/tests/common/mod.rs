@@ -15,6 +15,7 @@ pub mod core_values;
 pub mod hostile;
 pub mod python;
 pub mod samples;
+pub mod surroundings;
 
 use proptest::prelude::ProptestConfig;
 
