@@ -69,20 +69,18 @@ fn modules_keep_clear_of_obstacles_and_walls() {
     .unwrap();
 }
 
-/// Modules 3 and 4 stand in each other: they stay, and are named, and the others form without them.
+/// Modules 11 and 12 stand in each other: they stay, and are named, and the others form without them.
 #[test]
 fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
-    let text = "
-target: {map: 'o-o-o'}
-planner: {motion: paths}
-singletons:
-  - {id: 1, x: 0, y: 5}
-  - {id: 2, x: 2, y: 5}
-  - {id: 3, x: 6, y: 5}
-  - {id: 4, x: 6.3, y: 5}
-  - {id: 5, x: 4, y: 9}
-";
-    let scenario = Scenario::from_yaml(text).unwrap();
+    let starts = (1..12).map(|id| format!("{{id: {id}, x: {}, y: 5}}", 2 * id));
+    let starts: Vec<String> = starts
+        .chain(["{id: 12, x: 22.3, y: 5}".to_owned()])
+        .collect();
+    let text = format!(
+        "target: {{map: 'o-o-o-o-o-o-o-o-o-o'}}\nplanner: {{motion: paths}}\nsingletons: [{}]",
+        starts.join(", ")
+    );
+    let scenario = Scenario::from_yaml(&text).unwrap();
     let parameters = CampaignParameters {
         faults: FaultKind::None,
         problem: Some(Arc::new(scenario.problem().clone())),
@@ -93,9 +91,9 @@ singletons:
         assert!(report.violations.is_empty(), "{:?}", report.violations);
         assert_eq!(report.ending, Ending::Formed);
         let transcript = report.transcript.to_string();
-        let named = "invalid_start reason=module 3 and module 4 are too close";
+        let named = "invalid_start reason=module 11 and module 12 are too close";
         assert!(transcript.contains(named), "{transcript}");
-        for spot in 1..=3 {
+        for spot in 1..=10 {
             let settled = format!("settled spot={spot}");
             assert!(transcript.contains(&settled), "{transcript}");
         }
