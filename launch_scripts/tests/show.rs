@@ -104,6 +104,9 @@ fn the_schema_knows_every_field_of_the_scenarios_and_of_the_reader() {
         let text = std::fs::read_to_string(&path).unwrap();
         let value: Value = serde_yaml::from_str(&text).unwrap();
         check(&schema, &schema, &value, &path.display().to_string());
+        if value["target"]["map"].is_string() {
+            continue;
+        }
         let raw: formation::model::RawScenario = serde_yaml::from_str(&text).unwrap();
         let all_fields = serde_json::to_value(&raw).unwrap();
         check(&schema, &schema, &all_fields, "all fields");

@@ -328,7 +328,7 @@ fn rosters() {
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
-            "roster: protocol_version: is 1, but this program speaks version 3; run the same build everywhere";
+            "roster: protocol_version: is 1, but this program speaks version 4; run the same build everywhere";
         roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
         roster => roster.quorum_bases[1].stores = vec![0],
             "roster: quorum_bases[1].stores: must have as many entries as module_ids";
@@ -547,7 +547,7 @@ fn commands() {
     };
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
-            "commands: protocol_version: is 1, but this program speaks version 3; run the same build everywhere";
+            "commands: protocol_version: is 1, but this program speaks version 4; run the same build everywhere";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";
         sample => sample.removals[1].module_id = NONE,
             "commands: removals[1].module_id: 4294967295 stands for none and cannot be used here";
