@@ -13,7 +13,7 @@ macro_rules! interface_files {
 /// The interfaces of the package: the name of each, such as `formation_msgs/msg/Spot`, and the text of its file.
 pub const INTERFACES: &[(&str, &str)] = interface_files! {
     "msg":
-        Body, CausalMark, DockingRequest, DockingResult, Edge, Epoch, Eviction, EvictionRecord, Heartbeat,
+        Area, Body, CausalMark, DockingRequest, DockingResult, Edge, Epoch, Eviction, EvictionRecord, Heartbeat,
         ModuleHeartbeat, ModuleState, ModuleStates, OperatorCommand, PlannerParameters, Progress, QuorumBasis, Removal,
         Roster, RosterMember, Spot, SpotClaim, SpotSelection, Stop, TargetConfiguration, Verdict;
     "srv":
