@@ -70,16 +70,18 @@ impl Graph {
     ///
     /// # Errors
     /// The middleware no longer receives.
-    pub(crate) fn attend(&self) -> Result<(), SessionError> {
+    pub(crate) fn attend(&mut self) -> Result<(), SessionError> {
         match self {
             Self::Dds(graph) => {
                 graph.check_liveness()?;
                 graph.matched_readers.update();
                 Ok(())
             }
-            // The library reconnects by itself.
             #[cfg(feature = "zenoh")]
-            Self::Zenoh(_) => Ok(()),
+            Self::Zenoh(graph) => {
+                graph.attend();
+                Ok(())
+            }
         }
     }
 

@@ -13,7 +13,7 @@ use crate::type_hash::Interface;
 pub struct Settings {
     /// What carries its messages.
     pub middleware: Middleware,
-    /// The interfaces that its topics and services use, beside the standard ones; only Zenoh needs them.
+    /// The interfaces that its topics and services use, in addition to the standard ones; only Zenoh needs them.
     pub interfaces: &'static [Interface],
     /// Its network.
     pub environment: Environment,

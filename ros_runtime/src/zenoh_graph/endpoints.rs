@@ -1,8 +1,9 @@
 //! Publishers, subscriptions and services over Zenoh.
 
-use std::cell::Cell;
-use std::sync::Arc;
+use std::cell::{Cell, RefCell};
+use std::rc::Rc;
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Arc, Weak};
 use std::time::Duration;
 
 use async_channel::{Receiver, Sender, bounded};
@@ -12,11 +13,11 @@ use ros2_client::WriteError;
 use ros2_client::qos::History;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
-use zenoh::Wait;
 use zenoh::pubsub::Publisher;
 use zenoh::qos::{CongestionControl, Reliability};
-use zenoh::query::Query;
+use zenoh::query::{ConsolidationMode, Query, ReplyKeyExpr};
 use zenoh::sample::{Locality, Sample, SourceInfo};
+use zenoh::{Session, Wait};
 use zenoh_ext::{
     AdvancedPublisher, AdvancedPublisherBuilderExt, AdvancedSubscriberBuilderExt, CacheConfig,
     HistoryConfig, MissDetectionConfig, RecoveryConfig,
@@ -45,13 +46,17 @@ const SERVICE: Quality = Quality::ReliableVolatile { depth: 10 };
 pub(super) type Asked<Q, A> = (RequestId, Q, Reply<A>);
 
 /// A publisher, with a cache if its topic is latched.
-enum Outlet {
+pub(super) enum Writer {
     Plain(Publisher<'static>),
-    Latched(AdvancedPublisher<'static>),
+    Cached {
+        publisher: AdvancedPublisher<'static>,
+        /// The sample that was sent last.
+        last: RefCell<Option<(Vec<u8>, Attachment)>>,
+    },
 }
 
-impl Outlet {
-    fn put(&self, payload: Vec<u8>, attachment: &Attachment) -> zenoh::Result<()> {
+impl Writer {
+    fn put(&self, payload: Vec<u8>, attachment: Attachment) -> zenoh::Result<()> {
         match self {
             Self::Plain(publisher) => {
                 // The number wraps; receivers only need the publisher.
@@ -61,12 +66,61 @@ impl Outlet {
                 put.source_info(SourceInfo::new(publisher.id(), number))
                     .wait()
             }
-            // It sets the source itself.
-            Self::Latched(publisher) => publisher
-                .put(payload)
-                .attachment(attachment.to_bytes())
-                .wait(),
+            Self::Cached { publisher, last } => {
+                last.replace(Some((payload.clone(), attachment)));
+                // It sets the source itself.
+                let put = publisher.put(payload);
+                put.attachment(attachment.to_bytes()).wait()
+            }
         }
+    }
+
+    /// Sends the last sample again. By its number, subscriptions notice which samples did not reach them, and query these.
+    pub(super) fn repeat(&self) {
+        let Self::Cached { publisher, last } = self else {
+            return;
+        };
+        if let Some((payload, attachment)) = last.borrow().clone() {
+            let put = publisher.put(payload).attachment(attachment.to_bytes());
+            if let Err(error) = put.wait() {
+                tracing::warn!("could not send a sample again: {error}");
+            }
+        }
+    }
+}
+
+/// What takes samples from the library's threads.
+type Take = dyn Fn(Sample) + Send + Sync;
+
+/// A subscription whose publishers have caches.
+pub(super) struct CachedTopic {
+    key: String,
+    depth: usize,
+    /// Gone with the subscription.
+    take: Weak<Take>,
+}
+
+impl CachedTopic {
+    /// Takes the samples in the caches again, unless the subscription has ended; returns whether it has not.
+    pub(super) fn query(&self, session: &Session) -> bool {
+        let Some(take) = self.take.upgrade() else {
+            return false;
+        };
+        let selector = format!("{}/@adv/pub/**?_max={}", self.key, self.depth);
+        let query = session
+            .get(selector)
+            .consolidation(ConsolidationMode::None)
+            .accept_replies(ReplyKeyExpr::Any)
+            .timeout(QUERY_LIMIT)
+            .callback(move |reply| {
+                if let Ok(sample) = reply.into_result() {
+                    take(sample);
+                }
+            });
+        if let Err(error) = query.wait() {
+            tracing::warn!(topic = self.key, "could not query caches: {error}");
+        }
+        true
     }
 }
 
@@ -100,18 +154,23 @@ impl ZenohGraph {
             .declare_publisher(key)
             .reliability(reliability)
             .congestion_control(CongestionControl::Drop);
-        let outlet = match quality {
+        let writer = match quality {
             Quality::TransientLocal { depth } => publisher
                 .cache(CacheConfig::default().max_samples(depth.max(1)))
                 .sample_miss_detection(MissDetectionConfig::default().sporadic_heartbeat(HEARTBEAT))
                 .publisher_detection()
                 .wait()
-                .map(Outlet::Latched),
+                .map(|publisher| Writer::Cached {
+                    publisher,
+                    last: RefCell::default(),
+                }),
             Quality::ReliableVolatile { .. } | Quality::BestEffort => {
-                publisher.wait().map(Outlet::Plain)
+                publisher.wait().map(Writer::Plain)
             }
         };
-        let outlet = outlet.map_err(|error| failed(&format!("publish `{name}`"), &error))?;
+        let writer = writer.map_err(|error| failed(&format!("publish `{name}`"), &error))?;
+        let writer = Rc::new(writer);
+        self.writers.push(Rc::downgrade(&writer));
         let sequence = Cell::new(0);
         Ok(Box::new(move |sample| {
             // The graph shows the publisher as long as it can be used.
@@ -126,7 +185,7 @@ impl ZenohGraph {
                 }
             };
             sequence.set(sequence.get() + 1);
-            let sent = outlet.put(payload, &attachment(sequence.get(), gid));
+            let sent = writer.put(payload, attachment(sequence.get(), gid));
             sent.map_err(|error| WriteError::Middleware {
                 reason: error.to_string(),
                 data: sample,
@@ -143,12 +202,13 @@ impl ZenohGraph {
         let quality = topic.quality();
         let Announced { key, token, .. } =
             self.announce(Kind::Subscription, name, &message_type(topic), quality)?;
-        let (inlet, samples, lost) = inlet(quality);
+        let (take, samples, lost) = queue(quality);
+        let taken = Arc::clone(&take);
         let subscriber = self
             .session
-            .declare_subscriber(key)
+            .declare_subscriber(key.clone())
             .allowed_origin(Locality::Remote)
-            .callback(inlet);
+            .callback(move |sample| taken(sample));
         let wrong = |error: zenoh::Error| failed(&format!("subscribe `{name}`"), &error);
         let taken = samples.map(|(sender, payload)| match cdr::decoded(&payload) {
             Ok(sample) => Taken::Sample(sender, sample),
@@ -162,7 +222,15 @@ impl ZenohGraph {
         // The subscriber and its token live as long as the stream.
         Ok(match quality {
             Quality::TransientLocal { depth } => {
-                let history = HistoryConfig::default().max_samples(depth.max(1));
+                let depth = depth.max(1);
+                // Publishers that appear later are not queried: their samples arrive as they are sent. A query for each
+                // publisher by each subscription would be the most of the work with a hundred processes.
+                let history = HistoryConfig::default().max_samples(depth);
+                self.cached_topics.push(CachedTopic {
+                    key,
+                    depth,
+                    take: Arc::downgrade(&take),
+                });
                 let held = subscriber
                     .history(history)
                     .recovery(RecoveryConfig::default().heartbeat())
@@ -266,13 +334,7 @@ type Arrived = (ParticipantId, Vec<u8>);
 
 /// The queue of a subscription: what takes samples from the library's threads, where they come out, and how many found no
 /// room. A full queue drops its oldest sample, as a subscription over DDS does.
-fn inlet(
-    quality: Quality,
-) -> (
-    impl Fn(Sample) + Send + Sync + 'static,
-    Receiver<Arrived>,
-    Arc<AtomicU64>,
-) {
+fn queue(quality: Quality) -> (Arc<Take>, Receiver<Arrived>, Arc<AtomicU64>) {
     let capacity = match quality.subscription_qos().history {
         History::KeepLast { depth } => depth.max(1),
         History::KeepAll => usize::from(u16::MAX),
@@ -286,7 +348,7 @@ fn inlet(
             counted.fetch_add(1, Ordering::Relaxed);
         }
     };
-    (take, samples, lost)
+    (Arc::new(take), samples, lost)
 }
 
 /// The session that sent a sample; where it does not name one, as samples of `rmw_zenoh_cpp` on topics that are not latched,

@@ -1,7 +1,7 @@
 //! A process in the ROS 2 graph over Zenoh, as `rmw_zenoh_cpp` of ROS 2 Jazzy speaks it.
 //!
-//! A process is a Zenoh session and one node. Each endpoint has a liveliness token, by which tools list it. Latched topics
-//! use the advanced publishers and subscribers of `zenoh-ext`; a service is a queryable. Samples also carry the identifier of
+//! A process is a Zenoh session and one node. Each endpoint has a liveliness token, by which tools list it. Topics that
+//! are transient local use the advanced publishers and subscribers of `zenoh-ext`; a service is a queryable. Samples carry the identifier of
 //! the session in Zenoh's own source field, because ROS 2's identifier in the attachment is one of the publisher: by the
 //! session a receiver knows that two topics come from one process.
 
@@ -12,12 +12,18 @@ mod endpoints;
 mod names;
 pub mod router;
 
+use std::rc::Weak;
+use std::sync::Arc;
+use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
 use ros2_client::ParameterValue;
 use ros2_client::builtin_interfaces::Time;
 use ros2_client::parameters::raw;
+use zenoh::config::WhatAmI;
 use zenoh::liveliness::LivelinessToken;
+use zenoh::sample::SampleKind;
+use zenoh::session::TransportEventsListener;
 use zenoh::{Config, Session, Wait};
 
 use crate::arguments::NodeIdentity;
@@ -26,6 +32,7 @@ use crate::session::{ParticipantId, SessionError};
 use crate::settings::Settings;
 use crate::topic::{Quality, Topic};
 use crate::type_hash::Interfaces;
+use endpoints::{CachedTopic, Writer};
 use names::{Gid, Kind, NodeKeys, Place, gid_of};
 
 /// How long a process waits for its router when it starts.
@@ -50,7 +57,38 @@ pub(crate) struct ZenohGraph {
     interfaces: Interfaces,
     /// The number of the endpoint that was created last; the node is number 0.
     endpoints: u64,
+    writers: Vec<Weak<Writer>>,
+    cached_topics: Vec<CachedTopic>,
+    reconnections: Reconnections,
     session: Session,
+}
+
+/// Whether the session has connected to a router since this was asked last.
+struct Reconnections {
+    happened: Arc<AtomicBool>,
+    _listener: TransportEventsListener<()>,
+}
+
+impl Reconnections {
+    fn of(session: &Session) -> Result<Self, SessionError> {
+        let happened = Arc::new(AtomicBool::new(false));
+        let noticed = Arc::clone(&happened);
+        let listener = session
+            .info()
+            .transport_events_listener()
+            .callback(move |event| {
+                let is_router = event.transport().whatami() == WhatAmI::Router;
+                if is_router && event.kind() == SampleKind::Put {
+                    noticed.store(true, Ordering::Relaxed);
+                }
+            })
+            .wait()
+            .map_err(|error| failed("observe the connection to routers", &error))?;
+        Ok(Self {
+            happened,
+            _listener: listener,
+        })
+    }
 }
 
 /// An endpoint that the graph shows until this is dropped.
@@ -85,12 +123,16 @@ impl ZenohGraph {
             participant = keys.session,
             "joined the ROS 2 graph"
         );
+        let reconnections = Reconnections::of(&session)?;
         Ok(Self {
             parameter_events: None,
             _node: token,
             keys,
             interfaces,
             endpoints: 0,
+            writers: Vec::new(),
+            cached_topics: Vec::new(),
+            reconnections,
             session,
         })
     }
@@ -98,6 +140,20 @@ impl ZenohGraph {
     /// The session of this process, as receivers see it in the samples that it sends.
     pub(crate) fn participant(&self) -> ParticipantId {
         ParticipantId(u128::from_le_bytes(self.session.zid().to_le_bytes()))
+    }
+
+    /// After a reconnection, sends the last samples of latched topics again, and queries those of others: either may have been
+    /// sent while there was no connection.
+    pub(crate) fn attend(&mut self) {
+        if self.reconnections.happened.swap(false, Ordering::Relaxed) {
+            tracing::info!("connected to a router again");
+            self.writers.retain(|writer| writer.strong_count() > 0);
+            for writer in self.writers.iter().filter_map(Weak::upgrade) {
+                writer.repeat();
+            }
+            let session = &self.session;
+            self.cached_topics.retain(|topic| topic.query(session));
+        }
     }
 
     /// Shows an endpoint in the graph.
