@@ -200,7 +200,7 @@ mod tests {
             line(12.0, 3, (2.0, 0.0), &[]),
         ];
         assert_eq!(judged(&lines), []);
-        lines[1] = line(11.5, 7, (0.0, 2.0), &[]);
+        lines[1] = line(13.0, 7, (0.0, 2.0), &[]);
         assert_eq!(judged(&lines).len(), 1);
         let lines = [
             line(10.0, 7, (0.0, 0.0), &[5]),

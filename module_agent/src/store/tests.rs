@@ -125,9 +125,9 @@ fn a_torn_file_is_refused_wherever_it_ends() {
 #[test]
 fn a_file_of_a_later_version_is_refused() {
     let (directory, _) = written();
-    fs::write(path(&directory), r#"{"format": 3, "cells": []}"#).unwrap();
+    fs::write(path(&directory), r#"{"format": 4, "cells": []}"#).unwrap();
     let reason = refusal(&directory);
-    assert!(reason.contains("has format 3"), "{reason}");
+    assert!(reason.contains("has format 4"), "{reason}");
     assert!(reason.contains("use the version that wrote it"), "{reason}");
 }
 

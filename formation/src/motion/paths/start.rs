@@ -14,7 +14,7 @@ use super::lattice::{Lattice, Site, point};
 use super::regroup;
 use super::result::StartFault;
 use super::turning::Point;
-use crate::model::{MicroUnits, PlanningProblem, Pose};
+use crate::model::{MicroUnits, ModuleId, PlanningProblem, Pose};
 
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
@@ -148,12 +148,14 @@ fn not_apart(
     tolerance: i64,
 ) -> Option<StartFault> {
     let id = |group: &Group, member: usize| problem.modules()[group.modules[member]].id;
+    let too_close =
+        |one: ModuleId, other: ModuleId| StartFault::NotApart(one.min(other), one.max(other));
     let squared = |right: i64, up: i64| i128::from(right).pow(2) + i128::from(up).pow(2);
     let within = |square: i128, reach: i64| square < i128::from((reach - tolerance).max(0)).pow(2);
     if one.turn != 0 && other.turn != 0 {
         let (right, up) = (one.centre.0 - other.centre.0, one.centre.1 - other.centre.1);
         return within(squared(right, up), one.radius + other.radius)
-            .then(|| StartFault::NotApart(id(one, 0), id(other, 0)));
+            .then(|| too_close(id(one, 0), id(other, 0)));
     }
     if one.turn != 0 || other.turn != 0 {
         let (turning, still) = if one.turn != 0 {
@@ -169,7 +171,7 @@ fn not_apart(
                 gap(low.1, turning.centre.1, high.1),
             );
             within(squared(right, up), turning.radius)
-                .then(|| StartFault::NotApart(id(turning, 0), id(still, member)))
+                .then(|| too_close(id(turning, 0), id(still, member)))
         });
     }
     let (bodies, neighbours) = (one.bodies(), other.bodies());
@@ -177,7 +179,7 @@ fn not_apart(
         .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));
     all.find_map(|(member, its_member)| {
         if overlap(&bodies[member], &neighbours[its_member], tolerance) {
-            return Some(StartFault::NotApart(id(one, member), id(other, its_member)));
+            return Some(too_close(id(one, member), id(other, its_member)));
         }
         (one.site_of(member) == other.site_of(its_member))
             .then(|| StartFault::SharedCell(id(one, member), id(other, its_member)))

@@ -204,6 +204,8 @@ fn programs_read_the_plan_and_the_run_in_one_object() {
         "left_out": [],
         "timed_out": false,
         "blocked_spots": [],
+        "collision_free": true,
+        "collision_reason": null,
     });
     expected.extend(run.as_object().unwrap().clone());
     assert_eq!(json, Value::Object(expected));
