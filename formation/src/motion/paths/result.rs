@@ -288,7 +288,7 @@ pub enum MotionError {
     #[error("target: {0} and {1} are joined but not on adjacent cells")]
     LongEdge(SpotId, SpotId),
     /// Some modules do not start in a way that lets them move without contact.
-    #[error("starts: {}", listed(.0))]
+    #[error("starts: {}", first_listed(.0))]
     Starts(Vec<StartFault>),
     /// An obstacle or a wall covers a spot.
     #[error("{0} lies on an obstacle or beyond the walls")]
@@ -330,6 +330,9 @@ impl MotionError {
         }
     }
 }
+
+/// The most faults of starts that a message names.
+const FAULTS_MAX: usize = 5;
 
 /// The largest number of cells that the planner searches.
 pub const FIELD_CELLS_MAX: u64 = 4_000_000;
@@ -374,11 +377,39 @@ fn cells(count: usize) -> String {
     }
 }
 
+/// The first entries of a list, and the number of the others.
+fn first_listed<T: std::fmt::Display>(entries: &[T]) -> String {
+    let (first, more) = entries.split_at(entries.len().min(FAULTS_MAX));
+    if more.is_empty() {
+        return listed(first);
+    }
+    let first: Vec<String> = first.iter().map(ToString::to_string).collect();
+    format!("{} and {} more", first.join(", "), more.len())
+}
+
 fn listed<T: std::fmt::Display>(entries: &[T]) -> String {
     let entries: Vec<String> = entries.iter().map(ToString::to_string).collect();
     match entries.split_last() {
         Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
         Some((last, _)) => last.clone(),
         None => "nothing".to_owned(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_message_names_the_first_faults_and_counts_the_others() {
+        let faults = |count| {
+            let pairs = (1..=count).map(|id| StartFault::NotApart(ModuleId(id), ModuleId(id + 1)));
+            MotionError::Starts(pairs.collect()).to_string()
+        };
+        assert_eq!(
+            faults(2),
+            "starts: module 1 and module 2 are too close and module 2 and module 3 are too close"
+        );
+        assert!(faults(7).ends_with("module 5 and module 6 are too close and 2 more"));
     }
 }
