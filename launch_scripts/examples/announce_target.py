@@ -19,9 +19,11 @@ from rclpy.qos import DurabilityPolicy, QoSProfile
 TRANSIENT_LOCAL = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
 
-def in_metres(area, size):
-    """The fields of a box, which scenarios have in units."""
-    return {name: size * float(units) for name, units in area.items()}
+def area_of(box, size):
+    """A box, which scenarios have in units."""
+    return Area(
+        x=size * float(box["x"]), y=size * float(box["y"]),
+        width=size * float(box["width"]), height=size * float(box["height"]))
 
 
 def announcement(scenario, options):
@@ -35,9 +37,9 @@ def announcement(scenario, options):
     message.body_width = size * float(scenario.get("body_width", 0.9))
     # The highest revision holds, so later announcements replace this one.
     message.revision = int(time.time() * 1000)
-    message.obstacles = [Area(**in_metres(area, size)) for area in scenario.get("obstacles") or []]
+    message.obstacles = [area_of(box, size) for box in scenario.get("obstacles") or []]
     if "arena" in scenario:
-        message.arena = Area(**in_metres(scenario["arena"], size))
+        message.arena = area_of(scenario["arena"], size)
     message.spots = [
         Spot(id=spot["id"], x=size * float(spot["x"]), y=size * float(spot["y"]), theta=float(spot.get("theta", 0.0)))
         for spot in target["spots"]

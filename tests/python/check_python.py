@@ -332,7 +332,7 @@ MISTAKES = {
         ("message.spots = [", "message.places = [", "has no field `places`"),
         ("theta=float", "heading=float", "has no field `heading`"),
         ("message.header.frame_id", "message.header.frame", "has no field `frame`"),
-        ("import Edge, Spot", "import Edges, Spot", "there is no message formation_msgs/msg/Edges"),
+        ("import Area, Edge,", "import Area, Edges,", "there is no message formation_msgs/msg/Edges"),
         ('"target", TRANSIENT_LOCAL', '"targets", TRANSIENT_LOCAL', "no topic `targets`"),
     ],
     "launch_scripts/examples/echo_claims.py": [

@@ -217,9 +217,11 @@ class Page:
     def is_used_by_keyboard(self):
         self.browser.run("document.querySelector('a, button, input, select, summary, [tabindex]').focus()")
         order = [self.browser.run(FOCUSED)]
-        for _ in range(7):
+        for _ in range(8):
             self.browser.press("Tab")
             order.append(self.browser.run(FOCUSED))
+        # Pages with warnings have a list of them, which opens.
+        order = [place for place in order if place != "notes"][:8]
         check(order == ["skip", "scrub", "start", "back", "play", "forward", "finish", "speed"],
               f"Tab goes along {order}")
         self.focus("scrub")

@@ -336,7 +336,14 @@ fn the_description_of_every_number_has_its_unit() {
         assert!(!numbers.is_empty(), "{described}");
         for number in numbers {
             let description = number["description"].as_str().unwrap();
-            let units = ["in seconds", "in units", "in radians", "per second"];
+            let units = [
+                "in seconds",
+                "in milliseconds",
+                "in metres",
+                "in units",
+                "in radians",
+                "per second",
+            ];
             let has_unit = units.iter().any(|unit| description.contains(unit));
             assert!(has_unit, "{node}: {number}");
         }

@@ -60,7 +60,7 @@ pub struct Alternative {
     pub utility: MicroUnits,
     /// The module that the plan gives it to, and its utility for that one.
     pub holder: Option<(ModuleId, MicroUnits)>,
-    /// How much the total utility falls if the two exchange their spots, or the module takes the spot where nobody holds it;
+    /// How much the total utility falls if the two exchange their spots, or the module takes the spot where it is free;
     /// one of them may have none. What links that stay docked save is left out, so it may be negative for docked modules.
     pub loss: MicroUnits,
 }

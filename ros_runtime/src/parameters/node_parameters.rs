@@ -102,7 +102,7 @@ impl Tunables for NodeParameters {
                 "module_size",
                 metres(1_000.0),
                 |node: &mut Self| &mut node.module_size,
-                "The size of a module, equal for all programs of one formation: the metres in a unit of length; \
+                "The size of a module in metres, which is the unit of length, equal for all programs of one formation; \
                  0: that of the scenario file, otherwise 1",
             )
             .at_start("all messages of a node are for modules of one size"),
