@@ -303,6 +303,20 @@ fn bounds_agree() {
     assert_eq!(of_rust, of_files);
 }
 
+/// Publishers that leave out the version of the protocol speak the present one.
+#[test]
+fn messages_have_the_present_version_by_default() {
+    let expected = format!("uint32 protocol_version {}", wire::PROTOCOL_VERSION);
+    let texts = wire::INTERFACES.iter().map(|(_, text)| text);
+    let versioned: Vec<_> = texts
+        .filter(|text| text.contains("protocol_version"))
+        .collect();
+    assert_eq!(versioned.len(), 7);
+    for text in versioned {
+        assert!(text.contains(&expected), "{text}");
+    }
+}
+
 /// The defaults that ROS 2 gives to fields that a publisher leaves out are the ones that we mean.
 #[test]
 fn defaults_agree() {

@@ -16,12 +16,14 @@ import dataclasses
 import json
 import os
 import pathlib
+import re
 import sys
 import time
 
 MESSAGES = pathlib.Path(__file__).resolve().parents[2] / "msgs" / "msg"
 PACKAGE = "formation_msgs"
-PROTOCOL_VERSION = 3
+PROTOCOL_VERSION = int(re.search(
+    r"uint32 protocol_version (\d+)", (MESSAGES / "TargetConfiguration.msg").read_text(encoding="utf-8"))[1])
 NAMESPACE = "/formation"
 
 # Type and whether late subscribers get the latest samples.

@@ -50,14 +50,17 @@ impl Rclpy {
             .filter(|folder| folder.is_dir())
             .flat_map(|folder| entries(&folder).collect::<Vec<_>>())
             .filter(|file| file.extension().is_some_and(|kind| kind == "json"));
+        // A file has the hashes of its own types, such as requests and responses, and of those that they contain.
         let of_file = |file: PathBuf| {
             let text = fs::read_to_string(file).unwrap();
             let description: Value = serde_json::from_str(&text).unwrap();
-            let hash = &description["type_hashes"][0];
-            let text = |key: &str| hash[key].as_str().unwrap().to_owned();
-            (text("type_name"), text("hash_string"))
+            let hashes = description["type_hashes"].as_array().unwrap().clone();
+            hashes.into_iter().map(|hash| {
+                let text = |key: &str| hash[key].as_str().unwrap().to_owned();
+                (text("type_name"), text("hash_string"))
+            })
         };
-        files.map(of_file).collect()
+        files.flat_map(of_file).collect()
     }
 
     /// Starts a script of the repository, named as seen from its root, on a domain of loopback.

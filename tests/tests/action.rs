@@ -216,6 +216,7 @@ fn row(name: &str, spots: u32) -> Value {
             "header": {"frame_id": "map"},
             "name": name,
             "expected_modules": 10,
+            "module_size": 1.0,
             "spots": places.collect::<Vec<_>>(),
             "edges": edges.collect::<Vec<_>>(),
             "planner": {"d_max": -1, "weight_loc": 1.0, "weight_dock": 0.25, "weight_undock": 0.15},
