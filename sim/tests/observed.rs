@@ -79,7 +79,6 @@ fn judge_paths(
     let mut observer = Observer::new(ObserverParameters {
         bodies: BodyParameters {
             clock_error: Duration::from_millis(1),
-            ..BodyParameters::default()
         },
         ..ObserverParameters::default()
     });

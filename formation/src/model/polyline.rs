@@ -193,7 +193,7 @@ mod tests {
         let corner = |index: usize| {
             at(
                 f64::from(u32::try_from(index).unwrap()),
-                f64::from(index % 2 == 0),
+                f64::from(index.is_multiple_of(2)),
             )
         };
         let corners = |count: usize| Polyline::through((0..count).map(corner));

@@ -91,10 +91,13 @@ pub struct RunLoop<'a, 'b> {
     pub order_givers: BTreeSet<ProcessId>,
 }
 
+/// Makes a command from options of the target publisher.
+type OrderCommand<'a> = Box<dyn Fn(&[String]) -> Command + 'a>;
+
 /// Orders to the modules of a run.
 pub struct Orders<'a> {
     /// Makes the command that gives an order, in the options of the target publisher.
-    pub command: Box<dyn Fn(&[String]) -> Command + 'a>,
+    pub command: OrderCommand<'a>,
     /// Whether robots vanish with their processes, so that their bodies are reported as removed.
     pub bodies_vanish: bool,
 }
@@ -206,30 +209,27 @@ impl RunLoop<'_, '_> {
                 listed_in_full(modules.iter().copied())
             );
             let modules: Vec<u32> = modules.iter().map(|module| module.0).collect();
-            self.give(name, &order::removal(&modules));
+            self.give(&name, &order::removal(&modules));
         }
     }
 
     /// Gives the order that was asked for by a key.
     fn take_key(&mut self) {
         match self.display.key() {
-            Some(Key::Stop) => self.give("the order to stop".to_owned(), &[order::STOP.to_owned()]),
+            Some(Key::Stop) => self.give("the order to stop", &[order::STOP.to_owned()]),
             Some(Key::Resume) => {
-                self.give(
-                    "the order to resume".to_owned(),
-                    &[order::RESUME.to_owned()],
-                );
+                self.give("the order to resume", &[order::RESUME.to_owned()]);
             }
             None => {}
         }
     }
 
     /// Starts the process that gives an order.
-    fn give(&mut self, name: String, order: &[String]) {
+    fn give(&mut self, name: &str, order: &[String]) {
         let mut command = (self.orders.command)(order);
         let started = self
             .supervisor
-            .start(name.clone(), &mut command, Output::Discarded);
+            .start(name.to_owned(), &mut command, Output::Discarded);
         match started {
             Ok(process) => {
                 self.order_givers.insert(process);

@@ -114,7 +114,7 @@ impl Track {
         // Where states are missing, the module may have been anywhere; a clock that was set back says nothing, either.
         let follows = skipped == 0 && before.at <= self.last.at;
         let step = self.note_step(follows.then_some(&before));
-        let segment = follows.then(|| Segment {
+        let segment = follows.then_some(Segment {
             module: state.module,
             leg: Leg {
                 begin: before.at,
