@@ -84,7 +84,7 @@ static TAKEN: Mutex<u32> = Mutex::new(0);
 static RETURNED: Condvar = Condvar::new();
 
 impl Places {
-    /// Waits until so many places are free. Tests take their places in the order in which they ask.
+    /// Waits until this number of places is free. Tests take their places in the order in which they ask.
     fn take(count: u32) -> Self {
         // A test of another test program has no places here; one such program runs at a time.
         static PROGRAM: OnceLock<File> = OnceLock::new();

@@ -188,7 +188,7 @@ fn one_state_of_an_unknown_module_changes_no_verdict() {
     };
     stranger.await_ready();
     stranger.put(&json!({"modules": [{
-        "module_id": 40, "incarnation": 1, "sequence": 1, "phase": 7, "service": 1, "x": 900.0, "y": 900.0,
+        "module_id": 40, "incarnation": 1, "sequence": 1, "phase": 7, "service": 1, "drive": 1, "x": 900.0, "y": 900.0,
         "configuration_id": u32::MAX, "leader_id": u32::MAX, "spot_id": 1, "unit_id": 40, "settled_since": 1,
     }]}));
     let file = ScenarioFile::new("unknown", EIGHT);

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::thread;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use formation::model::Scenario;
 use formation::planner;
@@ -149,9 +149,10 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     }
     let moving = fleet.agent(sleeper).wait_for_log(0, "moving to", PATIENCE);
     assert!(moving.is_some(), "{}", fleet.story());
-    // Where another vendor's DDS is there to see it, only once it is on its way.
+    // Where another vendor's DDS is there to see it, only once it is on its way. The state of its departure may come before the
+    // line of the log, and the next one only with its arrival.
     if let Some(states) = &states {
-        states.await_pose_of(sleeper, moving.unwrap());
+        states.await_pose_of(sleeper, moving.unwrap() - Duration::from_secs(1));
     }
     fleet.agent(sleeper).signal(Signal::STOP);
     let stopped = Instant::now();
