@@ -32,7 +32,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     ),
     (Mutation::ApplyOutOfTurn, 0, ViolationKind::NoEnd),
     (Mutation::IgnoreQuorum, 6, ViolationKind::TwoPlansInMotion),
-    (Mutation::MoveOutOfOrder, 0, ViolationKind::TwoUnitsInMotion),
+    (Mutation::MoveOutOfOrder, 1, ViolationKind::TwoUnitsInMotion),
     (Mutation::ForgetPins, 0, ViolationKind::PinForgotten),
     (
         Mutation::EvictConfigurationMember,
