@@ -56,7 +56,7 @@ fn a_peer_that_others_wrote_receives_calls_and_lists() {
     let Some(python) = Python::with_zenoh() else {
         return;
     };
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(4);
     let router = Router::start(domain);
     let scenario = scenario_path("singletons_10");
     let scenario = ["--scenario", scenario.to_str().unwrap()];
@@ -101,7 +101,7 @@ fn a_peer_that_others_wrote_receives_calls_and_lists() {
 
 #[test]
 fn a_formation_goes_on_when_its_router_is_killed_and_restarted() {
-    let domain = &*Domain::shared();
+    let domain = &*Domain::for_processes(5);
     let mut router = Router::start(domain);
     let scenario = scenario_path("singletons_10");
     let scenario = ["--scenario", scenario.to_str().unwrap()];
@@ -117,7 +117,11 @@ fn a_formation_goes_on_when_its_router_is_killed_and_restarted() {
     }
     let port = router.port;
     router.process.kill();
-    std::thread::sleep(Duration::from_secs(1));
+    // Nothing moves without the others for longer than the lease.
+    for half in &halves {
+        let halted = half.wait_for_log(0, "halted: agreement of modules", PATIENCE);
+        assert!(halted.is_some(), "{:?}", half.log_since(0));
+    }
     let _router = Router::on(port, domain);
     let verdict = verifier.finish(PATIENCE);
     assert_eq!(

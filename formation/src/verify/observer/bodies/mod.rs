@@ -276,7 +276,7 @@ impl Bodies {
         let violation = Violation::WaitNotKept {
             epoch,
             module: entering.module,
-            step: entering.steps? + 1,
+            step: entering.steps?.saturating_add(1),
             other: there.module,
             early,
             at: begin,
@@ -362,7 +362,7 @@ impl Bodies {
         let violation = Violation::WaitNotKept {
             epoch: end.epoch,
             module,
-            step: end.steps + 1,
+            step: end.steps.saturating_add(1),
             other: partner,
             early,
             at: began,

@@ -158,7 +158,7 @@ impl Track {
         let was = was.and_then(|before| Some((before.steps?, before.drive)));
         // Without the state before, the pose may lie anywhere within a step.
         let has_ended = match was {
-            Some((before, _)) => before + 1 == steps,
+            Some((before, _)) => before.checked_add(1) == Some(steps),
             None => steps == 0 && drive == DriveState::Standing,
         };
         if !has_ended {
