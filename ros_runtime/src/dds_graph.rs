@@ -169,10 +169,10 @@ impl DdsGraph {
         let node = &mut self.node;
         self.deadlock.watch(|| create(node)).map_err(|error| {
             // Without its threads the library refuses everything.
-            if self.liveness.threads.all_run() {
-                library_error(what, self.node.domain_id(), &error)
-            } else {
+            if self.liveness.threads.has_one_ended() {
                 SessionError::NotReceiving
+            } else {
+                library_error(what, self.node.domain_id(), &error)
             }
         })
     }

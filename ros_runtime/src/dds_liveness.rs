@@ -8,6 +8,7 @@ use std::cell::Cell;
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, OnceLock};
+use std::thread;
 use std::time::{Duration, Instant};
 
 /// How the names of the library's threads begin, as far as the kernel keeps them.
@@ -15,6 +16,9 @@ const LIBRARY: &str = "RustDDS";
 
 /// Between two looks at the threads.
 const INTERVAL: Duration = Duration::from_millis(500);
+
+/// From the moment at which a thread closes its channels to its end.
+const ENDS_WITHIN: Duration = Duration::from_millis(500);
 
 /// The threads that the DDS library has started for one participant, once it is created.
 #[derive(Default)]
@@ -25,6 +29,19 @@ impl ParticipantThreads {
     pub(crate) fn all_run(&self) -> bool {
         let mut threads = self.0.get().into_iter().flatten();
         threads.all(|thread| is_library(thread))
+    }
+
+    /// Whether one of them has ended, or is about to: a thread closes its channels, so that the library refuses, a moment
+    /// before the system lists it no longer.
+    pub(crate) fn has_one_ended(&self) -> bool {
+        let deadline = Instant::now() + ENDS_WITHIN;
+        while self.all_run() {
+            if Instant::now() > deadline {
+                return false;
+            }
+            thread::sleep(Duration::from_millis(5));
+        }
+        true
     }
 }
 
@@ -85,7 +102,6 @@ pub(crate) static NAMED_LIKE_THE_LIBRARY: std::sync::Mutex<()> = std::sync::Mute
 mod tests {
     use std::sync::PoisonError;
     use std::sync::mpsc::channel;
-    use std::thread;
 
     use super::*;
 
@@ -109,7 +125,9 @@ mod tests {
         assert_eq!(watchdog.threads.0.get().unwrap().len(), 1);
         watchdog.looked_at.set(Instant::now() - INTERVAL);
         assert!(watchdog.is_alive());
+        assert!(!watchdog.threads.has_one_ended());
         drop(end);
+        assert!(watchdog.threads.has_one_ended());
         library.join().unwrap();
         assert!(watchdog.is_alive(), "it was looked at just now");
         watchdog.looked_at.set(Instant::now() - INTERVAL);

@@ -223,6 +223,13 @@ impl Running {
         loop {
             self.signal(Signal::STOP);
             while !is_stopped() {
+                let is_late = Instant::now() > deadline;
+                assert!(
+                    !is_late,
+                    "{} does not stop: {:?}",
+                    self.name,
+                    self.log_since(0)
+                );
                 thread::sleep(Duration::from_millis(10));
             }
             thread::sleep(Duration::from_millis(100));
