@@ -16,7 +16,7 @@ use crate::{check, console, scenario_file};
 /// The text shows this many other spots.
 const ALTERNATIVES_MAX: usize = 5;
 
-/// The object that `--json` prints. Utilities are those of the paper.
+/// The object that `--json` prints. Utilities are those of the paper; the alternatives begin with the best.
 #[derive(Debug, Serialize)]
 struct ExplanationReport {
     module: ModuleId,
@@ -127,7 +127,7 @@ fn text(explanation: &Explanation) -> String {
     }];
     for turn in &explanation.turns {
         let meaning = match turn.outcome {
-            TurnOutcome::Takes(spot) => format!("{module} gets {spot}"),
+            TurnOutcome::Takes { spot } => format!("{module} gets {spot}"),
             TurnOutcome::Loses {
                 spot,
                 to,
@@ -169,7 +169,7 @@ fn text(explanation: &Explanation) -> String {
             "spot",
             "utility",
             "holder",
-            "its utility",
+            "holder's utility",
             "loss if exchanged",
         ],
         rows,

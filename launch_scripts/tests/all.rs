@@ -9,6 +9,7 @@
 
 mod check;
 mod experiments;
+mod explain;
 mod generate;
 mod plan;
 mod run;

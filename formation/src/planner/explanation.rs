@@ -34,10 +34,13 @@ pub struct ConcernedTurn {
 
 /// What a turn meant for a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(rename_all = "snake_case")]
+#[serde(tag = "outcome", rename_all = "snake_case")]
 pub enum TurnOutcome {
-    /// It got this spot.
-    Takes(SpotId),
+    /// It got a spot.
+    Takes {
+        /// The spot.
+        spot: SpotId,
+    },
     /// It lost a spot to another module.
     Loses {
         /// The spot.
@@ -100,7 +103,9 @@ fn concern(module: ModuleId, is_of_unit: bool, decision: &Decision) -> Option<Tu
     }
     let mut selections = decision.selections.iter();
     match selections.find(|selection| selection.module == module) {
-        Some(selection) => Some(TurnOutcome::Takes(selection.spot)),
+        Some(selection) => Some(TurnOutcome::Takes {
+            spot: selection.spot,
+        }),
         None => is_of_unit.then_some(TurnOutcome::FindsNone),
     }
 }
@@ -204,7 +209,7 @@ singletons: [{id: 1, x: 9, y: 0}, {id: 2, x: 0, y: 2}, {id: 3, x: 1, y: 2}]
             instead: Some(SpotId(2)),
         };
         assert_eq!(concern(ModuleId(4), false, &decision), Some(loses));
-        let takes = TurnOutcome::Takes(SpotId(1));
+        let takes = TurnOutcome::Takes { spot: SpotId(1) };
         assert_eq!(concern(ModuleId(7), true, &decision), Some(takes));
         assert_eq!(concern(ModuleId(9), false, &decision), None);
     }
