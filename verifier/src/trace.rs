@@ -102,34 +102,22 @@ mod tests {
     use std::sync::Arc;
     use std::time::Duration;
 
-    use formation::model::{ModulePhase, Pose, SenderTime, Service};
+    use formation::model::{ModuleRun, Pose, SenderTime};
 
     use super::*;
 
     fn state(sequence: u64, drive: DriveState) -> Message {
-        Message::ModuleState(Arc::new(ModuleState {
+        let run = ModuleRun {
             module: ModuleId(4),
             incarnation: Incarnation(1),
-            store: None,
+        };
+        let pose = Pose::from_units(1.5, -2.0, 0.25).unwrap();
+        Message::ModuleState(Arc::new(ModuleState {
             sequence,
-            epoch: None,
-            digest: None,
-            phase: ModulePhase::Moving,
-            service: Service::Active,
             at: SenderTime(Duration::from_micros(1_795_349_222_123_456)),
             drive,
-            pose: Pose::from_units(1.5, -2.0, 0.25).unwrap(),
             links: [ModuleId(5), ModuleId(6)].into(),
-            configuration: None,
-            leader: None,
-            spot: None,
-            unit: None,
-            steps_done: None,
-            settled_since: 0,
-            waited_for: Vec::new(),
-            agreed_on: Vec::new(),
-            quorum_bases: Vec::new(),
-            bodies: Vec::new(),
+            ..ModuleState::standing(run, pose)
         }))
     }
 

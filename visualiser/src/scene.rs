@@ -179,9 +179,9 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 #[cfg(test)]
 pub(crate) mod tests {
     use formation::model::{
-        Decision, DriveState, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase,
-        ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SenderTime, Service,
-        SpotClaim, SpotSelection, Stop, TargetAnnouncement,
+        Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase, ModuleRun,
+        ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SpotClaim, SpotSelection,
+        Stop, TargetAnnouncement,
     };
 
     use super::*;
@@ -191,29 +191,16 @@ pub(crate) mod tests {
     }
 
     pub(crate) fn state(module: u32, sequence: u64, pose: Pose) -> ModuleState {
-        ModuleState {
-            store: None,
+        let run = ModuleRun {
             module: ModuleId(module),
             incarnation: Incarnation(1),
+        };
+        ModuleState {
             sequence,
-            epoch: None,
-            digest: None,
             phase: ModulePhase::Moving,
-            service: Service::Active,
-            at: SenderTime::default(),
-            drive: DriveState::Standing,
-            pose,
             links: [ModuleId(module ^ 1)].into(),
             configuration: Some(ConfigurationId(1)),
-            leader: None,
-            spot: None,
-            unit: None,
-            steps_done: None,
-            settled_since: 0,
-            waited_for: Vec::new(),
-            agreed_on: Vec::new(),
-            quorum_bases: Vec::new(),
-            bodies: Vec::new(),
+            ..ModuleState::standing(run, pose)
         }
     }
 

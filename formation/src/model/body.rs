@@ -118,8 +118,7 @@ impl fmt::Display for BlockedSpot {
 
 /// Whether a module is among these members, which ascend by module.
 pub(crate) fn lists(members: &[RosterMember], module: ModuleId) -> bool {
-    let find = members.binary_search_by_key(&module, |member| member.module.id);
-    find.is_ok()
+    RosterMember::find(members, module).is_some()
 }
 
 /// The spots of a target that bodies cover, ascending.

@@ -201,6 +201,35 @@ pub struct ModuleState {
 }
 
 impl ModuleState {
+    /// The first state of a run: it stands at a pose, docked to no module, and takes part in no plan yet.
+    #[must_use]
+    pub fn standing(run: ModuleRun, pose: Pose) -> Self {
+        Self {
+            module: run.module,
+            incarnation: run.incarnation,
+            store: None,
+            sequence: 1,
+            epoch: None,
+            digest: None,
+            phase: ModulePhase::Listening,
+            service: Service::Active,
+            at: SenderTime::default(),
+            drive: DriveState::Standing,
+            pose,
+            links: BTreeSet::new(),
+            configuration: None,
+            leader: None,
+            spot: None,
+            unit: None,
+            steps_done: None,
+            settled_since: 0,
+            waited_for: Vec::new(),
+            agreed_on: Vec::new(),
+            quorum_bases: Vec::new(),
+            bodies: Vec::new(),
+        }
+    }
+
     /// The module with the memory that counts towards majorities.
     #[must_use]
     pub fn voter(&self) -> Voter {
@@ -226,6 +255,12 @@ pub struct RosterMember {
 }
 
 impl RosterMember {
+    /// The member with this module, among members that ascend by module.
+    pub(crate) fn find(members: &[Self], module: ModuleId) -> Option<&Self> {
+        let position = members.binary_search_by_key(&module, |member| member.module.id);
+        members.get(position.ok()?)
+    }
+
     /// The module with the run of its process.
     pub fn run(&self) -> ModuleRun {
         ModuleRun {
@@ -294,6 +329,11 @@ impl fmt::Display for Timing {
 }
 
 impl Roster {
+    /// The member with this module.
+    pub(crate) fn member(&self, module: ModuleId) -> Option<&RosterMember> {
+        RosterMember::find(&self.members, module)
+    }
+
     /// The active members, ascending: a later roster must contain a majority of them. Members out of service have agreed to
     /// this roster, and so to counting no more.
     pub(crate) fn quorum_basis(&self) -> Vec<Voter> {

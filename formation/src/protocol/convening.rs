@@ -87,8 +87,8 @@ impl Stage {
             return None;
         }
         let is_ahead = |module: &ModuleId| {
-            let heartbeat = context.peers.heartbeat(*module);
-            heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(roster.epoch))
+            let peer = context.peers.get(*module);
+            peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
         };
         let ahead: Vec<ModuleId> = stuck.iter().copied().filter(is_ahead).collect();
         if !ahead.is_empty() && !context.bugs.exclude_members_ahead() {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::model::{Heartbeat, Incarnation, ModuleId, ModuleRun, ModuleState, Voter};
+use crate::model::{Epoch, Heartbeat, Incarnation, ModuleId, ModuleRun, ModuleState, Voter};
 
 use super::io::SourceId;
 
@@ -65,6 +65,12 @@ impl Peer {
             incarnation: self.incarnation,
         };
         Voter::new(run, self.heartbeat.and_then(|heartbeat| heartbeat.store))
+    }
+
+    /// Whether its latest heartbeat shows a later epoch than this.
+    pub fn is_ahead_of(&self, epoch: Epoch) -> bool {
+        let heartbeat = self.heartbeat.as_ref();
+        heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(epoch))
     }
 
     /// The age of the latest heartbeat; `None` without one.

@@ -51,8 +51,6 @@ impl Agent {
         let context = &self.context;
         let (at, drive) = context.body.drive_state(context.now);
         let mut state = ModuleState {
-            module: context.module(),
-            incarnation: context.own.run.incarnation,
             store: context.own.store,
             sequence: context.outbox.states.sequence,
             epoch: self.epoch(),
@@ -61,18 +59,10 @@ impl Agent {
             service: context.body.service,
             at,
             drive,
-            pose: context.body.pose,
             links: context.body.links.clone(),
             configuration: context.own.configuration,
             leader: context.own.leader,
-            spot: None,
-            unit: None,
-            steps_done: None,
-            settled_since: 0,
-            waited_for: Vec::new(),
-            agreed_on: Vec::new(),
-            quorum_bases: Vec::new(),
-            bodies: Vec::new(),
+            ..ModuleState::standing(context.own.run, context.body.pose)
         };
         self.stage.describe(&mut state, &mut self.context);
         state

@@ -99,8 +99,7 @@ impl Agent {
             return Ok(());
         }
         let own = self.context.module();
-        let mut members = roster.members.iter();
-        let mine = members.find(|member| member.module.id == own);
+        let mine = roster.member(own);
         if let Some(mine) = mine {
             if self.context.bugs.ignore_restarts()
                 && mine.incarnation != self.context.own.run.incarnation

@@ -1,7 +1,7 @@
 use super::*;
 use crate::model::{
-    Decision, DriveState, MicroUnits, ModulePhase, PlannerParameters, Pose, Roster, SenderTime,
-    Service, SpotId, SpotSelection, TargetAnnouncement,
+    Decision, DriveState, MicroUnits, ModulePhase, ModuleRun, PlannerParameters, Pose, Roster,
+    SpotId, SpotSelection, TargetAnnouncement,
 };
 
 fn epoch(number: u64) -> Epoch {
@@ -23,29 +23,17 @@ fn pose(x: i64) -> Pose {
 }
 
 fn state(module: u32, incarnation: u64, sequence: u64, phase: ModulePhase, x: i64) -> Message {
-    Message::ModuleState(Arc::new(ModuleState {
-        store: None,
+    let run = ModuleRun {
         module: ModuleId(module),
         incarnation: Incarnation(incarnation),
+    };
+    Message::ModuleState(Arc::new(ModuleState {
         sequence,
         epoch: Some(epoch(1)),
-        digest: None,
         phase,
-        service: Service::Active,
-        at: SenderTime::default(),
-        drive: DriveState::Standing,
-        pose: pose(x),
         links: [ModuleId(9)].into(),
-        configuration: None,
-        leader: None,
         spot: Some(SpotId(3)),
-        unit: None,
-        steps_done: None,
-        settled_since: 0,
-        waited_for: Vec::new(),
-        agreed_on: Vec::new(),
-        quorum_bases: Vec::new(),
-        bodies: Vec::new(),
+        ..ModuleState::standing(run, pose(x))
     }))
 }
 

@@ -199,9 +199,8 @@ impl Acting {
     /// The goal that is published again with each heartbeat, as a drive stops when goals cease to repeat.
     pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
         let moves = matches!(self.task, Task::Moving { held: None, .. });
-        let lease = context.parameters.lease;
         let may_move =
-            || context.bugs.ignore_lapses() || self.held.lagging(context, lease).is_empty();
+            || context.bugs.ignore_lapses() || self.held.lagging_for_motion(context).is_empty();
         if moves && !context.stop.stopped && may_move() {
             self.goal()
         } else {

@@ -183,10 +183,7 @@ impl Gathering {
     /// The live modules that show a later epoch.
     fn modules_ahead(&self, context: &Context) -> Vec<ModuleId> {
         let live = context.peers.live(context.liveness());
-        let ahead = live.filter(|(_, peer)| {
-            let heartbeat = peer.heartbeat.as_ref();
-            heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(self.epoch))
-        });
+        let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
         ahead.map(|(module, _)| module).collect()
     }
 

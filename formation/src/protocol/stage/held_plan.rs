@@ -270,10 +270,21 @@ impl HeldPlan {
 
     /// The members whose latest heartbeat does not show this plan, or is older than `limit`.
     pub(super) fn lagging(&self, context: &Context, limit: Duration) -> Vec<ModuleId> {
+        self.members_that(context, |_, incarnation, peer| {
+            !self.is_shown_by(incarnation, peer, context, limit)
+        })
+    }
+
+    /// The other members for which this holds, with the runs in the roster and what is known of them.
+    fn members_that(
+        &self,
+        context: &Context,
+        holds: impl Fn(ModuleId, Incarnation, Option<&Peer>) -> bool,
+    ) -> Vec<ModuleId> {
         let members = context.peers.along(&self.members);
         members
             .filter(|&(module, &incarnation, peer)| {
-                module != self.own && !self.is_shown_by(incarnation, peer, context, limit)
+                module != self.own && holds(module, incarnation, peer)
             })
             .map(|(module, ..)| module)
             .collect()
@@ -311,22 +322,27 @@ impl HeldPlan {
         !context.bugs.skip_digest_barrier() && self.waits_for.and_then(lags).unwrap_or(false)
     }
 
-    /// The members without whose agreement no module may move: those whose heartbeats lag, or else those whose motion failed
-    /// since the roster was made, which stand in the way of the plan.
+    /// The members without whose agreement no module may move: those whose heartbeats lag, and those whose motion failed since
+    /// the roster was made, which stand in the way of the plan.
     pub(super) fn lagging_for_motion(&self, context: &Context) -> Vec<ModuleId> {
         if context.bugs.skip_digest_barrier() {
             return Vec::new();
         }
-        let lagging = self.lagging(context, context.parameters.lease);
-        if !lagging.is_empty() {
-            return lagging;
-        }
-        let members = self.roster.members.iter();
-        let failed = members.filter(|member| {
-            let service = context.service_of(member.module.id);
-            service == Some(Service::MotionFailed) && member.service != Service::MotionFailed
-        });
-        failed.map(|member| member.module.id).collect()
+        let lease = context.parameters.lease;
+        self.members_that(context, |module, incarnation, peer| {
+            !self.is_shown_by(incarnation, peer, context, lease) || self.has_failed(module, peer)
+        })
+    }
+
+    /// Whether the motion of a member failed since the roster was made.
+    fn has_failed(&self, module: ModuleId, peer: Option<&Peer>) -> bool {
+        let state = peer.and_then(|peer| peer.state.as_ref());
+        let fails = |service| service == Service::MotionFailed;
+        state.is_some_and(|state| fails(state.service))
+            && !self
+                .roster
+                .member(module)
+                .is_some_and(|member| fails(member.service))
     }
 
     /// Reports the first member that shows another digest for this epoch; returns whether it did.
@@ -488,8 +504,7 @@ impl HeldPlan {
     /// Where this module goes in a straight line.
     pub(super) fn goal(&self) -> Option<MotionGoal> {
         if let Some(pose) = self.aside() {
-            let mut members = self.roster.members.iter();
-            let member = members.find(|member| member.module.id == self.own)?;
+            let member = self.roster.member(self.own)?;
             return Some(MotionGoal {
                 pose,
                 unit_distance: member.module.pose.distance_to(&pose),
@@ -509,8 +524,7 @@ impl HeldPlan {
     fn unit_distance(&self, unit: &ActingUnit) -> MicroUnits {
         let distance = |&(module, spot): &(ModuleId, SpotId)| {
             let target = self.roster.target.target.as_ref()?;
-            let mut members = self.roster.members.iter();
-            let member = members.find(|member| member.module.id == module)?;
+            let member = self.roster.member(module)?;
             Some(member.module.pose.distance_to(&target.spot(spot)?.pose))
         };
         let distances = unit.placements.iter().filter_map(distance);

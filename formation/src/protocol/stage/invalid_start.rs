@@ -2,7 +2,7 @@
 
 use std::collections::BTreeSet;
 
-use crate::model::{BODY_WIDTH, MicroUnits, ModuleId, Roster, RosterMember, Service};
+use crate::model::{BODY_WIDTH, MicroUnits, ModuleId, Roster, Service};
 use crate::motion::paths::{Area, MotionError, StartFault};
 
 /// A body of a member out of service that is nearer than this may close the cell of a module.
@@ -24,19 +24,15 @@ pub(super) fn fault_of(
     faults.iter().find(is_its).cloned()
 }
 
-fn member(module: ModuleId, roster: &Roster) -> Option<&RosterMember> {
-    let members = &roster.members;
-    let position = members.binary_search_by_key(&module, |member| member.module.id);
-    Some(&members[position.ok()?])
-}
-
 /// The module that stays: of two, the one that has not settled, and otherwise the higher one. `None` where an absent module
 /// may be in the way, which says nothing about this one.
 fn chosen_of(fault: &StartFault, roster: &Roster) -> Option<ModuleId> {
     match *fault {
         StartFault::NotApart(one, other) | StartFault::SharedCell(one, other) => {
-            let is_pinned =
-                |module| member(module, roster).is_some_and(|it| it.module.pin.is_some());
+            let is_pinned = |module| {
+                let member = roster.member(module);
+                member.is_some_and(|member| member.module.pin.is_some())
+            };
             match (is_pinned(one), is_pinned(other)) {
                 (true, false) => Some(other),
                 (false, true) => Some(one),
@@ -50,7 +46,7 @@ fn chosen_of(fault: &StartFault, roster: &Roster) -> Option<ModuleId> {
 
 /// Whether an obstacle, a wall or the body of a member out of service is in the way of a member.
 fn is_covered(module: ModuleId, roster: &Roster) -> bool {
-    let Some(own) = member(module, roster) else {
+    let Some(own) = roster.member(module) else {
         return false;
     };
     let surroundings = roster.target.target.as_ref().map(|it| it.surroundings());
@@ -69,9 +65,8 @@ fn docked_to(module: ModuleId, roster: &Roster) -> BTreeSet<ModuleId> {
     let mut docked = BTreeSet::from([module]);
     let mut open = vec![module];
     while let Some(next) = open.pop() {
-        let links = member(next, roster)
-            .into_iter()
-            .flat_map(|it| &it.module.links);
+        let member = roster.member(next).into_iter();
+        let links = member.flat_map(|member| &member.module.links);
         open.extend(links.copied().filter(|&link| docked.insert(link)));
     }
     docked

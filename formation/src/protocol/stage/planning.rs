@@ -102,8 +102,7 @@ impl Planning {
 
     /// Keeps a claim of a member for its turn.
     pub fn keep_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
-        let mut members = self.roster.members.iter();
-        let member = members.find(|member| member.module.id == claim.claimant);
+        let member = self.roster.member(claim.claimant);
         if member.is_none_or(|member| member.incarnation != claim.incarnation) {
             return Err(Refusal::UnknownModule);
         }

@@ -219,6 +219,22 @@ fn a_module_that_begins_a_step_before_its_partner_has_done_the_one_before_is_fou
 }
 
 #[test]
+fn the_greatest_number_of_steps_is_judged_like_any_other() {
+    let through = [
+        (1, 1_000, 0, 10, Moving, u32::MAX),
+        (1, 2_000, 40, 10, Standing, 0),
+        (2, 100, 20, 14, Standing, 0),
+    ];
+    assert!(!on_paths(&through).broken().is_empty());
+    let before = [
+        through[0],
+        (1, 2_000, 5, 10, Standing, u32::MAX),
+        through[2],
+    ];
+    assert!(on_paths(&before).broken().is_empty());
+}
+
+#[test]
 fn straight_lines_are_marked_and_not_judged() {
     let moments = [
         (1, 1_000, 0, 10, Moving, 0),

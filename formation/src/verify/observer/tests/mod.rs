@@ -14,9 +14,10 @@ use super::*;
 use crate::generate::random::Random;
 use crate::model::{
     CausalMark, Decision, Digest, DriveState, Epoch, EvictionRecord, FormationStage, Heartbeat,
-    Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleState, PlannerParameters,
-    PlanningModule, Pose, RawSpot, RawTarget, Roster, RosterMember, RosterMessage, SenderTime,
-    Service, SpotClaim, SpotId, SpotSelection, Stop, Target, TargetAnnouncement,
+    Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    PlannerParameters, PlanningModule, Pose, RawSpot, RawTarget, Roster, RosterMember,
+    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, Target,
+    TargetAnnouncement,
 };
 use crate::verify::{Missing, Violation};
 
@@ -73,29 +74,16 @@ fn select(pairs: &[(u32, u32)]) -> Vec<SpotSelection> {
 }
 
 fn state(module: u32, sequence: u64, phase: ModulePhase) -> ModuleState {
-    ModuleState {
-        store: None,
+    let run = ModuleRun {
         module: ModuleId(module),
         incarnation: INCARNATION,
+    };
+    ModuleState {
         sequence,
         epoch: Some(EPOCH),
         digest: Some(PLAN),
         phase,
-        service: Service::Active,
-        at: SenderTime::default(),
-        drive: DriveState::Standing,
-        pose: pose(0, i64::from(module)),
-        links: BTreeSet::new(),
-        configuration: None,
-        leader: None,
-        spot: None,
-        unit: None,
-        steps_done: None,
-        settled_since: 0,
-        waited_for: Vec::new(),
-        agreed_on: Vec::new(),
-        quorum_bases: Vec::new(),
-        bodies: Vec::new(),
+        ..ModuleState::standing(run, pose(0, i64::from(module)))
     }
 }
 
