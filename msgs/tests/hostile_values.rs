@@ -101,7 +101,10 @@ fn drain(agent: &mut Agent, now: Duration, said: &mut Vec<Message>) {
                 said.push(message);
                 continue;
             }
-            Output::Move(goal) => MotionReport::Arrived(goal.pose),
+            Output::Move(goal) => MotionReport::Arrived {
+                goal: goal.pose,
+                pose: goal.pose,
+            },
             Output::Halt => MotionReport::Halted(agent.pose()),
             Output::Dock(other) => MotionReport::Docked(other),
             Output::Undock(other) => MotionReport::Undocked(other),

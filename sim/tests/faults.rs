@@ -113,6 +113,34 @@ fn a_group_without_a_quorum_says_so_whatever_bodies_block() {
     }
 }
 
+/// In the first seed, founders that the target does not name agree behind a cut, and the one that restarts founds another
+/// formation: docs/fault_model.md states this exception, and the judge knows it. In the others, a module of a group restarts while
+/// it is cut off from the publisher, so that the group waits for a quorum without it.
+#[test]
+fn what_no_rule_can_know_is_not_held_against_the_modules() {
+    let parameters = CampaignParameters {
+        modules_min: 2,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    for seed in [70_001_623, 70_007_073, 70_013_767] {
+        run_all(&parameters, seed..seed + 1);
+    }
+}
+
+/// A slow process repeats a goal that its drive has reached meanwhile, so that the drive reports the same arrival twice: the
+/// second is not one at the next goal.
+#[test]
+fn an_arrival_counts_for_the_goal_that_was_reached() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        modules_min: 2,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    run_all(&parameters, 70_012_922..70_012_923);
+}
+
 /// In the first seed, the drive of one module fails in the step in which the modules docked to it turn: they halt. In the second,
 /// a member pauses between having the whole plan and showing it, and waits for that roster's majority. In the third, a convener
 /// without a quorum refuses the later roster of others, and calls them. In the rest, bodies stay where their modules crashed on

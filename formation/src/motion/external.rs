@@ -147,7 +147,7 @@ impl ExternalDrive {
             State::Standing => self.report(MotionReport::Pose(pose)),
             State::Travelling { goal, .. } if self.is_near(&goal, &pose) => {
                 self.state = State::Standing;
-                self.report(MotionReport::Arrived(pose));
+                self.report(MotionReport::Arrived { goal, pose });
             }
             State::Travelling { .. } => self.report(MotionReport::Pose(pose)),
             State::Halting {
@@ -242,8 +242,9 @@ impl ExternalDrive {
     }
 
     fn report(&mut self, report: MotionReport) {
-        if let MotionReport::Pose(pose) | MotionReport::Arrived(pose) | MotionReport::Halted(pose) =
-            report
+        if let MotionReport::Pose(pose)
+        | MotionReport::Arrived { pose, .. }
+        | MotionReport::Halted(pose) = report
         {
             self.reported = pose;
         }

@@ -139,7 +139,10 @@ impl SimulatedDrive {
             self.pose = journey.goal.pose;
             self.journey = None;
             self.unfinished = None;
-            return Some(MotionReport::Arrived(self.pose));
+            return Some(MotionReport::Arrived {
+                goal: self.pose,
+                pose: self.pose,
+            });
         }
         let share = elapsed.as_secs_f64() / journey.duration.as_secs_f64();
         self.pose = between(&journey.from, &journey.goal, share);
@@ -199,6 +202,13 @@ mod tests {
         }
     }
 
+    fn arrived(goal: MotionGoal) -> MotionReport {
+        MotionReport::Arrived {
+            goal: goal.pose,
+            pose: goal.pose,
+        }
+    }
+
     #[test]
     fn it_travels_at_its_speed_and_arrives_exactly() {
         let mut drive = SimulatedDrive::new(Pose::default(), 2.0, Duration::from_secs(60));
@@ -208,10 +218,7 @@ mod tests {
         };
         assert_eq!(pose.x, MicroUnits(2_000_000));
         assert_eq!(drive.time_left(at(1)), Some(at(4)));
-        assert_eq!(
-            drive.advance(at(5)),
-            Some(MotionReport::Arrived(goal(10.0).pose))
-        );
+        assert_eq!(drive.advance(at(5)), Some(arrived(goal(10.0))));
         assert_eq!(drive.advance(Duration::from_secs(6)), None);
         assert_eq!(drive.time_left(at(6)), None);
     }
@@ -231,7 +238,7 @@ mod tests {
         let middle = Pose::from_units(1.0 + 2.0_f64.sqrt(), 1.0 + 2.0_f64.sqrt(), quarter / 2.0);
         assert!(drive.pose().distance_to(&middle.unwrap()) < MicroUnits(10));
         assert_eq!(drive.due(), Some(at(4)));
-        assert_eq!(drive.advance(at(4)), Some(MotionReport::Arrived(goal.pose)));
+        assert_eq!(drive.advance(at(4)), Some(arrived(goal)));
     }
 
     #[test]
@@ -253,9 +260,6 @@ mod tests {
             ));
             drive.go(at(second), goal(10.0));
         }
-        assert_eq!(
-            drive.advance(at(14)),
-            Some(MotionReport::Arrived(goal(10.0).pose))
-        );
+        assert_eq!(drive.advance(at(14)), Some(arrived(goal(10.0))));
     }
 }

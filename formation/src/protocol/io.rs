@@ -56,8 +56,13 @@ impl Identity {
 pub enum MotionReport {
     /// The module is moving and has this pose now.
     Pose(Pose),
-    /// The module has reached its goal.
-    Arrived(Pose),
+    /// The module has reached a goal.
+    Arrived {
+        /// The goal, which may be an earlier one: a drive that gets a goal again after it has arrived reports that again.
+        goal: Pose,
+        /// Where the module stands, within the tolerance of the drive.
+        pose: Pose,
+    },
     /// The module has stopped.
     Halted(Pose),
     /// The module is docked to this module.

@@ -21,14 +21,22 @@ impl Agent {
                     return;
                 }
             }
-            MotionReport::Arrived(pose) => {
+            MotionReport::Arrived { goal, pose } => {
                 body.stand_at(pose, now);
+                let acting = match &mut self.stage {
+                    Stage::Acting(acting) => Some(acting),
+                    _ => None,
+                };
+                if acting
+                    .as_ref()
+                    .is_some_and(|acting| acting.seeks_other_than(&goal))
+                {
+                    return;
+                }
                 body.moving = false;
                 // A goal that waited for the store meanwhile would have the module set off again.
                 self.context.outbox.withdraw_goals();
-                if let Stage::Acting(acting) = &mut self.stage
-                    && !acting.arrive()
-                {
+                if acting.is_some_and(|acting| !acting.arrive()) {
                     return;
                 }
             }

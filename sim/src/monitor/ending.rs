@@ -157,15 +157,20 @@ impl Monitor {
     /// Whether a group surely holds a majority of every roster that may count: the rosters of which any member ever had the
     /// whole plan, from the last one on that a running module of the group saw agreed. The active members of a roster count,
     /// with the memory that it lists, and an exact half with the lowest of them is enough. Before the first agreement, the
-    /// founders are needed as well.
-    fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
+    /// founders are needed as well. A module that does not know the target, such as one that restarted while it was cut off
+    /// from the publisher, takes no part and does not count.
+    fn surely_has_quorum(&self, cluster: &Cluster, group: &BTreeSet<ModuleId>) -> bool {
+        let modules = group.iter().copied();
+        let modules: BTreeSet<ModuleId> = modules
+            .filter(|&module| knows_target(cluster, module))
+            .collect();
         let agreed = modules
             .iter()
             .filter_map(|&module| self.latest(cluster, module)?.agreed)
             .max();
         if agreed.is_none()
             && let Some(announcement) = cluster.announcement()
-            && !may_found(cluster, announcement, modules)
+            && !may_found(cluster, announcement, &modules)
         {
             return false;
         }
@@ -181,6 +186,27 @@ impl Monitor {
                 let lowest = known.active.first().filter(is_present).is_some();
                 present > known.active.len() || (present == known.active.len() && lowest)
             })
+    }
+
+    /// Whether several formations are the one exception that docs/fault_model.md states: founders that the target does not
+    /// name agreed behind a cut, and one that restarted without a store founded another formation with the rest.
+    fn is_refounded(&self, cluster: &Cluster, formed: &BTreeSet<Epoch>) -> bool {
+        let announcement = cluster.announcement();
+        if announcement.is_none_or(|announcement| !announcement.founders.is_empty()) {
+            return false;
+        }
+        let active_in = |epoch| {
+            self.rosters
+                .get(epoch)
+                .into_iter()
+                .flat_map(|known| &known.active)
+        };
+        let planned: BTreeSet<&Voter> = self.planned.iter().flat_map(active_in).collect();
+        let forgot = |now: &Voter| {
+            let mut before = planned.iter().filter(|voter| voter.module == now.module);
+            before.any(|voter| voter.memory != now.memory)
+        };
+        formed.iter().flat_map(active_in).any(forgot)
     }
 
     /// How the run has ended, if it has.
@@ -199,6 +225,7 @@ impl Monitor {
         match formed.len() {
             0 => Ending::WaitingForQuorum,
             1 => Ending::Formed,
+            _ if self.is_refounded(cluster, &formed) => Ending::Formed,
             _ => Ending::Neither,
         }
     }
@@ -235,7 +262,7 @@ impl Monitor {
             };
             self.violate(cluster.now(), kind, detail);
         }
-        if formed.len() > 1 {
+        if formed.len() > 1 && !self.is_refounded(cluster, &formed) {
             let named: Vec<String> = formed.iter().map(ToString::to_string).collect();
             self.violate(
                 cluster.now(),

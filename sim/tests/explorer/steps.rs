@@ -162,7 +162,10 @@ impl Explorer {
                     Input::Motion(MotionReport::Halted(actor.pose))
                 } else {
                     actor.pose = goal.pose;
-                    Input::Motion(MotionReport::Arrived(goal.pose))
+                    Input::Motion(MotionReport::Arrived {
+                        goal: goal.pose,
+                        pose: goal.pose,
+                    })
                 }
             }
             _ => Input::Timeout,

@@ -56,7 +56,10 @@ fn goals_go_out_each_time_and_arrival_is_judged_by_the_pose() {
         [
             MotionReport::Pose(pose(1.0, 0.0)),
             MotionReport::Pose(pose(2.0, 0.1)),
-            MotionReport::Arrived(pose(2.01, -0.02)),
+            MotionReport::Arrived {
+                goal: goal(2.0).pose,
+                pose: pose(2.01, -0.02),
+            },
         ]
     );
     // Noise of a standing module is not reported, but a displacement is.

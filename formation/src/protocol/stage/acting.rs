@@ -153,6 +153,12 @@ impl Acting {
         self.steps_done
     }
 
+    /// Whether it moves to another goal than this one, so that a report that the drive has reached this one comes late.
+    pub fn seeks_other_than(&self, goal: &Pose) -> bool {
+        let moves = matches!(self.task, Task::Moving { .. });
+        moves && self.goal().is_some_and(|present| present.pose != *goal)
+    }
+
     /// The drive has reached its goal. Returns whether other modules should know this at once.
     pub fn arrive(&mut self) -> bool {
         if !matches!(self.task, Task::Moving { .. }) {
