@@ -50,6 +50,23 @@ impl Monitor {
             .is_some_and(|state| state.service == Service::Active)
     }
 
+    /// The modules that can reach each other. Of those that are cut off from the publisher, one that listens and has not received the
+    /// target since it started takes no part in anything.
+    fn groups(&self, cluster: &Cluster) -> Vec<BTreeSet<ModuleId>> {
+        let takes_part = |&module: &ModuleId| {
+            let heartbeat = self.heartbeat(cluster, module);
+            let is_started =
+                heartbeat.is_some_and(|heartbeat| heartbeat.phase != ModulePhase::Listening);
+            is_started || knows_target(cluster, module)
+        };
+        let mut groups = cluster.parts();
+        for cut_off in groups.iter_mut().skip(1) {
+            cut_off.retain(takes_part);
+        }
+        groups.retain(|group| !group.is_empty());
+        groups
+    }
+
     fn part(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> Part {
         let active = modules
             .iter()
@@ -157,20 +174,15 @@ impl Monitor {
     /// Whether a group surely holds a majority of every roster that may count: the rosters of which any member ever had the
     /// whole plan, from the last one on that a running module of the group saw agreed. The active members of a roster count,
     /// with the memory that it lists, and an exact half with the lowest of them is enough. Before the first agreement, the
-    /// founders are needed as well. A module that does not know the target, such as one that restarted while it was cut off
-    /// from the publisher, takes no part and does not count.
-    fn surely_has_quorum(&self, cluster: &Cluster, group: &BTreeSet<ModuleId>) -> bool {
-        let modules = group.iter().copied();
-        let modules: BTreeSet<ModuleId> = modules
-            .filter(|&module| knows_target(cluster, module))
-            .collect();
+    /// founders are needed as well.
+    fn surely_has_quorum(&self, cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
         let agreed = modules
             .iter()
             .filter_map(|&module| self.latest(cluster, module)?.agreed)
             .max();
         if agreed.is_none()
             && let Some(announcement) = cluster.announcement()
-            && !may_found(cluster, announcement, &modules)
+            && !may_found(cluster, announcement, modules)
         {
             return false;
         }
@@ -212,7 +224,7 @@ impl Monitor {
     /// How the run has ended, if it has.
     pub fn ending(&self, cluster: &Cluster) -> Ending {
         let mut formed = BTreeSet::new();
-        for modules in cluster.parts().iter().filter(|part| !part.is_empty()) {
+        for modules in &self.groups(cluster) {
             match self.part(cluster, modules) {
                 Part::Formed(epoch) => {
                     formed.insert(epoch);
@@ -233,7 +245,7 @@ impl Monitor {
     /// Records what is wrong with the end of a run.
     pub fn judge_end(&mut self, cluster: &Cluster) {
         let mut formed = BTreeSet::new();
-        for modules in cluster.parts().iter().filter(|part| !part.is_empty()) {
+        for modules in &self.groups(cluster) {
             let (kind, detail) = match self.part(cluster, modules) {
                 Part::Formed(epoch) => {
                     formed.insert(epoch);

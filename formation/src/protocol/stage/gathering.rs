@@ -196,10 +196,7 @@ impl Gathering {
         members.push(context.as_member(&announcement));
         members.sort_by_key(|member| member.module.id);
         let is_active = |member: &RosterMember| member.service == Service::Active;
-        if !members.iter().any(is_active) {
-            // There is nothing to plan until a member takes part again.
-            return Step::Stay(Stage::Gathering(self));
-        }
+        let some_is_active = members.iter().any(is_active);
         let voters: Vec<Voter> = members.iter().map(RosterMember::voter).collect();
         let mut roster = Roster {
             epoch: self.epoch,
@@ -229,7 +226,10 @@ impl Gathering {
             // The members stay frozen, and the gathering continues when more modules are within reach.
             return Step::Stay(Stage::Gathering(self));
         }
-        // Judged after the quorum: a group without one waits for it, whatever bodies block.
+        // Judged after the quorum: a group without one waits for it, even if nothing could be planned.
+        if !some_is_active {
+            return Step::Stay(Stage::Gathering(self));
+        }
         let Some(open) = roster.open_target() else {
             // Bodies block every spot.
             context.report_blocked(roster.blocked_spots());
