@@ -3,7 +3,7 @@
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
 use formation::model::ModuleId;
-use formation::motion;
+use formation::motion::{self, DockingAction};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::REASON_BYTES_MAX;
@@ -32,10 +32,14 @@ pub struct DockingResult {
     pub reason: String,
 }
 
-impl DockingRequest {
-    pub const ACTION_DOCK: u8 = 1;
-    pub const ACTION_UNDOCK: u8 = 2;
+enumeration! {
+    DockingRequest "action": action_to_wire, docking_action => DockingAction {
+        ACTION_DOCK DOCK 1 = Dock,
+        ACTION_UNDOCK UNDOCK 2 = Undock,
+    }
+}
 
+impl DockingRequest {
     /// A module's request, as it goes out.
     #[must_use]
     pub fn new(header: Header, module: ModuleId, request: &motion::DockingRequest) -> Self {
@@ -43,16 +47,37 @@ impl DockingRequest {
             header,
             module_id: module.0,
             request: request.request,
-            action: match request.action {
-                motion::DockingAction::Dock => Self::ACTION_DOCK,
-                motion::DockingAction::Undock => Self::ACTION_UNDOCK,
-            },
+            action: action_to_wire(request.action),
             other_module_id: request.other.0,
         }
     }
 }
 
+impl DockingRequest {
+    pub(crate) fn validated(self) -> Checked<(ModuleId, motion::DockingRequest)> {
+        let module = check::id("module_id", self.module_id, ModuleId)?;
+        let request = motion::DockingRequest {
+            request: self.request,
+            action: docking_action(self.action)?,
+            other: check::id("other_module_id", self.other_module_id, ModuleId)?,
+        };
+        Ok((module, request))
+    }
+}
+
 impl DockingResult {
+    /// The answer of a module's driver.
+    #[must_use]
+    pub fn new(header: Header, module: ModuleId, result: motion::DockingResult) -> Self {
+        Self {
+            header,
+            module_id: module.0,
+            request: result.request,
+            success: result.outcome.is_ok(),
+            reason: result.outcome.err().unwrap_or_default(),
+        }
+    }
+
     /// The refusal of a result that came on another module's topic.
     #[must_use]
     pub fn of_another(named: ModuleId) -> MessageError {

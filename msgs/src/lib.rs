@@ -210,5 +210,6 @@ validated! {
     Roster => model::RosterMessage, topic::ROSTER, with_lengths;
     SpotClaim => model::SpotClaim, topic::CLAIMS;
     TargetConfiguration => model::TargetAnnouncement, topic::TARGET, with_lengths;
+    DockingRequest => (model::ModuleId, motion::DockingRequest), topic::DOCKING;
     DockingResult => (model::ModuleId, motion::DockingResult), topic::DOCKING_RESULT;
 }

@@ -6,11 +6,13 @@ mod external;
 mod fault;
 pub mod paths;
 mod planned;
+mod world_report;
 
 pub use docking::{DockingAction, DockingRequest, DockingResult};
 pub use external::{DriveCommand, ExternalDrive, ExternalParameters};
 pub use fault::DriveFault;
 pub use planned::PlannedMotion;
+pub use world_report::WorldReport;
 
 use std::time::Duration;
 

@@ -1,0 +1,248 @@
+//! The node that plays the drivers of all modules of a scenario.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use async_channel::Receiver;
+use formation::model::{ModuleId, ModuleSize, Pose, Scenario};
+use formation::motion::{self, PlannedMotion, WorldReport};
+use formation_msgs::external::geometry_msgs::{self, PoseStamped, PoseWithCovariance};
+use formation_msgs::external::nav_msgs::Odometry;
+use formation_msgs::{DockingResult, DriverPose, IntoCore};
+use formation_node::messages::module_size_of;
+use formation_node::{stamp, topics};
+use ros_runtime::PublisherQueue;
+use ros_runtime::inputs::Inputs;
+use ros_runtime::node::Node;
+use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::settings::Settings;
+
+use crate::World;
+use crate::options::{PoseSource, WorldOptions};
+
+const NODE_NAME: &str = "world";
+
+/// The world moves on this often.
+const INTERVAL: Duration = Duration::from_millis(16);
+/// When the process did not run for longer, the world stood still.
+const ELAPSED_MAX: Duration = Duration::from_millis(200);
+/// The least time between two reports.
+const REPORT_INTERVAL: Duration = Duration::from_millis(200);
+
+/// A process that plays the robots of a scenario.
+pub struct WorldProcess {
+    /// Its place in the ROS 2 graph.
+    pub settings: Settings,
+    /// The modules, the obstacles and the walls.
+    pub scenario: Scenario,
+    /// How robots move, measure and dock.
+    pub options: WorldOptions,
+}
+
+/// What a driver gets.
+enum Command {
+    Goal(Pose),
+    Docking(motion::DockingRequest),
+}
+
+impl WorldProcess {
+    /// Plays the robots until `stop` yields, then leaves the graph. `notify` gets the counts whenever they change.
+    ///
+    /// # Errors
+    /// Modules start where there are no paths, or blocks have a drive that cannot move them, or the graph could not be joined.
+    pub fn run(
+        &self,
+        stop: &Receiver<()>,
+        mut notify: impl FnMut(&WorldReport),
+    ) -> Result<(), SessionError> {
+        let problem = self.scenario.problem();
+        let refused = PlannedMotion::offline(problem).check_for_robots();
+        refused.map_err(SessionError::BadInput)?;
+        let mut world = World::new(problem, self.options.clone());
+        rejoining(|| self.play(&mut world, stop, &mut notify))
+    }
+
+    fn play(
+        &self,
+        world: &mut World,
+        stop: &Receiver<()>,
+        notify: &mut dyn FnMut(&WorldReport),
+    ) -> Result<(), SessionError> {
+        let declarations = self.options.declarations();
+        let parameters = self.settings.declare(NODE_NAME, declarations)?;
+        let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
+        let frame_id = self.scenario.problem().target().frame_id();
+        let mut inputs = Inputs::default();
+        let mut drivers = Vec::new();
+        for module in world.modules() {
+            subscribe(&mut session, &mut inputs, module, frame_id)?;
+            drivers.push(Driver {
+                module,
+                poses: match self.options.pose_source {
+                    PoseSource::Pose => {
+                        Poses::Pose(session.publisher(&topics::driver_pose(module))?)
+                    }
+                    PoseSource::Odometry => {
+                        Poses::Odometry(session.publisher(&topics::driver_odometry(module))?)
+                    }
+                },
+                results: session.publisher(&topics::docking_result(module))?,
+            });
+        }
+        let mut node = WorldNode {
+            module_size: module_size_of(&session),
+            frame_id,
+            options: &self.options,
+            world,
+            drivers,
+            advanced: Instant::now(),
+            notify,
+            reported: (Instant::now(), None),
+        };
+        let ended = session.run(&mut node, inputs, stop);
+        node.report();
+        ended
+    }
+}
+
+/// Subscribes what the module sends to its driver.
+fn subscribe(
+    session: &mut Session,
+    inputs: &mut Inputs<(ModuleId, Command)>,
+    module: ModuleId,
+    frame_id: &str,
+) -> Result<(), SessionError> {
+    let size = module_size_of(session);
+    let frame_id = frame_id.to_owned();
+    let goals = session.subscription(&topics::goal_pose(module), move |_, goal: PoseStamped| {
+        let pose = goal.in_frame(&frame_id, size);
+        pose.map_err(|error| error.to_string())
+    })?;
+    let requests = session.subscription(&topics::docking(module), move |_, request| {
+        let request: formation_msgs::DockingRequest = request;
+        match request.into_core(size) {
+            Ok((named, request)) if named == module => Ok(request),
+            Ok((named, _)) => Err(format!("names {named}, on a topic of {module}")),
+            Err(error) => Err(error.to_string()),
+        }
+    })?;
+    inputs.add(goals, move |goal| (module, Command::Goal(goal)));
+    inputs.add(requests, move |request| (module, Command::Docking(request)));
+    Ok(())
+}
+
+/// What the driver of one module publishes.
+struct Driver {
+    module: ModuleId,
+    poses: Poses,
+    results: PublisherQueue<DockingResult>,
+}
+
+enum Poses {
+    Pose(PublisherQueue<PoseStamped>),
+    Odometry(PublisherQueue<Odometry>),
+}
+
+struct WorldNode<'a> {
+    module_size: ModuleSize,
+    frame_id: &'a str,
+    options: &'a WorldOptions,
+    world: &'a mut World,
+    /// By module, ascending.
+    drivers: Vec<Driver>,
+    /// Until when the world has moved on.
+    advanced: Instant,
+    notify: &'a mut dyn FnMut(&WorldReport),
+    /// What was reported last, and when.
+    reported: (Instant, Option<WorldReport>),
+}
+
+impl Node for WorldNode<'_> {
+    type Input = (ModuleId, Command);
+
+    fn handle(&mut self, (module, command): (ModuleId, Command)) {
+        match command {
+            Command::Goal(goal) => self.world.handle_goal(module, &goal),
+            Command::Docking(request) => self.world.handle_request(module, request),
+        }
+    }
+
+    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        let now = Instant::now();
+        let elapsed = now.saturating_duration_since(self.advanced);
+        self.advanced = now;
+        self.world.advance(elapsed.min(ELAPSED_MAX));
+        while let Some((module, pose)) = self.world.poll_pose() {
+            self.publish_pose(module, &pose);
+        }
+        while let Some((module, result)) = self.world.poll_result() {
+            let header = stamp::header(self.frame_id);
+            let sample = DockingResult::new(header, module, result);
+            if let Some(driver) = self.driver(module) {
+                driver.results.publish(sample);
+            }
+        }
+        if now >= self.reported.0 + REPORT_INTERVAL {
+            self.report();
+        }
+        Ok(ControlFlow::Continue(()))
+    }
+
+    fn due(&self) -> Option<Instant> {
+        Some(self.advanced + INTERVAL)
+    }
+
+    /// The world is set up with its parameters.
+    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}
+
+impl WorldNode<'_> {
+    fn driver(&self, module: ModuleId) -> Option<&Driver> {
+        let index = self
+            .drivers
+            .binary_search_by_key(&module, |driver| driver.module);
+        self.drivers.get(index.ok()?)
+    }
+
+    fn publish_pose(&self, module: ModuleId, pose: &Pose) {
+        let Some(driver) = self.driver(module) else {
+            return;
+        };
+        let header = stamp::header(self.frame_id);
+        let pose = geometry_msgs::Pose::new(pose, self.module_size);
+        match &driver.poses {
+            Poses::Pose(queue) => queue.publish(PoseStamped { header, pose }),
+            Poses::Odometry(queue) => queue.publish(Odometry {
+                header,
+                child_frame_id: format!("module_{}", module.0),
+                pose: PoseWithCovariance {
+                    pose,
+                    covariance: self.covariance(),
+                },
+                twist: geometry_msgs::TwistWithCovariance::default(),
+            }),
+        }
+    }
+
+    /// How sure measured poses are, in metres and radians.
+    fn covariance(&self) -> [[f64; 6]; 6] {
+        let mut covariance = [[0.0; 6]; 6];
+        let noise = self.module_size.scale_to_metres(self.options.noise);
+        covariance[0][0] = noise * noise;
+        covariance[1][1] = noise * noise;
+        covariance[5][5] = self.options.heading_noise * self.options.heading_noise;
+        covariance
+    }
+
+    /// Reports the counts, if they changed.
+    fn report(&mut self) {
+        let report = self.world.report();
+        if self.reported.1.as_ref() != Some(&report) {
+            (self.notify)(&report);
+            self.reported = (Instant::now(), Some(report));
+        }
+    }
+}
