@@ -193,6 +193,8 @@ pub struct MotionArguments {
     /// A shell command that drives all modules; the run starts and stops it.
     #[arg(long, value_name = "COMMAND")]
     pub driver: Option<String>,
+    #[command(flatten)]
+    pub world: WorldArguments,
     /// The robots stay where they are when their processes end, so that their bodies block spots; without this, the run
     /// reports the bodies of simulated modules whose process ended as removed [default with --motion external]
     #[arg(long)]
@@ -205,9 +207,9 @@ pub struct MotionArguments {
 impl MotionArguments {
     /// What moves the modules.
     pub fn mode(&self) -> &str {
-        let default = match self.driver {
-            Some(_) => EXTERNAL,
-            None => SIMULATED,
+        let default = match &self.driver {
+            None if !self.world.world => SIMULATED,
+            _ => EXTERNAL,
         };
         self.motion.as_deref().unwrap_or(default)
     }
@@ -220,6 +222,44 @@ impl MotionArguments {
     /// Whether robots outlive their processes.
     pub fn bodies_stay(&self) -> bool {
         self.bodies_stay || self.is_external()
+    }
+}
+
+/// A physical world that plays the robots.
+#[derive(Debug, Args)]
+pub struct WorldArguments {
+    /// Have a physical world play all robots: rigid bodies with forces, which slip, touch and dock. --speed is theirs.
+    #[arg(long, conflicts_with_all = ["driver", "motion"])]
+    pub world: bool,
+    /// In the world: robots lose up to this share of a commanded velocity.
+    #[arg(long, value_name = "SHARE", requires = "world")]
+    slip: Option<f64>,
+    /// In the world: the standard deviation of measured poses, in units and in radians.
+    #[arg(long, value_name = "NOISE", requires = "world")]
+    noise: Option<f64>,
+    /// Pass this option to the world, for example --world-option=--docking-failure=0.2; may be repeated.
+    #[arg(
+        long,
+        value_name = "OPTION",
+        allow_hyphen_values = true,
+        requires = "world"
+    )]
+    world_option: Vec<String>,
+}
+
+impl WorldArguments {
+    /// The options of the program `world`.
+    pub fn options(&self) -> Vec<String> {
+        let given = [
+            ("slip", self.slip),
+            ("noise", self.noise),
+            ("heading-noise", self.noise),
+        ];
+        let given = given.into_iter();
+        given
+            .filter_map(|(name, value)| Some(format!("--{name}={}", value?)))
+            .chain(self.world_option.iter().cloned())
+            .collect()
     }
 }
 

@@ -22,7 +22,8 @@ impl PhysicsHooks for DockedBodies<'_> {
             let collider: &rapier2d::geometry::Collider = &pair.colliders[handle];
             module_of(collider.user_data).and_then(|module| self.0.get(module))
         };
-        let is_docked = body(pair.collider1).is_some() && body(pair.collider1) == body(pair.collider2);
+        let is_docked =
+            body(pair.collider1).is_some() && body(pair.collider1) == body(pair.collider2);
         (!is_docked).then_some(SolverFlags::COMPUTE_RIGID_IMPULSES)
     }
 }
@@ -70,7 +71,11 @@ pub(crate) struct Contacts {
 
 impl Contacts {
     /// Notes how modules move before the physics keeps bodies apart.
-    pub fn note_motions(&mut self, physics: &PhysicsWorld, bodies: impl Iterator<Item = rapier2d::dynamics::RigidBodyHandle>) {
+    pub fn note_motions(
+        &mut self,
+        physics: &PhysicsWorld,
+        bodies: impl Iterator<Item = rapier2d::dynamics::RigidBodyHandle>,
+    ) {
         self.motions.clear();
         self.motions.extend(bodies.map(|handle| {
             let body = &physics.bodies[handle];
@@ -111,7 +116,12 @@ impl Contacts {
     }
 
     /// How two bodies meet; `None` if they do not touch.
-    fn meeting(&self, pair: &ContactPair, modules: [Option<usize>; 2], physics: &PhysicsWorld) -> Option<Meeting> {
+    fn meeting(
+        &self,
+        pair: &ContactPair,
+        modules: [Option<usize>; 2],
+        physics: &PhysicsWorld,
+    ) -> Option<Meeting> {
         let manifold = pair.manifolds().iter().max_by(|one, other| {
             let depth = |points: &[_]| deepest(points);
             depth(&one.points).total_cmp(&depth(&other.points))
@@ -121,7 +131,9 @@ impl Contacts {
             return None;
         }
         let point = manifold.points.first()?;
-        let at = physics.colliders[pair.collider1].position().transform_point(point.local_p1);
+        let at = physics.colliders[pair.collider1]
+            .position()
+            .transform_point(point.local_p1);
         let velocity = |module: Option<usize>| {
             let motion = module.and_then(|module| self.motions.get(module));
             motion.map_or(Vector::ZERO, |motion| motion.at(at))

@@ -5,7 +5,9 @@ use std::f32::consts::FRAC_PI_2;
 use std::time::Duration;
 
 use formation::motion::DockingRequest;
-use rapier2d::dynamics::{FixedJointBuilder, ImpulseJointHandle, RigidBodyHandle, SpringCoefficients};
+use rapier2d::dynamics::{
+    FixedJointBuilder, ImpulseJointHandle, RigidBodyHandle, SpringCoefficients,
+};
 use rapier2d::math::{Pose, Real, Rotation, Vector};
 use rapier2d::pipeline::PhysicsWorld;
 
@@ -150,19 +152,37 @@ impl Links {
     }
 
     /// Docks two modules as they stand to each other at the start.
-    pub fn hold(&mut self, one: usize, other: usize, placed: &[Placed], physics: &mut PhysicsWorld) {
+    pub fn hold(
+        &mut self,
+        one: usize,
+        other: usize,
+        placed: &[Placed],
+        physics: &mut PhysicsWorld,
+    ) {
         let ends = key(one, other);
         self.join(ends, relative(placed, ends, physics), placed, physics);
     }
 
     /// Docks two modules side to side.
-    pub fn dock(&mut self, one: usize, other: usize, placed: &[Placed], physics: &mut PhysicsWorld) {
+    pub fn dock(
+        &mut self,
+        one: usize,
+        other: usize,
+        placed: &[Placed],
+        physics: &mut PhysicsWorld,
+    ) {
         let ends = key(one, other);
         let rest = side(&relative(placed, ends, physics));
         self.join(ends, rest, placed, physics);
     }
 
-    fn join(&mut self, ends: (usize, usize), rest: Pose, placed: &[Placed], physics: &mut PhysicsWorld) {
+    fn join(
+        &mut self,
+        ends: (usize, usize),
+        rest: Pose,
+        placed: &[Placed],
+        physics: &mut PhysicsWorld,
+    ) {
         let link = Link {
             rest,
             joint: Some(joint(placed, ends, &rest, physics)),

@@ -147,10 +147,7 @@ impl Drive {
         body.apply_impulse(impulse, true);
         let limit = TURN_ACCELERATION * limit;
         let change = (wanted.angular * turning - body.angvel()).clamp(-limit, limit);
-        let inertia = body
-            .mass_properties()
-            .local_mprops
-            .principal_inertia();
+        let inertia = body.mass_properties().local_mprops.principal_inertia();
         body.apply_torque_impulse(change * inertia, true);
     }
 }

@@ -2,7 +2,9 @@
 
 use std::time::Duration;
 
-use ros_runtime::parameters::{ParameterValue, Range, Tunable, Tunables, ValueType, as_number, choice, number};
+use ros_runtime::parameters::{
+    ParameterValue, Range, Tunable, Tunables, ValueType, as_number, choice, number,
+};
 use ros_runtime::words::Words;
 
 use crate::drive::DriveKind;
@@ -18,7 +20,8 @@ pub enum PoseSource {
 }
 
 impl Words for PoseSource {
-    const WORDS: &'static [(&'static str, Self)] = &[("pose", Self::Pose), ("odom", Self::Odometry)];
+    const WORDS: &'static [(&'static str, Self)] =
+        &[("pose", Self::Pose), ("odom", Self::Odometry)];
 }
 
 /// How the robots of the world move, measure and dock.

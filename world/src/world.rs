@@ -96,7 +96,10 @@ impl World {
         };
         let placed = world.placed();
         for (index, module) in modules.iter().enumerate() {
-            let others = module.links.iter().filter_map(|link| world.indices.get(link));
+            let others = module
+                .links
+                .iter()
+                .filter_map(|link| world.indices.get(link));
             for &other in others.filter(|&&other| other > index) {
                 world.links.hold(index, other, &placed, &mut world.physics);
             }
@@ -225,7 +228,8 @@ impl World {
         let (now, placed) = (self.now(), self.placed());
         self.links.fold(now, &placed, &mut self.physics);
         let bodies: Vec<RigidBodyHandle> = placed.iter().map(|one| one.body).collect();
-        self.contacts.note_motions(&self.physics, bodies.into_iter());
+        self.contacts
+            .note_motions(&self.physics, bodies.into_iter());
         self.drive();
         let docked = DockedBodies(self.links.bodies());
         self.physics.step_with_events(&docked, &());
@@ -281,9 +285,7 @@ impl World {
             };
             let (module, number) = (robot.module, request.request);
             let stage = match self.indices.get(&request.other).copied() {
-                Some(other) if other != index => {
-                    self.attempt(index, other, request.action, since)
-                }
+                Some(other) if other != index => self.attempt(index, other, request.action, since),
                 _ => {
                     let reason = format!("the world has no other {}", request.other);
                     self.answer(module, number, Err(reason));
@@ -332,8 +334,7 @@ impl World {
             return AttemptStage::Failed;
         }
         let placed = self.placed();
-        self.links
-            .dock(index, other, &placed, &mut self.physics);
+        self.links.dock(index, other, &placed, &mut self.physics);
         AttemptStage::Done
     }
 }

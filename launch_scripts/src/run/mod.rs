@@ -62,6 +62,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     }
     let scenario = scenario_file::load(path)?;
     let programs = Programs::next_to_launcher()?;
+    if arguments.motion.world.world {
+        programs.require(start::WORLD)?;
+    }
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();
     let middleware = router::middleware(arguments, hosts.len())?;

@@ -8,7 +8,7 @@ use std::process::Command;
 use anyhow::{Context, anyhow};
 use ros_runtime::exit::Failure;
 
-/// The programs that a run starts.
+/// The programs that every run starts.
 pub const PROGRAMS: [&str; 4] = [
     "module_agent",
     "leader_agent",
@@ -35,16 +35,26 @@ impl Programs {
     }
 
     fn in_directory(directory: PathBuf) -> Result<Self, Failure> {
-        if let Some(missing) = PROGRAMS
-            .iter()
-            .find(|program| !directory.join(program).is_file())
-        {
-            return Err(Failure::BadInput(anyhow!(
-                "{} is missing; build it next to the launcher with `cargo build --release`",
-                directory.join(missing).display()
-            )));
+        let programs = Self { directory };
+        for program in PROGRAMS {
+            programs.require(program)?;
         }
-        Ok(Self { directory })
+        Ok(programs)
+    }
+
+    /// Checks that a program is there.
+    ///
+    /// # Errors
+    /// Names the program, and how to build it.
+    pub fn require(&self, program: &str) -> Result<(), Failure> {
+        let path = self.directory.join(program);
+        if path.is_file() {
+            return Ok(());
+        }
+        Err(Failure::BadInput(anyhow!(
+            "{} is missing; build it next to the launcher with `cargo build --release`",
+            path.display()
+        )))
     }
 
     /// A command that runs one of the programs.

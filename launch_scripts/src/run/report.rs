@@ -7,6 +7,7 @@ use anyhow::anyhow;
 use formation::event_log::milliseconds;
 use formation::model::text::listed_in_full;
 use formation::model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
+use formation::motion::WorldReport;
 use formation::verify::{Outcome, outcome_text};
 use formation_report::Fact;
 use ros_runtime::exit::Failure;
@@ -63,6 +64,9 @@ pub struct RunReport {
     collision_reason: Option<String>,
     /// The spots that bodies block, by the verdict.
     blocked_spots: Vec<BlockedSpot>,
+    /// What the physical world counted, if there was one.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    world: Option<WorldReport>,
     #[serde(skip)]
     filled_spots: usize,
     #[serde(skip)]
@@ -133,6 +137,7 @@ impl RunReport {
             collision_free: None,
             collision_reason: None,
             blocked_spots: Vec::new(),
+            world: observed.world.clone(),
         };
         let statistics = &mut report.plan.statistics;
         match judgement {
@@ -223,6 +228,7 @@ impl RunReport {
         let blocked = self.blocked_spots.iter();
         lines.extend(blocked.map(|blocked| format!("blocked: {blocked}")));
         lines.extend(self.collision_note());
+        lines.extend(self.world_note());
         lines.push(self.outcome_text());
         lines.join("\n")
     }
@@ -244,6 +250,12 @@ impl RunReport {
     fn collision_note(&self) -> Option<String> {
         let reason = self.collision_reason.as_ref();
         reason.map(|reason| format!("{NOT_COLLISION_FREE}: {reason}"))
+    }
+
+    /// What the physical world counted, if there was one.
+    fn world_note(&self) -> Option<String> {
+        let world = self.world.as_ref();
+        world.map(|world| format!("world: {world}"))
     }
 
     /// The verdict in one line.
@@ -278,16 +290,19 @@ impl RunReport {
         }
     }
 
-    /// The durations of the parts of the run.
+    /// The durations of the parts of the run, and what the physical world counted.
     pub fn facts(&self) -> Vec<Fact> {
-        [
+        let times = [
             ("all joined after", self.discovery_ms),
             ("from the roster to the last claim", self.planning_ms),
             ("from the first motion to the end", self.acting_ms),
         ]
         .into_iter()
-        .filter_map(|(what, time)| Some(Fact::new(what, format!("{} ms", time?))))
-        .collect()
+        .filter_map(|(what, time)| Some(Fact::new(what, format!("{} ms", time?))));
+        let world = self.world.iter();
+        times
+            .chain(world.map(|world| Fact::new("in the physical world", world.to_string())))
+            .collect()
     }
 
     /// All that is wrong, one sentence each.

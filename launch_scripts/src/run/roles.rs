@@ -20,6 +20,8 @@ pub struct ProcessRoles {
     pub verifier: ProcessId,
     /// Announces the target, which the modules then know.
     pub target_publisher: ProcessId,
+    /// Plays the robots, if a physical world does; without it no robot moves.
+    pub world: Option<ProcessId>,
     /// The processes of modules, each with those that it hosts.
     pub agents: BTreeMap<ProcessId, Vec<ModuleId>>,
 }
@@ -124,10 +126,11 @@ mod tests {
 
     #[test]
     fn a_run_continues_after_a_death_and_not_after_a_failure_at_the_start() {
-        let [verifier, agent, target_publisher, driver] = ProcessId::some();
+        let [verifier, agent, target_publisher, driver, world] = ProcessId::some();
         let roles = ProcessRoles {
             verifier,
             target_publisher,
+            world: Some(world),
             agents: BTreeMap::from([(agent, vec![ModuleId(4)])]),
         };
         let killed = ExitStatus::from_raw(9);
@@ -143,6 +146,7 @@ mod tests {
             (target_publisher, killed, false, true, true),
             (verifier, killed, true, true, false),
             (driver, exited(0), true, true, false),
+            (world, killed, true, true, false),
         ] {
             assert_eq!(
                 roles.can_continue_without(process, status, all_joined, target_is_known),

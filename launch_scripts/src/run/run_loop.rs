@@ -6,6 +6,7 @@ use std::time::{Duration, Instant};
 
 use formation::model::ModuleId;
 use formation::model::text::listed_in_full;
+use formation::motion::WorldReport;
 use formation::verify::{AgreementReport, Outcome, Progress, ReportLine, VerdictReport};
 
 use super::display::Display;
@@ -61,6 +62,8 @@ pub struct Observed {
     pub recording: Recording,
     /// The processes that ended while the run continued.
     pub deaths: Deaths,
+    /// What the physical world counted, if there is one.
+    pub world: Option<WorldReport>,
     /// Whether the time was up before a verdict was final.
     pub timed_out: bool,
 }
@@ -123,7 +126,10 @@ impl RunLoop<'_, '_> {
                 ProcessEvent::Line(process, line) if process == self.roles.verifier => {
                     self.take_line(&line, &mut set_aside)
                 }
-                ProcessEvent::Line(..) => None,
+                ProcessEvent::Line(process, line) => {
+                    self.take_other_line(process, &line);
+                    None
+                }
                 ProcessEvent::Exited(process, status) => self.take_exit(process, status),
                 ProcessEvent::Interrupted(signal) => Some(RunEnd::Interrupted(signal)),
                 ProcessEvent::TimedOut if Instant::now() < self.deadline => {
@@ -188,6 +194,19 @@ impl RunLoop<'_, '_> {
                 ));
                 None
             }
+        }
+    }
+
+    /// Takes in a line of another process: the world reports what it counts.
+    fn take_other_line(&mut self, process: ProcessId, line: &str) {
+        if self.roles.world != Some(process) {
+            return;
+        }
+        match serde_json::from_str(line) {
+            Ok(report) => self.observed.world = Some(report),
+            Err(error) => self.display.note(&format!(
+                "warning: the world wrote a line that cannot be read ({error}): {line}"
+            )),
         }
     }
 
@@ -291,7 +310,8 @@ impl RunLoop<'_, '_> {
             match self.supervisor.next(deadline) {
                 ProcessEvent::Exited(process, _) if process == self.roles.verifier => break,
                 ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) => break,
-                ProcessEvent::Exited(..) | ProcessEvent::Line(..) => {}
+                ProcessEvent::Line(process, line) => self.take_other_line(process, &line),
+                ProcessEvent::Exited(..) => {}
             }
         }
     }
@@ -326,6 +346,7 @@ mod tests {
         let roles = ProcessRoles {
             verifier: processes[0],
             target_publisher: processes[1],
+            world: None,
             agents: agents
                 .map(|(process, module)| (process, vec![ModuleId(module)]))
                 .collect(),

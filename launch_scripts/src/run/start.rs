@@ -23,6 +23,9 @@ use crate::arguments::{ON, RunArguments};
 /// 0.7 s for 17 and 1.6 s for 25 with them, 0.6 s and 1.1 s without, but 7.1 s for 40 against 3.4 s.
 const PARAMETER_SERVICES_PROCESSES_MAX: usize = 25;
 
+/// The program that plays the robots of a scenario.
+pub const WORLD: &str = "world";
+
 /// What to start, and where.
 pub struct Start<'a> {
     /// The user's choices.
@@ -53,6 +56,7 @@ impl Start<'_> {
         if let Some(driver) = &self.arguments.motion.driver {
             self.driver(supervisor, driver)?;
         }
+        let world = self.world(supervisor)?;
         let agents = self.agents(supervisor)?;
         let modules = self.problem.modules().iter();
         let ids: Vec<String> = modules.map(|module| module.id.0.to_string()).collect();
@@ -71,6 +75,7 @@ impl Start<'_> {
         Ok(ProcessRoles {
             verifier,
             target_publisher,
+            world,
             agents,
         })
     }
@@ -176,6 +181,20 @@ impl Start<'_> {
             .with_context(|| format!("cannot start the driver `{driver}`"))
             .map_err(Failure::Failed)
             .map(drop)
+    }
+
+    /// Starts the physical world, if there is to be one.
+    fn world(&self, supervisor: &mut Supervisor) -> Result<Option<ProcessId>, Failure> {
+        let motion = &self.arguments.motion;
+        if !motion.world.world {
+            return Ok(None);
+        }
+        let mut options = motion.world.options();
+        options.insert(0, format!("--speed={}", motion.speed));
+        let options: Vec<&str> = options.iter().map(String::as_str).collect();
+        let name = WORLD.to_owned();
+        let process = self.program(supervisor, WORLD, name, &options, Output::Results)?;
+        Ok(Some(process))
     }
 
     fn program(

@@ -64,7 +64,7 @@ pub struct Twist {
 }
 
 /// A velocity and how sure it is.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct TwistWithCovariance {
     pub twist: Twist,
     /// Row by row; on the wire the same as the package's array of 36.

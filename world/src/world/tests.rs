@@ -1,4 +1,7 @@
-#![allow(clippy::unwrap_used, reason = "a failure in a helper fails the test that calls it")]
+#![allow(
+    clippy::unwrap_used,
+    reason = "a failure in a helper fails the test that calls it"
+)]
 
 use formation::model::Scenario;
 
@@ -67,7 +70,12 @@ fn dock(other: ModuleId, action: DockingAction, request: u64) -> DockingRequest 
 }
 
 /// Repeats a request like a module does, until it is answered or the time is up.
-fn ask(world: &mut World, module: ModuleId, request: DockingRequest, time: Duration) -> Option<Result<(), String>> {
+fn ask(
+    world: &mut World,
+    module: ModuleId,
+    request: DockingRequest,
+    time: Duration,
+) -> Option<Result<(), String>> {
     let interval = Duration::from_millis(500);
     let mut passed = Duration::ZERO;
     while passed < time {
@@ -113,7 +121,10 @@ fn a_robot_that_is_pushed_moves_and_is_not_penetrated() {
     drive(&mut world, &[(ONE, pose(6.0, 0.0, 0.0))], 6 * SECOND);
     let (pusher, pushed) = (at(&world, ONE), at(&world, TWO));
     assert!(pushed.0 > 3.2, "{pushed:?} was not pushed");
-    assert!(pushed.0 - pusher.0 > 0.9 - 0.01, "{pusher:?} is in {pushed:?}");
+    assert!(
+        pushed.0 - pusher.0 > 0.9 - 0.01,
+        "{pusher:?} is in {pushed:?}"
+    );
     let report = world.report();
     assert_eq!(report.contacts, 1, "{report:?}");
     assert_eq!(report.contacts_above_touch, 1, "{report:?}");
@@ -151,7 +162,10 @@ fn a_docked_pair_moves_as_one_body_and_folds() {
     // The goal of one comes a little later.
     drive(&mut world, &there[..1], Duration::from_millis(400));
     let (one, other) = (at(&world, THREE), at(&world, FOURTH));
-    assert!((one.1 - other.1).abs() < 0.2, "{one:?} {other:?} are torn apart");
+    assert!(
+        (one.1 - other.1).abs() < 0.2,
+        "{one:?} {other:?} are torn apart"
+    );
     drive(&mut world, &there, 5 * SECOND);
     assert_at(&world, THREE, (0.0, 8.0, 0.0), 0.01);
     assert_at(&world, FOURTH, (1.0, 8.0, 0.0), 0.01);
@@ -167,7 +181,11 @@ fn a_docked_pair_moves_as_one_body_and_folds() {
 fn modules_dock_within_the_tolerance_only_and_undock() {
     let mut world = world(WorldOptions::default());
     let request = dock(TWO, DockingAction::Dock, 7);
-    assert_eq!(ask(&mut world, ONE, request, 4 * SECOND), None, "they are 3 units apart");
+    assert_eq!(
+        ask(&mut world, ONE, request, 4 * SECOND),
+        None,
+        "they are 3 units apart"
+    );
     drive(&mut world, &[(ONE, pose(2.05, 0.05, 0.05))], 4 * SECOND);
     let request = dock(TWO, DockingAction::Dock, 8);
     assert_eq!(ask(&mut world, ONE, request, 4 * SECOND), Some(Ok(())));
@@ -222,13 +240,24 @@ fn poses_are_noisy_late_and_lost_by_the_seed() {
         ..WorldOptions::default()
     };
     let (exact, none) = poses(WorldOptions::default());
-    assert!(exact.iter().all(|(module, at)| *module != ONE || *at == pose(0.0, 0.0, 0.0)));
+    assert!(
+        exact
+            .iter()
+            .all(|(module, at)| *module != ONE || *at == pose(0.0, 0.0, 0.0))
+    );
     let (noisy, lost) = poses(disturbed.clone());
-    let share = f64::from(u32::try_from(noisy.len()).unwrap()) / f64::from(u32::try_from(exact.len()).unwrap());
-    assert!((0.45..0.65).contains(&share), "three quarters of three quarters, and not {share}");
+    let share = f64::from(u32::try_from(noisy.len()).unwrap())
+        / f64::from(u32::try_from(exact.len()).unwrap());
+    assert!(
+        (0.45..0.65).contains(&share),
+        "three quarters of three quarters, and not {share}"
+    );
     assert!(none == 0 && lost > 20, "{lost} were lost");
     assert_eq!(poses(disturbed.clone()).0, noisy);
-    let other = WorldOptions { seed: 2, ..disturbed };
+    let other = WorldOptions {
+        seed: 2,
+        ..disturbed
+    };
     assert_ne!(poses(other).0, noisy);
 }
 
