@@ -234,7 +234,8 @@ pub struct WorldArguments {
     /// In the world: robots lose up to this share of a commanded velocity.
     #[arg(long, value_name = "SHARE", requires = "world")]
     slip: Option<f64>,
-    /// In the world: the standard deviation of measured poses, in units and in radians.
+    /// In the world: the standard deviation of measured poses, in units and in radians. Modules get tolerances of 4 times, and
+    /// the verifier of 8 times as much, where that is more than their own.
     #[arg(long, value_name = "NOISE", requires = "world")]
     noise: Option<f64>,
     /// Pass this option to the world, for example --world-option=--docking-failure=0.2; may be repeated.
@@ -259,6 +260,30 @@ impl WorldArguments {
         given
             .filter_map(|(name, value)| Some(format!("--{name}={}", value?)))
             .chain(self.world_option.iter().cloned())
+            .collect()
+    }
+
+    /// The tolerances of modules, where the noise needs more than they have by themselves: a module that stands still is to be
+    /// within them nearly always.
+    pub fn module_options(&self) -> Vec<String> {
+        self.tolerances(
+            4.0,
+            ["--position-tolerance", "--heading-tolerance"],
+            [0.02, 0.03],
+        )
+    }
+
+    /// The same of the verifier, which compares poses of two moments.
+    pub fn verifier_options(&self) -> Vec<String> {
+        self.tolerances(8.0, ["--tolerance", "--heading-tolerance"], [0.05, 0.05])
+    }
+
+    fn tolerances(&self, factor: f64, names: [&str; 2], defaults: [f64; 2]) -> Vec<String> {
+        let needed = factor * self.noise.unwrap_or_default();
+        let options = names.into_iter().zip(defaults);
+        options
+            .filter(|&(_, default)| needed > default)
+            .map(|(name, _)| format!("{name}={needed}"))
             .collect()
     }
 }

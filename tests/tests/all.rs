@@ -12,6 +12,8 @@ mod documents;
 mod external_motion;
 mod faults;
 mod formations;
+mod physical_world;
+mod physical_world;
 mod python_files;
 mod rclpy;
 mod report;

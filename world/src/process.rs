@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
+use formation::model::text::listed_in_full;
 use formation::model::{ModuleId, ModuleSize, Pose, Scenario};
 use formation::motion::{self, PlannedMotion, WorldReport};
 use formation_msgs::external::geometry_msgs::{self, PoseStamped, PoseWithCovariance};
@@ -18,8 +19,8 @@ use ros_runtime::parameters::{ParameterError, Tunables, Values};
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 
-use crate::World;
 use crate::options::{PoseSource, WorldOptions};
+use crate::{DriveKind, World};
 
 const NODE_NAME: &str = "world";
 
@@ -59,6 +60,15 @@ impl WorldProcess {
         let problem = self.scenario.problem();
         let refused = PlannedMotion::offline(problem).check_for_robots();
         refused.map_err(SessionError::BadInput)?;
+        let blocks = problem.configurations();
+        if self.options.drive == DriveKind::Differential
+            && let Some(block) = blocks.first()
+        {
+            let modules = listed_in_full(block.modules.iter().copied());
+            return Err(SessionError::BadInput(format!(
+                "{modules} are docked, and a block cannot move sideways with differential drives; use --drive holonomic"
+            )));
+        }
         let mut world = World::new(problem, self.options.clone());
         rejoining(|| self.play(&mut world, stop, &mut notify))
     }

@@ -129,6 +129,8 @@ impl Start<'_> {
         if let Some(file) = &trace {
             options.extend(["--trace", file]);
         }
+        let tolerances = self.arguments.motion.world.verifier_options();
+        options.extend(tolerances.iter().map(String::as_str));
         let name = "verifier".to_owned();
         self.program(supervisor, "verifier", name, &options, Output::Results)
     }
@@ -142,6 +144,8 @@ impl Start<'_> {
         let state_dir = self.memory.directory().to_string_lossy();
         let mut common = vec!["--state-dir", &state_dir];
         common.extend(["--speed", &speed, "--motion", motion.mode()]);
+        let tolerances = motion.world.module_options();
+        common.extend(tolerances.iter().map(String::as_str));
         common.extend(motion.module_option.iter().map(String::as_str));
         if self.arguments.plan_only {
             common.push("--plan-only");

@@ -1,0 +1,41 @@
+//! What the process does with options and scenarios that it cannot use.
+
+#![allow(
+    clippy::unwrap_used,
+    reason = "a failure in a helper fails the test that calls it"
+)]
+
+use std::process::Command;
+
+use formation_tests::{EIGHT, ScenarioFile};
+
+/// What the program says when it refuses its arguments.
+fn refusal(arguments: &[&str]) -> String {
+    let output = Command::new(env!("CARGO_BIN_EXE_world"))
+        .args(arguments)
+        .output()
+        .unwrap();
+    let said = String::from_utf8(output.stderr).unwrap();
+    assert_eq!(output.status.code(), Some(2), "{said}");
+    said
+}
+
+#[test]
+fn an_option_beyond_its_bounds_is_refused() {
+    let said = refusal(&["--slip", "1.5"]);
+    assert!(said.contains("must be from 0 to 0.95"), "{said}");
+}
+
+#[test]
+fn starts_without_paths_and_blocks_without_a_drive_for_them_are_refused() {
+    let near = "
+target: {spots: [{id: 1, x: 5, y: 5}], edges: []}
+singletons: [{id: 1, x: 0, y: 0}, {id: 2, x: 0.5, y: 0}]
+";
+    let file = ScenarioFile::new("near", near);
+    let said = refusal(&["--scenario", file.path()]);
+    assert!(said.contains("robots move along paths only"), "{said}");
+    let file = ScenarioFile::new("block", EIGHT);
+    let said = refusal(&["--scenario", file.path(), "--drive", "differential"]);
+    assert!(said.contains("modules 1, 2 and 3 are docked"), "{said}");
+}
