@@ -11,6 +11,7 @@ use std::collections::BTreeMap;
 use crate::common::codec::{Codec, part};
 use crate::common::python;
 use formation::model::{self, ModuleSize};
+use formation::motion::{self, DockingAction};
 use formation_msgs::external::geometry_msgs::{
     Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,
     TwistWithCovariance, Vector3,
@@ -20,7 +21,7 @@ use formation_msgs::external::sensor_msgs::CompressedImage;
 use formation_msgs::external::std_msgs::ColorRGBA;
 use formation_msgs::external::tf2_msgs::TFMessage;
 use formation_msgs::external::visualization_msgs::{Marker, MarkerArray, MeshFile, UVCoordinate};
-use formation_msgs::{DriverPose, Header};
+use formation_msgs::{self as wire, DriverPose, Header, IntoCore};
 use serde::Deserialize;
 use serde_json::Value;
 use serde_reflection::{ContainerFormat, Format, Registry};
@@ -270,4 +271,34 @@ fn a_pose_that_cannot_be_used_is_refused_with_its_field() {
         "{}",
         refused(&far)
     );
+}
+
+#[test]
+fn docking_requests_and_results_survive_the_way_out_and_in() {
+    let module = model::ModuleId(4);
+    for action in [DockingAction::Dock, DockingAction::Undock] {
+        let request = motion::DockingRequest {
+            request: 77,
+            action,
+            other: model::ModuleId(9),
+        };
+        let sent = wire::DockingRequest::new(Header::default(), module, &request);
+        let back = sent.clone().into_core(ModuleSize::METRE).unwrap();
+        assert_eq!(back, (module, request));
+        let unknown = wire::DockingRequest { action: 3, ..sent };
+        let refused = unknown.into_core(ModuleSize::METRE).unwrap_err();
+        assert!(
+            refused.to_string().starts_with("docking: action: "),
+            "{refused}"
+        );
+    }
+    for outcome in [Ok(()), Err("the ports are blocked".to_owned())] {
+        let result = motion::DockingResult {
+            request: 77,
+            outcome,
+        };
+        let sent = wire::DockingResult::new(Header::default(), module, result.clone());
+        let back = sent.into_core(ModuleSize::METRE).unwrap();
+        assert_eq!(back, (module, result));
+    }
 }

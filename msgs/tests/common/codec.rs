@@ -135,7 +135,7 @@ pub fn all() -> Vec<Codec> {
         part::<wire::Area>(),
         part::<wire::Body>(),
         part::<wire::CausalMark>(),
-        part::<wire::DockingRequest>(),
+        codec::<wire::DockingRequest, (ModuleId, motion::DockingRequest)>(),
         codec::<wire::DockingResult, (ModuleId, motion::DockingResult)>(),
         part::<wire::Edge>(),
         part::<wire::Epoch>(),
