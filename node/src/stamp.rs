@@ -22,6 +22,16 @@ pub fn header(frame_id: &str) -> Header {
     }
 }
 
+/// How old data is, by its stamp and this machine's clock; a stamp that was not set is not old.
+#[must_use]
+pub fn age(header: &Header) -> Duration {
+    let Time { sec, nanosec } = header.stamp;
+    let taken = u64::try_from(sec).ok().filter(|sec| *sec > 0);
+    taken.map_or(Duration::ZERO, |sec| {
+        since_epoch().saturating_sub(Duration::new(sec, nanosec))
+    })
+}
+
 /// The time since 1970 at which the machine had run for `since_start`. Of several looks at both clocks, the one that took
 /// the least time counts: a process may be suspended between two calls.
 #[must_use]
@@ -51,4 +61,21 @@ pub fn latest() -> u64 {
 #[must_use]
 pub fn revision() -> u64 {
     u64::try_from(since_epoch().as_millis()).unwrap_or(u64::MAX)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn data_is_as_old_as_its_stamp_says() {
+        assert!(age(&header("map")) < Duration::from_secs(1));
+        let mut old = header("map");
+        old.stamp.sec -= 10;
+        assert!(age(&old) > Duration::from_secs(9));
+        let mut ahead = header("map");
+        ahead.stamp.sec += 10;
+        let unset = Header::default();
+        assert_eq!((age(&ahead), age(&unset)), Default::default());
+    }
 }

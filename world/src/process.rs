@@ -26,8 +26,9 @@ const NODE_NAME: &str = "world";
 
 /// The world moves on this often.
 const INTERVAL: Duration = Duration::from_millis(16);
-/// When the process did not run for longer, the world stood still.
-const ELAPSED_MAX: Duration = Duration::from_millis(200);
+/// A goal that is older has come too late: meanwhile the module may have been found to stand still, for which its process needs
+/// 0.5 s (`still_s`). The next goal follows within a heartbeat.
+const GOAL_AGE_MAX: Duration = Duration::from_millis(400);
 /// The least time between two reports.
 const REPORT_INTERVAL: Duration = Duration::from_millis(200);
 
@@ -126,6 +127,13 @@ fn subscribe(
     let size = module_size_of(session);
     let frame_id = frame_id.to_owned();
     let goals = session.subscription(&topics::goal_pose(module), move |_, goal: PoseStamped| {
+        let age = stamp::age(&goal.header);
+        if age > GOAL_AGE_MAX {
+            return Err(format!(
+                "a goal of {module} came {} ms late",
+                age.as_millis()
+            ));
+        }
         let pose = goal.in_frame(&frame_id, size);
         pose.map_err(|error| error.to_string())
     })?;
@@ -182,7 +190,7 @@ impl Node for WorldNode<'_> {
         let now = Instant::now();
         let elapsed = now.saturating_duration_since(self.advanced);
         self.advanced = now;
-        self.world.advance(elapsed.min(ELAPSED_MAX));
+        self.world.advance(elapsed);
         while let Some((module, pose)) = self.world.poll_pose() {
             self.publish_pose(module, &pose);
         }

@@ -20,6 +20,8 @@ use crate::robot::Robot;
 const TICK: Duration = Duration::from_micros(8_000);
 /// Poses are measured after this many ticks.
 const POSE_TICKS: u64 = 6;
+/// When more time passes at once, the world stands still for the rest of it: its process did not run.
+const ELAPSED_MAX: Duration = Duration::from_millis(200);
 /// Slip is drawn after this many ticks.
 const SLIP_TICKS: u64 = 12;
 
@@ -41,6 +43,8 @@ pub struct World {
     links: Links,
     contacts: Contacts,
     report: WorldReport,
+    /// The time that has passed, also while the world stood still. Goals and requests age by it.
+    clock: Duration,
     ticks: u64,
     /// The time that has passed and is less than a tick.
     rest: Duration,
@@ -89,6 +93,7 @@ impl World {
             indices,
             contacts: Contacts::default(),
             report: WorldReport::default(),
+            clock: Duration::ZERO,
             ticks: 0,
             rest: Duration::ZERO,
             poses: VecDeque::new(),
@@ -114,7 +119,7 @@ impl World {
 
     /// Handles a goal of a module.
     pub fn handle_goal(&mut self, module: ModuleId, goal: &CorePose) {
-        let now = self.now();
+        let now = self.clock;
         if let Some(robot) = self.robot(module) {
             robot.take_goal(now, from_core(goal));
         }
@@ -145,9 +150,11 @@ impl World {
         }
     }
 
-    /// Lets time pass, in whole ticks; the rest is kept for the next call.
+    /// Lets time pass, in whole ticks; the rest is kept for the next call. Goals lose their force by this time even where it
+    /// exceeds what the world can catch up with.
     pub fn advance(&mut self, elapsed: Duration) {
-        self.rest += elapsed;
+        self.clock += elapsed;
+        self.rest += elapsed.min(ELAPSED_MAX);
         while self.rest >= TICK {
             self.rest -= TICK;
             self.tick();
@@ -251,7 +258,7 @@ impl World {
     }
 
     fn drive(&mut self) {
-        let now = self.now();
+        let now = self.clock;
         for index in 0..self.robots.len() {
             let at = self.pose(index);
             let port = self.port(index, &at);

@@ -80,7 +80,7 @@ fn ask(
     let mut passed = Duration::ZERO;
     while passed < time {
         world.handle_request(module, request);
-        world.advance(interval);
+        drive(world, &[], interval);
         passed += interval;
         if let Some((answered, result)) = world.poll_result() {
             assert_eq!((answered, result.request), (module, request.request));
@@ -97,10 +97,10 @@ fn a_holonomic_robot_reaches_its_goal_and_stops_without_one() {
     drive(&mut world, &[(ONE, goal)], 4 * SECOND);
     assert_at(&world, ONE, (1.0, 1.0, 1.5), 0.01);
     drive(&mut world, &[(ONE, pose(20.0, 1.0, 1.5))], SECOND);
-    world.advance(3 * SECOND);
+    drive(&mut world, &[], 3 * SECOND);
     let stopped = at(&world, ONE);
     assert!(stopped.0 > 2.0 && stopped.0 < 5.0, "{stopped:?}");
-    world.advance(SECOND);
+    drive(&mut world, &[], SECOND);
     assert_at(&world, ONE, stopped, 1e-4);
 }
 
@@ -274,4 +274,16 @@ fn the_same_seed_gives_the_same_motion() {
         (at(&world, ONE), at(&world, TWO), world.report())
     };
     assert_eq!(run(), run());
+}
+
+/// A process that did not run for a while catches up a little only, but goals have lost their force meanwhile.
+#[test]
+fn goals_age_while_the_world_stands_still() {
+    let mut world = world(WorldOptions::default());
+    drive(&mut world, &[(ONE, pose(0.0, 20.0, 0.0))], SECOND);
+    let before = at(&world, ONE).1;
+    world.advance(10 * SECOND);
+    drive(&mut world, &[], SECOND);
+    let after = at(&world, ONE).1;
+    assert!(after - before < 0.3, "from {before} to {after}");
 }
