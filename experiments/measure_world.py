@@ -54,8 +54,8 @@ def form(options, name, slip, noise, run, folder):
     row |= {key: report[key] for key in ("verdict", "acting_ms", "replanned")}
     row["filled"] = len(report["assignments"])
     row["spots"] = row["filled"] + len(report["open_spots"])
-    reasons = report["violations"] + (report["missing"] or []) + [report["collision_reason"] or ""]
-    row["reason"] = reasons[0]
+    reasons = [report["collision_reason"]] + report["violations"] + (report["missing"] or [])
+    row["reason"] = next((reason for reason in reasons if reason), "")
     return row
 
 
@@ -89,7 +89,7 @@ def main():
     parser.add_argument("--domain", type=int)
     parser.add_argument("--csv", type=Path, help="append every run to this file")
     options = parser.parse_args()
-    print("| scenario | slip | noise | COMPLETE | all spots filled | acting, median | contacts | above a touch | fastest, units/s |")
+    print("| scenario | slip | noise | COMPLETE | all spots filled | acting, median | contacts | above a touch | fastest |")
     print("|---|---:|---:|---:|---:|---:|---:|---:|---:|")
     with tempfile.TemporaryDirectory() as folder:
         for name in options.scenario:

@@ -47,7 +47,7 @@ pub enum Command {
     /// Print the JSON schema of scenario files, with which editors complete and check them.
     Schema,
     /// Form the target with real processes over DDS or Zenoh, and have the outcome verified.
-    Run(RunArguments),
+    Run(Box<RunArguments>),
     /// Stop all modules of a running formation: they stand still, also after restarts, until they are resumed.
     Stop(OrderArguments),
     /// Let the modules of a stopped formation move again.

@@ -13,7 +13,6 @@ mod external_motion;
 mod faults;
 mod formations;
 mod physical_world;
-mod physical_world;
 mod python_files;
 mod rclpy;
 mod report;

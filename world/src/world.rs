@@ -223,10 +223,10 @@ impl World {
 
     fn tick(&mut self) {
         self.ticks += 1;
-        if self.ticks % POSE_TICKS == 0 {
+        if self.ticks.is_multiple_of(POSE_TICKS) {
             self.measure();
         }
-        if self.ticks % SLIP_TICKS == 0 {
+        if self.ticks.is_multiple_of(SLIP_TICKS) {
             for robot in &mut self.robots {
                 robot.drive.draw_slip(&mut robot.random);
             }
