@@ -109,12 +109,12 @@ impl Drive {
             };
         }
         let direction = if path.x < 0.0 { -1.0 } else { 1.0 };
-        let bearing = (direction * path.y).atan2(path.x.abs());
+        let angle = (direction * path.y).atan2(path.x.abs());
         // It turns in place until its goal lies nearly ahead.
-        let share = (1.0 - 4.0 * bearing.abs()).max(0.0);
+        let share = (1.0 - 4.0 * angle.abs()).max(0.0);
         Twist {
             linear: Vector::new(direction * share * self.approach_speed(distance), 0.0),
-            angular: self.turn_rate(bearing),
+            angular: self.turn_rate(angle),
         }
     }
 
