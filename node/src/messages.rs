@@ -9,6 +9,7 @@ use formation_msgs::{
     SessionId, SpotClaim, TargetConfiguration,
 };
 use futures::stream::LocalBoxStream;
+use ros_runtime::cdr;
 use ros_runtime::session::{ParticipantId, Session, SessionError};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;
@@ -131,6 +132,16 @@ fn accepted<M: Sample>(
         )),
         None => Ok(messages),
     }
+}
+
+/// The messages of an encoded sample, such as a recorded one, whatever its session, which is the other result, and its size.
+///
+/// # Errors
+/// Says why the sample does not decode, or which field is wrong.
+pub fn decode<M: Sample>(bytes: &[u8]) -> Result<(SessionId, Vec<Message>), String> {
+    let sample: M = cdr::decoded(bytes)?;
+    let (session, size) = (sample.session(), sample.module_size());
+    Ok((session, accepted(sample, session, size)?))
 }
 
 /// The revision of the target in a message, if none could follow it for too long a time: the highest one applies.

@@ -5,13 +5,13 @@ use std::net::Ipv4Addr;
 use std::pin::pin;
 use std::sync::Arc;
 
-use futures::StreamExt;
 use futures::stream::{LocalBoxStream, poll_fn};
+use futures::{Stream, StreamExt};
 use ros2_client::qos::QosProfile;
 use ros2_client::{
-    Context, MessageInfo, MessageTypeName, Node, NodeName, NodeOptions, ParameterValue,
+    Context, MessageInfo, MessageTypeName, Node, NodeName, NodeOptions, ParameterValue, ROSTime,
 };
-use rustdds::{DomainParticipant, DomainParticipantBuilder, RTPSEntity};
+use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicies, RTPSEntity};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -23,8 +23,10 @@ use crate::interfaces::{discovery_obstacle, interfaces};
 use crate::matched_readers::MatchedReaders;
 use crate::parameters::Parameters;
 use crate::publisher_queue::Sink;
+use crate::raw_sample::{RawSample, Undecoded};
 use crate::service_mapping::ServiceMapping;
 use crate::session::{ParticipantId, SessionError, bad_name, library_name};
+use crate::stamp::nanoseconds_since_epoch;
 use crate::subscription::Taken;
 use crate::topic::Topic;
 
@@ -146,6 +148,31 @@ impl DdsGraph {
         Ok(taken.boxed_local())
     }
 
+    /// Subscribes a topic under its fully qualified name, without decoding its samples.
+    pub(crate) fn raw_subscription<M: 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, SessionError> {
+        let quality = topic.quality().subscription_qos();
+        let dds_topic = self.dds_topic(topic, name, &quality)?;
+        let participant = self.participant.clone();
+        let quality = QosPolicies::from(quality);
+        let reader = self.create(&format!("subscribe `{name}`"), |_| {
+            let subscriber = participant.create_subscriber(&quality)?;
+            subscriber.create_simple_datareader_no_key::<_, Undecoded>(&dds_topic, Some(quality))
+        })?;
+        let samples = poll_fn(move |context| pin!(reader.as_async_stream()).poll_next(context));
+        let taken = samples.map(|taken| match taken {
+            Ok(change) => {
+                let info = MessageInfo::from(&change);
+                Taken::Sample(sender_of(&info), raw_sample(&info, change.into_value()))
+            }
+            Err(error) => Taken::Malformed(error.to_string()),
+        });
+        Ok(taken.boxed_local())
+    }
+
     fn dds_topic<M>(
         &mut self,
         topic: &Topic<M>,
@@ -211,6 +238,18 @@ fn node_options(parameters: &Parameters) -> NodeOptions {
 fn library_error(what: &str, domain: u16, reason: &dyn ToString) -> SessionError {
     let reason = reason.to_string();
     SessionError::Failed(format!("cannot {what} in domain {domain}: {reason}"))
+}
+
+fn raw_sample(info: &MessageInfo, bytes: Vec<u8>) -> RawSample {
+    let nanoseconds = |time: ROSTime| u64::try_from(time.to_nanos()).ok();
+    let received = info.received_timestamp().and_then(nanoseconds);
+    RawSample {
+        publisher: u128::from_be_bytes(info.publisher_gid().to_bytes16()),
+        sequence: u64::try_from(info.sequence_number()).unwrap_or_default(),
+        sent_ns: info.source_timestamp().and_then(nanoseconds),
+        received_ns: received.unwrap_or_else(nanoseconds_since_epoch),
+        bytes,
+    }
 }
 
 /// The participant that sent a sample.

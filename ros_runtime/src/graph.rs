@@ -11,6 +11,7 @@ use crate::dds_graph::DdsGraph;
 use crate::middleware::Middleware;
 use crate::parameters::Parameters;
 use crate::publisher_queue::Sink;
+use crate::raw_sample::RawSample;
 use crate::service::{Call, Service};
 use crate::service_mapping::ServiceMapping;
 use crate::session::{ParticipantId, SessionError};
@@ -101,6 +102,15 @@ impl Graph {
         name: &str,
     ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
         of_either!(self, graph => graph.subscription(topic, name))
+    }
+
+    /// Subscribes a topic without decoding its samples.
+    pub(crate) fn raw_subscription<M: 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, SessionError> {
+        of_either!(self, graph => graph.raw_subscription(topic, name))
     }
 
     /// Serves a service.

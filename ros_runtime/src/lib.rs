@@ -11,6 +11,7 @@
 
 pub mod action;
 pub mod arguments;
+pub mod cdr;
 mod dds_action;
 mod dds_deadlock;
 mod dds_graph;
@@ -31,6 +32,7 @@ pub mod node;
 mod node_interfaces;
 pub mod parameters;
 mod publisher_queue;
+mod raw_sample;
 mod rosout;
 pub mod service;
 pub mod service_mapping;
@@ -46,5 +48,6 @@ pub mod words;
 mod zenoh_graph;
 
 pub use publisher_queue::PublisherQueue;
+pub use raw_sample::RawSample;
 #[cfg(feature = "zenoh")]
 pub use zenoh_graph::router;

@@ -23,6 +23,12 @@ pub fn since_epoch() -> Duration {
         .unwrap_or_default()
 }
 
+/// The nanoseconds since 1970.
+#[must_use]
+pub fn nanoseconds_since_epoch() -> u64 {
+    u64::try_from(since_epoch().as_nanos()).unwrap_or(u64::MAX)
+}
+
 /// The time since the machine started, with the time in which it was suspended. [`std::time::Instant`] does not count that:
 /// what a process received before would seem to be recent when it continues.
 #[must_use]

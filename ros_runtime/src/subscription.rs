@@ -7,6 +7,7 @@ use futures::stream::LocalBoxStream;
 use serde::de::DeserializeOwned;
 
 use crate::arguments::Resource;
+use crate::raw_sample::RawSample;
 use crate::session::{ParticipantId, Session, SessionError};
 use crate::topic::Topic;
 use crate::topic_statistics::{RefusalKind, TopicStatistics};
@@ -31,16 +32,42 @@ impl Session {
     pub fn subscription<M: DeserializeOwned + 'static, T: 'static>(
         &mut self,
         topic: &Topic<M>,
-        mut convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
+        convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
     ) -> Result<LocalBoxStream<'static, T>, SessionError> {
         let name = self.resolve(Resource::Topic, &topic.path())?;
         let samples = self.graph.subscription(topic, &name)?;
-        let (own, statistics, topic) = (self.participant(), self.statistics(), topic.name());
+        Ok(self.accepted(samples, topic.name(), convert))
+    }
+
+    /// Subscribes a topic without decoding its samples, those that do not decode included.
+    ///
+    /// Over DDS, tools list the subscription without its node: the library registers with a node only the subscriptions
+    /// that decode.
+    ///
+    /// # Errors
+    /// The name cannot be used, or the library refuses.
+    pub fn raw_subscription<M: 'static>(
+        &mut self,
+        topic: &Topic<M>,
+    ) -> Result<LocalBoxStream<'static, RawSample>, SessionError> {
+        let name = self.resolve(Resource::Topic, &topic.path())?;
+        let samples = self.graph.raw_subscription(topic, &name)?;
+        Ok(self.accepted(samples, topic.name(), |_, sample| Ok(sample)))
+    }
+
+    /// The samples that `convert` accepts; the others are counted.
+    fn accepted<M: 'static, T: 'static>(
+        &self,
+        samples: LocalBoxStream<'static, Taken<M>>,
+        topic: &'static str,
+        mut convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
+    ) -> LocalBoxStream<'static, T> {
+        let (own, statistics) = (self.participant(), self.statistics());
         let accepted = samples.filter_map(move |taken| {
             let mut statistics = statistics.borrow_mut();
             ready(accept(taken, own, topic, &mut statistics, &mut convert))
         });
-        Ok(accepted.boxed_local())
+        accepted.boxed_local()
     }
 }
 

@@ -112,6 +112,42 @@ fn add_action(
     Ok(())
 }
 
+/// The fields of a type.
+///
+/// # Errors
+/// The type is unknown.
+fn find<'a>(
+    types: &'a BTreeMap<String, Description>,
+    name: &str,
+) -> Result<&'a Description, String> {
+    types
+        .get(name)
+        .ok_or_else(|| format!("there is no type `{name}`"))
+}
+
+/// The types that a type refers to, and those that these refer to, in the order of their names.
+///
+/// # Errors
+/// Names the type that is unknown.
+pub(super) fn referred(
+    types: &BTreeMap<String, Description>,
+    name: &str,
+) -> Result<BTreeSet<String>, String> {
+    let nested = |fields: &Description| -> Vec<String> {
+        let names = fields.iter().map(|field| field.kind.nested.clone());
+        names.filter(|name| !name.is_empty()).collect()
+    };
+    let mut referred = BTreeSet::new();
+    let mut waiting = nested(find(types, name)?);
+    while let Some(next) = waiting.pop() {
+        if !referred.contains(&next) {
+            waiting.extend(nested(find(types, &next)?));
+            referred.insert(next);
+        }
+    }
+    Ok(referred)
+}
+
 /// The description of a type and of all types that it refers to, in the order of their names, as JSON.
 ///
 /// # Errors
@@ -120,25 +156,9 @@ pub(super) fn full_description(
     types: &BTreeMap<String, Description>,
     name: &str,
 ) -> Result<String, String> {
-    let find = |name: &str| {
-        types
-            .get(name)
-            .ok_or_else(|| format!("there is no type `{name}`"))
-    };
-    let nested = |fields: &Description| -> Vec<String> {
-        let names = fields.iter().map(|field| field.kind.nested.clone());
-        names.filter(|name| !name.is_empty()).collect()
-    };
-    let mut referred = BTreeSet::new();
-    let mut waiting = nested(find(name)?);
-    while let Some(next) = waiting.pop() {
-        if !referred.contains(&next) {
-            waiting.extend(nested(find(&next)?));
-            referred.insert(next);
-        }
-    }
+    let referred = referred(types, name)?;
     let described = |name: &str| -> Result<String, String> {
-        let fields: Vec<String> = find(name)?.iter().map(Field::json).collect();
+        let fields: Vec<String> = find(types, name)?.iter().map(Field::json).collect();
         let fields = fields.join(", ");
         Ok(format!(
             "{{\"type_name\": \"{name}\", \"fields\": [{fields}]}}"

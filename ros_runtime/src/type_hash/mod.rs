@@ -10,7 +10,7 @@ use std::collections::BTreeMap;
 
 use sha2::{Digest, Sha256};
 
-use description::{Description, described, full_description};
+use description::{Description, described, full_description, referred};
 
 /// An interface: its name, such as `std_msgs/msg/Header`, and the text of its `.msg`, `.srv` or `.action` file.
 pub type Interface = (&'static str, &'static str);
@@ -18,9 +18,17 @@ pub type Interface = (&'static str, &'static str);
 /// The standard interfaces that nodes use.
 const STANDARD: &str = include_str!("standard_interfaces.txt");
 
+/// What separates the definition of a message from those of the messages that it refers to.
+const SEPARATOR: &str =
+    "================================================================================";
+
 /// The interfaces that a process knows.
 #[derive(Clone, Debug)]
-pub struct Interfaces(BTreeMap<String, Description>);
+pub struct Interfaces {
+    descriptions: BTreeMap<String, Description>,
+    /// The text of each file, by the name of its interface.
+    texts: BTreeMap<&'static str, &'static str>,
+}
 
 impl Interfaces {
     /// The standard interfaces, and `more`.
@@ -32,17 +40,21 @@ impl Interfaces {
             let (name, text) = section.split_once('\n').unwrap_or((section, ""));
             (name, text)
         });
+        let texts: BTreeMap<_, _> = standard.chain(more.iter().copied()).collect();
         let mut descriptions = BTreeMap::new();
-        for (name, text) in standard.chain(more.iter().copied()) {
+        for (name, text) in &texts {
             descriptions
                 .extend(described(name, text).map_err(|reason| format!("{name}: {reason}"))?);
         }
-        Ok(Self(descriptions))
+        Ok(Self {
+            descriptions,
+            texts,
+        })
     }
 
     /// The names of all types: those of services and actions include the types that ROS 2 derives from them.
     pub fn names(&self) -> impl Iterator<Item = &str> {
-        self.0.keys().map(String::as_str)
+        self.descriptions.keys().map(String::as_str)
     }
 
     /// The hash of a type, such as `RIHS01_` and 64 hexadecimal digits.
@@ -50,12 +62,33 @@ impl Interfaces {
     /// # Errors
     /// Names the type that is unknown: this one, or one that it refers to.
     pub fn hash(&self, name: &str) -> Result<String, String> {
-        let text = full_description(&self.0, name)?;
+        let text = full_description(&self.descriptions, name)?;
         let digits = Sha256::digest(text.as_bytes())
             .iter()
             .map(|byte| format!("{byte:02x}"))
             .collect::<String>();
         Ok(format!("RIHS01_{digits}"))
+    }
+
+    /// The text of a message's file, followed by those of all messages that it refers to, as recordings hold it (the
+    /// encoding `ros2msg` of MCAP).
+    ///
+    /// # Errors
+    /// Names the message that is unknown: this one, or one that it refers to.
+    pub fn definition(&self, name: &str) -> Result<String, String> {
+        let text = |name: &str| {
+            let text = self.texts.get(name).map(|text| text.trim());
+            text.ok_or_else(|| format!("there is no message `{name}`"))
+        };
+        let mut definition = text(name)?.to_owned();
+        for referred in referred(&self.descriptions, name)? {
+            // Without the folder, as ROS 2 writes it.
+            let short = referred.replace("/msg/", "/");
+            let text = text(&referred)?;
+            definition.push_str(&format!("\n{SEPARATOR}\nMSG: {short}\n{text}"));
+        }
+        definition.push('\n');
+        Ok(definition)
     }
 }
 
@@ -88,6 +121,28 @@ mod tests {
         );
         assert_ne!(hash("uint8 kind\nstring name\nuint32[<=4] list"), plain);
         assert_ne!(hash("uint8 kind\nstring<=8 name\nuint32[4] list"), plain);
+    }
+
+    #[test]
+    fn a_definition_is_followed_by_those_that_it_refers_to() {
+        let more = &[
+            ("a/msg/B", "# B.\nC[] list\nstd_msgs/Header header\n"),
+            ("a/msg/C", "bool flag"),
+        ];
+        let interfaces = Interfaces::with(more).unwrap();
+        let line = "=".repeat(80);
+        let expected = format!(
+            "# B.\nC[] list\nstd_msgs/Header header\n{line}\nMSG: a/C\nbool flag\n{line}\n\
+             MSG: builtin_interfaces/Time\nint32 sec\nuint32 nanosec\n{line}\nMSG: std_msgs/Header\n\
+             builtin_interfaces/Time stamp\nstring frame_id\n"
+        );
+        assert_eq!(interfaces.definition("a/msg/B").unwrap(), expected);
+        assert!(
+            interfaces
+                .definition("a/msg/D")
+                .unwrap_err()
+                .contains("a/msg/D")
+        );
     }
 
     #[test]

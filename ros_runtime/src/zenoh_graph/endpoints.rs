@@ -24,11 +24,13 @@ use zenoh_ext::{
 };
 
 use super::names::{Attachment, Gid, Kind};
-use super::{Announced, ZenohGraph, cdr, failed};
+use super::{Announced, ZenohGraph, failed};
+use crate::cdr;
 use crate::publisher_queue::Sink;
+use crate::raw_sample::RawSample;
 use crate::service::{Call, Reply, RequestId, Service, WAITING_MAX};
 use crate::session::{ParticipantId, SessionError};
-use crate::stamp::since_epoch;
+use crate::stamp::{nanoseconds_since_epoch, since_epoch};
 use crate::subscription::Taken;
 use crate::topic::{Quality, Topic};
 
@@ -199,6 +201,24 @@ impl ZenohGraph {
         topic: &Topic<M>,
         name: &str,
     ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
+        let samples = self.raw_subscription(topic, name)?;
+        let decoded = samples.map(|taken| match taken {
+            Taken::Sample(sender, raw) => match cdr::decoded(&raw.bytes) {
+                Ok(sample) => Taken::Sample(sender, sample),
+                Err(reason) => Taken::Malformed(reason),
+            },
+            Taken::Malformed(reason) => Taken::Malformed(reason),
+            Taken::Lost(count) => Taken::Lost(count),
+        });
+        Ok(decoded.boxed_local())
+    }
+
+    /// The same without decoding the samples.
+    pub(crate) fn raw_subscription<M: 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        name: &str,
+    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, SessionError> {
         let quality = topic.quality();
         let Announced { key, token, .. } =
             self.announce(Kind::Subscription, name, &message_type(topic), quality)?;
@@ -210,10 +230,7 @@ impl ZenohGraph {
             .allowed_origin(Locality::Remote)
             .callback(move |sample| taken(sample));
         let wrong = |error: zenoh::Error| failed(&format!("subscribe `{name}`"), &error);
-        let taken = samples.map(|(sender, payload)| match cdr::decoded(&payload) {
-            Ok(sample) => Taken::Sample(sender, sample),
-            Err(reason) => Taken::Malformed(reason),
-        });
+        let taken = samples.map(|(sender, sample)| Taken::Sample(sender, sample));
         let with_losses = move |taken| match lost.swap(0, Ordering::Relaxed) {
             0 => vec![taken],
             lost => vec![Taken::Lost(lost), taken],
@@ -330,7 +347,7 @@ fn attachment(sequence: i64, source: Gid) -> Attachment {
 }
 
 /// A sample with the process that sent it.
-type Arrived = (ParticipantId, Vec<u8>);
+type Arrived = (ParticipantId, RawSample);
 
 /// The queue of a subscription: what takes samples from the library's threads, where they come out, and how many found no
 /// room. A full queue drops its oldest sample, as a subscription over DDS does.
@@ -343,7 +360,7 @@ fn queue(quality: Quality) -> (Arc<Take>, Receiver<Arrived>, Arc<AtomicU64>) {
     let lost = Arc::new(AtomicU64::new(0));
     let counted = Arc::clone(&lost);
     let take = move |sample: Sample| {
-        let arrived = (sender_of(&sample), sample.payload().to_bytes().into_owned());
+        let arrived = (sender_of(&sample), raw_sample(&sample));
         if let Ok(Some(_)) = sender.force_send(arrived) {
             counted.fetch_add(1, Ordering::Relaxed);
         }
@@ -351,16 +368,31 @@ fn queue(quality: Quality) -> (Arc<Take>, Receiver<Arrived>, Arc<AtomicU64>) {
     (Arc::new(take), samples, lost)
 }
 
+fn raw_sample(sample: &Sample) -> RawSample {
+    let attachment = attachment_of(sample);
+    let number = |number: i64| u64::try_from(number).ok();
+    RawSample {
+        publisher: attachment.map_or(0, |sent| u128::from_le_bytes(sent.source)),
+        sequence: attachment
+            .and_then(|sent| number(sent.sequence))
+            .unwrap_or_default(),
+        sent_ns: attachment.and_then(|sent| number(sent.stamp_ns)),
+        received_ns: nanoseconds_since_epoch(),
+        bytes: sample.payload().to_bytes().into_owned(),
+    }
+}
+
+fn attachment_of(sample: &Sample) -> Option<Attachment> {
+    let bytes = sample.attachment().map(|bytes| bytes.to_bytes());
+    bytes.and_then(|bytes| Attachment::from_bytes(&bytes))
+}
+
 /// The session that sent a sample; where it does not name one, as samples of `rmw_zenoh_cpp` on topics that are not latched,
 /// the publisher.
 fn sender_of(sample: &Sample) -> ParticipantId {
     let bytes = match sample.source_info() {
         Some(source) => source.source_id().zid().to_le_bytes(),
-        None => {
-            let attachment = sample.attachment().map(|bytes| bytes.to_bytes());
-            let attachment = attachment.and_then(|bytes| Attachment::from_bytes(&bytes));
-            attachment.map_or([0; 16], |attachment| attachment.source)
-        }
+        None => attachment_of(sample).map_or([0; 16], |attachment| attachment.source),
     };
     ParticipantId(u128::from_le_bytes(bytes))
 }

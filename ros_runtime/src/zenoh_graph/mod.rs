@@ -6,7 +6,6 @@
 //! session a receiver knows that two topics come from one process.
 
 mod action;
-mod cdr;
 mod configuration;
 mod endpoints;
 mod names;

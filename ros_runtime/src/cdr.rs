@@ -1,13 +1,16 @@
 //! CDR, the encoding of samples: four bytes that name the byte order, then the data.
 
 use byteorder::{BigEndian, LittleEndian};
+#[cfg(any(test, feature = "zenoh"))]
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+#[cfg(any(test, feature = "zenoh"))]
 const LITTLE_ENDIAN: [u8; 4] = [0, 1, 0, 0];
 
 /// The data in the byte order that `rmw_zenoh_cpp` writes.
-pub(super) fn encoded<M: Serialize>(data: &M) -> Result<Vec<u8>, String> {
+#[cfg(any(test, feature = "zenoh"))]
+pub(crate) fn encoded<M: Serialize>(data: &M) -> Result<Vec<u8>, String> {
     let mut bytes = LITTLE_ENDIAN.to_vec();
     let body = cdr_encoding::to_vec::<M, LittleEndian>(data).map_err(|error| error.to_string())?;
     bytes.extend(body);
@@ -15,7 +18,10 @@ pub(super) fn encoded<M: Serialize>(data: &M) -> Result<Vec<u8>, String> {
 }
 
 /// The data in these bytes, in either byte order.
-pub(super) fn decoded<M: DeserializeOwned>(bytes: &[u8]) -> Result<M, String> {
+///
+/// # Errors
+/// Says why they do not decode.
+pub fn decoded<M: DeserializeOwned>(bytes: &[u8]) -> Result<M, String> {
     let (head, body) = bytes
         .split_first_chunk::<4>()
         .ok_or("it is too short to name its byte order")?;
