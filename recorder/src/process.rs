@@ -1,0 +1,163 @@
+//! The node of the process that records.
+
+use std::io;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::sync::Arc;
+use std::time::Instant;
+
+use async_channel::Receiver;
+use formation_msgs::INTERFACES;
+use formation_node::topics;
+use ros_runtime::arguments::Resource;
+use ros_runtime::diagnostics::{DiagnosticLevel, Report};
+use ros_runtime::inputs::Inputs;
+use ros_runtime::node::Node;
+use ros_runtime::parameters::{ParameterError, Values};
+use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::settings::Settings;
+use ros_runtime::topic::Topic;
+use ros_runtime::type_hash::Interfaces;
+
+use crate::file::{RecordedTopic, RecordingFile, Written};
+use crate::queue::{Item, WriteQueue};
+
+const NODE_NAME: &str = "recorder";
+
+/// A process that records what is on the topics.
+#[derive(Clone, Debug)]
+pub struct RecorderProcess {
+    /// Its place in the ROS 2 graph.
+    pub settings: Settings,
+    /// The file that it writes.
+    pub file: PathBuf,
+}
+
+impl RecorderProcess {
+    /// Records until `stop` yields, finishes the file, then leaves the graph. When the DDS library no longer receives, it
+    /// rejoins the graph and continues with the same file.
+    ///
+    /// # Errors
+    /// The file cannot be written, or the graph cannot be joined.
+    pub fn run(&self, stop: &Receiver<()>) -> Result<Written, SessionError> {
+        let interfaces = Interfaces::with(INTERFACES).map_err(SessionError::Failed)?;
+        let file = RecordingFile::create(&self.file, interfaces);
+        let file = file.map_err(SessionError::BadInput)?;
+        let mut queue = WriteQueue::start(file).map_err(|error| self.failed(&error))?;
+        let written = rejoining(|| self.record(stop, &mut queue))?;
+        Ok(written.unwrap_or_default())
+    }
+
+    fn record(
+        &self,
+        stop: &Receiver<()>,
+        queue: &mut WriteQueue,
+    ) -> Result<Option<Written>, SessionError> {
+        let parameters = self.settings.declare(NODE_NAME, Vec::new())?;
+        let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
+        let inputs = subscribe(&mut session)?;
+        let mut recorder = Recorder {
+            queue,
+            recorded: 0,
+            has_failed: false,
+        };
+        let ended = session.run(&mut recorder, inputs, stop);
+        if let Err(SessionError::NotReceiving) = ended {
+            return Err(SessionError::NotReceiving);
+        }
+        // Before the session is dropped: to leave the graph may take longer than the process has.
+        let written = queue.finish().map_err(|error| self.failed(&error))?;
+        ended.map(|()| written)
+    }
+
+    fn failed(&self, error: &io::Error) -> SessionError {
+        SessionError::Failed(format!("cannot write {}: {error}", self.file.display()))
+    }
+}
+
+/// Subscribes every topic of the formation that is not of one module.
+fn subscribe(session: &mut Session) -> Result<Inputs<Item>, SessionError> {
+    let mut inputs = Inputs::default();
+    add(session, &mut inputs, &topics::TARGET)?;
+    add(session, &mut inputs, &topics::MODULE_STATES)?;
+    add(session, &mut inputs, &topics::ROSTER)?;
+    add(session, &mut inputs, &topics::claims(1))?;
+    add(session, &mut inputs, &topics::EVICTIONS)?;
+    add(session, &mut inputs, &topics::HEARTBEATS)?;
+    add(session, &mut inputs, &topics::COMMANDS)?;
+    add(session, &mut inputs, &topics::VERDICT)?;
+    add(session, &mut inputs, &topics::MARKERS)?;
+    add(session, &mut inputs, &topics::TRANSFORMS)?;
+    add(session, &mut inputs, &topics::FIXED_TRANSFORMS)?;
+    Ok(inputs)
+}
+
+fn add<M: 'static>(
+    session: &mut Session,
+    inputs: &mut Inputs<Item>,
+    topic: &Topic<M>,
+) -> Result<(), SessionError> {
+    let (package, type_name) = topic.type_name();
+    let recorded = Arc::new(RecordedTopic {
+        name: session.resolve(Resource::Topic, &topic.path())?,
+        type_name: format!("{package}/msg/{type_name}"),
+        quality: topic.quality(),
+    });
+    let samples = session.raw_subscription(topic)?;
+    inputs.add(samples, move |sample| Item {
+        topic: Arc::clone(&recorded),
+        sample,
+    });
+    Ok(())
+}
+
+struct Recorder<'a> {
+    queue: &'a mut WriteQueue,
+    recorded: u64,
+    /// Whether the thread that writes has ended.
+    has_failed: bool,
+}
+
+impl Node for Recorder<'_> {
+    type Input = Item;
+
+    fn handle(&mut self, item: Item) {
+        let lost = self.queue.lost();
+        self.has_failed |= !self.queue.put(item);
+        self.recorded += 1;
+        if lost == 0 && self.queue.lost() > 0 {
+            tracing::error!("samples arrive faster than they can be written, and are lost");
+        }
+    }
+
+    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        // The end of the thread has the reason.
+        Ok(match self.has_failed {
+            true => ControlFlow::Break(()),
+            false => ControlFlow::Continue(()),
+        })
+    }
+
+    fn due(&self) -> Option<Instant> {
+        None
+    }
+
+    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
+        Ok(())
+    }
+
+    fn reports(&self) -> Vec<Report> {
+        let lost = self.queue.lost();
+        let (level, message) = match lost {
+            0 => (DiagnosticLevel::Ok, "no sample was lost".to_owned()),
+            lost => (DiagnosticLevel::Error, format!("{lost} samples were lost")),
+        };
+        vec![Report {
+            part: "recording".to_owned(),
+            hardware_id: String::new(),
+            level,
+            message,
+            values: vec![("arrived".to_owned(), self.recorded.to_string())],
+        }]
+    }
+}
