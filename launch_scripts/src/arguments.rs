@@ -85,6 +85,16 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
+    /// Make the pictures and the page of a recorded run, and list what the recording holds.
+    ///
+    /// A damaged recording is read up to the damage; the exit status is then 1.
+    Report {
+        /// The recording (MCAP), as `formation run --record` and the program `recorder` write it.
+        recording: PathBuf,
+        /// Write into this directory [default: the name of the recording without its end]
+        #[arg(long, value_name = "DIR")]
+        report: Option<PathBuf>,
+    },
     /// Generate a random scenario from a seed and print it as YAML.
     ///
     /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of
@@ -172,6 +182,10 @@ pub struct RunArguments {
     /// 1970), module, x, y (units), theta (radians), links, folding.
     #[arg(long, value_name = "FILE")]
     pub trace: Option<PathBuf>,
+    /// Record every sample on the topics of the formation into this MCAP file, for Foxglove, `ros2 bag` and
+    /// `formation report`.
+    #[arg(long, value_name = "FILE")]
+    pub record: Option<PathBuf>,
     /// Print one JSON object instead of a table; progress stays on the standard error output.
     #[arg(long)]
     pub json: bool,

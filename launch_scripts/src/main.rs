@@ -11,6 +11,7 @@ mod generate;
 mod motion;
 mod order;
 mod plan;
+mod recorded;
 mod report;
 mod router;
 mod run;
@@ -47,6 +48,7 @@ fn main() -> ExitCode {
             module,
             json,
         } => explain::run(&scenario, module, json),
+        Command::Report { recording, report } => recorded::run(&recording, report.as_deref()),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(feature = "experiments")]

@@ -15,6 +15,7 @@ mod formations;
 mod physical_world;
 mod python_files;
 mod rclpy;
+mod recording;
 mod report;
 mod ros_tools;
 mod rtps;

@@ -32,7 +32,10 @@ use crate::{check, console, scenario_file};
 use display::{Display, progress_line};
 use memory::RunMemory;
 pub use network::environment_of_runs;
+pub use page::endings;
 pub use programs::Programs;
+use programs::RECORDER;
+pub use recording::Recording;
 use report::RunReport;
 use router::Carrier;
 use run_loop::{Judgement, Observed, RunEnd, RunLoop};
@@ -64,6 +67,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let programs = Programs::next_to_launcher()?;
     if arguments.motion.world.world {
         programs.require(start::WORLD)?;
+    }
+    if arguments.record.is_some() {
+        programs.require(RECORDER)?;
     }
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();

@@ -55,7 +55,15 @@ pub fn prepare(
     }
     let Environment { domain, range } = environment;
     warn_of_ephemeral_ports(domain.number());
-    let participants = hosts + OTHER_PROCESSES + usize::from(arguments.motion.driver.is_some());
+    let optional = [
+        arguments.motion.driver.is_some(),
+        arguments.record.is_some(),
+    ];
+    let optional = optional
+        .into_iter()
+        .filter(|&is_started| is_started)
+        .count();
+    let participants = hosts + OTHER_PROCESSES + optional;
     if arguments.private_network {
         check_room(participants, 0)?;
         return Ok(environment);

@@ -27,6 +27,15 @@ pub fn subject(
         let assignments = report.assignments().iter();
         assignments.map(|one| (one.module, one.spot)).collect()
     });
+    let endings = endings(course, judged.as_ref());
+    Subject::seen(&name, &plan.problem, &plan.outcome, &endings)
+}
+
+/// The last state of each module in the course of a formation, with the spot that the verdict gives it, if there is one.
+pub fn endings(
+    course: &[Entry],
+    judged: Option<&BTreeMap<ModuleId, SpotId>>,
+) -> BTreeMap<ModuleId, Ending> {
     let mut scene = Scene::default();
     for entry in course {
         scene.apply(entry);
@@ -35,7 +44,7 @@ pub fn subject(
         let last = &known.snapshot;
         let ending = Ending {
             pose: last.pose,
-            spot: match &judged {
+            spot: match judged {
                 Some(judged) => judged.get(&module).copied(),
                 None => last.spot.filter(|_| last.phase == ModulePhase::Settled),
             },
@@ -43,7 +52,7 @@ pub fn subject(
         };
         (module, ending)
     });
-    Subject::seen(&name, &plan.problem, &plan.outcome, &endings.collect())
+    endings.collect()
 }
 
 /// What the page of a run says next to the film.

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use formation::model::text::listed_in_full;
 use formation::model::{ModuleId, PlanningProblem};
 
-/// The processes of a run that host no modules: the target publisher and the verifier.
+/// The processes of every run that host no modules: the target publisher and the verifier.
 pub const OTHER_PROCESSES: usize = 2;
 
 /// A process that hosts modules.

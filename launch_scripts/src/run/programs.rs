@@ -8,6 +8,9 @@ use std::process::Command;
 use anyhow::{Context, anyhow};
 use ros_runtime::exit::Failure;
 
+/// The program that records a run.
+pub const RECORDER: &str = "recorder";
+
 /// The programs that every run starts.
 pub const PROGRAMS: [&str; 4] = [
     "module_agent",

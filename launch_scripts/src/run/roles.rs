@@ -22,6 +22,8 @@ pub struct ProcessRoles {
     pub target_publisher: ProcessId,
     /// Plays the robots, if a physical world does; without it no robot moves.
     pub world: Option<ProcessId>,
+    /// Records the run, if that was asked for.
+    pub recorder: Option<ProcessId>,
     /// The processes of modules, each with those that it hosts.
     pub agents: BTreeMap<ProcessId, Vec<ModuleId>>,
 }
@@ -50,7 +52,8 @@ impl ProcessRoles {
             Some(code) => code != 0 && !all_joined,
             None => false,
         };
-        self.agents.contains_key(&process) && !failed_at_start
+        let is_optional = self.agents.contains_key(&process) || self.recorder == Some(process);
+        is_optional && !failed_at_start
     }
 }
 
@@ -126,11 +129,12 @@ mod tests {
 
     #[test]
     fn a_run_continues_after_a_death_and_not_after_a_failure_at_the_start() {
-        let [verifier, agent, target_publisher, driver, world] = ProcessId::some();
+        let [verifier, agent, target_publisher, driver, world, recorder] = ProcessId::some();
         let roles = ProcessRoles {
             verifier,
             target_publisher,
             world: Some(world),
+            recorder: Some(recorder),
             agents: BTreeMap::from([(agent, vec![ModuleId(4)])]),
         };
         let killed = ExitStatus::from_raw(9);
@@ -147,6 +151,10 @@ mod tests {
             (verifier, killed, true, true, false),
             (driver, exited(0), true, true, false),
             (world, killed, true, true, false),
+            (recorder, exited(2), true, true, false),
+            (recorder, exited(1), false, true, false),
+            (recorder, killed, false, true, true),
+            (recorder, exited(1), true, true, true),
         ] {
             assert_eq!(
                 roles.can_continue_without(process, status, all_joined, target_is_known),

@@ -347,6 +347,7 @@ mod tests {
             verifier: processes[0],
             target_publisher: processes[1],
             world: None,
+            recorder: None,
             agents: agents
                 .map(|(process, module)| (process, vec![ModuleId(module)]))
                 .collect(),

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::os::unix::process::CommandExt;
+use std::path::Path;
 use std::process::Command;
 
 use anyhow::Context;
@@ -12,7 +13,7 @@ use ros_runtime::exit::Failure;
 
 use super::memory::RunMemory;
 use super::processes::Host;
-use super::programs::Programs;
+use super::programs::{Programs, RECORDER};
 use super::roles::ProcessRoles;
 use super::router::Carrier;
 use super::run_loop::Orders;
@@ -47,11 +48,14 @@ pub struct Start<'a> {
 }
 
 impl Start<'_> {
-    /// Starts the verifier first, so that it receives all messages, and the target publisher last.
+    /// Starts the recorder and the verifier first, so that they receive all messages, and the target publisher last.
     ///
     /// # Errors
     /// Names the process that could not be started.
     pub fn all(&self, supervisor: &mut Supervisor) -> Result<ProcessRoles, Failure> {
+        let record = self.arguments.record.as_deref();
+        let recorder = record.map(|file| self.recorder(supervisor, file));
+        let recorder = recorder.transpose()?;
         let verifier = self.verifier(supervisor)?;
         if let Some(driver) = &self.arguments.motion.driver {
             self.driver(supervisor, driver)?;
@@ -76,6 +80,7 @@ impl Start<'_> {
             verifier,
             target_publisher,
             world,
+            recorder,
             agents,
         })
     }
@@ -133,6 +138,14 @@ impl Start<'_> {
         options.extend(tolerances.iter().map(String::as_str));
         let name = "verifier".to_owned();
         self.program(supervisor, "verifier", name, &options, Output::Results)
+    }
+
+    fn recorder(&self, supervisor: &mut Supervisor, file: &Path) -> Result<ProcessId, Failure> {
+        let mut command = self.programs.command(RECORDER);
+        // A name that begins with a hyphen is no option.
+        command.arg(Path::new(".").join(file));
+        let name = RECORDER.to_owned();
+        self.node(supervisor, command, name, &[], Output::Discarded)
     }
 
     fn agents(
@@ -211,6 +224,18 @@ impl Start<'_> {
     ) -> Result<ProcessId, Failure> {
         let mut command = self.programs.command(program);
         command.arg("--scenario").arg(&self.arguments.scenario);
+        self.node(supervisor, command, name, options, output)
+    }
+
+    /// Starts a node with what all nodes of the run have in common.
+    fn node(
+        &self,
+        supervisor: &mut Supervisor,
+        mut command: Command,
+        name: String,
+        options: &[&str],
+        output: Output,
+    ) -> Result<ProcessId, Failure> {
         self.place(&mut command);
         command.args(options);
         self.join_session(&mut command);

@@ -1,0 +1,175 @@
+//! `formation report`: the page of a recorded run.
+
+use std::collections::BTreeMap;
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use anyhow::anyhow;
+use formation::model::{ModuleId, PlanningProblem, SpotId};
+use formation::planner::plan;
+use formation::verify::{Outcome, outcome_text};
+use formation_msgs::Verdict;
+use formation_report::{Fact, Subject, Summary, Tone};
+use recorder::replay::{Replay, replay};
+use ros_runtime::exit::{Failure, one_line};
+
+use crate::console;
+use crate::report::ReportDirectory;
+use crate::run::{Recording, endings};
+
+/// Writes the report of a recording, and prints what the recording holds.
+///
+/// # Errors
+/// The file is no recording of a formation, or is damaged, or the report cannot be written. The report of a damaged file
+/// shows what comes before the damage.
+pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
+    let wrong = |what: &dyn std::fmt::Display| {
+        Failure::bad_input(format_args!("{}: {what}", path.display()))
+    };
+    let replay = replay(path).map_err(|error| wrong(&error))?;
+    let Some(problem) = &replay.problem else {
+        let damage = replay.file.damage.as_ref();
+        let damage = damage.map(|damage| format!("; it is damaged: {damage}"));
+        return Err(wrong(&format_args!(
+            "has no roster with a target, so there is nothing to draw{}",
+            damage.unwrap_or_default()
+        )));
+    };
+    let directory = directory.map_or_else(|| default_directory(path), Path::to_owned);
+    let report = ReportDirectory::create(&directory)?;
+    let mut recording = Recording::default();
+    for entry in &replay.entries {
+        recording.keep(entry.clone());
+    }
+    let judged = replay.verdict.as_ref().map(settled);
+    let endings = endings(recording.entries(), judged.as_ref());
+    let name = path.file_stem().unwrap_or_default().to_string_lossy();
+    let outcome = plan(Arc::new(problem.clone()));
+    let subject = Subject::seen(&one_line(&name), problem, &outcome, &endings);
+    let summary = summary(&replay, problem, recording.left_out());
+    report.write_pictures(&subject, recording.entries(), &summary)?;
+    console::result_line(&text(&replay, &summary, &directory))?;
+    match &replay.file.damage {
+        None => Ok(()),
+        Some(damage) => Err(Failure::Failed(anyhow!(
+            "{}: is damaged after {} samples: {damage}; the report shows what comes before",
+            path.display(),
+            replay.file.samples
+        ))),
+    }
+}
+
+/// The file's name without its end; where it has none, something that does not exist yet.
+fn default_directory(path: &Path) -> PathBuf {
+    match path.extension() {
+        Some(_) => path.with_extension(""),
+        None => path.with_extension("report"),
+    }
+}
+
+/// Which module settled on which spot.
+fn settled(verdict: &Verdict) -> BTreeMap<ModuleId, SpotId> {
+    let pairs = verdict.assignments.iter();
+    pairs
+        .map(|pair| (ModuleId(pair.module_id), SpotId(pair.spot_id)))
+        .collect()
+}
+
+fn summary(replay: &Replay, problem: &PlanningProblem, left_out: usize) -> Summary {
+    let verdict = replay.verdict.as_ref();
+    let (outcome, tone) = match verdict.and_then(judgement) {
+        Some((Outcome::Failed, text)) => (text, Tone::Bad),
+        Some((_, text)) => (text, Tone::Good),
+        None => ("No verdict was recorded".to_owned(), Tone::Neutral),
+    };
+    let mut notes: Vec<String> = Vec::new();
+    if let Some(verdict) = verdict {
+        notes.extend(verdict.violations.iter().map(|text| one_line(text)));
+        notes.extend((!verdict.collision_reason.is_empty()).then(|| {
+            format!(
+                "not collision-free: {}",
+                one_line(&verdict.collision_reason)
+            )
+        }));
+    }
+    notes.extend(losses(replay));
+    notes.extend(
+        (left_out > 0).then(|| {
+            format!("{left_out} entries were left out of the film, as there were too many")
+        }),
+    );
+    let mut facts = vec![
+        Fact::new("modules", problem.modules().len()),
+        Fact::new("spots", problem.target().spots().len()),
+        Fact::new(
+            "length of the recording",
+            format!("{:.1} s", replay.duration.as_secs_f64()),
+        ),
+        Fact::new("recorded samples", replay.file.samples),
+    ];
+    if let Some(session) = replay.session {
+        facts.push(Fact::new("session", session.0));
+    }
+    Summary {
+        outcome,
+        tone,
+        source: "Made of a recording of the topics. The film stretches turns, which take milliseconds, and cuts waits; the \
+                 clock next to it counts seconds since the first recorded sample."
+            .to_owned(),
+        facts,
+        notes,
+    }
+}
+
+/// What is missing from the recording.
+fn losses(replay: &Replay) -> Vec<String> {
+    let file = &replay.file;
+    let damage = file.damage.as_ref();
+    let damage = damage.map(|damage| {
+        format!(
+            "The recording is damaged: {damage}. What comes after {} samples is missing.",
+            file.samples
+        )
+    });
+    let lost = file.lost.filter(|&lost| lost > 0);
+    let lost = lost.map(|lost| format!("The recorder lost {lost} samples."));
+    let refused = (replay.refused > 0)
+        .then(|| format!("{} samples do not decode or are not valid.", replay.refused));
+    [damage, lost, refused].into_iter().flatten().collect()
+}
+
+/// The outcome of a recorded verdict and its text; `None` if it is none that this build knows.
+fn judgement(verdict: &Verdict) -> Option<(Outcome, String)> {
+    let outcome = match verdict.outcome {
+        Verdict::OUTCOME_COMPLETE => Outcome::Complete,
+        Verdict::OUTCOME_PARTIAL => Outcome::Partial,
+        Verdict::OUTCOME_FAILED => Outcome::Failed,
+        _ => return None,
+    };
+    let count = |number: u32| usize::try_from(number).unwrap_or(usize::MAX);
+    let text = outcome_text(
+        outcome,
+        count(verdict.filled_spots),
+        count(verdict.spots),
+        verdict.blocked_spots.len(),
+    );
+    Some((outcome, text))
+}
+
+fn text(replay: &Replay, summary: &Summary, directory: &Path) -> String {
+    let rows = replay.samples.iter();
+    let rows = rows.map(|(topic, count)| format!("{count:>8}  {topic}"));
+    let mut lines = vec![format!("{:>8}  topic", "samples")];
+    lines.extend(rows);
+    lines.extend(summary.notes.iter().cloned());
+    lines.push(format!(
+        "{}, in {:.1} s",
+        summary.outcome,
+        replay.duration.as_secs_f64()
+    ));
+    lines.push(format!(
+        "report: {}",
+        directory.join("report.html").display()
+    ));
+    lines.join("\n")
+}

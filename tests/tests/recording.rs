@@ -1,0 +1,143 @@
+//! A recording of a real run: what it holds, by readers that we did not write, and the report that is made of it.
+
+use std::io::{BufRead, BufReader, Write};
+use std::path::Path;
+use std::process::{Child, Stdio};
+use std::time::Duration;
+
+use formation_tests::{Domain, Finished, Python, Running, scenario_path};
+use serde_json::Value;
+
+const PATIENCE: Duration = Duration::from_secs(90);
+
+fn run(domain: &str, recording: &Path) -> Finished {
+    let scenario = scenario_path("mcs_detach");
+    let arguments = [
+        "run",
+        scenario.to_str().unwrap(),
+        "--modules-per-process",
+        "4",
+        "--timeout",
+        "60",
+        "--json",
+        "--record",
+        recording.to_str().unwrap(),
+    ];
+    Running::start("formation", domain, &arguments).finish(PATIENCE)
+}
+
+fn report(recording: &Path, directory: &Path) -> Finished {
+    let [recording, directory] = [recording, directory].map(|path| path.to_str().unwrap());
+    let arguments = ["report", recording, "--report", directory];
+    Running::start("formation", "0", &arguments).finish(PATIENCE)
+}
+
+/// CycloneDDS on all topics, which later compares what it took with a recording.
+fn other_subscriber(domain: &str) -> Option<Child> {
+    let arguments = ["--domain", domain];
+    let script = "tests/python/compare_recording.py";
+    Some(Python::find()?.start(script, &arguments, Stdio::inherit()))
+}
+
+fn line_of(child: &mut Child) -> Value {
+    let mut line = String::new();
+    let output = child.stdout.as_mut().unwrap();
+    BufReader::new(output).read_line(&mut line).unwrap();
+    serde_json::from_str(&line).unwrap_or_else(|error| panic!("{error} in {line:?}"))
+}
+
+#[test]
+fn a_recording_holds_the_bytes_that_another_vendor_receives() {
+    let domain = Domain::for_processes(5);
+    let Some(mut other) = other_subscriber(&domain) else {
+        return;
+    };
+    assert_eq!(line_of(&mut other)["ready"], true);
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("out.mcap");
+    let finished = run(&domain, &recording);
+    assert_eq!(finished.status, 0, "{}", finished.stderr);
+
+    writeln!(other.stdin.as_mut().unwrap(), "{}", recording.display()).unwrap();
+    let topics = line_of(&mut other);
+    assert!(other.wait().unwrap().success());
+    for (topic, found) in topics.as_object().unwrap() {
+        let count = |key: &str| found[key].as_u64().unwrap();
+        let recorded = count("recorded");
+        assert_eq!(count("by_rosbags"), recorded, "{topic} {found}");
+        assert_eq!(count("reencoded"), recorded, "{topic} {found}");
+        assert!(recorded > count("only_recorded"), "{topic} {found}");
+        assert_eq!(
+            found["reliable"],
+            topic != "/formation/heartbeats",
+            "{topic}"
+        );
+    }
+    // Of the other topics either side may lack a sample: a newer state replaces one that was not sent yet.
+    for (topic, expected) in [
+        ("target", 1),
+        ("claims", 2),
+        ("evictions", 0),
+        ("verdict", 1),
+    ] {
+        let found = &topics[format!("/formation/{topic}")];
+        if expected == 0 && found.is_null() {
+            continue;
+        }
+        assert_eq!(found["only_recorded"], 0, "{topic} {found}");
+        assert_eq!(found["only_received"], 0, "{topic} {found}");
+        assert!(
+            found["recorded"].as_u64().unwrap() >= expected,
+            "{topic} {found}"
+        );
+    }
+    for topic in ["module_states", "roster", "heartbeats"] {
+        assert!(
+            topics[format!("/formation/{topic}")].is_object(),
+            "{topic} in {topics}"
+        );
+    }
+}
+
+#[test]
+fn the_report_of_a_recording_shows_the_run_and_what_is_damaged() {
+    let domain = Domain::for_processes(4);
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("out.mcap");
+    let finished = run(&domain, &recording);
+    assert_eq!(finished.status, 0, "{}", finished.stderr);
+
+    let directory = folder.path().join("whole");
+    let reported = report(&recording, &directory);
+    assert_eq!(reported.status, 0, "{}", reported.stderr);
+    let verdict = "COMPLETE: all 7 spots are filled, hole-free";
+    assert!(reported.stdout.contains(verdict), "{}", reported.stdout);
+    let page = std::fs::read_to_string(directory.join("report.html")).unwrap();
+    assert!(page.contains(verdict));
+    for picture in ["before.svg", "after.svg"] {
+        assert!(directory.join(picture).is_file(), "{picture}");
+    }
+
+    let whole = std::fs::read(&recording).unwrap();
+    let cut = folder.path().join("cut.mcap");
+    std::fs::write(&cut, &whole[..whole.len() / 2]).unwrap();
+    let directory = folder.path().join("cut");
+    let reported = report(&cut, &directory);
+    assert_eq!(reported.status, 1, "{}", reported.stdout);
+    assert!(
+        reported.stderr.contains("cut.mcap: is damaged after"),
+        "{}",
+        reported.stderr
+    );
+    assert!(directory.join("report.html").is_file());
+
+    let text = folder.path().join("text.mcap");
+    std::fs::write(&text, "no recording, but some text").unwrap();
+    let refused = report(&text, &folder.path().join("text"));
+    assert_eq!(refused.status, 2, "{}", refused.stdout);
+    assert!(
+        refused.stderr.contains("is no MCAP file"),
+        "{}",
+        refused.stderr
+    );
+}
