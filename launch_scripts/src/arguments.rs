@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
+use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use formation::model::{MICRO_PER_UNIT, MicroUnits};
 use formation_sim::FaultKind;
@@ -353,6 +354,12 @@ pub struct GenerateArguments {
     pub seed: u64,
 }
 
+/// Reads the name of a kind of faults, and lists all names in the help.
+fn fault_kind() -> impl TypedValueParser<Value = FaultKind> {
+    let names = FaultKind::NAMED.map(|(name, _)| name);
+    PossibleValuesParser::new(names).try_map(|name| name.parse::<FaultKind>())
+}
+
 /// Reads the width of a field, 1.5 to 100, in hundredths.
 fn field_width(text: &str) -> Result<u32, String> {
     let width = MicroUnits::from_units(text.parse().map_err(|_| "not a number")?);
@@ -377,8 +384,8 @@ pub struct SimulateArguments {
     /// How many modules a drawn scenario has: a number, or a range.
     #[arg(long, value_name = "MIN-MAX", default_value = "5-40", conflicts_with = "scenario", value_parser = module_range)]
     pub modules: (usize, usize),
-    /// Which faults occur: none, crash, partition, mixed or hostile.
-    #[arg(long, value_name = "KIND", default_value_t = FaultKind::Mixed)]
+    /// Which faults occur; see docs/fault_model.md.
+    #[arg(long, value_name = "KIND", default_value_t = FaultKind::Mixed, value_parser = fault_kind())]
     pub faults: FaultKind,
     /// Print one JSON object instead of lines for people.
     #[arg(long)]

@@ -3,7 +3,7 @@
 use std::env;
 use std::io::{IsTerminal, stderr};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
@@ -48,6 +48,7 @@ pub fn run(arguments: &ExperimentsArguments) -> Result<(), Failure> {
     display.bar.finish_and_clear();
     outcome.map_err(|error| match error {
         ExperimentError::BadInput(_) => Failure::BadInput(anyhow!(error)),
+        ExperimentError::Interrupted => Failure::Interrupted(error.to_string(), display.signal()),
         _ => Failure::Failed(anyhow!(error)),
     })?;
     let directory = arguments.directory.display();
@@ -63,6 +64,8 @@ struct Display {
     bar: ProgressBar,
     /// Set by signals that ask to stop. Between two cells, all results are on disk.
     interrupted: Arc<AtomicBool>,
+    /// The last of these signals.
+    signal: Arc<AtomicUsize>,
     cells: usize,
     finished_cells: usize,
     line_at: Option<Instant>,
@@ -71,9 +74,12 @@ struct Display {
 impl Display {
     fn start() -> anyhow::Result<Self> {
         let interrupted = Arc::new(AtomicBool::new(false));
+        let last = Arc::new(AtomicUsize::new(0));
         for signal in [SIGINT, SIGTERM, SIGHUP] {
+            let number = usize::try_from(signal)?;
             // A second signal ends the program at once.
-            flag::register_conditional_shutdown(signal, 1, Arc::clone(&interrupted))
+            flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&interrupted))
+                .and_then(|_| flag::register_usize(signal, Arc::clone(&last), number))
                 .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
                 .context("cannot handle signals")?;
         }
@@ -85,10 +91,16 @@ impl Display {
         Ok(Self {
             bar: ProgressBar::with_draw_target(None, target),
             interrupted,
+            signal: last,
             cells: 0,
             finished_cells: 0,
             line_at: None,
         })
+    }
+
+    fn signal(&self) -> i32 {
+        let signal = self.signal.load(Ordering::Relaxed);
+        i32::try_from(signal).unwrap_or(SIGINT)
     }
 }
 

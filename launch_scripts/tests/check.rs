@@ -51,6 +51,29 @@ fn check(path: &Path) -> (Option<i32>, String, String) {
     )
 }
 
+#[test]
+fn a_byte_order_mark_at_the_start_of_a_file_is_accepted() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("marked.yaml");
+    fs::write(&path, format!("\u{feff}{VALID}")).unwrap();
+    let (status, stdout, stderr) = check(&path);
+    assert_eq!((status, stderr.as_str()), (Some(0), ""));
+    assert!(stdout.contains("small; 4 modules"), "{stdout}");
+}
+
+#[test]
+fn output_that_nothing_reads_ends_the_program_quietly_with_a_failure() {
+    let (reader, writer) = std::io::pipe().unwrap();
+    drop(reader);
+    let output = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(["generate", "--modules", "4", "--spots", "4", "--seed", "1"])
+        .stdout(writer)
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(1));
+    assert_eq!(String::from_utf8(output.stderr).unwrap(), "");
+}
+
 /// Checks that the file is refused with status 2 and exactly one line, and returns what follows the file's name.
 fn refusal(path: &Path) -> String {
     let (status, stdout, stderr) = check(path);

@@ -2,11 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
 
-#[cfg(feature = "experiments")]
 use std::fs;
+#[cfg(feature = "experiments")]
+use std::io::{BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
+#[cfg(feature = "experiments")]
+use std::process::Stdio;
 use std::process::{Command, Output};
 
+#[cfg(feature = "experiments")]
+use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
 fn formation(arguments: &[&str]) -> Output {
@@ -66,6 +71,29 @@ fn one_experiment_is_run_and_its_summary_named() {
     assert_eq!(other.status.code(), Some(2));
     let errors = String::from_utf8_lossy(&other.stderr);
     assert!(errors.contains("runs was 5, now 7"), "{errors}");
+}
+
+#[cfg(feature = "experiments")]
+#[test]
+fn an_interruption_keeps_what_was_measured_and_has_the_status_of_its_signal() {
+    let directory = tempfile::tempdir().unwrap();
+    let out = directory.path().join("out");
+    let mut experiments = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(["experiments", out.to_str().unwrap(), "--quick"])
+        .stdout(Stdio::null())
+        .stderr(Stdio::piped())
+        .spawn()
+        .unwrap();
+    let mut errors = BufReader::new(experiments.stderr.take().unwrap());
+    // The signals are handled once the first line is written.
+    let mut said = String::new();
+    errors.read_line(&mut said).unwrap();
+    assert!(said.starts_with("0 of "), "{said}");
+    kill_process(Pid::from_child(&experiments), Signal::INT).unwrap();
+    errors.read_to_string(&mut said).unwrap();
+    let status = experiments.wait().unwrap();
+    assert_eq!(status.code(), Some(130), "{said}");
+    assert!(said.contains("error: interrupted"), "{said}");
 }
 
 #[cfg(feature = "experiments")]

@@ -5,6 +5,7 @@
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
+use formation_sim::FaultKind;
 use serde_json::Value;
 
 fn simulate(options: &[&str]) -> Output {
@@ -122,7 +123,7 @@ fn bad_input_is_named_and_starts_nothing() {
         ),
         (
             &["--faults", "gremlins"],
-            "gremlins is none of none, crash, partition, mixed",
+            "none, crash, partition, mixed, hostile, storm",
         ),
         (&["--seeds", "0"], "--seeds"),
     ] {
@@ -132,4 +133,19 @@ fn bad_input_is_named_and_starts_nothing() {
         let stderr = String::from_utf8(output.stderr).unwrap();
         assert!(stderr.contains(named), "{options:?}: {stderr}");
     }
+}
+
+#[test]
+fn the_help_names_every_kind_of_fault() {
+    let output = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(["simulate", "--help"])
+        .output()
+        .unwrap();
+    let help = String::from_utf8(output.stdout).unwrap();
+    let names = FaultKind::NAMED.map(|(name, _)| name).join(", ");
+    let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
+    assert!(
+        help.contains(&format!("[possible values: {names}]")),
+        "{help}"
+    );
 }

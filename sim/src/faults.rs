@@ -34,34 +34,35 @@ pub enum FaultKind {
     Storm,
 }
 
+impl FaultKind {
+    /// All kinds with their names.
+    pub const NAMED: [(&'static str, Self); 6] = [
+        ("none", Self::None),
+        ("crash", Self::Crash),
+        ("partition", Self::Partition),
+        ("mixed", Self::Mixed),
+        ("hostile", Self::Hostile),
+        ("storm", Self::Storm),
+    ];
+}
+
 impl FromStr for FaultKind {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text {
-            "none" => Ok(Self::None),
-            "crash" => Ok(Self::Crash),
-            "partition" => Ok(Self::Partition),
-            "mixed" => Ok(Self::Mixed),
-            "hostile" => Ok(Self::Hostile),
-            "storm" => Ok(Self::Storm),
-            other => Err(format!(
-                "{other} is none of none, crash, partition, mixed, hostile, storm"
-            )),
-        }
+        let found = Self::NAMED.iter().find(|(name, _)| *name == text);
+        found.map(|(_, kind)| *kind).ok_or_else(|| {
+            let names = Self::NAMED.map(|(name, _)| name).join(", ");
+            format!("{text} is none of {names}")
+        })
     }
 }
 
 impl fmt::Display for FaultKind {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::None => "none",
-            Self::Crash => "crash",
-            Self::Partition => "partition",
-            Self::Mixed => "mixed",
-            Self::Hostile => "hostile",
-            Self::Storm => "storm",
-        })
+        let mut named = Self::NAMED.iter();
+        let name = named.find(|(_, kind)| kind == self).map(|(name, _)| *name);
+        formatter.write_str(name.unwrap_or_default())
     }
 }
 

@@ -57,8 +57,13 @@ pub fn read_bounded(path: &Path, bytes_max: u64) -> io::Result<String> {
         let most = bytes_max >> 20;
         return Err(io::Error::other(format!("is larger than {most} MiB")));
     }
-    String::from_utf8(bytes).map_err(|error| {
+    let text = String::from_utf8(bytes).map_err(|error| {
         let valid = error.utf8_error().valid_up_to();
         io::Error::other(format!("is no UTF-8 text (byte {})", valid + 1))
+    })?;
+    // Some editors begin a file with a byte order mark, which is no part of its text.
+    Ok(match text.strip_prefix('\u{feff}') {
+        Some(rest) => rest.to_owned(),
+        None => text,
     })
 }
