@@ -15,7 +15,7 @@ pub const MODULES_PER_PROCESS_MAX: usize = 25;
 
 /// Forms a target configuration out of robot modules over DDS or Zenoh.
 #[derive(Debug, Parser)]
-#[command(name = "formation", version, after_help = EXIT_STATUS)]
+#[command(name = "formation", version = formation_version::VERSION, after_help = EXIT_STATUS)]
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
@@ -47,6 +47,11 @@ pub enum Command {
     },
     /// Print the JSON schema of scenario files, with which editors complete and check them.
     Schema,
+    /// Print the completions of a shell for this program. The other programs print theirs with `--completions SHELL`.
+    Completions {
+        /// The shell: bash, elvish, fish, powershell or zsh.
+        shell: String,
+    },
     /// Form the target with real processes over DDS or Zenoh, and have the outcome verified.
     Run(Box<RunArguments>),
     /// Stop all modules of a running formation: they stand still, also after restarts, until they are resumed.

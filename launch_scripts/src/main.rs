@@ -11,6 +11,7 @@ mod generate;
 mod motion;
 mod order;
 mod plan;
+#[cfg(feature = "recordings")]
 mod recorded;
 mod report;
 mod router;
@@ -23,7 +24,8 @@ mod warnings;
 
 use std::process::ExitCode;
 
-use clap::Parser;
+use clap::{CommandFactory, Parser};
+use ros_runtime::arguments::completions;
 use ros_runtime::exit::{STATUS_DONE, conclude};
 
 use crate::arguments::{Arguments, Command};
@@ -48,7 +50,14 @@ fn main() -> ExitCode {
             module,
             json,
         } => explain::run(&scenario, module, json),
+        #[cfg(feature = "recordings")]
         Command::Report { recording, report } => recorded::run(&recording, report.as_deref()),
+        #[cfg(not(feature = "recordings"))]
+        Command::Report { .. } => Err(ros_runtime::exit::Failure::bad_input(
+            "this program was built without recordings; `cargo build --release -p launch_scripts` includes them",
+        )),
+        Command::Completions { shell } => completions(&mut Arguments::command(), &shell)
+            .and_then(|script| console::result_line(script.trim_end())),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(feature = "experiments")]

@@ -22,7 +22,7 @@ use ros_runtime::settings::Settings;
 /// It decides for the configuration's block; the members follow it. SIGINT and SIGTERM end the process, which then
 /// leaves the ROS 2 graph at once.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = formation_version::VERSION)]
 struct Arguments {
     /// The leading module, which this process hosts
     #[arg(long, value_name = "ID")]

@@ -16,7 +16,7 @@ use ros_runtime::settings::Settings;
 /// The modules take part in forming any target that is announced. SIGINT and SIGTERM end the process, which then leaves
 /// the ROS 2 graph at once.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = formation_version::VERSION)]
 struct Arguments {
     #[command(flatten)]
     modules: ModuleArguments,

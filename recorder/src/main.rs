@@ -15,7 +15,7 @@ use ros_runtime::settings::Settings;
 /// The file has the samples as they are on the wire, and opens with `ros2 bag`, `rosbags` and Foxglove. It takes no part in
 /// the formation, and records every session of the domain.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = formation_version::VERSION)]
 struct Arguments {
     /// The file, which is replaced if it exists
     file: PathBuf,

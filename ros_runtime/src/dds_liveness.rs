@@ -123,14 +123,14 @@ mod tests {
         is_ready.recv().unwrap();
         watchdog.participant_created();
         assert_eq!(watchdog.threads.0.get().unwrap().len(), 1);
+        assert!(!watchdog.threads.has_one_ended());
         watchdog.looked_at.set(Instant::now() - INTERVAL);
         assert!(watchdog.is_alive());
-        assert!(!watchdog.threads.has_one_ended());
         drop(end);
-        assert!(watchdog.threads.has_one_ended());
         library.join().unwrap();
         assert!(watchdog.is_alive(), "it was looked at just now");
         watchdog.looked_at.set(Instant::now() - INTERVAL);
         assert!(!watchdog.is_alive());
+        assert!(watchdog.threads.has_one_ended());
     }
 }

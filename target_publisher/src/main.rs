@@ -29,7 +29,7 @@ use crate::parameters::PublisherParameters;
 /// It serves the action `form_configuration`, by which clients have targets formed, and services that report the status of
 /// the formation and withdraw its target. Without a scenario it announces nothing until it is asked to.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = formation_version::VERSION)]
 struct Arguments {
     /// Scenario file whose target and planner parameters are announced; without it, nothing is until a goal comes
     #[arg(long, value_name = "FILE")]

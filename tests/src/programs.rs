@@ -98,6 +98,12 @@ impl Running {
         )
     }
 
+    /// Starts a program that lies elsewhere, such as an installed one, on a domain of loopback.
+    #[must_use]
+    pub fn start_from(path: &Path, name: &str, domain: &str, arguments: &[&str]) -> Self {
+        Self::spawn(Command::new(path), name, domain, arguments, "LOCALHOST")
+    }
+
     /// Starts a program on a domain of a network of its own.
     #[must_use]
     pub fn start_within(network: &Namespace, name: &str, domain: &str, arguments: &[&str]) -> Self {

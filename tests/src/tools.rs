@@ -20,6 +20,8 @@ pub enum Tool {
     Tshark,
     /// Chromium and its WebDriver.
     Browser,
+    /// The tools by which Debian packages are built.
+    Debian,
     /// The right to create network namespaces, and `ip` to connect them.
     Namespaces,
 }
@@ -31,6 +33,7 @@ impl Tool {
             Self::Rclpy => "rclpy",
             Self::Tshark => "tshark",
             Self::Browser => "browser",
+            Self::Debian => "debian",
             Self::Namespaces => "namespaces",
         }
     }
@@ -50,6 +53,7 @@ impl Tool {
             Self::Browser => {
                 "install it (Debian, Ubuntu: `apt-get install chromium chromium-driver`)"
             }
+            Self::Debian => "install them (Debian, Ubuntu: `apt-get install dpkg-dev binutils`)",
             Self::Namespaces => {
                 "run the tests as root or allow user namespaces, with `unshare`, `nsenter` and `ip` installed \
                  (Debian, Ubuntu: `apt-get install util-linux iproute2`)"

@@ -13,6 +13,7 @@ mod external_motion;
 mod faults;
 mod formations;
 mod physical_world;
+mod packages;
 mod python_files;
 mod rclpy;
 mod recording;

@@ -20,7 +20,7 @@ const LINGER: Duration = Duration::from_millis(500);
 
 /// Observes a formation from the topics alone and judges it: exit status 0 for COMPLETE and PARTIAL, 1 for FAILED.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = formation_version::VERSION)]
 struct Arguments {
     /// Print the verdict as one line of JSON, {"verdict": ...}
     #[arg(long)]

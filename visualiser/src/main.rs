@@ -21,7 +21,7 @@ use crate::visualisation::{Drawing, VisualiserProcess};
 /// `markers` carries modules, links, target spots, obstacles, claims and trails; `/tf` the frames `module_N` and
 /// `/tf_static` the frames `spot_N`. It takes no part in the formation.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = formation_version::VERSION)]
 struct Arguments {
     #[command(flatten)]
     drawing: Tuned<Drawing>,

@@ -20,7 +20,7 @@ use world::process::WorldProcess;
 /// The modules are started with --motion external. It prints what it counts as one JSON object a line, whenever that changes:
 /// contacts between modules that are not docked, and attempts to dock.
 #[derive(Parser)]
-#[command(version)]
+#[command(version = formation_version::VERSION)]
 struct Arguments {
     /// Scenario file that says where the modules stand, how they are docked, and where obstacles and walls are
     #[arg(long, value_name = "FILE")]

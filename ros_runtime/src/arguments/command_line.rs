@@ -1,18 +1,22 @@
 //! The whole command line: a program's own arguments, and those that all ROS 2 nodes take.
 
 use std::fs::File;
-use std::io::{self, Read};
+use std::io::{self, Read, Write};
 use std::path::Path;
 
 use clap::builder::Resettable;
-use clap::{Args, FromArgMatches, Parser};
+use clap::{Args, Command, FromArgMatches, Parser, ValueEnum};
+use clap_complete::Shell;
 
 use super::network::NetworkArguments;
 use super::ros::RosArguments;
-use crate::exit::Failure;
+use crate::exit::{Failure, STATUS_DONE};
 
 /// A parameter file lists a few dozen values.
 const PARAMETER_FILE_BYTES_MAX: u64 = 1 << 20;
+
+/// Prints the completions of a shell, where it is the only option; packages install them.
+const COMPLETIONS: &str = "--completions";
 
 const ROS_HELP: &str = "ROS 2 arguments:\n  \
     --ros-args ... [--]  what every ROS 2 node takes: -r FROM:=TO (__ns and __node included), -p NAME:=VALUE,\n                       \
@@ -32,11 +36,35 @@ pub fn parse<A: Parser>() -> Result<(A, NetworkArguments, RosArguments), Failure
         [program.get_about(), program.get_long_about()].map(|text| Resettable::from(text.cloned()));
     let command = NetworkArguments::augment_args(program).after_help(ROS_HELP);
     // The arguments of every node would replace what the program says about itself.
-    let command = command.about(about).long_about(long_about);
+    let mut command = command.about(about).long_about(long_about);
+    if let [_, option, shell] = own.as_slice()
+        && option == COMPLETIONS
+    {
+        let script = completions(&mut command, &shell.to_string_lossy())?;
+        // What reads it may be gone.
+        let _ = io::stdout().lock().write_all(script.as_bytes());
+        std::process::exit(STATUS_DONE.into());
+    }
     let matches = command.get_matches_from(own);
     let arguments = A::from_arg_matches(&matches).map_err(Failure::bad_input)?;
     let network = NetworkArguments::from_arg_matches(&matches).map_err(Failure::bad_input)?;
     Ok((arguments, network, ros))
+}
+
+/// The script by which a shell completes the options of a program.
+///
+/// # Errors
+/// The shell is unknown.
+pub fn completions(command: &mut Command, shell: &str) -> Result<String, Failure> {
+    let known = Shell::value_variants().iter().map(ToString::to_string);
+    let found = Shell::from_str(shell, true).map_err(|_| {
+        let known: Vec<String> = known.collect();
+        Failure::bad_input(format_args!("`{shell}` is none of {}", known.join(", ")))
+    })?;
+    let name = command.get_name().to_owned();
+    let mut script = Vec::new();
+    clap_complete::generate(found, command, name, &mut script);
+    String::from_utf8(script).map_err(Failure::failed)
 }
 
 /// Reads a text file of at most `bytes_max` bytes. The length of a pipe is unknown, so the limit applies to what is read.
