@@ -15,7 +15,7 @@ use serde_json::Value;
 const PATIENCE: Duration = Duration::from_secs(90);
 
 /// Every program, with an option that only it has.
-const PROGRAMS: [(&str, &str); 7] = [
+const PROGRAMS: [(&str, &str); 8] = [
     ("formation", "--modules-per-process"),
     ("leader_agent", "--pose-interval-s"),
     ("module_agent", "--modules"),
@@ -23,6 +23,7 @@ const PROGRAMS: [(&str, &str); 7] = [
     ("target_publisher", "--scenario-folder"),
     ("verifier", "--keep-watching"),
     ("visualiser", "--no-labels"),
+    ("world", "--slip"),
 ];
 
 fn output(command: &mut Command) -> String {
