@@ -9,7 +9,9 @@
     clippy::disallowed_macros,
     clippy::disallowed_methods,
     clippy::disallowed_types,
+    clippy::cast_possible_truncation,
     clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
     reason = "a program of its own around the core: it prints, takes the time, and a fault ends it"
 )]
 
