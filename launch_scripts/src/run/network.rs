@@ -57,6 +57,7 @@ pub fn prepare(
     warn_of_ephemeral_ports(domain.number());
     let optional = [
         arguments.motion.driver.is_some(),
+        arguments.motion.world.world,
         arguments.record.is_some(),
     ];
     let optional = optional
