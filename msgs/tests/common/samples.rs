@@ -191,12 +191,16 @@ fn verdict() -> impl Strategy<Value = wire::Verdict> {
 }
 
 fn docking_request() -> impl Strategy<Value = wire::DockingRequest> {
-    (header(), any::<(u32, u64, u8, u32)>()).prop_map(
-        |(header, (module_id, request, action, other_module_id))| wire::DockingRequest {
+    (header(), any::<(u32, u64, bool, u32)>()).prop_map(
+        |(header, (module_id, request, docks, other_module_id))| wire::DockingRequest {
             header,
             module_id,
             request,
-            action,
+            action: if docks {
+                wire::DockingRequest::ACTION_DOCK
+            } else {
+                wire::DockingRequest::ACTION_UNDOCK
+            },
             other_module_id,
         },
     )
