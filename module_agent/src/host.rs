@@ -113,6 +113,9 @@ impl Host {
         let mut agent = Agent::new(identity.clone(), self.parameters, now)
             .in_service(service)
             .with_plans_of_host();
+        if self.motion.mode == MotionMode::External {
+            agent = agent.of_robot();
+        }
         if let Some(journal) = &self.journal {
             agent = agent.restored(journal.state_of(identity.module));
         }

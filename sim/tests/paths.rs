@@ -69,15 +69,15 @@ fn modules_keep_clear_of_obstacles_and_walls() {
     .unwrap();
 }
 
-/// Modules 11 and 12 stand in each other: they stay, and are named, and the others form without them.
-#[test]
-fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
+/// Twelve modules for ten spots; 11 and 12 stand too close, so one of them stays and is named, and the others form. `motion` is
+/// the planner's.
+fn form_with_an_invalid_start(motion: &str, agents: AgentFactory) {
     let starts = (1..12).map(|id| format!("{{id: {id}, x: {}, y: 5}}", 2 * id));
     let starts: Vec<String> = starts
         .chain(["{id: 12, x: 22.3, y: 5}".to_owned()])
         .collect();
     let text = format!(
-        "target: {{map: 'o-o-o-o-o-o-o-o-o-o'}}\nplanner: {{motion: paths}}\nsingletons: [{}]",
+        "target: {{map: 'o-o-o-o-o-o-o-o-o-o'}}\nplanner: {{motion: {motion}}}\nsingletons: [{}]",
         starts.join(", ")
     );
     let scenario = Scenario::from_yaml(&text).unwrap();
@@ -85,6 +85,7 @@ fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
         faults: FaultKind::None,
         problem: Some(Arc::new(scenario.problem().clone())),
         transcripts: true,
+        agents,
         ..CampaignParameters::default()
     };
     run_seeds(&parameters, 0..5, |report| {
@@ -99,6 +100,20 @@ fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
         }
     })
     .unwrap();
+}
+
+#[test]
+fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
+    form_with_an_invalid_start("paths", AgentFactory::default());
+}
+
+/// Simulated modules would move in straight lines.
+#[test]
+fn robots_do_not_move_in_straight_lines_that_replace_paths() {
+    let robots = AgentFactory::new(|identity, parameters, now| {
+        Agent::new(identity, parameters, now).of_robot()
+    });
+    form_with_an_invalid_start("auto", robots);
 }
 
 #[test]

@@ -66,7 +66,7 @@ impl PlannedMotion {
     /// # Errors
     /// Names the modules or spots for which there are no paths, and the cure.
     pub fn check_for_robots(&self) -> Result<(), String> {
-        let (Self::Straight(Some(error)) | Self::Refused(error)) = self else {
+        let Some(error) = self.refusal(true) else {
             return Ok(());
         };
         let cure = error.cure();
@@ -74,6 +74,16 @@ impl PlannedMotion {
             "{error}; robots move along paths only, as they could run into each other in straight lines: {cure}, or demand \
              straight lines (planner.motion: straight)"
         ))
+    }
+
+    /// Why a module may not move, if so. A robot, which can be damaged, does not follow straight lines that replace paths.
+    #[must_use]
+    pub fn refusal(&self, is_robot: bool) -> Option<&MotionError> {
+        match self {
+            Self::Refused(error) => Some(error),
+            Self::Straight(error) => error.as_ref().filter(|_| is_robot),
+            Self::Paths(_) => None,
+        }
     }
 
     /// The motion plan, if modules move along paths.

@@ -31,6 +31,8 @@ pub(super) struct Own {
     pub store: Option<StoreId>,
     pub configuration: Option<ConfigurationId>,
     pub leader: Option<ModuleId>,
+    /// Whether a driver moves it, and not a simulated drive.
+    pub is_robot: bool,
     /// When this run started.
     pub started: Duration,
 }
@@ -65,6 +67,7 @@ impl Context {
                 store: identity.store,
                 configuration: identity.configuration,
                 leader: identity.leader,
+                is_robot: false,
                 started: now,
             },
             parameters,

@@ -107,6 +107,13 @@ impl Agent {
         self
     }
 
+    /// The same agent, of a robot: it moves in straight lines only if the target demands them.
+    #[must_use]
+    pub fn of_robot(mut self) -> Self {
+        self.context.own.is_robot = true;
+        self
+    }
+
     /// The same agent with a bug, for tests of what should detect it.
     #[cfg(feature = "mutations")]
     #[must_use]

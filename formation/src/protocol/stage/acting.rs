@@ -7,7 +7,6 @@ use std::time::Duration;
 use crate::model::{
     DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId, digest,
 };
-use crate::motion::PlannedMotion;
 
 use super::super::body::SettledOn;
 use super::super::context::Context;
@@ -187,8 +186,7 @@ impl Acting {
 
     /// The modules that act, if they have not settled for longer than a motion may take. None acts while all only plan.
     pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
-        let is_refused = matches!(&*self.held.motion.planned, PlannedMotion::Refused(_));
-        if context.parameters.plan_only || is_refused {
+        if context.parameters.plan_only || self.held.refusal(context).is_some() {
             return Vec::new();
         }
         if let Some(route) = &self.held.motion.route {
@@ -253,7 +251,7 @@ impl Acting {
         if self.held.motion.planned.paths().is_some() && context.body.service == Service::Active {
             return self.carry_on_along_path(&lagging, context);
         }
-        if let PlannedMotion::Refused(error) = &*self.held.motion.planned {
+        if let Some(error) = self.held.refusal(context) {
             let fault = fault_of(context.module(), error, &self.held.roster);
             if lagging.is_empty()
                 && context.body.service == Service::Active

@@ -11,6 +11,7 @@ use crate::model::{
 };
 
 use crate::motion::PlannedMotion;
+use crate::motion::paths::MotionError;
 
 use super::super::context::Context;
 use super::super::event::Event;
@@ -143,6 +144,15 @@ impl HeldPlan {
         if !left.is_empty() {
             context.emit(Event::SpotsLeftOpen(left));
         }
+    }
+
+    /// Why no module moves by this plan, if so.
+    pub(super) fn refusal(&self, context: &Context) -> Option<&MotionError> {
+        // There are no paths while a member that is out of service moves off a spot.
+        let has_asides = !self.motion.asides.is_empty();
+        self.motion
+            .planned
+            .refusal(context.own.is_robot && !has_asides)
     }
 
     /// Where this module goes to make room, if it does.
