@@ -7,6 +7,7 @@ use petgraph::algo::kosaraju_scc;
 use petgraph::graphmap::DiGraphMap;
 use petgraph::visit::{Dfs, Reversed};
 
+use super::claims::replay_claims;
 use super::record::{Act, PlannedEpoch};
 use crate::model::{Digest, MicroUnits, ModuleId, RosterMember, Spot, SpotId};
 use crate::verify::Violation;
@@ -232,7 +233,7 @@ impl<'a> Acts<'a> {
     /// Each unit, or one in its causal past, must prove that all members had agreed; along paths one unit must.
     fn check_agreement(&self, open: &BTreeSet<ModuleId>, violations: &mut Vec<Violation>) {
         let proven = self.after_any(|unit| self.lacking_agreement(unit).is_none());
-        if self.on_paths && (!proven.is_empty() || !open.is_empty()) {
+        if self.on_paths && (!proven.is_empty() || !open.is_empty() || !self.all_have_moved()) {
             return;
         }
         for (&module, unit) in &self.units {
@@ -247,6 +248,17 @@ impl<'a> Acts<'a> {
                 });
             }
         }
+    }
+
+    /// Whether every module that has to move published that it does. Along paths the lead of the first unit alone carries the
+    /// proof of agreement, and units do not wait for each other to set off, so that this lead may end before it publishes.
+    fn all_have_moved(&self) -> bool {
+        let holders = replay_claims(self.planned).replay.spots;
+        let problem = self.planned.problem;
+        let to_fill = problem.modules().len().min(problem.target().spots().len());
+        let mut modules = holders.keys();
+        holders.len() == to_fill
+            && modules.all(|&module| self.is_pinned(module) || self.moved.contains_key(&module))
     }
 
     /// The lowest member whose agreement the unit's own marks do not prove. A module need not prove its own.
