@@ -64,10 +64,15 @@ impl Sandbox {
 
     /// A script that first notes its process number under its name and arguments.
     fn program(&self, name: &str, script: &str) {
+        self.program_after(":", name, script);
+    }
+
+    /// The same; the program counts as started once it has done what `first` says.
+    fn program_after(&self, first: &str, name: &str, script: &str) {
         let path = self.path(name);
         let note = self.directory.path().display();
         let script = format!(
-            "#!/bin/sh\nnoted='{note}/started-{name}-'$$\nprintf '%s\\n' \"$*\" > \"$noted.part\"\n\
+            "#!/bin/sh\n{first}\nnoted='{note}/started-{name}-'$$\nprintf '%s\\n' \"$*\" > \"$noted.part\"\n\
              mv \"$noted.part\" \"$noted\"\n{script}\n"
         );
         fs::write(&path, script).unwrap();
@@ -480,10 +485,8 @@ fn signals_stop_everything() {
 #[test]
 fn a_process_that_ignores_sigterm_is_killed_and_named() {
     let sandbox = Sandbox::new(POLITE);
-    sandbox.program(
-        "target_publisher",
-        "trap '' TERM; while :; do sleep 0.05; done",
-    );
+    let script = "while :; do sleep 0.05; done";
+    sandbox.program_after("trap '' TERM", "target_publisher", script);
     let finished = sandbox.run_until_signal(Signal::TERM);
     assert!(
         finished
