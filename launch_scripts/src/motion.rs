@@ -4,6 +4,7 @@ use formation::model::ModuleId;
 use formation::model::text::counted;
 use formation::motion::PlannedMotion;
 use formation::motion::paths::{ModuleMotion, MotionPlan, OrderKind, UnitMotion, Variant};
+use formation::verify::NOT_COLLISION_FREE;
 use serde::Serialize;
 
 /// How the modules of a plan move.
@@ -84,7 +85,7 @@ pub fn warning(motion: &PlannedMotion) -> Option<String> {
     match motion {
         PlannedMotion::Paths(_) | PlannedMotion::Straight(None) => None,
         PlannedMotion::Straight(Some(error)) => Some(format!(
-            "modules move in straight lines, which is not collision-free: {error}; for paths, {}",
+            "modules move in straight lines, which is {NOT_COLLISION_FREE}: {error}; for paths, {}",
             error.cure()
         )),
         PlannedMotion::Refused(error) => {
@@ -95,10 +96,10 @@ pub fn warning(motion: &PlannedMotion) -> Option<String> {
 }
 
 /// What is added to an outcome of which the motion is not free of collisions.
-pub fn mark(motion: &PlannedMotion) -> &'static str {
+pub fn mark(motion: &PlannedMotion) -> String {
     match motion {
-        PlannedMotion::Straight(_) => ", not collision-free",
-        PlannedMotion::Paths(_) | PlannedMotion::Refused(_) => "",
+        PlannedMotion::Straight(_) => format!(", {NOT_COLLISION_FREE}"),
+        PlannedMotion::Paths(_) | PlannedMotion::Refused(_) => String::new(),
     }
 }
 
@@ -115,7 +116,7 @@ pub fn line(motion: &PlannedMotion) -> String {
                 plan.longest_path
             )
         }
-        PlannedMotion::Straight(_) => "motion: straight lines, not collision-free".to_owned(),
+        PlannedMotion::Straight(_) => format!("motion: straight lines, {NOT_COLLISION_FREE}"),
         PlannedMotion::Refused(_) => "motion: none".to_owned(),
     }
 }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use anyhow::anyhow;
 use formation::model::{ModuleId, PlanningProblem, SpotId};
 use formation::planner::plan;
-use formation::verify::{Outcome, outcome_text};
+use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
 use formation_msgs::Verdict;
 use formation_report::{Fact, Subject, Summary, Tone};
 use recorder::replay::{Replay, replay};
@@ -87,7 +87,7 @@ fn summary(replay: &Replay, problem: &PlanningProblem, left_out: usize) -> Summa
         notes.extend(verdict.violations.iter().map(|text| one_line(text)));
         notes.extend((!verdict.collision_reason.is_empty()).then(|| {
             format!(
-                "not collision-free: {}",
+                "{NOT_COLLISION_FREE}: {}",
                 one_line(&verdict.collision_reason)
             )
         }));

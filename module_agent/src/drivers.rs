@@ -10,7 +10,7 @@ use formation_msgs::external::geometry_msgs::{self, PoseStamped};
 use formation_msgs::external::nav_msgs::Path;
 use formation_msgs::{DockingRequest, DriverPose, IntoCore};
 use formation_node::messages::module_size_of;
-use formation_node::{stamp, topics};
+use formation_node::{PoseSource, stamp, topics};
 use futures::stream::LocalBoxStream;
 use ros_runtime::PublisherQueue;
 use ros_runtime::arguments::Resource;
@@ -19,7 +19,7 @@ use ros_runtime::session::{Session, SessionError};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;
 
-use crate::arguments::{Motion, PoseSource};
+use crate::arguments::Motion;
 
 /// A message of a driver.
 #[derive(Clone, Debug, PartialEq)]

@@ -2,6 +2,7 @@
 //! messages of the core, the source guard, and the start of their programs.
 
 pub mod messages;
+mod pose_source;
 pub mod scenario;
 pub mod source_guard;
 pub mod stamp;
@@ -14,6 +15,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
+pub use pose_source::PoseSource;
 use ros_runtime::arguments::{self, Namespace};
 use ros_runtime::exit::{Failure, conclude, stop_requested};
 use ros_runtime::settings::Settings;

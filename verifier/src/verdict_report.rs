@@ -1,7 +1,9 @@
 //! The end of the observation, for programs and for people.
 
 use formation::model::text::listed_in_full;
-use formation::verify::{AgreementReport, Outcome, ReportLine, VerdictReport, outcome_text};
+use formation::verify::{
+    AgreementReport, NOT_COLLISION_FREE, Outcome, ReportLine, VerdictReport, outcome_text,
+};
 use ros_runtime::exit::{STATUS_DONE, STATUS_FAILED};
 
 use crate::verification::End;
@@ -42,7 +44,7 @@ fn verdict_text(verdict: &VerdictReport) -> String {
         lines.push(format!("without a spot: {unassigned}"));
     }
     let reason = verdict.collision_reason.iter();
-    lines.extend(reason.map(|reason| format!("not collision-free: {reason}")));
+    lines.extend(reason.map(|reason| format!("{NOT_COLLISION_FREE}: {reason}")));
     lines.extend(violations(&verdict.violations));
     let missing = verdict.missing.iter();
     lines.extend(missing.map(|sentence| format!("missing: {sentence}")));

@@ -2,27 +2,12 @@
 
 use std::time::Duration;
 
+use formation_node::PoseSource;
 use ros_runtime::parameters::{
     ParameterValue, Range, Tunable, Tunables, ValueType, as_number, choice, number,
 };
-use ros_runtime::words::Words;
 
 use crate::drive::DriveKind;
-
-/// Which message has the pose of a robot.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PoseSource {
-    /// `geometry_msgs/msg/PoseStamped` on `module_N/pose`.
-    #[default]
-    Pose,
-    /// `nav_msgs/msg/Odometry` on `module_N/odom`.
-    Odometry,
-}
-
-impl Words for PoseSource {
-    const WORDS: &'static [(&'static str, Self)] =
-        &[("pose", Self::Pose), ("odom", Self::Odometry)];
-}
 
 /// How the robots of the world move, measure and dock.
 #[derive(Clone, Debug, PartialEq)]

@@ -11,7 +11,7 @@ use formation_msgs::external::geometry_msgs::{self, PoseStamped, PoseWithCovaria
 use formation_msgs::external::nav_msgs::Odometry;
 use formation_msgs::{DockingResult, DriverPose, IntoCore};
 use formation_node::messages::module_size_of;
-use formation_node::{stamp, topics};
+use formation_node::{PoseSource, stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
@@ -19,7 +19,7 @@ use ros_runtime::parameters::{ParameterError, Tunables, Values};
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 
-use crate::options::{PoseSource, WorldOptions};
+use crate::options::WorldOptions;
 use crate::{DriveKind, World};
 
 const NODE_NAME: &str = "world";

@@ -1,31 +1,29 @@
 //! Random numbers from a seed.
 
+use formation::generate;
 use formation::model::ModuleId;
-use rand_pcg::Pcg64;
-use rand_pcg::rand_core::{Rng, SeedableRng};
 use rapier2d::math::Real;
 
 use crate::plane::real;
 
-/// One part in 2^53, the resolution of [`Random::share`].
-const STEP: f64 = 1.0 / 9_007_199_254_740_992.0;
+/// How many shares there are: as many as a floating-point number distinguishes.
+const SHARES: u64 = 1 << 53;
 
 /// The stream of random numbers of one module.
 #[derive(Debug)]
-pub(crate) struct Random(Pcg64);
+pub(crate) struct Random(generate::Random);
 
 impl Random {
     /// Each module has a stream of its own, so that the events of one do not change the numbers of another.
     pub fn of_module(seed: u32, module: ModuleId) -> Self {
-        Self(Pcg64::seed_from_u64(
-            u64::from(seed) << 32 | u64::from(module.0),
-        ))
+        let seed = u64::from(seed) << 32 | u64::from(module.0);
+        Self(generate::Random::from_seed(seed))
     }
 
     /// Uniform, from 0 to below 1.
     #[expect(clippy::cast_precision_loss, reason = "53 bits fit")]
     pub fn share(&mut self) -> f64 {
-        (self.0.next_u64() >> 11) as f64 * STEP
+        self.0.below(SHARES) as f64 / SHARES as f64
     }
 
     /// Whether something happens that has this probability.

@@ -4,6 +4,7 @@ use rand_pcg::Pcg64;
 use rand_pcg::rand_core::{Rng, SeedableRng};
 
 /// A stream of random numbers. All sampling is in integers, so that a seed gives the same scenario everywhere.
+#[derive(Debug)]
 pub struct Random {
     generator: Pcg64,
 }

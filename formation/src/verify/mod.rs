@@ -14,5 +14,7 @@ pub use observer::{
     Progress, Timings, Verdict,
 };
 pub use plan::check_plan;
-pub use report::{AgreementReport, ReportLine, TimingsReport, VerdictReport, outcome_text};
+pub use report::{
+    AgreementReport, NOT_COLLISION_FREE, ReportLine, TimingsReport, VerdictReport, outcome_text,
+};
 pub use violation::{Missing, Violation};

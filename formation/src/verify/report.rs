@@ -141,6 +141,9 @@ impl From<&Agreement> for AgreementReport {
     }
 }
 
+/// What is said of a formation whose modules may have run into each other.
+pub const NOT_COLLISION_FREE: &str = "not collision-free";
+
 /// The outcome in one line, with the numbers of filled spots, of all spots, and of those that bodies block.
 #[must_use]
 pub fn outcome_text(outcome: Outcome, filled: usize, spots: usize, blocked: usize) -> String {

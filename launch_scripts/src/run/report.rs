@@ -8,7 +8,7 @@ use formation::event_log::milliseconds;
 use formation::model::text::listed_in_full;
 use formation::model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
 use formation::motion::WorldReport;
-use formation::verify::{Outcome, outcome_text};
+use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
 use formation_report::Fact;
 use ros_runtime::exit::Failure;
 use serde::{Serialize, Serializer};
@@ -19,7 +19,6 @@ use crate::checked_plan::{CheckedPlan, PlanReport};
 use crate::table::aligned;
 
 /// How a run whose modules may have run into each other is marked.
-const NOT_COLLISION_FREE: &str = "not collision-free";
 /// More differences from the plan are counted only.
 const DIFFERENCES_MAX: usize = 8;
 

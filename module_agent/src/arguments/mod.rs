@@ -7,5 +7,5 @@ mod timing;
 
 pub use memory::Memory;
 pub use modules::{HostedModules, ModuleArguments, ModuleList, require_leader};
-pub use motion::{Motion, MotionMode, PoseSource};
+pub use motion::{Motion, MotionMode};
 pub use timing::Timing;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use formation::model::MicroUnits;
 use formation::motion::ExternalParameters;
-use formation_node::micro_units;
+use formation_node::{PoseSource, micro_units};
 use ros_runtime::parameters::{Tunable, Tunables, choice, number, seconds, text};
 use ros_runtime::words::Words;
 
@@ -21,21 +21,6 @@ pub enum MotionMode {
 impl Words for MotionMode {
     const WORDS: &'static [(&'static str, Self)] =
         &[("simulated", Self::Simulated), ("external", Self::External)];
-}
-
-/// Which message of a driver has the pose of its module.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum PoseSource {
-    /// `geometry_msgs/msg/PoseStamped` on `module_N/pose`.
-    #[default]
-    Pose,
-    /// `nav_msgs/msg/Odometry` on `module_N/odom`.
-    Odometry,
-}
-
-impl Words for PoseSource {
-    const WORDS: &'static [(&'static str, Self)] =
-        &[("pose", Self::Pose), ("odom", Self::Odometry)];
 }
 
 /// How the modules move.
