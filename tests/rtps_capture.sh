@@ -1,6 +1,7 @@
 #!/usr/bin/env bash
-# Forms Figure 1 with a process a module while tshark captures every packet, then sends one packet that is malformed on
-# purpose, which shows that the dissector finds malformed ones. To be run in a network namespace of its own:
+# Forms Figure 1 with a process a module while tshark captures every packet, then sends two more: a good one to a port
+# of another protocol, and one that is malformed on purpose, which shows that the dissector finds malformed ones. To be
+# run in a network namespace of its own:
 #
 #     tests/rtps_capture.sh LAUNCHER SCENARIO CAPTURE_FILE DOMAIN
 set -euo pipefail
@@ -30,6 +31,9 @@ await 'is the capture running?' probe
 
 "$launcher" run "$scenario" --domain "$domain" --speed 20 --timeout 90
 
+# An RTPS header and a HEARTBEAT to the port of EtherNet/IP, which Linux may hand out to any process.
+printf %b 'RTPS\x02\x04\x01\x12other port!!\x07\x01\x1c\x00\x00\x00\x00\x00\x00\x00\x00\xc2\x00\x00\x00\x00\x01\x00' \
+    '\x00\x00\x00\x00\x00\x00\x01\x00\x00\x00\x01\x00\x00\x00' >/dev/udp/127.0.0.1/44818 || true
 # An RTPS header and a DATA submessage that is shorter than its length field, to the port of the first participant.
 port=$((7400 + 250 * domain + 10))
 printf 'RTPS\x02\x04\x01\x12malformed!!!\x15\x05\x40\x00\x00\x00\x10\x00' >"/dev/udp/127.0.0.1/$port" || true

@@ -14,10 +14,10 @@ use formation_tests::{
     Domain, Namespace, Tool, on_path, program, root, scenario_path, tool_or_skip,
 };
 
-/// What tshark prints of a capture.
+/// What tshark prints of a capture. What begins as RTPS does is RTPS, whatever protocol its ports are registered for.
 fn dissected(file: &Path, arguments: &[&str]) -> Vec<String> {
     let output = Command::new("tshark")
-        .arg("-r")
+        .args(["-o", "udp.try_heuristic_first:TRUE", "-r"])
         .arg(file)
         .args(arguments)
         .output()
@@ -29,6 +29,11 @@ fn dissected(file: &Path, arguments: &[&str]) -> Vec<String> {
     );
     let text = String::from_utf8_lossy(&output.stdout).into_owned();
     text.lines().map(str::to_owned).collect()
+}
+
+/// As tshark prints a GUID prefix.
+fn hexadecimal(prefix: &[u8; 12]) -> String {
+    prefix.iter().map(|byte| format!("{byte:02x}")).collect()
 }
 
 /// A file of this test run, removed with this value together with its log.
@@ -107,19 +112,17 @@ fn no_packet_of_figure_1_is_malformed() {
             "no ACKNACK, HEARTBEAT, INFO_TS or DATA: {kinds:?}"
         );
     }
+    let of_other_port = format!("rtps.guidPrefix.src == {}", hexadecimal(b"other port!!"));
+    assert_eq!(dissected(&capture.0, &["-Y", &of_other_port]).len(), 1);
     // What the dissector warns of counts as well; 6291456 is its level for warnings.
     let filter = "_ws.malformed || _ws.expert.severity >= 6291456";
     let malformed = dissected(
         &capture.0,
         &["-Y", filter, "-T", "fields", "-e", "rtps.guidPrefix.src"],
     );
-    let on_purpose: String = b"malformed!!!"
-        .iter()
-        .map(|byte| format!("{byte:02x}"))
-        .collect();
     assert_eq!(
         malformed,
-        [on_purpose],
+        [hexadecimal(b"malformed!!!")],
         "only the packet that is malformed on purpose"
     );
 }
