@@ -14,7 +14,7 @@ use formation::motion::paths::{
 use formation::planner::{PlanOutcome, plan};
 
 use crate::support::Numbers;
-use crate::support::bodies::{Contact, Delays, contacts, execute};
+use crate::support::bodies::{CELL, Contact, Delays, MEASURED_BODY, contacts, execute};
 
 struct Case {
     modules: usize,
@@ -53,12 +53,23 @@ fn waits_of(plan: &MotionPlan) -> Vec<Vec<Wait>> {
     plan.units.iter().map(|unit| unit.waits.clone()).collect()
 }
 
-/// Executes a plan once without and some times with delays; the number of contacts.
+/// Executes a plan once without and some times with delays; the contacts between cells.
 fn run(
     plan: &MotionPlan,
     waits: &[Vec<Wait>],
     repeats: usize,
     numbers: &mut Numbers,
+) -> Vec<Contact> {
+    run_with_bodies(plan, waits, repeats, numbers, CELL)
+}
+
+/// The contacts between bodies of that width.
+fn run_with_bodies(
+    plan: &MotionPlan,
+    waits: &[Vec<Wait>],
+    repeats: usize,
+    numbers: &mut Numbers,
+    width: f64,
 ) -> Vec<Contact> {
     let mut found = Vec::new();
     for round in 0..=repeats {
@@ -79,7 +90,7 @@ fn run(
                     );
                 }
                 assert_docking(plan, &execution.times);
-                found.extend(contacts(plan, &execution));
+                found.extend(contacts(plan, &execution, width));
             }
             Err(stuck) => panic!("deadlock of {stuck:?}"),
         }
@@ -116,6 +127,16 @@ fn assert_docking(plan: &MotionPlan, times: &[Vec<(f64, f64)>]) {
 
 /// All modules end on their spots, next to their parents, and blocks that do not fold stay rigid.
 fn assert_sound(problem: &PlanningProblem, outcome: &PlanOutcome, plan: &MotionPlan) {
+    assert_sound_within(0.0, problem, outcome, plan);
+}
+
+/// The same for poses that are off by up to `off` units in each direction.
+fn assert_sound_within(
+    off: f64,
+    problem: &PlanningProblem,
+    outcome: &PlanOutcome,
+    plan: &MotionPlan,
+) {
     let mut ends = BTreeMap::new();
     for unit in &plan.units {
         for module in &unit.modules {
@@ -123,7 +144,9 @@ fn assert_sound(problem: &PlanningProblem, outcome: &PlanOutcome, plan: &MotionP
             let expected = outcome.plan.assignments.get(&module.module).copied();
             assert_eq!(module.spot, expected);
             let last = module.waypoints.last().unwrap().pose;
-            if let Some(spot) = expected {
+            // A pinned module stays where it was measured.
+            let is_pinned = problem.module(module.module).unwrap().pin.is_some();
+            if let Some(spot) = expected.filter(|_| !is_pinned) {
                 let spot = problem.target().spot(spot).unwrap().pose;
                 assert!(
                     last.distance_to(&spot) <= MicroUnits(5_000),
@@ -146,11 +169,15 @@ fn assert_sound(problem: &PlanningProblem, outcome: &PlanOutcome, plan: &MotionP
                 )
             };
             let first = shift(0);
-            assert!(first.0.hypot(first.1) <= 1.01, "{:?}", unit.lead);
+            assert!(
+                first.0.hypot(first.1) <= 1.01 + 2.0 * off,
+                "{:?}",
+                unit.lead
+            );
             for module in 1..unit.modules.len() {
                 let (x, y) = shift(module);
                 assert!(
-                    (x - first.0).hypot(y - first.1) < 0.01,
+                    (x - first.0).hypot(y - first.1) < 0.01 + 4.0 * off,
                     "{:?} is not rigid",
                     unit.lead
                 );
@@ -160,10 +187,11 @@ fn assert_sound(problem: &PlanningProblem, outcome: &PlanOutcome, plan: &MotionP
             assert!(step[0].begin < step[1].begin);
         }
     }
-    assert_next_to_parents(problem, plan, &ends);
+    assert_next_to_parents(off, problem, plan, &ends);
 }
 
 fn assert_next_to_parents(
+    off: f64,
     problem: &PlanningProblem,
     plan: &MotionPlan,
     ends: &BTreeMap<ModuleId, Pose>,
@@ -184,7 +212,7 @@ fn assert_next_to_parents(
                 let distance = ends[&one.module]
                     .distance_to(&ends[&other.module])
                     .to_units();
-                (distance - 1.0).abs() < 0.01
+                (distance - 1.0).abs() < 0.01 + 3.0 * off
             }
             OrderKind::Edges => {
                 let position =
@@ -305,7 +333,7 @@ fn missing_waits_are_found() {
         let mut has_contact = false;
         for _ in 0..20 {
             let execution = execute(&planned, &waits, Delays::Random, &mut numbers).unwrap();
-            has_contact |= !contacts(&planned, &execution).is_empty();
+            has_contact |= !contacts(&planned, &execution, CELL).is_empty();
         }
         counts.mutants_found += usize::from(has_contact);
     }
@@ -407,6 +435,51 @@ fn what_is_left_after_a_stop_is_planned_again() {
         with_pins += usize::from(rest.modules().iter().any(|module| module.pin.is_some()));
     }
     assert!(replans >= 30 && with_pins >= 15, "{replans} {with_pins}");
+}
+
+/// All stand on cells, next to each other, and are measured with an error in position and heading.
+#[test]
+fn measured_poses_are_starts() {
+    const ERROR_MICRO: i64 = 12_000;
+    let (mut replans, mut refused) = (0, Vec::new());
+    for case in cases(600..700) {
+        let problem = case.problem();
+        let outcome = plan(Arc::clone(&problem));
+        let planned = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
+        let mut numbers = Numbers(case.seed);
+        let time = 3 + numbers.below(planned.makespan as usize);
+        let Some(rest) = stopped_at(&problem, &planned, time as f64) else {
+            continue;
+        };
+        let mut measured = |value: MicroUnits| {
+            let error = numbers.below(2 * ERROR_MICRO as usize + 1) as i64 - ERROR_MICRO;
+            MicroUnits(value.0 + error)
+        };
+        let modules = rest.modules().iter().map(|module| PlanningModule {
+            pose: Pose {
+                x: measured(module.pose.x),
+                y: measured(module.pose.y),
+                theta: measured(module.pose.theta),
+            },
+            ..module.clone()
+        });
+        let target = Arc::clone(rest.target());
+        let rest = PlanningProblem::new(target, *rest.parameters(), modules.collect());
+        let rest = Arc::new(rest.unwrap());
+        let outcome = plan(Arc::clone(&rest));
+        replans += 1;
+        match motion(&rest, &outcome, &[], MotionParameters::default()) {
+            Ok(again) => {
+                let off = ERROR_MICRO as f64 / 1.0e6;
+                assert_sound_within(off, &rest, &outcome, &again);
+                let waits = waits_of(&again);
+                let found = run_with_bodies(&again, &waits, 1, &mut numbers, MEASURED_BODY);
+                assert!(found.is_empty(), "seed {}: {:?}", case.seed, &found[..1]);
+            }
+            Err(error) => refused.push((case.seed, error.to_string())),
+        }
+    }
+    assert!(replans >= 50 && refused.is_empty(), "{replans} {refused:?}");
 }
 
 fn area(low: (f64, f64), high: (f64, f64)) -> Area {

@@ -11,6 +11,10 @@ use super::Numbers;
 
 /// How far bodies may overlap: targets and poses are exact to thousandths.
 const SLACK: f64 = 0.005;
+/// The width of a module's cell, of which no other cell may take any.
+pub const CELL: f64 = 1.0;
+/// The side of the box around a body of 0.9 units that is turned by up to 0.034.
+pub const MEASURED_BODY: f64 = 0.9 * 1.034;
 
 /// When each step of each unit begins and ends.
 pub struct Execution {
@@ -111,7 +115,7 @@ pub fn execute(
     }
 }
 
-/// A body during some time: a unit square along the axes that moves evenly, or a disc that stands still.
+/// A body during some time: a square along the axes that moves evenly, or a disc that stands still.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Square { from: (f64, f64), to: (f64, f64) },
@@ -140,7 +144,7 @@ fn at(pose: &Pose) -> (f64, f64) {
 
 fn is_quarter(pose: &Pose) -> bool {
     let quarters = pose.theta.to_units() / std::f64::consts::FRAC_PI_2;
-    (quarters - quarters.round()).abs() < 0.01
+    (quarters - quarters.round()).abs() < 0.034 / std::f64::consts::FRAC_PI_2
 }
 
 /// The bodies of a plan in an execution, by name.
@@ -225,8 +229,8 @@ fn squares(module: &ModuleMotion, times: &[(f64, f64)], hidden: &[Segment]) -> V
     segments
 }
 
-/// All pairs of bodies that overlap.
-pub fn contacts(plan: &MotionPlan, execution: &Execution) -> Vec<Contact> {
+/// All pairs of bodies of this width that overlap.
+pub fn contacts(plan: &MotionPlan, execution: &Execution, width: f64) -> Vec<Contact> {
     let bodies = bodies(plan, execution);
     let mut found = Vec::new();
     for (index, (name, segments)) in bodies.iter().enumerate() {
@@ -234,7 +238,7 @@ pub fn contacts(plan: &MotionPlan, execution: &Execution) -> Vec<Contact> {
             let (mut left, mut right) = (0, 0);
             while let (Some(one), Some(two)) = (segments.get(left), others.get(right)) {
                 let (begin, end) = (one.begin.max(two.begin), one.end.min(two.end));
-                if begin < end && overlap(one, two, begin, end) {
+                if begin < end && overlap(one, two, (begin, end), width) {
                     found.push(Contact {
                         bodies: (other.clone(), name.clone()),
                         from: begin,
@@ -270,7 +274,7 @@ fn position(segment: &Segment, time: f64) -> (f64, f64) {
     }
 }
 
-fn overlap(one: &Segment, two: &Segment, begin: f64, end: f64) -> bool {
+fn overlap(one: &Segment, two: &Segment, (begin, end): (f64, f64), width: f64) -> bool {
     // Beyond the last event nothing moves.
     let end = if end.is_finite() { end } else { begin + 1.0 };
     match (one.shape, two.shape) {
@@ -282,10 +286,10 @@ fn overlap(one: &Segment, two: &Segment, begin: f64, end: f64) -> bool {
             },
         ) => (centre.0 - other.0).hypot(centre.1 - other.1) < radius + reach - SLACK,
         (Shape::Disc { centre, radius }, Shape::Square { .. }) => {
-            disc_meets(centre, radius, two, begin, end)
+            disc_meets(centre, radius, two, (begin, end), width)
         }
         (Shape::Square { .. }, Shape::Disc { centre, radius }) => {
-            disc_meets(centre, radius, one, begin, end)
+            disc_meets(centre, radius, one, (begin, end), width)
         }
         (Shape::Square { .. }, Shape::Square { .. }) => {
             let gap = |time: f64| {
@@ -293,16 +297,16 @@ fn overlap(one: &Segment, two: &Segment, begin: f64, end: f64) -> bool {
                 (first.0 - second.0, first.1 - second.1)
             };
             let (before, after) = (gap(begin), gap(end));
-            let across = inside(before.0, after.0);
-            let along = inside(before.1, after.1);
+            let across = inside(before.0, after.0, width);
+            let along = inside(before.1, after.1, width);
             matches!((across, along), (Some(x), Some(y)) if x.0.max(y.0) < x.1.min(y.1))
         }
     }
 }
 
 /// For which shares of the time a number that goes evenly from `before` to `after` is within a body's width of zero.
-fn inside(before: f64, after: f64) -> Option<(f64, f64)> {
-    let width = 1.0 - SLACK;
+fn inside(before: f64, after: f64, width: f64) -> Option<(f64, f64)> {
+    let width = width - SLACK;
     if (after - before).abs() < 1.0e-12 {
         return (before.abs() < width).then_some((0.0, 1.0));
     }
@@ -313,10 +317,16 @@ fn inside(before: f64, after: f64) -> Option<(f64, f64)> {
 }
 
 /// The distance of a point from an evenly moving square is convex in time, so its least value can be closed in on.
-fn disc_meets(centre: (f64, f64), radius: f64, square: &Segment, begin: f64, end: f64) -> bool {
+fn disc_meets(
+    centre: (f64, f64),
+    radius: f64,
+    square: &Segment,
+    (begin, end): (f64, f64),
+    width: f64,
+) -> bool {
     let distance = |time: f64| {
         let (x, y) = position(square, time);
-        let gap = |from: f64, to: f64| ((from - to).abs() - 0.5).max(0.0);
+        let gap = |from: f64, to: f64| ((from - to).abs() - width / 2.0).max(0.0);
         gap(x, centre.0).hypot(gap(y, centre.1))
     };
     let (mut low, mut high) = (begin, end);

@@ -49,6 +49,16 @@ impl Alignment {
     }
 }
 
+/// How exactly modules stand at the start.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Exactness {
+    /// What is off by no more needs no step.
+    pub tolerance: i64,
+    /// How far cells of bodies that count as apart may overlap, and how far a module may be turned without needing the
+    /// circle around it; at least the tolerance.
+    pub slack: i64,
+}
+
 /// Docked modules whose offsets and headings are off by no more than this, in units and radians, are one body: they were
 /// halted at slightly different moments.
 const ASKEW_MAX: i64 = 100_000;
@@ -76,6 +86,9 @@ pub(super) struct Group {
     /// If they regroup: what the body of each module sweeps.
     pub ways: Vec<Rectangle>,
 }
+
+/// How far the corners of a single module's cell reach from its middle.
+const RADIUS_OF_ONE: i64 = 707_107;
 
 /// The corners with the smaller and with the larger coordinates.
 pub(super) type Rectangle = (Point, Point);
@@ -114,12 +127,13 @@ impl Group {
         modules: Vec<usize>,
         spots: Option<&[Pose]>,
         lattice: &Lattice,
-        tolerance: i64,
+        Exactness { tolerance, slack }: Exactness,
     ) -> Result<Self, StartFault> {
         let all = problem.modules();
         let first = &all[modules[0]].pose;
-        let off = off_quarter(first.theta.0);
+        let mut off = off_quarter(first.theta.0);
         let mut cells = Vec::with_capacity(modules.len());
+        let mut offsets = Vec::with_capacity(modules.len());
         let mut is_askew = false;
         for &module in &modules {
             let pose = &all[module].pose;
@@ -139,14 +153,23 @@ impl Group {
                 return Err(StartFault::OffGroup(all[module].id, all[modules[0]].id));
             }
             cells.push(site);
+            offsets.push(offset);
         }
         let (middle, reach) = centre_of(&cells);
-        let turns = off.abs() > tolerance;
+        let mut centre = point(&all[modules[middle]].pose);
+        if is_askew {
+            let (turned, offset) = fitted(&cells, &offsets, middle);
+            let (right, up) = rotated(offset, off);
+            centre = (first.x.0 + right, first.y.0 + up);
+            off += turned;
+        }
+        // The farthest corner of a group moves no farther than that of a single module that is turned by the slack.
+        let turns = off.abs() > tolerance.max(slack * RADIUS_OF_ONE / reach);
+        is_askew |= off.abs() > tolerance && !turns;
         let extra = match spots {
             Some(spots) if turns => extra_quarters(first, &cells, spots).unwrap_or_default(),
             _ => 0,
         };
-        let centre = point(&all[modules[middle]].pose);
         let base = cells[middle];
         let offsets = cells
             .iter()
@@ -301,6 +324,37 @@ fn centre_of(cells: &[Site]) -> (usize, i64) {
     let square = i128::from(reach) * i128::from(HALF) * i128::from(HALF);
     let radius = i64::try_from(square.isqrt() + 1).unwrap_or(i64::MAX);
     (member, radius)
+}
+
+/// The pose of a layout that comes nearest to some measured offsets by least squares, for small turns: by how much the
+/// layout is turned, and where it has one of its cells.
+fn fitted(cells: &[Site], offsets: &[Point], member: usize) -> (i64, Point) {
+    let count = i64::try_from(cells.len()).unwrap_or(i64::MAX);
+    let sum = |points: &[(i64, i64)]| {
+        let add = |sum: (i64, i64), one: &(i64, i64)| (sum.0 + one.0, sum.1 + one.1);
+        points.iter().fold((0, 0), add)
+    };
+    let (all_cells, all_offsets) = (sum(cells), sum(offsets));
+    // Times the number of modules, from the middle of all.
+    let arm = |cell: Site| (cell.0 * count - all_cells.0, cell.1 * count - all_cells.1);
+    let (mut moment, mut inertia) = (0, 0);
+    for (&cell, offset) in cells.iter().zip(offsets) {
+        let (x, y) = arm(cell);
+        let right = offset.0 - cell.0 * MICRO_PER_UNIT;
+        let up = offset.1 - cell.1 * MICRO_PER_UNIT;
+        moment += x * up - y * right;
+        inertia += x * x + y * y;
+    }
+    let turned = (moment * count).checked_div(inertia).unwrap_or_default();
+    let (x, y) = arm(cells[member]);
+    let (right, up) = rotated(
+        (x * MICRO_PER_UNIT / count, y * MICRO_PER_UNIT / count),
+        turned,
+    );
+    (
+        turned,
+        (all_offsets.0 / count + right, all_offsets.1 / count + up),
+    )
 }
 
 /// The quarter turns, beyond those to the nearest axes, that bring a group into the layout of its spots.

@@ -15,19 +15,17 @@ const CORNER: i64 = 636_400;
 const FAR: i64 = 2;
 
 /// The box that holds a body of this pose, whatever quarter turn it turns to.
-fn body(pose: &Pose, tolerance: i64) -> Rectangle {
-    let turned = off_quarter(pose.theta.0).abs() > tolerance;
+fn body(pose: &Pose, slack: i64) -> Rectangle {
+    let turned = off_quarter(pose.theta.0).abs() > slack;
     let reach = if turned { CORNER } else { HALF };
     let (x, y) = point(pose);
     ((x - reach, y - reach), (x + reach, y + reach))
 }
 
 /// The bodies of all modules at the start, by position.
-pub(super) fn bodies(problem: &PlanningProblem, tolerance: i64) -> Vec<Rectangle> {
+pub(super) fn bodies(problem: &PlanningProblem, slack: i64) -> Vec<Rectangle> {
     let modules = problem.modules().iter();
-    modules
-        .map(|module| body(&module.pose, tolerance))
-        .collect()
+    modules.map(|module| body(&module.pose, slack)).collect()
 }
 
 /// A group of docked modules that each go to a cell of their own, near them and free of other bodies. Within the group,
@@ -38,7 +36,7 @@ pub(super) fn regroup(
     bodies: &[Rectangle],
     taken: &BTreeSet<Site>,
     lattice: &Lattice,
-    tolerance: i64,
+    slack: i64,
 ) -> Result<Group, StartFault> {
     let all = problem.modules();
     let is_free = |site: &Site| {
@@ -53,7 +51,7 @@ pub(super) fn regroup(
             && !taken.contains(site)
             && others
                 .filter(|(module, _)| modules.binary_search(module).is_err())
-                .all(|(_, body)| !overlap(&cell, body, tolerance))
+                .all(|(_, body)| !overlap(&cell, body, slack))
     };
     let choices: Vec<Vec<Site>> = modules
         .iter()
@@ -64,7 +62,7 @@ pub(super) fn regroup(
         StartFault::OffGroup(all[one].id, all[first].id)
     })?;
     let ways = modules.iter().zip(&sites).map(|(&module, &site)| {
-        let from = body(&all[module].pose, tolerance);
+        let from = body(&all[module].pose, slack);
         let reach = (from.1.0 - from.0.0) / 2;
         let (x, y) = lattice.point(site);
         hull(from, ((x - reach, y - reach), (x + reach, y + reach)))

@@ -43,7 +43,7 @@ pub struct MotionParameters {
     pub improvement_passes: u32,
     /// The largest number of units for which the eager variant is planned as well.
     pub eager_units_max: usize,
-    /// How far a module or a spot may be off its place on a lattice, in units or radians.
+    /// How far a spot may be off its place on a lattice, and a module that needs no step onto it, in units or radians.
     pub tolerance: MicroUnits,
 }
 

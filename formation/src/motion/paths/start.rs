@@ -5,16 +5,20 @@
 //! the start, and no other body reaches into the circle of a group that turns, then no two groups meet: rounding
 //! keeps the order of two bodies in a row, and a group that moves to the right waits for the one on its right.
 //!
+//! Poses are measured, so bodies count as apart while their cells overlap by no more than the *slack*, and a group that is
+//! turned by so little comes into line without a turn of its own. The slack is a third of what `body_width` leaves of a
+//! cell: two bodies that are off by it and turned by it do not touch, nor do they while both come into line.
+//!
 //! A group whose modules stand off a common lattice regroups instead: each module goes to its own cell (`regroup`).
 
 use std::collections::BTreeSet;
 
-use super::group::{Alignment, Group, Phase, Rectangle, overlap, square};
+use super::group::{Alignment, Exactness, Group, Phase, Rectangle, overlap, square};
 use super::lattice::{Lattice, Site, point};
 use super::regroup;
 use super::result::StartFault;
 use super::turning::Point;
-use crate::model::{MicroUnits, ModuleId, PlanningProblem, Pose};
+use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, PlanningProblem, Pose};
 
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
@@ -25,7 +29,13 @@ pub(super) fn align(
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
 ) -> Result<Vec<Group>, Vec<StartFault>> {
-    let (mut groups, mut faults) = groups_of(problem, lattice, tolerance, spots_of);
+    let body_width = problem.target().surroundings().body_width().0;
+    let slack = ((MICRO_PER_UNIT - body_width) / 3).max(tolerance.0);
+    let exactness = Exactness {
+        tolerance: tolerance.0,
+        slack,
+    };
+    let (mut groups, mut faults) = groups_of(problem, lattice, exactness, spots_of);
     groups.sort_by_key(|group| group.modules[0]);
     for group in &mut groups {
         if !group.ways.is_empty() {
@@ -45,12 +55,12 @@ pub(super) fn align(
     }
     let pairs = near_pairs(&groups);
     faults.extend(
-        pairs.iter().filter_map(|&(one, other)| {
-            not_apart(problem, &groups[one], &groups[other], tolerance.0)
-        }),
+        pairs
+            .iter()
+            .filter_map(|&(one, other)| not_apart(problem, &groups[one], &groups[other], slack)),
     );
     if faults.is_empty() {
-        faults = schedule(problem, &mut groups, &pairs, tolerance.0);
+        faults = schedule(problem, &mut groups, &pairs, exactness);
     }
     if faults.is_empty() {
         Ok(groups)
@@ -63,7 +73,7 @@ pub(super) fn align(
 fn groups_of(
     problem: &PlanningProblem,
     lattice: &Lattice,
-    tolerance: MicroUnits,
+    exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
 ) -> (Vec<Group>, Vec<StartFault>) {
     let mut groups = Vec::new();
@@ -94,7 +104,7 @@ fn groups_of(
             modules.clone(),
             spots.as_deref(),
             lattice,
-            tolerance.0,
+            exactness,
         ) {
             Ok(group) => groups.push(group),
             Err(_) => loose.push(modules),
@@ -107,9 +117,10 @@ fn groups_of(
     for group in &groups {
         take(&mut taken, group);
     }
-    let standing = regroup::bodies(problem, tolerance.0);
+    let slack = exactness.slack;
+    let standing = regroup::bodies(problem, slack);
     for modules in loose {
-        match regroup::regroup(problem, modules, &standing, &taken, lattice, tolerance.0) {
+        match regroup::regroup(problem, modules, &standing, &taken, lattice, slack) {
             Ok(group) => {
                 take(&mut taken, &group);
                 groups.push(group);
@@ -145,13 +156,13 @@ fn not_apart(
     problem: &PlanningProblem,
     one: &Group,
     other: &Group,
-    tolerance: i64,
+    slack: i64,
 ) -> Option<StartFault> {
     let id = |group: &Group, member: usize| problem.modules()[group.modules[member]].id;
     let too_close =
         |one: ModuleId, other: ModuleId| StartFault::NotApart(one.min(other), one.max(other));
     let squared = |right: i64, up: i64| i128::from(right).pow(2) + i128::from(up).pow(2);
-    let within = |square: i128, reach: i64| square < i128::from((reach - tolerance).max(0)).pow(2);
+    let within = |square: i128, reach: i64| square < i128::from((reach - slack).max(0)).pow(2);
     if one.turn != 0 && other.turn != 0 {
         let (right, up) = (one.centre.0 - other.centre.0, one.centre.1 - other.centre.1);
         return within(squared(right, up), one.radius + other.radius)
@@ -178,7 +189,7 @@ fn not_apart(
     let mut all = (0..bodies.len())
         .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));
     all.find_map(|(member, its_member)| {
-        if overlap(&bodies[member], &neighbours[its_member], tolerance) {
+        if overlap(&bodies[member], &neighbours[its_member], slack) {
             return Some(too_close(id(one, member), id(other, its_member)));
         }
         (one.site_of(member) == other.site_of(its_member))
@@ -192,15 +203,16 @@ fn schedule(
     problem: &PlanningProblem,
     groups: &mut [Group],
     pairs: &[(usize, usize)],
-    tolerance: i64,
+    Exactness { tolerance, slack }: Exactness,
 ) -> Vec<StartFault> {
     let mut waits: Vec<(usize, Phase, usize, Phase)> = Vec::new();
     for &(one, other) in pairs {
+        let is_apart = not_apart(problem, &groups[one], &groups[other], tolerance).is_none();
+        let slack = if is_apart { tolerance } else { slack };
         for (waiting, first) in [(one, other), (other, one)] {
             for phase in Phase::ALL {
                 let swept = groups[waiting].swept(phase);
                 let meets = |rectangles: &[Rectangle]| {
-                    let slack = tolerance;
                     swept
                         .iter()
                         .any(|body| rectangles.iter().any(|rest| overlap(body, rest, slack)))
@@ -212,7 +224,9 @@ fn schedule(
                 if let Some(last) = last {
                     waits.push((waiting, phase, first, last));
                 }
-                if phase != Phase::Turn && must_follow(&groups[waiting], &groups[first], phase) {
+                if phase != Phase::Turn
+                    && must_follow(&groups[waiting], &groups[first], phase, slack)
+                {
                     waits.push((waiting, phase, first, phase));
                 }
             }
@@ -258,8 +272,9 @@ fn schedule(
     stuck.collect()
 }
 
-/// Whether a group that shifts in a phase would reach the place that another leaves in the same phase.
-fn must_follow(group: &Group, ahead: &Group, phase: Phase) -> bool {
+/// Whether a group that shifts in a phase would reach by more than `slack` into the place that another leaves in the same
+/// phase. Two that overlap by less beside each other need not follow each other.
+fn must_follow(group: &Group, ahead: &Group, phase: Phase, slack: i64) -> bool {
     let along = |point: Point| {
         if phase == Phase::Row {
             point.1
@@ -279,5 +294,5 @@ fn must_follow(group: &Group, ahead: &Group, phase: Phase) -> bool {
     let rest = bodies(ahead, phase.before_shift());
     bodies(group, phase)
         .iter()
-        .any(|body| rest.iter().any(|other| overlap(body, other, 0)))
+        .any(|body| rest.iter().any(|other| overlap(body, other, slack)))
 }
