@@ -12,6 +12,7 @@ mod degenerate;
 mod duplicate_module;
 mod limits;
 mod motion_paths;
+mod motion_starts;
 mod obstacles;
 mod oracles;
 mod planning;

@@ -1,6 +1,6 @@
 //! The modules that one process hosts: their agents, their drives, and what they publish together.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -23,10 +23,6 @@ use crate::drivers::DriverMessage;
 use crate::journal::{Journal, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
 
-/// After this many messages between hosted modules, the event loop turns to the network again: modules that answer each
-/// other without end must not cut it off.
-const LOCAL_MESSAGES_PER_TURN: usize = 65_536;
-
 /// What the process has to publish.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Outgoing {
@@ -44,6 +40,14 @@ pub(crate) enum Outgoing {
     Path(ModuleId, Vec<Pose>),
     /// A command for a module's driver.
     Drive(ModuleId, DriveCommand),
+}
+
+/// A message that the hosted modules are to handle.
+struct Arrived {
+    source: SourceId,
+    /// The index of the hosted module that sent it, if one did.
+    sender: Option<usize>,
+    message: Message,
 }
 
 /// One hosted module.
@@ -76,9 +80,11 @@ pub(crate) struct Host {
     plans: SharedPlans,
     /// `None` if what the modules agree on ends with the process.
     journal: Option<Journal>,
-    /// Messages from a hosted module to the others, by the sender's index.
-    local: VecDeque<(usize, Message)>,
+    /// Messages from other processes, and from hosted modules to each other, until the modules handle them together.
+    arrived: Vec<Arrived>,
     outgoing: Vec<Outgoing>,
+    /// What only observers need, until no hosted module plans: others wait for the claims.
+    evictions: Vec<EvictionNotice>,
 }
 
 impl Host {
@@ -99,8 +105,9 @@ impl Host {
             modules: Vec::new(),
             plans: SharedPlans::default(),
             journal,
-            local: VecDeque::new(),
+            arrived: Vec::new(),
             outgoing: Vec::new(),
+            evictions: Vec::new(),
         };
         for (identity, service) in modules {
             host.push(Duration::ZERO, identity, service);
@@ -157,9 +164,7 @@ impl Host {
         let missed = self.latched_snapshot(identity.module);
         let index = self.modules.len();
         self.push(now, identity, Service::Active);
-        for (source, message) in missed {
-            self.pass(index, now, Input::Message { source, message });
-        }
+        self.pass_messages(index, now, missed);
         Ok(())
     }
 
@@ -219,11 +224,13 @@ impl Host {
         modules.collect()
     }
 
-    /// Passes a message of another process to every hosted module.
-    pub(crate) fn handle_message(&mut self, now: Duration, source: SourceId, message: &Message) {
-        for index in 0..self.modules.len() {
-            self.pass_message(index, now, source, message);
-        }
+    /// Takes a message of another process, which every hosted module handles when time passes.
+    pub(crate) fn take_message(&mut self, source: SourceId, message: Message) {
+        self.arrived.push(Arrived {
+            source,
+            sender: None,
+            message,
+        });
     }
 
     /// Passes a message of a driver to its module.
@@ -239,8 +246,17 @@ impl Host {
         }
     }
 
-    /// Lets time pass: timeouts, drives, and the messages between the hosted modules.
+    /// Lets time pass: the messages that have come, drives, and timeouts.
     pub(crate) fn advance(&mut self, now: Duration) {
+        // What the modules answer to each other waits for the next time, after what the network brings until then.
+        let arrived = std::mem::take(&mut self.arrived);
+        if !arrived.is_empty() {
+            for index in 0..self.modules.len() {
+                let others = arrived.iter().filter(|one| one.sender != Some(index));
+                let messages = others.map(|one| (Some(one.source), one.message.clone()));
+                self.pass_messages(index, now, messages);
+            }
+        }
         for index in 0..self.modules.len() {
             if self.modules[index]
                 .drive
@@ -252,14 +268,6 @@ impl Host {
             }
             if self.modules[index].agent.poll_timeout() <= now {
                 self.pass(index, now, Input::Timeout);
-            }
-        }
-        for _ in 0..LOCAL_MESSAGES_PER_TURN {
-            let Some((sender, message)) = self.local.pop_front() else {
-                break;
-            };
-            for index in (0..self.modules.len()).filter(|&index| index != sender) {
-                self.pass_message(index, now, self.source, &message);
             }
         }
     }
@@ -308,7 +316,7 @@ impl Host {
 
     /// When [`Self::advance`] is due next.
     pub(crate) fn due(&self) -> Option<Duration> {
-        if !self.local.is_empty() {
+        if !self.arrived.is_empty() {
             return Some(Duration::ZERO);
         }
         let modules = self.modules.iter();
@@ -327,6 +335,11 @@ impl Host {
             .collect();
         if !heartbeats.is_empty() {
             self.outgoing.push(Outgoing::Heartbeats(heartbeats));
+        }
+        let mut phases = self.modules.iter().map(|hosted| hosted.agent.phase());
+        if !phases.any(|phase| phase == ModulePhase::Planning) {
+            let evictions = std::mem::take(&mut self.evictions).into_iter();
+            self.outgoing.extend(evictions.map(Outgoing::Eviction));
         }
         std::mem::take(&mut self.outgoing)
     }
@@ -372,19 +385,23 @@ impl Host {
         self.modules.iter().map(report).collect()
     }
 
-    fn pass_message(&mut self, index: usize, now: Duration, source: SourceId, message: &Message) {
-        let (source, message) = (Some(source), message.clone());
-        self.pass(index, now, Input::Message { source, message });
-    }
-
-    fn pass(&mut self, index: usize, now: Duration, input: Input) {
+    fn pass_messages(
+        &mut self,
+        index: usize,
+        now: Duration,
+        messages: impl IntoIterator<Item = (Option<SourceId>, Message)>,
+    ) {
         let Hosted {
             agent, diagnostics, ..
         } = &mut self.modules[index];
-        if let Input::Message { .. } = input {
-            diagnostics.received += 1;
-        }
-        agent.handle(now, input);
+        let count = |_: &(Option<SourceId>, Message)| diagnostics.received += 1;
+        agent.handle_messages(now, messages.into_iter().inspect(count));
+        self.carry_out(index, now);
+        self.pass_reports(index, now);
+    }
+
+    fn pass(&mut self, index: usize, now: Duration, input: Input) {
+        self.modules[index].agent.handle(now, input);
         self.carry_out(index, now);
         self.pass_reports(index, now);
     }
@@ -469,7 +486,7 @@ impl Host {
             Message::Claim(claim) => self.outgoing.push(Outgoing::Claim(Arc::clone(claim))),
             Message::Eviction(notice) => {
                 // It is for observers: the claim contains it.
-                self.outgoing.push(Outgoing::Eviction(*notice));
+                self.evictions.push(*notice);
                 return;
             }
             // No agent announces targets, or commands.
@@ -479,7 +496,11 @@ impl Host {
             | Message::Removal(_) => return,
         }
         if self.modules.len() > 1 {
-            self.local.push_back((index, message));
+            self.arrived.push(Arrived {
+                source: self.source,
+                sender: Some(index),
+                message,
+            });
         }
     }
 

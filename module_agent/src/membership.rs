@@ -229,7 +229,8 @@ mod tests {
             phase: ModulePhase::Listening,
             stop: Stop::default(),
         };
-        host.handle_message(NOW, SourceId(2), &Message::Heartbeat(heartbeat));
+        host.take_message(SourceId(2), Message::Heartbeat(heartbeat));
+        host.advance(NOW);
         let answer = add(&mut host, METRE, NOW, newcomer(9, 5.0)).unwrap_err();
         assert!(answer.contains("is live already"), "{answer}");
         let later = NOW + Duration::from_secs(6);

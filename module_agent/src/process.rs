@@ -260,8 +260,8 @@ impl Node for ModuleNode {
             Input::Messages(Received {
                 source, messages, ..
             }) => {
-                for message in &messages {
-                    self.host.handle_message(now, source, message);
+                for message in messages {
+                    self.host.take_message(source, message);
                 }
             }
             Input::Driver(module, message) => self.host.handle_driver(now, module, message),

@@ -62,7 +62,10 @@ impl Clock {
 
     /// The first time of the cluster, within a microsecond, at which this clock shows `local` or later.
     pub fn global(&self, local: Duration) -> Duration {
-        let mut at = local.saturating_sub(self.offset);
+        let even = local.saturating_sub(self.offset);
+        // A fast clock shows `local` earlier than an even one, by less than it is ahead then.
+        let ahead = self.local(even).saturating_sub(local);
+        let mut at = even.saturating_sub(ahead);
         loop {
             let shown = self.local(at);
             if shown >= local {
@@ -91,19 +94,25 @@ impl Inbox {
         }
     }
 
-    /// The next input, unless the process is stopped or busy.
-    pub fn next(&mut self, now: Duration) -> Option<Input> {
+    /// The next inputs, none if the process is stopped or busy: one, or all messages up to the next other input if a stop has
+    /// just ended.
+    pub fn next(&mut self, now: Duration) -> Vec<Input> {
         if now < self.held_until {
             self.waiting
                 .retain(|input| !matches!(input, Input::Timeout));
-            return None;
+            return Vec::new();
         }
-        let input = self.waiting.pop_front()?;
-        match self.slow {
-            Some((until, lag)) if now < until => self.held_until = now + lag,
-            _ => self.slow = None,
+        let slow = self.slow.filter(|&(until, _)| now < until);
+        let is_message = |input: &&Input| matches!(input, Input::Message { .. });
+        let messages = self.waiting.iter().take_while(is_message).count();
+        let count = if slow.is_some() { 1 } else { messages.max(1) };
+        let count = count.min(self.waiting.len());
+        if let Some((_, lag)) = slow
+            && count > 0
+        {
+            self.held_until = now + lag;
         }
-        Some(input)
+        self.waiting.drain(..count).collect()
     }
 }
 
@@ -134,4 +143,27 @@ pub(crate) struct Process {
     pub writing: VecDeque<(u64, Stored)>,
     /// The samples that its writers keep for late readers.
     pub history: BTreeMap<Topic, Vec<(u64, Message)>>,
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_time_at_which_a_clock_shows_a_time_is_found_for_fast_and_slow_ones() {
+        for drift_ppm in [-200, 0, 200] {
+            let offset = Duration::from_millis(300);
+            let clock = Clock { offset, drift_ppm };
+            for millis in [300, 1_300, 13_337, 600_000] {
+                let shown = Duration::from_millis(millis);
+                let at = clock.global(shown);
+                assert!(clock.local(at) >= shown);
+                let before = at.saturating_sub(Duration::from_micros(1));
+                assert!(
+                    at.is_zero() || clock.local(before) < shown,
+                    "{drift_ppm} {millis}"
+                );
+            }
+        }
+    }
 }

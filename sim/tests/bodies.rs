@@ -112,9 +112,15 @@ fn a_spare_takes_the_spot_of_a_dead_module_once_its_body_was_removed() {
 fn a_module_that_died_on_its_way_blocks_all_that_it_may_have_reached() {
     for seed in 0..6 {
         let mut trial = Trial::new(&drawn(7, 6, Grouping::Singletons, seed), seed);
-        trial.until(|cluster| !in_phase(cluster, ModulePhase::Moving).is_empty());
-        let lost = trial.in_phase(ModulePhase::Moving)[0];
-        let heads_for = trial.cluster.standing(lost).unwrap().spot.unwrap();
+        // Modules without a spot may move as well, out of the way of others.
+        let heading = |cluster: &Cluster| {
+            let moving = in_phase(cluster, ModulePhase::Moving).into_iter();
+            let mut heading =
+                moving.filter_map(|module| Some((module, cluster.standing(module)?.spot?)));
+            heading.next()
+        };
+        trial.until(|cluster| heading(cluster).is_some());
+        let (lost, heads_for) = heading(&trial.cluster).unwrap();
         trial.cluster.crash(lost);
         trial.until_formed_again();
         let named: BTreeSet<SpotId> = blocked(&trial).iter().map(|one| one.spot).collect();

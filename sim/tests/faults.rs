@@ -129,6 +129,20 @@ fn what_no_rule_can_know_is_not_held_against_the_modules() {
     }
 }
 
+/// In the first seed, an absent body may stand on every spot, although its module still counts as live: the convener's state
+/// lists it. In the second, pinned modules fill all that is connected to them, and a larger part is cut off.
+#[test]
+fn bodies_that_leave_no_room_are_listed() {
+    let parameters = CampaignParameters {
+        modules_min: 2,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    for seed in [90_016_624, 90_003_717] {
+        run_all(&parameters, seed..seed + 1);
+    }
+}
+
 /// A slow process repeats a goal that its drive has reached meanwhile, so that the drive reports the same arrival twice: the
 /// second is not one at the next goal.
 #[test]

@@ -31,7 +31,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
         ViolationKind::NoEnd,
     ),
     (Mutation::ApplyOutOfTurn, 0, ViolationKind::NoEnd),
-    (Mutation::IgnoreQuorum, 6, ViolationKind::TwoPlansInMotion),
+    (Mutation::IgnoreQuorum, 11, ViolationKind::TwoPlansInMotion),
     (Mutation::MoveOutOfOrder, 1, ViolationKind::TwoUnitsInMotion),
     (Mutation::ForgetPins, 0, ViolationKind::PinForgotten),
     (
@@ -42,10 +42,10 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     (Mutation::CountDeadAsAlive, 2, ViolationKind::NoEnd),
     (
         Mutation::TrustBufferedHeartbeats,
-        3,
+        126,
         ViolationKind::MotionOnStalePlan,
     ),
-    (Mutation::IgnoreNewcomers, 6, ViolationKind::Hole),
+    (Mutation::IgnoreNewcomers, 9, ViolationKind::Hole),
     (Mutation::IgnoreBodies, 0, ViolationKind::TwoBodiesOnOneSpot),
 ];
 
@@ -73,13 +73,13 @@ const FOUND_IN_SMALL_FORMATIONS: [(Mutation, usize, u64, ViolationKind); 2] = [
     (
         Mutation::ExcludeMembersAhead,
         3,
-        7_108_643,
+        7_135_134,
         ViolationKind::NoEnd,
     ),
     (
         Mutation::ForgetPinBeforeGoal,
         2,
-        8_036_515,
+        8_041_447,
         ViolationKind::PinForgotten,
     ),
 ];

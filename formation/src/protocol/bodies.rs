@@ -159,6 +159,9 @@ impl Context {
 
     /// Considers a module failed whose present run was reported as removed.
     pub fn exclude_if_removed(&mut self, module: ModuleId) {
+        if self.bodies.removals() == 0 {
+            return;
+        }
         let Some(peer) = self.peers.get(module) else {
             return;
         };
@@ -182,14 +185,17 @@ impl Context {
         self.bodies.own_run_is_removed
     }
 
-    /// What a frozen state lists: the bodies and removals of absent modules, and of those that a roster left out.
+    /// What a frozen state lists: the bodies and removals of absent modules, of those that a roster left out, and of those
+    /// that were reported to block spots.
     pub fn absent_bodies(&mut self) -> Vec<BodyReport> {
         self.note_bodies();
         let liveness = self.liveness();
         let contested = self.bodies.contested.as_ref();
+        let blocking = &self.bodies.reported;
         self.bodies.reports(|module| {
             !self.peers.is_live(liveness, module)
                 || contested.is_some_and(|(_, modules)| modules.contains(&module))
+                || blocking.iter().any(|blocked| blocked.module == module)
         })
     }
 
@@ -212,14 +218,16 @@ impl Context {
         self.bodies.outside(members)
     }
 
-    /// Reports which spots are blocked, unless that was reported last.
-    pub fn report_blocked(&mut self, blocked: Vec<BlockedSpot>) {
-        if self.bodies.reported != blocked {
+    /// Reports which spots are blocked, unless that was reported last; returns whether it was not.
+    pub fn report_blocked(&mut self, blocked: Vec<BlockedSpot>) -> bool {
+        let is_new = self.bodies.reported != blocked;
+        if is_new {
             self.bodies.reported.clone_from(&blocked);
             if !blocked.is_empty() {
                 self.emit(Event::SpotsBlocked(blocked));
             }
         }
+        is_new
     }
 
     /// Takes over the bodies in a roster.

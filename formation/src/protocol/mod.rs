@@ -124,11 +124,11 @@ impl Agent {
 
     /// Handles one input at the time `now`, which must not run backwards.
     pub fn handle(&mut self, now: Duration, input: Input) {
-        self.context.now = self.context.now.max(now);
         if let Input::Persisted(number) = input {
+            // What waited for the store depends on nothing in this input.
             self.context.outbox.note_persisted(number);
         }
-        self.context.outbox.begin_input();
+        self.begin_input(now);
         let may_change_what_is_due = match input {
             Input::Message { source, message } => self.handle_message(source, message),
             Input::Motion(report) => {
@@ -142,6 +142,30 @@ impl Agent {
             Input::Computed(computed) => self.context.plans.receive(computed),
             Input::Persisted(_) | Input::Timeout => true,
         };
+        self.end_input(may_change_what_is_due);
+    }
+
+    /// Handles messages that have come by the time `now`, each with its source, and then does once what is due. In a large
+    /// formation, to look at all modules after each of the messages that come from all of them would take most of the time.
+    pub fn handle_messages(
+        &mut self,
+        now: Duration,
+        messages: impl IntoIterator<Item = (Option<SourceId>, Message)>,
+    ) {
+        self.begin_input(now);
+        let mut may_change_what_is_due = false;
+        for (source, message) in messages {
+            may_change_what_is_due |= self.handle_message(source, message);
+        }
+        self.end_input(may_change_what_is_due);
+    }
+
+    fn begin_input(&mut self, now: Duration) {
+        self.context.now = self.context.now.max(now);
+        self.context.outbox.begin_input();
+    }
+
+    fn end_input(&mut self, may_change_what_is_due: bool) {
         if may_change_what_is_due {
             self.step();
         }

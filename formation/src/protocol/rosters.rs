@@ -202,6 +202,7 @@ impl Agent {
             return Ok(());
         };
         let contradicts = known.revision == roster.target.revision
+            && **known != roster.target
             && digest::of_target(known) != digest::of_target(&roster.target);
         let is_withdrawn = known.revision > roster.target.revision && known.target.is_none();
         if contradicts || is_withdrawn {

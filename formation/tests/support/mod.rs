@@ -14,6 +14,7 @@ use formation::model::{PlannerParameters, PlanningProblem, Scenario, Topology, T
 pub mod bodies;
 pub mod brute_force;
 pub mod hungarian;
+pub mod motion;
 pub mod world;
 
 /// Random numbers for tests (SplitMix64 with Sebastiano Vigna's constants).

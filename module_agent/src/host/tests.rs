@@ -19,12 +19,12 @@ const TARGET_PUBLISHER: SourceId = SourceId(1);
 const OTHER_PROCESS: SourceId = SourceId(2);
 
 fn host(modules: &[u32]) -> (Host, Message) {
-    host_with(modules, None)
+    host_with(SCENARIO, modules, None)
 }
 
-/// The same with a store in a directory, if one is given.
-fn host_with(modules: &[u32], stores: Option<&Path>) -> (Host, Message) {
-    let scenario = Scenario::from_yaml(SCENARIO).unwrap();
+/// A process of another scenario, with a store in a directory, if one is given.
+fn host_with(scenario: &str, modules: &[u32], stores: Option<&Path>) -> (Host, Message) {
+    let scenario = Scenario::from_yaml(scenario).unwrap();
     let problem = scenario.problem();
     let identities = problem
         .modules()
@@ -79,7 +79,7 @@ fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
             let source = hosts[speaker].source;
             for listener in (0..hosts.len()).filter(|&listener| listener != speaker) {
                 for message in outgoing.iter().flat_map(messages_of) {
-                    hosts[listener].handle_message(now, source, &message);
+                    hosts[listener].take_message(source, message);
                 }
             }
             said.extend(outgoing);
@@ -138,7 +138,7 @@ fn assert_all_settle(groups: &[&[u32]]) {
     let mut hosts: Vec<Host> = Vec::new();
     for group in groups {
         let (mut host, target) = host(group);
-        host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
+        host.take_message(TARGET_PUBLISHER, target);
         hosts.push(host);
     }
     let said = run(&mut hosts, Duration::from_secs(30));
@@ -161,9 +161,32 @@ fn modules_form_the_target_however_they_are_spread_over_processes() {
 }
 
 #[test]
+fn evictions_which_only_observers_need_follow_the_claims() {
+    let scenario = "
+target: {spots: [{id: 1, x: 10.0, y: 10.0}, {id: 2, x: 11.0, y: 10.0}, {id: 3, x: 12.0, y: 10.0}], edges: [[1, 2], [2, 3]]}
+singletons: [{id: 1, x: 10.0, y: 8.0}, {id: 2, x: 10.0, y: 6.0}, {id: 3, x: 4.0, y: 10.0}]
+";
+    let (mut host, target) = host_with(scenario, &[1, 2, 3], None);
+    host.take_message(TARGET_PUBLISHER, target);
+    let said = run(&mut [host], Duration::from_secs(5));
+    let (mut claims, mut evictions) = (0, 0);
+    for outgoing in said {
+        match outgoing {
+            Outgoing::Claim(_) => {
+                assert_eq!(evictions, 0);
+                claims += 1;
+            }
+            Outgoing::Eviction(_) => evictions += 1,
+            _ => {}
+        }
+    }
+    assert!(claims == 3 && evictions >= 1, "{claims} {evictions}");
+}
+
+#[test]
 fn every_sample_lists_all_hosted_modules_and_no_state_is_skipped() {
     let (mut host, target) = host(&[4, 5, 17]);
-    host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
+    host.take_message(TARGET_PUBLISHER, target);
     let said = run(&mut [host], Duration::from_secs(30));
     let mut latest: BTreeMap<u32, u64> = BTreeMap::new();
     for states in states_of(&said) {
@@ -202,13 +225,14 @@ fn a_message_that_an_agent_refuses_is_counted_for_it() {
     let (mut host, target) = host(&[4, 5]);
     let now = Duration::from_secs(1);
     host.advance(now);
-    host.handle_message(now, TARGET_PUBLISHER, &target);
     let Message::Target(announcement) = &target else {
         unreachable!("it was made as a target");
     };
     let mut other = announcement.as_ref().clone();
     other.expected_modules = Some(9);
-    host.handle_message(now, OTHER_PROCESS, &Message::Target(Arc::new(other)));
+    host.take_message(TARGET_PUBLISHER, target);
+    host.take_message(OTHER_PROCESS, Message::Target(Arc::new(other)));
+    host.advance(now);
     for (module, refusals) in host.refusals() {
         assert_eq!(refusals.to_string(), "contradicting_target 1", "{module}");
     }
@@ -229,7 +253,7 @@ fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
         }
         now
     };
-    host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
+    host.take_message(TARGET_PUBLISHER, target);
     let formed = pass(&mut host, 40);
     for module in [4, 5, 17] {
         let phase = phase_of(&host, module);
@@ -257,7 +281,7 @@ fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
 #[test]
 fn one_plan_serves_all_modules_and_heartbeats_continue_until_it_is_computed() {
     let (mut host, target) = host(&[4, 5, 17]);
-    host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
+    host.take_message(TARGET_PUBLISHER, target);
     let mut now = Duration::ZERO;
     let mut job = None;
     let mut heartbeats = Vec::new();
@@ -303,8 +327,8 @@ type Places = BTreeMap<ModuleId, (Pose, BTreeSet<ModuleId>)>;
 fn form_with_stores(directory: &Path) -> (Places, Option<Epoch>, bool) {
     let mut hosts = Vec::new();
     for module in [4, 5, 17] {
-        let (mut host, target) = host_with(&[module], Some(directory));
-        host.handle_message(Duration::ZERO, TARGET_PUBLISHER, &target);
+        let (mut host, target) = host_with(SCENARIO, &[module], Some(directory));
+        host.take_message(TARGET_PUBLISHER, target);
         hosts.push(host);
     }
     let said = run(&mut hosts, Duration::from_secs(40));
@@ -337,7 +361,7 @@ fn a_link_that_one_of_two_stores_lacks_is_there_again() {
     let directory = tempfile::tempdir().unwrap();
     let (before, ..) = form_with_stores(directory.path());
     for module in [4, 5, 17] {
-        let (host, _) = host_with(&[module], Some(directory.path()));
+        let (host, _) = host_with(SCENARIO, &[module], Some(directory.path()));
         let mut journal = host.journal.unwrap();
         let mut state = journal.state_of(ModuleId(module)).unwrap();
         assert!(!state.links.is_empty(), "module {module}");
@@ -354,7 +378,7 @@ fn a_link_that_one_of_two_stores_lacks_is_there_again() {
 #[test]
 fn modules_of_a_process_share_a_write_and_publish_nothing_before_it() {
     let directory = tempfile::tempdir().unwrap();
-    let (mut host, _) = host_with(&[4, 5, 17], Some(directory.path()));
+    let (mut host, _) = host_with(SCENARIO, &[4, 5, 17], Some(directory.path()));
     host.advance(Duration::ZERO);
     let job = host.next_write().unwrap();
     assert!(host.next_write().is_none(), "one write for all three");
@@ -371,7 +395,7 @@ fn modules_of_a_process_share_a_write_and_publish_nothing_before_it() {
 #[test]
 fn a_retirement_is_confirmed_once_the_store_holds_it_and_outlives_the_process() {
     let directory = tempfile::tempdir().unwrap();
-    let (mut host, _) = host_with(&[17], Some(directory.path()));
+    let (mut host, _) = host_with(SCENARIO, &[17], Some(directory.path()));
     host.advance(Duration::ZERO);
     write(&mut host, Duration::ZERO);
     host.command(Duration::ZERO, ModuleId(17), Command::Retire);
@@ -382,7 +406,7 @@ fn a_retirement_is_confirmed_once_the_store_holds_it_and_outlives_the_process() 
     write(&mut host, Duration::ZERO);
     assert!(is_confirmed.get());
     drop(host);
-    let (host, _) = host_with(&[17], Some(directory.path()));
+    let (host, _) = host_with(SCENARIO, &[17], Some(directory.path()));
     let service = host.status_of(ModuleId(17)).map(|(service, _)| service);
     assert_eq!(service, Some(Service::Retired));
 }
@@ -390,7 +414,7 @@ fn a_retirement_is_confirmed_once_the_store_holds_it_and_outlives_the_process() 
 #[test]
 fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
     let directory = tempfile::tempdir().unwrap();
-    let (mut host, _) = host_with(&[17], Some(directory.path()));
+    let (mut host, _) = host_with(SCENARIO, &[17], Some(directory.path()));
     host.advance(Duration::ZERO);
     write(&mut host, Duration::ZERO);
     host.command(Duration::ZERO, ModuleId(17), Command::Retire);
@@ -412,7 +436,7 @@ fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
     assert_eq!(next.modules(), modules);
     assert_eq!(modules[0].1, Service::Retired);
     drop(next);
-    let (again, _) = host_with(&[17], Some(directory.path()));
+    let (again, _) = host_with(SCENARIO, &[17], Some(directory.path()));
     let (identity, service) = again.modules().pop().unwrap();
     assert_eq!(service, Service::Retired);
     assert!(identity.incarnation > modules[0].0.incarnation);
@@ -421,7 +445,7 @@ fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
 #[test]
 fn a_module_that_was_added_is_hosted_again_where_it_stood() {
     let directory = tempfile::tempdir().unwrap();
-    let (mut host, _) = host_with(&[17], Some(directory.path()));
+    let (mut host, _) = host_with(SCENARIO, &[17], Some(directory.path()));
     let pose = Pose::from_units(2.0, 3.0, 0.0).unwrap();
     let newcomer = Identity {
         store: None,
@@ -436,7 +460,7 @@ fn a_module_that_was_added_is_hosted_again_where_it_stood() {
     host.advance(Duration::ZERO);
     write(&mut host, Duration::ZERO);
     drop(host);
-    let (host, _) = host_with(&[17], Some(directory.path()));
+    let (host, _) = host_with(SCENARIO, &[17], Some(directory.path()));
     let (again, _) = host.modules().pop().unwrap();
     assert_eq!((again.module, again.pose), (ModuleId(18), pose));
     assert_eq!(
@@ -446,7 +470,7 @@ fn a_module_that_was_added_is_hosted_again_where_it_stood() {
     );
     drop(host);
     // In another process, a module whose memory is here would begin without it.
-    let (mut other, _) = host_with(&[5], Some(directory.path()));
+    let (mut other, _) = host_with(SCENARIO, &[5], Some(directory.path()));
     let reason = other.add(Duration::ZERO, newcomer).unwrap_err();
     assert!(reason.contains("module_17.session_7.json"), "{reason}");
 }

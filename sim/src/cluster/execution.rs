@@ -6,12 +6,19 @@ use std::time::Duration;
 
 use formation::model::{Incarnation, Message, ModuleId, ModuleRun};
 use formation::motion::SimulatedDrive;
-use formation::protocol::{ComputedPlan, Input, MotionReport, Output, PlanJob};
+use formation::protocol::{ComputedPlan, Input, MotionReport, Output, PlanJob, SourceId};
 
 use super::schedule::{Delivery, Happening};
 use super::{Cluster, Observation};
 use crate::network::duration_below;
 use crate::process::{Clock, Inbox, Process, Stored};
+
+fn message_of(input: Input) -> Option<(Option<SourceId>, Message)> {
+    match input {
+        Input::Message { source, message } => Some((source, message)),
+        _ => None,
+    }
+}
 
 /// A store takes less than this to write.
 const WRITE_US_MAX: u64 = 50_000;
@@ -157,17 +164,27 @@ impl Cluster {
         if let Some(process) = self.processes.get_mut(&module) {
             process.inbox.add(input);
         }
-        while let Some(process) = self.processes.get_mut(&module)
-            && let Some(input) = process.inbox.next(now)
-        {
-            if let Input::Message {
-                message: Message::Target(announcement),
-                ..
-            } = &input
-            {
-                process.announcement = Some(Arc::clone(announcement));
+        while let Some(process) = self.processes.get_mut(&module) {
+            let mut inputs = process.inbox.next(now);
+            for input in &inputs {
+                if let Input::Message {
+                    message: Message::Target(announcement),
+                    ..
+                } = input
+                {
+                    process.announcement = Some(Arc::clone(announcement));
+                }
             }
-            process.agent.handle(process.clock.local(now), input);
+            let local = process.clock.local(now);
+            match inputs.len() {
+                0 => break,
+                1 => inputs
+                    .drain(..)
+                    .for_each(|input| process.agent.handle(local, input)),
+                _ => process
+                    .agent
+                    .handle_messages(local, inputs.drain(..).filter_map(message_of)),
+            }
             self.drain(module);
         }
         self.reschedule_timeout(module);

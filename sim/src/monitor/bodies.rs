@@ -119,7 +119,7 @@ pub fn blocks_all<'a>(target: &Target, bodies: impl Iterator<Item = &'a BodyRepo
 }
 
 /// The greatest number of connected spots that the active members of a roster can fill: without those that the bodies cover
-/// which it lists, and those of members that cannot move.
+/// which it lists, and those of members that cannot move. Pinned members stay, so with pins, spots connected to theirs count.
 #[must_use]
 pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
     let is_member = |module: ModuleId| {
@@ -161,7 +161,10 @@ pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
             part.extend::<Vec<usize>>(reached);
             next += 1;
         }
-        most = most.max(part.len().min(active));
+        let is_held = |&position: &usize| held.contains(&target.spots()[position].id);
+        if held.is_empty() || part.iter().any(is_held) {
+            most = most.max(part.len().min(active));
+        }
     }
     most
 }

@@ -34,6 +34,9 @@ struct KnownRoster {
     fixed: BTreeSet<ModuleId>,
     /// The modules of which some member had received a state.
     seen: BTreeSet<ModuleId>,
+    /// The turn of the claim that is judged next, and the claims that came before their turn.
+    next_turn: u32,
+    early: BTreeMap<u32, SpotClaim>,
 }
 
 type PlanKey = (Epoch, Digest);
@@ -156,6 +159,8 @@ impl Monitor {
                 .flat_map(|member| cluster.seen_by(member.run()))
                 .collect(),
             roster: Arc::clone(roster),
+            next_turn: 0,
+            early: BTreeMap::new(),
         };
         // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
         let run_of_convener = |roster: &Roster| {
@@ -235,17 +240,22 @@ impl Monitor {
         let Some(roster) = self.rosters.get_mut(&claim.epoch) else {
             return;
         };
-        // A module that left its configuration in this or an earlier turn is a singleton like any other.
-        for detached in &claim.decision.detached {
-            roster.fixed.remove(detached);
+        roster.early.insert(claim.turn, claim.clone());
+        let mut found = Vec::new();
+        while let Some(claim) = roster.early.remove(&roster.next_turn) {
+            roster.next_turn += 1;
+            // A module that left its configuration in this or an earlier turn is a singleton like any other.
+            for detached in &claim.decision.detached {
+                roster.fixed.remove(detached);
+            }
+            let evicted = claim.decision.evictions.iter();
+            let evicted = evicted
+                .map(|eviction| eviction.evicted)
+                .filter(|evicted| roster.fixed.contains(evicted));
+            let detail = |evicted| format!("{evicted} by {} in {}", claim.claimant, claim.epoch);
+            found.extend(evicted.map(detail));
         }
-        let evicted = claim.decision.evictions.iter();
-        let evicted: Vec<ModuleId> = evicted
-            .map(|eviction| eviction.evicted)
-            .filter(|evicted| roster.fixed.contains(evicted))
-            .collect();
-        for evicted in evicted {
-            let detail = format!("{evicted} by {} in {}", claim.claimant, claim.epoch);
+        for detail in found {
             self.violate(at, ViolationKind::ConfigurationMemberEvicted, detail);
         }
     }

@@ -273,7 +273,7 @@ fn schedule(
 }
 
 /// Whether a group that shifts in a phase would reach by more than `slack` into the place that another leaves in the same
-/// phase. Two that overlap by less beside each other need not follow each other.
+/// phase. Two that overlap by less, next to each other, need not follow each other.
 fn must_follow(group: &Group, ahead: &Group, phase: Phase, slack: i64) -> bool {
     let along = |point: Point| {
         if phase == Phase::Row {

@@ -57,6 +57,12 @@ impl PlannedTurns {
         Some((*claimant, decision))
     }
 
+    /// All turns in order: the number of each, the module that decides, and its decision.
+    pub fn turns(&self) -> impl Iterator<Item = (u32, ModuleId, &Decision)> {
+        let turns = (0..).zip(&self.turns);
+        turns.map(|(number, (claimant, decision))| (number, *claimant, decision))
+    }
+
     /// Checks a claim: it must come from the module whose turn it is, and equal the decision that follows from the problem.
     ///
     /// # Errors

@@ -231,8 +231,10 @@ impl Gathering {
             return Step::Stay(Stage::Gathering(self));
         }
         let Some(open) = roster.open_target() else {
-            // Bodies block every spot.
-            context.report_blocked(roster.blocked_spots());
+            // Bodies block every spot. The state of this module lists them.
+            if context.report_blocked(roster.blocked_spots()) {
+                context.mark_state_changed();
+            }
             return Step::Stay(Stage::Gathering(self));
         };
         if self.target != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {

@@ -1,4 +1,7 @@
-//! Planning: each unit claims once, in turn, and every agent applies a claim only if it equals its own recomputation.
+//! Planning: each unit claims once, and every agent applies the claims in turn, each only if it equals its own recomputation.
+//!
+//! A claim shows what its claimant decides after the turns before it, which it has computed itself. So it does not wait for
+//! the claims of those turns, and the messages of all turns travel at the same time.
 
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -116,18 +119,15 @@ impl Planning {
         self.claims.keep(claim)
     }
 
-    /// Takes this module's turns and applies the claims of others, as far as they are known.
+    /// Publishes this module's claims once the plan is computed, and applies all claims in turn, as far as they are known.
     pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
         let Some(planned) = self.planned(context) else {
             return Step::Stay(Stage::Planning(self));
         };
         while let Some((claimant, decision)) = planned.turns().turn(self.applied) {
-            let is_applied = if claimant == context.module() {
-                self.take_turn(planned.turns(), decision, context)
-            } else {
-                self.apply_claims(planned.turns(), context)
-            };
-            if !is_applied {
+            if claimant == context.module() {
+                self.apply(claimant, decision, context);
+            } else if !self.apply_claims(planned.turns(), context) {
                 let waited = context.now.saturating_sub(self.began);
                 let computes = context.peers.computes(claimant, self.roster.epoch);
                 if computes && waited <= context.parameters.plan_limit {
@@ -143,7 +143,8 @@ impl Planning {
     fn planned(&mut self, context: &mut Context) -> Option<Arc<ComputedPlan>> {
         if self.planned.is_none() {
             self.planned = context.plan(self.job.clone());
-            if self.planned.is_some() {
+            if let Some(planned) = &self.planned {
+                self.publish_claims(planned.turns(), context);
                 self.progress_at = context.now;
                 context.mark_state_changed();
             } else {
@@ -162,42 +163,35 @@ impl Planning {
         }
     }
 
-    /// Decides for the unit that this module leads, and publishes the claim.
-    fn take_turn(
-        &mut self,
-        planned: &PlannedTurns,
-        decision: &Decision,
-        context: &mut Context,
-    ) -> bool {
-        let turn = self.applied;
-        let claimant = context.module();
-        if let Err(refusal) = self.apply(planned, claimant, decision, context) {
-            context.refuse(Some(claimant), refusal);
-            return false;
-        }
+    /// Publishes the decisions of the units that this module leads.
+    fn publish_claims(&self, planned: &PlannedTurns, context: &mut Context) {
         let epoch = self.roster.epoch;
-        for &eviction in &decision.evictions {
-            context.publish(Message::Eviction(EvictionNotice {
+        let claimant = context.module();
+        let own = planned.turns().filter(|&(_, leader, _)| leader == claimant);
+        for (turn, _, decision) in own {
+            context.publish(Message::Claim(Arc::new(SpotClaim {
                 epoch,
                 turn,
-                eviction,
-            }));
+                claimant,
+                incarnation: context.own.run.incarnation,
+                decision: decision.clone(),
+            })));
+            for &eviction in &decision.evictions {
+                context.publish(Message::Eviction(EvictionNotice {
+                    epoch,
+                    turn,
+                    eviction,
+                }));
+            }
         }
-        context.publish(Message::Claim(Arc::new(SpotClaim {
-            epoch,
-            turn,
-            claimant,
-            incarnation: context.own.run.incarnation,
-            decision: decision.clone(),
-        })));
-        true
     }
 
     /// Applies the first right claim for the present turn, and refuses the wrong ones before it.
     fn apply_claims(&mut self, planned: &PlannedTurns, context: &mut Context) -> bool {
         for claim in self.claims.take(self.applied) {
-            match self.apply(planned, claim.claimant, &claim.decision, context) {
+            match self.check(planned, &claim, context.bugs) {
                 Ok(()) => {
+                    self.apply(claim.claimant, &claim.decision, context);
                     report_own_eviction(&claim.decision, context);
                     return true;
                 }
@@ -207,25 +201,22 @@ impl Planning {
         false
     }
 
-    fn apply(
-        &mut self,
-        planned: &PlannedTurns,
-        claimant: ModuleId,
-        decision: &Decision,
-        context: &Context,
-    ) -> Result<(), Refusal> {
-        match planned.check(self.applied, claimant, decision) {
-            Ok(()) => {}
-            Err(ClaimRefused::DifferentDecision { .. }) if context.bugs.accept_any_decision() => {}
-            Err(ClaimRefused::DifferentDecision { .. }) => return Err(Refusal::DifferentDecision),
-            Err(_) => return Err(Refusal::WrongClaimant),
+    fn check(&self, planned: &PlannedTurns, claim: &SpotClaim, bugs: Bugs) -> Result<(), Refusal> {
+        match planned.check(self.applied, claim.claimant, &claim.decision) {
+            Ok(()) => Ok(()),
+            Err(ClaimRefused::DifferentDecision { .. }) if bugs.accept_any_decision() => Ok(()),
+            Err(ClaimRefused::DifferentDecision { .. }) => Err(Refusal::DifferentDecision),
+            Err(_) => Err(Refusal::WrongClaimant),
         }
+    }
+
+    /// Applies the decision of the present turn.
+    fn apply(&mut self, claimant: ModuleId, decision: &Decision, context: &Context) {
         self.applied += 1;
         if !context.bugs.record_claims_out_of_turn() {
             self.decisions.push((claimant, decision.clone()));
         }
         self.progress_at = context.now;
-        Ok(())
     }
 
     fn finish(self, planned: &ComputedPlan, context: &mut Context) -> Stage {
