@@ -143,27 +143,18 @@ fn bodies_that_leave_no_room_are_listed() {
     }
 }
 
-/// A slow process repeats a goal that its drive has reached meanwhile, so that the drive reports the same arrival twice: the
-/// second is not one at the next goal.
-#[test]
-fn an_arrival_counts_for_the_goal_that_was_reached() {
-    let parameters = CampaignParameters {
-        faults: FaultKind::Hostile,
-        modules_min: 2,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    run_all(&parameters, 70_012_922..70_012_923);
-}
-
-/// In the first seed, the drive of one module fails in the step in which the modules docked to it turn: they halt. In the second,
+/// In the first and the last hostile seed, the drive of one module fails while the modules docked to it move: they halt. In the
+/// second,
 /// a member pauses between having the whole plan and showing it, and waits for that roster's majority. In the third, a convener
 /// without a quorum refuses the later roster of others, and calls them. In the rest, bodies stay where their modules crashed on
 /// paths, in passing settled modules, or are put back by a restart.
 #[test]
 fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
     let seeds: [(FaultKind, &[u64]); 2] = [
-        (FaultKind::Hostile, &[50_001_993, 50_002_332, 60_001_552]),
+        (
+            FaultKind::Hostile,
+            &[50_001_993, 50_002_332, 60_001_552, 100_019_419],
+        ),
         (
             FaultKind::Mixed,
             &[

@@ -3,15 +3,18 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
 use std::sync::Arc;
+use std::time::Duration;
 
 use formation::generate::Apart;
-use formation::model::Scenario;
-use formation::protocol::{Agent, Mutation};
+use formation::model::{Incarnation, Message, Scenario, TargetAnnouncement};
+use formation::protocol::{
+    Agent, AgentParameters, Identity, Input, MotionReport, Mutation, Output,
+};
 use formation_sim::{
     AgentFactory, CampaignParameters, Ending, FaultKind, ViolationKind, run_seeds,
 };
 
-use crate::support::run_all;
+use crate::support::{run_all, scenario};
 
 /// The number of seeds of each kind.
 fn seeds() -> u64 {
@@ -133,4 +136,61 @@ fn modules_that_do_not_wait_for_each_other_meet() {
     })
     .unwrap();
     assert!(met >= 15, "found in {met} of 20 runs");
+}
+
+/// A slow process repeats a goal that its drive has reached meanwhile, so that the drive reports the same arrival twice: the
+/// second is not one at the next goal.
+#[test]
+fn an_arrival_counts_for_the_goal_that_was_reached() {
+    let problem = scenario(
+        "
+target: {spots: [{id: 1, x: 4, y: 0}], edges: []}
+singletons: [{id: 1, x: 0, y: 0}]
+",
+    );
+    let module = &problem.modules()[0];
+    let identity = Identity {
+        store: None,
+        module: module.id,
+        incarnation: Incarnation(1),
+        pose: module.pose,
+        links: module.links.clone(),
+        configuration: module.configuration,
+        leader: module.leader,
+    };
+    let mut agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
+    let target = Message::Target(Arc::new(TargetAnnouncement {
+        expected_modules: Some(1),
+        ..TargetAnnouncement::new(&problem, 1)
+    }));
+    let (source, message) = (None, target);
+    agent.handle(Duration::ZERO, Input::Message { source, message });
+    let mut now = Duration::ZERO;
+    let mut goals = Vec::new();
+    while goals.len() < 2 {
+        assert!(now < Duration::from_secs(30), "{:?}", agent.phase());
+        let mut arrived = None;
+        while let Some(output) = agent.poll_output() {
+            if let Output::Move(goal) = output
+                && goals.last() != Some(&goal.pose)
+            {
+                goals.push(goal.pose);
+                arrived = (goals.len() < 2).then_some(goal.pose);
+            }
+        }
+        if let Some(goal) = arrived {
+            let pose = goal;
+            agent.handle(now, Input::Motion(MotionReport::Arrived { goal, pose }));
+        } else {
+            now = agent.poll_timeout().max(now + Duration::from_millis(1));
+            agent.handle(now, Input::Timeout);
+        }
+    }
+    let ahead = agent.path_ahead();
+    let (goal, pose) = (goals[0], goals[0]);
+    agent.handle(now, Input::Motion(MotionReport::Arrived { goal, pose }));
+    assert_eq!(agent.path_ahead(), ahead);
+    let (goal, pose) = (goals[1], goals[1]);
+    agent.handle(now, Input::Motion(MotionReport::Arrived { goal, pose }));
+    assert_eq!(agent.path_ahead().len(), ahead.len() - 1);
 }

@@ -99,12 +99,12 @@ fn figure_1_forms_with_seventeen_agent_processes_and_no_two_bodies_overlap() {
 }
 
 #[test]
-fn modules_that_start_apart_form_along_paths() {
+fn fifty_modules_that_start_apart_form_and_no_two_bodies_overlap() {
     if room_for_many_processes().is_none() {
         return;
     }
     let domain = &*Domain::for_processes(14);
-    let options = "generate --modules 12 --spots 12 --mixed --apart --seed 5";
+    let options = "generate --modules 50 --spots 50 --mixed --apart --seed 5";
     let options: Vec<&str> = options.split(' ').collect();
     let generated = Running::start("formation", domain, &options).finish(PATIENCE);
     assert_eq!(generated.status, 0, "{}", generated.stderr);
@@ -114,12 +114,20 @@ fn modules_that_start_apart_form_along_paths() {
     let path = path.to_str().unwrap();
     let plan = Running::start("formation", domain, &["plan", path, "--json"]).finish(PATIENCE);
     assert_eq!(plan.json()["motion"]["collision_free"], true);
+    let trace = directory.path().join("trace.jsonl");
     let run = ["run", path, "--json", "--domain", domain, "--timeout", "90"];
-    let run = Running::start("formation", domain, &run).finish(PATIENCE);
+    let more = [
+        "--modules-per-process",
+        "5",
+        "--trace",
+        trace.to_str().unwrap(),
+    ];
+    let run = Running::start("formation", domain, &[&run[..], &more].concat()).finish(PATIENCE);
     assert_eq!(run.status, 0, "{}\n{}", run.stdout, run.stderr);
     let run = run.json();
     assert_eq!(run["verdict"], "COMPLETE");
     assert_eq!(run["open_spots"].as_array().unwrap().len(), 0);
+    assert_free_of_collisions(&run, &trace, 50);
 }
 
 #[test]
@@ -293,7 +301,11 @@ fn bad_messages_are_refused_and_counted_and_stop_no_process() {
     for agent in &agents {
         for refusal in ["target: spots[0].x", "kind=malformed"] {
             let refused = agent.wait_for_log(0, refusal, PATIENCE);
-            assert!(refused.is_some(), "an agent did not refuse {refusal:?}");
+            let logged = || {
+                let lines = agent.log_since(0).into_iter().map(|line| line.text);
+                lines.collect::<Vec<_>>().join("\n")
+            };
+            assert!(refused.is_some(), "no {refusal:?} in\n{}", logged());
         }
     }
     let judged = verifier.finish(PATIENCE);

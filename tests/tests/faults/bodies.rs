@@ -1,9 +1,10 @@
 //! Processes die, and their robots stay where they are.
 
 use std::collections::BTreeSet;
-use std::time::Instant;
+use std::thread;
+use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Fleet, Running, Timing};
+use formation_tests::{Domain, Fleet, Running, Signal, Timing, overlaps};
 
 use super::{PATIENCE, SPARES};
 
@@ -63,4 +64,67 @@ fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
     let removed = Instant::now();
     fleet.remove(&lost);
     fleet.wait_until_whole(&judge, removed, PATIENCE);
+}
+
+/// A row of four spots, and eight modules whose paths cross.
+const CROSSING: &str = "
+name: crossing
+target:
+  spots: [{id: 1, x: 4, y: 5}, {id: 2, x: 5, y: 5}, {id: 3, x: 6, y: 5}, {id: 4, x: 7, y: 5}]
+  edges: [[1, 2], [2, 3], [3, 4]]
+singletons:
+  - {id: 1, x: 1, y: 1}
+  - {id: 2, x: 4, y: 0}
+  - {id: 3, x: 7, y: 0}
+  - {id: 4, x: 10, y: 1}
+  - {id: 5, x: 1, y: 9}
+  - {id: 6, x: 4, y: 10}
+  - {id: 7, x: 7, y: 10}
+  - {id: 8, x: 10, y: 9}
+";
+
+#[test]
+fn two_that_die_on_their_way_and_one_that_stops_for_a_while_are_not_touched() {
+    let domain = &*Domain::for_processes(11);
+    let mut fleet = Fleet::new("crossing", CROSSING, domain, Timing::Quick);
+    let directory = tempfile::tempdir().unwrap();
+    let trace = directory.path().join("trace.jsonl");
+    let options = ["--keep-watching", "--time-limit-s", "600", "--trace"];
+    let options = [&options[..], &[trace.to_str().unwrap()]].concat();
+    let observer = Running::start("verifier", domain, &options);
+    let judge = fleet.judge(None);
+    let _announcer = fleet.announce(None);
+    let mut marks = fleet.marks();
+    for module in fleet.modules().to_vec() {
+        // A step of the path takes a second.
+        fleet.start_at_speed(module, 1.0);
+    }
+    let mut died = Instant::now();
+    for _ in 0..2 {
+        let moving = fleet.wait_for_any(&marks, "moving to", PATIENCE);
+        let moving = moving.unwrap_or_else(|| panic!("{}", fleet.story()));
+        thread::sleep(Duration::from_millis(500));
+        died = fleet.kill(moving);
+        marks = fleet.marks();
+    }
+    let stopped = fleet.wait_for_any(&marks, "moving to", PATIENCE);
+    let stopped = stopped.unwrap_or_else(|| panic!("{}", fleet.story()));
+    fleet.agent(stopped).signal(Signal::STOP);
+    thread::sleep(Duration::from_secs(5));
+    fleet.agent(stopped).signal(Signal::CONT);
+    let living = fleet.living();
+    // One that the others went on without may be left out, if it could fill no spot that is connected to theirs.
+    let rests = judge.wait_until(died, PATIENCE, |judged| {
+        let is_formed = ["COMPLETE", "PARTIAL"].contains(&judged.outcome.as_str());
+        is_formed && judged.modules().is_subset(&living)
+    });
+    let rests = rests.unwrap_or_else(|last| panic!("{last:?}\n{}", fleet.story()));
+    assert_eq!(rests.violations, [""; 0]);
+    assert!(!rests.assignments.is_empty(), "{rests:?}");
+    // It may not have judged yet, as it waits longer than the quick timing of the modules.
+    let _ = observer.stop();
+    let trace = std::fs::read_to_string(trace).unwrap();
+    let mut overlaps = overlaps(&trace);
+    overlaps.retain(|overlap| overlap.depth > 0.01);
+    assert_eq!(overlaps, [], "{trace}");
 }
