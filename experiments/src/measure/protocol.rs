@@ -4,6 +4,7 @@
 //! so that the curves show the protocol and not the machine. Time begins when the roster is published and ends when the
 //! last module has applied the last claim.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -52,7 +53,7 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
     };
     let reason = if recorder.rosters.len() > 1 {
         "a second epoch was opened while planning"
-    } else if recorder.table.spot_of != offline.assignments
+    } else if recorder.table().spot_of != offline.assignments
         || !cluster.running().into_iter().all(agrees)
     {
         "the agents' plan differs from the offline one"
@@ -68,9 +69,9 @@ struct Recorder {
     rosters: Vec<Duration>,
     ended_at: Duration,
     planned: usize,
-    claims: Vec<(Duration, Decision)>,
+    /// The claim of each turn, and when it was published: before the claims of earlier turns or after them.
+    claims: BTreeMap<u32, (Duration, Decision)>,
     notices: usize,
-    table: SpotTable,
 }
 
 impl Recorder {
@@ -80,8 +81,8 @@ impl Recorder {
                 self.rosters.push(time);
             }
             Observation::Published(_, Message::Claim(claim)) => {
-                self.table.apply(&claim.decision);
-                self.claims.push((time, claim.decision.clone()));
+                self.claims
+                    .insert(claim.turn, (time, claim.decision.clone()));
             }
             Observation::Published(_, Message::Eviction(_)) => self.notices += 1,
             Observation::Noted(_, Event::Planned { .. }) => {
@@ -92,21 +93,32 @@ impl Recorder {
         }
     }
 
+    /// The spots after all turns.
+    fn table(&self) -> SpotTable {
+        let mut table = SpotTable::default();
+        for (_, decision) in self.claims.values() {
+            table.apply(decision);
+        }
+        table
+    }
+
     fn finish(self, problem: &PlanningProblem) -> Talk {
         let begin = self.rosters.first().copied().unwrap_or_default();
         let micros = |time: Duration| {
             u64::try_from(time.saturating_sub(begin).as_micros()).unwrap_or(u64::MAX)
         };
+        let last = self.table();
         let mut table = SpotTable::default();
         let mut moment = Moment::default();
-        let course = self.claims.iter().map(|(time, decision)| {
+        let course = self.claims.values().map(|(time, decision)| {
             table.apply(decision);
             moment = Moment {
-                at: micros(*time),
+                // A claim counts once those of all earlier turns are there.
+                at: moment.at.max(micros(*time)),
                 samples: moment.samples + 1 + decision.evictions.len(),
                 pairs: moment.pairs + decision.selections.len(),
                 selected: table.spot_of.len(),
-                settled: table.in_common_with(&self.table),
+                settled: table.in_common_with(&last),
             };
             moment
         });

@@ -53,20 +53,34 @@ pub(super) fn regroup(
                 .filter(|(module, _)| modules.binary_search(module).is_err())
                 .all(|(_, body)| !overlap(&cell, body, slack))
     };
-    let choices: Vec<Vec<Site>> = modules
-        .iter()
-        .map(|&module| near(&all[module].pose, lattice).filter(is_free).collect())
-        .collect();
-    let sites = distinct(&choices).ok_or_else(|| {
-        let (one, first) = (modules[modules.len() - 1], modules[0]);
-        StartFault::OffGroup(all[one].id, all[first].id)
-    })?;
-    let ways = modules.iter().zip(&sites).map(|(&module, &site)| {
+    let way = |module: usize, site: Site| {
         let from = body(&all[module].pose, slack);
         let reach = (from.1.0 - from.0.0) / 2;
         let (x, y) = lattice.point(site);
         hull(from, ((x - reach, y - reach), (x + reach, y + reach)))
-    });
+    };
+    let is_clear = |module: usize, site: Site| {
+        let swept = way(module, site);
+        let mut others = bodies.iter().enumerate();
+        others.all(|(other, body)| {
+            modules.binary_search(&other).is_ok() || !overlap(&swept, body, slack)
+        })
+    };
+    let choices = |is_wanted: &dyn Fn(usize, Site) -> bool| -> Vec<Vec<Site>> {
+        let near = |&module: &usize| {
+            let sites = near(&all[module].pose, lattice).filter(is_free);
+            sites.filter(|&site| is_wanted(module, site)).collect()
+        };
+        modules.iter().map(near).collect()
+    };
+    // If no ways are clear, the caller finds which bodies are too close.
+    let sites = distinct(&choices(&is_clear)).or_else(|| distinct(&choices(&|_, _| true)));
+    let sites = sites.ok_or_else(|| {
+        let (one, first) = (modules[modules.len() - 1], modules[0]);
+        StartFault::OffGroup(all[one].id, all[first].id)
+    })?;
+    let ways = modules.iter().zip(&sites);
+    let ways = ways.map(|(&module, &site)| way(module, site));
     let ways = ways.collect();
     Ok(Group::regrouped(modules, &sites, ways, lattice))
 }
