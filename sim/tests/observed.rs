@@ -12,9 +12,7 @@ use formation::model::{
 };
 use formation::planner;
 use formation::protocol::{Agent, Mutation};
-use formation::verify::{
-    BodyParameters, Observer, ObserverParameters, Outcome, Verdict, Violation,
-};
+use formation::verify::{Observer, ObserverParameters, Outcome, Verdict, Violation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters, NetworkParameters, Observation};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
@@ -77,9 +75,7 @@ fn judge_paths(
     let end = cluster.now() + Duration::from_secs(3);
     cluster.run_until(end, |_| false);
     let mut observer = Observer::new(ObserverParameters {
-        bodies: BodyParameters {
-            clock_error: Duration::from_millis(1),
-        },
+        clock_error: Duration::from_millis(1),
         ..ObserverParameters::default()
     });
     observer.handle(

@@ -72,7 +72,7 @@ impl Tunables for Judging {
             fixed(Tunable::new(
                 "clock_error_ms",
                 milliseconds(),
-                |own: &mut Self| &mut own.0.bodies.clock_error,
+                |own: &mut Self| &mut own.0.clock_error,
                 "The greatest difference between the clocks of two processes of modules, in milliseconds",
             )),
             time(

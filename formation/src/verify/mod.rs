@@ -10,8 +10,8 @@ mod report;
 mod violation;
 
 pub use observer::{
-    Agreement, BodyParameters, CollisionRisk, Counts, Observer, ObserverParameters, Outcome,
-    Progress, Timings, Verdict,
+    Agreement, CollisionRisk, Counts, Observer, ObserverParameters, Outcome, Progress, Timings,
+    Verdict,
 };
 pub use plan::check_plan;
 pub use report::{

@@ -20,5 +20,5 @@ mod verdict;
 mod tests;
 
 pub use observation::Observer;
-pub use parameters::{BodyParameters, ObserverParameters};
+pub use parameters::ObserverParameters;
 pub use verdict::{Agreement, CollisionRisk, Counts, Outcome, Progress, Timings, Verdict};

@@ -5,25 +5,11 @@ use std::time::Duration;
 
 use crate::model::{MicroUnits, ModuleId};
 
-/// How exactly the times of the states of bodies are known; a target states how wide its bodies are.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct BodyParameters {
-    /// The greatest difference between the clocks of two processes.
-    pub clock_error: Duration,
-}
-
-impl Default for BodyParameters {
-    fn default() -> Self {
-        Self {
-            clock_error: Duration::from_millis(50),
-        }
-    }
-}
-
 /// The tolerances and limits of an observer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ObserverParameters {
-    /// The greatest distance of a settled module from its spot, in micro-units.
+    /// The greatest distance of a settled module from its spot, in micro-units. Between the ends of two steps, docked modules may
+    /// be off their places to each other by twice as much, or by the clearance if that is more.
     pub position_tolerance: MicroUnits,
     /// The greatest difference of its heading, in micro-radians.
     pub heading_tolerance: MicroUnits,
@@ -35,8 +21,8 @@ pub struct ObserverParameters {
     pub grace: Duration,
     /// A member that is silent for longer than this does not count as living, so no formation with it is done.
     pub silence: Duration,
-    /// The bodies of modules that move along paths.
-    pub bodies: BodyParameters,
+    /// The greatest difference between the clocks of two processes.
+    pub clock_error: Duration,
     /// The modules that are to take part, if known beforehand, so that absent ones can be named.
     pub expected: BTreeSet<ModuleId>,
 }
@@ -49,7 +35,7 @@ impl Default for ObserverParameters {
             time_limit: Duration::from_secs(120),
             grace: Duration::from_secs(3),
             silence: Duration::from_secs(5),
-            bodies: BodyParameters::default(),
+            clock_error: Duration::from_millis(50),
             expected: BTreeSet::new(),
         }
     }

@@ -50,7 +50,7 @@ impl Received {
     pub(super) fn new(parameters: &ObserverParameters) -> Self {
         Self {
             position_tolerance: parameters.position_tolerance,
-            bodies: Bodies::new(parameters.bodies),
+            bodies: Bodies::new(parameters),
             ..Self::default()
         }
     }

@@ -16,7 +16,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use self::track::{Added, Segment, StepEnd, Track};
-use super::parameters::BodyParameters;
+use super::parameters::ObserverParameters;
 use super::received::VIOLATIONS_MAX;
 use crate::model::{BODY_WIDTH, Epoch, MODULES_MAX, MicroUnits, ModuleId, ModuleState, Target};
 use crate::verify::Violation;
@@ -49,7 +49,10 @@ struct Suspicion {
 /// Where the modules of a session were, as far as they published it.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bodies {
-    parameters: BodyParameters,
+    /// The greatest difference between the clocks of two processes.
+    clock_error: Duration,
+    /// How far a pose at the end of a step may be off, in units.
+    position_tolerance: f64,
     /// The width of a body, by the target of the latest roster.
     width: MicroUnits,
     tracks: BTreeMap<ModuleId, Track>,
@@ -61,9 +64,10 @@ pub(super) struct Bodies {
 }
 
 impl Bodies {
-    pub(super) fn new(parameters: BodyParameters) -> Self {
+    pub(super) fn new(parameters: &ObserverParameters) -> Self {
         Self {
-            parameters,
+            clock_error: parameters.clock_error,
+            position_tolerance: parameters.position_tolerance.to_units(),
             width: BODY_WIDTH,
             ..Self::default()
         }
@@ -232,7 +236,7 @@ impl Bodies {
     /// Two bodies overlap by more than the clearance and what an error of the clocks explains.
     fn overlap(&self, one: &Segment, other: &Segment) -> Option<Breach> {
         let epoch = Self::judged_epoch(one, other)?;
-        let (width, error) = (self.width(), self.parameters.clock_error);
+        let (width, error) = (self.width(), self.clock_error);
         let (at, depth) = one.leg.deepest(&other.leg, width)?;
         let speed = one.leg.error_speed(&other.leg, width);
         if depth <= 1.0 - width + speed * error.as_secs_f64() {
@@ -257,9 +261,7 @@ impl Bodies {
         let (begin, end) = one.leg.common(&other.leg)?;
         let early = end.saturating_sub(begin);
         let width = self.width();
-        if early <= self.parameters.clock_error
-            || one.leg.swept_depth(&other.leg, width)? <= 1.0 - width
-        {
+        if early <= self.clock_error || one.leg.swept_depth(&other.leg, width)? <= 1.0 - width {
             return None;
         }
         let is_later = |one: &Segment, other: &Segment| {
@@ -356,7 +358,7 @@ impl Bodies {
     ) -> Option<Breach> {
         let began = end.began?;
         let early = other.at.checked_sub(began)?;
-        if early <= self.parameters.clock_error {
+        if early <= self.clock_error {
             return None;
         }
         let violation = Violation::WaitNotKept {
@@ -393,7 +395,7 @@ impl Bodies {
         let off = was
             .deviation(&is, self.width())
             .min(is.off_docked(self.width()));
-        if off <= 1.0 - self.width() {
+        if off <= (1.0 - self.width()).max(2.0 * self.position_tolerance) {
             return None;
         }
         let (first, second) = in_order(module, partner);

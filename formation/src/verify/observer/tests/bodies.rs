@@ -62,6 +62,10 @@ impl Sequence {
 
     /// The violations of bodies, the same in whatever order the modules' states arrive.
     fn broken(&self) -> Vec<Violation> {
+        self.broken_with(&patient())
+    }
+
+    fn broken_with(&self, parameters: &ObserverParameters) -> Vec<Violation> {
         let is_of_bodies = |violation: &Violation| {
             matches!(
                 violation,
@@ -71,7 +75,7 @@ impl Sequence {
             )
         };
         let found = |messages: &[Message]| -> Vec<Violation> {
-            let mut observer = observe(messages, patient());
+            let mut observer = observe(messages, parameters.clone());
             let due = observer.poll_timeout().unwrap();
             let verdict = observer.verdict(due).unwrap();
             let found = verdict.violations.iter().cloned();
@@ -192,6 +196,18 @@ fn docked_modules_keep_their_places_from_step_to_step_unless_they_fold() {
     on_paths(&pair(torn)).dock(&[(1, 2)]).assert_broken(&[
         "module 1 and module 2 are docked and 0.300000 units off their places to each other after step 2 in epoch 1.1 at 1.41 s",
     ]);
+    // Two poses, each off by the position tolerance, are off each other by twice as much.
+    let broken_with = |micros| {
+        let parameters = ObserverParameters {
+            position_tolerance: MicroUnits(micros),
+            ..patient()
+        };
+        on_paths(&pair(torn))
+            .dock(&[(1, 2)])
+            .broken_with(&parameters)
+    };
+    assert_eq!(broken_with(151_000), []);
+    assert_eq!(broken_with(149_000).len(), 1);
     let mut folding = torn;
     folding[1].2 = Folding;
     on_paths(&pair(folding)).dock(&[(1, 2)]).assert_broken(&[]);
