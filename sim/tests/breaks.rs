@@ -156,6 +156,22 @@ fn a_pin_is_not_lost_to_a_goal_that_waits_for_the_store() {
     }
 }
 
+/// A module wakes from a pause, and would settle by its plan at the moment at which it learns of two later targets, the last of
+/// which is one that it had settled for before.
+#[test]
+fn a_pin_is_not_lost_to_a_plan_for_a_former_target() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        modules_min: 2,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    for seed in [110_009_944, 110_012_526] {
+        let report = run_seed(&parameters, seed).unwrap();
+        assert!(report.violations.is_empty(), "seed {seed}: {report:?}");
+    }
+}
+
 /// The third module has a shorter lease than the others.
 #[test]
 fn a_roster_for_other_times_is_refused() {

@@ -20,14 +20,10 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     ),
     (Mutation::SkipLeaseWait, 0, ViolationKind::MotionBeforeLease),
     (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
-    (
-        Mutation::DropIncarnationCheck,
-        116,
-        ViolationKind::NotWhereFrozen,
-    ),
+    (Mutation::DropIncarnationCheck, 116, ViolationKind::NoEnd),
     (
         Mutation::AcceptWithoutRecomputation,
-        6,
+        11,
         ViolationKind::NoEnd,
     ),
     (Mutation::ApplyOutOfTurn, 0, ViolationKind::NoEnd),

@@ -131,6 +131,14 @@ impl Context {
         Some(self.peers.state(module)?.service)
     }
 
+    /// Whether a later revision announces a target with other content than this one.
+    pub fn has_replaced(&self, target: &TargetAnnouncement) -> bool {
+        self.target.announcement().is_some_and(|latest| {
+            latest.revision > target.revision
+                && digest::of_target(latest) != digest::of_target(target)
+        })
+    }
+
     /// The first majority that these modules lack, with what `memory` knows.
     pub fn shortfall_of(
         &self,

@@ -3,9 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::model::{
-    Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service, digest,
-};
+use crate::model::{Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service};
 
 use super::Agent;
 use super::context::Context;
@@ -138,7 +136,7 @@ fn judge_members(
     is_outside: bool,
     context: &Context,
 ) -> Result<(), Option<EpochReason>> {
-    if has_new_target(roster, context) {
+    if context.has_replaced(&roster.target) {
         return Err(Some(EpochReason::NewTarget));
     }
     if is_outside && others(roster, context).any(|member| is_in_charge(member.run(), context)) {
@@ -156,14 +154,6 @@ fn judge_members(
     let live = context.live_voters();
     let some_is_active = live.iter().any(|voter| context.is_active(voter.module));
     Err(some_is_active.then_some(EpochReason::OutOfService(leaving)))
-}
-
-/// Whether a later revision announces another target than the roster's.
-fn has_new_target(roster: &Roster, context: &Context) -> bool {
-    context.target.announcement().is_some_and(|announcement| {
-        announcement.revision > roster.target.revision
-            && digest::of_target(announcement) != digest::of_target(&roster.target)
-    })
 }
 
 /// The members other than this module.

@@ -426,6 +426,7 @@ impl Agent {
         if let Some(roster) = self.stage.roster()
             && heartbeat.digest.is_some()
             && roster.epoch == epoch
+            && !self.context.memory.quorum.has_noted(epoch)
         {
             let basis = roster.quorum_basis();
             self.context.memory.quorum.note_shown(epoch, &basis);

@@ -11,7 +11,7 @@ use super::event::Event;
 use super::io::Output;
 use super::refusal::{Refusal, RefusalCounts};
 
-/// What a heartbeat shows of the protocol. A change is published at once.
+/// What a heartbeat shows of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Shown {
     pub epoch: Option<Epoch>,
@@ -28,6 +28,16 @@ impl Shown {
             phase: heartbeat.phase,
             stop: heartbeat.stop,
         }
+    }
+
+    /// Whether others should know this at once. That a module computes or has computed its plan matters only to those who wait
+    /// for longer than a heartbeat takes.
+    pub fn is_urgent_after(self, known: Self) -> bool {
+        let phase = match self.phase {
+            ModulePhase::Computing | ModulePhase::Planning => known.phase,
+            phase => phase,
+        };
+        Self { phase, ..self } != known
     }
 }
 

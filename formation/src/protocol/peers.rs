@@ -185,6 +185,22 @@ impl Peers {
         self.peers.remove(&run.module)?.kept
     }
 
+    /// Judges a sender that is not known as such, and makes room for it. Returns the state that was kept meanwhile.
+    fn judge_sender(
+        &mut self,
+        liveness: Liveness,
+        run: ModuleRun,
+        source: Option<SourceId>,
+    ) -> Result<Option<KeptState>, Refusal> {
+        let kept = self.forget_silent(liveness, run);
+        self.check_source(run, source)?;
+        if self.peers.contains_key(&run.module) || self.make_room(liveness) {
+            Ok(kept)
+        } else {
+            Err(Refusal::TooManyModules)
+        }
+    }
+
     /// The entry of the run that sends, made or replaced where the rules of incarnations allow it.
     fn admit(
         &mut self,
@@ -195,11 +211,14 @@ impl Peers {
         if run.incarnation.0 > liveness.latest_stamp {
             return Err(Refusal::ImplausibleIncarnation);
         }
-        let kept = self.forget_silent(liveness, run);
-        self.check_source(run, source)?;
-        if !self.peers.contains_key(&run.module) && !self.make_room(liveness) {
-            return Err(Refusal::TooManyModules);
-        }
+        let known = self.peers.get(&run.module);
+        let is_known =
+            known.is_some_and(|peer| peer.incarnation == run.incarnation && peer.source == source);
+        let kept = if is_known {
+            None
+        } else {
+            self.judge_sender(liveness, run, source)?
+        };
         let now = liveness.now;
         let changes = &mut self.changes;
         let peer = self.peers.entry(run.module).or_insert_with(|| {

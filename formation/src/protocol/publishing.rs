@@ -34,7 +34,8 @@ impl Agent {
             ..shown
         });
         let heartbeats = &mut self.context.outbox.heartbeats;
-        if heartbeats.shown == Some(shown) && now < heartbeats.due {
+        let is_known = |known: Shown| !shown.is_urgent_after(known);
+        if heartbeats.shown.is_some_and(is_known) && now < heartbeats.due {
             return;
         }
         heartbeats.shown = Some(shown);

@@ -44,14 +44,15 @@ pub(super) struct Quorum {
 }
 
 impl Quorum {
+    /// Whether it would change nothing to record that some member of the roster of this epoch showed a digest.
+    pub fn has_noted(&self, epoch: Epoch) -> bool {
+        let agreed = self.agreed.as_ref();
+        agreed.is_some_and(|(agreed, _)| *agreed >= epoch) || self.shown.contains_key(&epoch)
+    }
+
     /// Records that some member of a roster showed a digest for it.
     pub fn note_shown(&mut self, epoch: Epoch, members: &[Voter]) {
-        if self
-            .agreed
-            .as_ref()
-            .is_some_and(|(agreed, _)| *agreed >= epoch)
-            || self.shown.contains_key(&epoch)
-        {
+        if self.has_noted(epoch) {
             return;
         }
         self.shown.retain(|_, known| known != members);

@@ -238,6 +238,11 @@ impl Acting {
         if self.held.note_mismatch(context) {
             return Progress::Wait;
         }
+        // A new epoch follows. To settle now would give up a pin for a target that has come back.
+        let is_moving = matches!(self.task, Task::Moving { .. });
+        if !is_moving && context.has_replaced(&self.held.roster.target) {
+            return Progress::Wait;
+        }
         // A module that the roster left out stops within the lease, since the members no longer show its epoch.
         let first_motion = self.agreed_at + context.bugs.lease_wait(context.parameters.lease);
         if context.now < first_motion {

@@ -149,7 +149,16 @@ impl Gathering {
                     && heartbeat.epoch == Some(self.epoch)
                     && heartbeat.digest.is_none()
             });
-        let is_overdue = context.now > self.waits_since + patience && !still_waits;
+        // A convener believes only modules that count in a roster which it knows. If those of a later roster have restarted
+        // without a store, a member may know of a majority that the convener cannot learn of.
+        let lacks_quorum = || {
+            let live = context.live_voters();
+            let expected = context.target.expected_modules();
+            let shortfall = context.shortfall_of(&context.memory, &live, expected);
+            shortfall.is_some()
+        };
+        let is_overdue =
+            context.now > self.waits_since + patience && !(still_waits && lacks_quorum());
         (!is_live || is_overdue).then_some(EpochReason::ConvenerSilent(convener))
     }
 

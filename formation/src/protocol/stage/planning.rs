@@ -146,7 +146,6 @@ impl Planning {
             if let Some(planned) = &self.planned {
                 self.publish_claims(planned.turns(), context);
                 self.progress_at = context.now;
-                context.mark_state_changed();
             } else {
                 self.report_overdue(context);
             }
