@@ -153,7 +153,7 @@ pub struct RunArguments {
     /// Host K modules in each process, on one participant.
     #[arg(long, value_name = "K", default_value_t = 1, value_parser = modules_per_process)]
     pub modules_per_process: usize,
-    /// ROS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
+    /// ROS domain, 0 to 232; refused if another formation has it [default: ROS_DOMAIN_ID, else the first free one]
     #[arg(long, value_name = "D")]
     pub domain: Option<Domain>,
     /// What carries the messages: dds or zenoh, for which a router is started unless ZENOH_SESSION_CONFIG_URI or

@@ -8,6 +8,7 @@ mod console;
 mod experiments;
 mod explain;
 mod generate;
+mod joining;
 mod motion;
 mod order;
 mod plan;

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use formation::verify::Outcome;
-use formation_tests::{Tool, on_path, tool_or_skip};
+use formation_tests::{Domain, Tool, on_path, tool_or_skip};
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 
@@ -166,10 +166,11 @@ fn runs(process: u32) -> bool {
 fn every_process_is_started_with_its_arguments_and_stopped_in_the_end() {
     let sandbox = Sandbox::new(&verdict(Outcome::Complete, [1, 2]));
     let report = sandbox.path("report");
+    let domain = &*Domain::for_processes(4);
     let finished = sandbox.run(&[
         "--json",
         "--domain",
-        "9",
+        domain,
         "--report",
         report.to_str().unwrap(),
     ]);
@@ -191,16 +192,14 @@ fn every_process_is_started_with_its_arguments_and_stopped_in_the_end() {
         );
     }
     let started = sandbox.started();
-    let programs: Vec<&str> = started
-        .iter()
-        .map(|(program, ..)| program.as_str())
-        .collect();
+    let programs = started.iter().map(|(program, ..)| program.as_str());
+    let programs: Vec<&str> = programs.collect();
     let expected = "module_agent module_agent target_publisher verifier";
     assert_eq!(programs.join(" "), expected);
     let session = &json["session"];
     for (program, _, arguments) in &started {
         assert!(
-            arguments.contains("--domain 9 --discovery-range LOCALHOST")
+            arguments.contains(&format!("--domain {domain} --discovery-range LOCALHOST"))
                 && arguments.contains("--stop-with-parent")
                 && arguments.contains(&format!("-p session:={session}")),
             "{program} {arguments}"
@@ -424,16 +423,17 @@ fn a_driver_knows_the_domain_and_is_stopped_with_the_run() {
         "echo $ROS_DOMAIN_ID $ROS_AUTOMATIC_DISCOVERY_RANGE > $0.written; exec sleep 60",
     );
     let driver = format!("{} --all", sandbox.path("my_driver").display());
+    let domain = &*Domain::for_processes(5);
     let finished = sandbox.run(&[
         "--domain",
-        "9",
+        domain,
         "--driver",
         &driver,
         "--module-option=--pose-source=odom",
     ]);
     assert_eq!(finished.status, Some(0), "{}", finished.stderr);
     let written = fs::read_to_string(sandbox.path("my_driver.written")).unwrap();
-    assert_eq!(written.trim(), "9 LOCALHOST");
+    assert_eq!(written.trim(), format!("{domain} LOCALHOST"));
     for (program, _, arguments) in sandbox.started() {
         let external = arguments.contains("--motion external --pose-source=odom");
         assert_eq!(external, program == "module_agent", "{program} {arguments}");

@@ -1,6 +1,7 @@
 //! What the nodes of the suite share and that knows formations: the table of topics, the conversion of samples into
 //! messages of the core, the source guard, and the start of their programs.
 
+mod find_sessions;
 pub mod messages;
 mod pose_source;
 pub mod scenario;
@@ -15,6 +16,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
+pub use find_sessions::find_sessions;
 pub use pose_source::PoseSource;
 use ros_runtime::arguments::{self, Namespace};
 use ros_runtime::exit::{Failure, conclude, stop_requested};
@@ -22,7 +24,7 @@ use ros_runtime::settings::Settings;
 pub use value_types::micro_units;
 
 /// The namespace of the nodes, unless an argument or the environment changes it.
-const NAMESPACE: &str = "/formation";
+pub const NAMESPACE: &str = "/formation";
 
 /// The own command line of a program of the suite, next to the arguments that every node takes.
 pub trait Program: Parser {

@@ -25,13 +25,25 @@ impl FromStr for Domain {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        match text.trim().parse::<u16>() {
-            Ok(number) if number <= DOMAIN_MAX => Ok(Self(number)),
-            _ => Err(format!(
-                "must be a whole number from 0 to {DOMAIN_MAX}, got `{text}`"
-            )),
+        let number = text.trim().parse::<u16>().ok();
+        let domain = number.and_then(|number| Self::try_from(number).ok());
+        domain.ok_or_else(|| wrong_domain(&text))
+    }
+}
+
+impl TryFrom<u16> for Domain {
+    type Error = String;
+
+    fn try_from(number: u16) -> Result<Self, String> {
+        match number {
+            0..=DOMAIN_MAX => Ok(Self(number)),
+            _ => Err(wrong_domain(&number)),
         }
     }
+}
+
+fn wrong_domain(got: &dyn fmt::Display) -> String {
+    format!("must be a whole number from 0 to {DOMAIN_MAX}, got `{got}`")
 }
 
 impl fmt::Display for Domain {

@@ -20,6 +20,7 @@ mod recording;
 mod report;
 mod ros_tools;
 mod rtps;
+mod runs;
 mod services;
 mod terminal;
 mod visualiser;

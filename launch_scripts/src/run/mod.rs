@@ -1,6 +1,8 @@
 //! `formation run`: every module in a process of its own, and a verdict from an independent one.
 
+mod claim;
 mod display;
+mod domain;
 mod memory;
 mod network;
 mod page;
@@ -76,7 +78,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();
     let middleware = router::middleware(arguments, hosts.len())?;
-    let environment = network::prepare(arguments, middleware, modules, hosts.len())?;
+    let mut place = network::prepare(arguments, middleware, modules, hosts.len())?;
     check::refuse_long_plans(path, &scenario)?;
     check::warn(path, &scenario);
     let plan = CheckedPlan::of(&scenario)?;
@@ -92,6 +94,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .map(ReportDirectory::create)
         .transpose()?;
     let memory = RunMemory::prepare(arguments)?;
+    place.announce(memory.session());
     // Ends after the processes, when all has been printed.
     let carrier = Carrier::start(middleware)?;
     let start = Start {
@@ -102,7 +105,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         module_size: scenario.module_size().unwrap_or_default(),
         programs: &programs,
         hosts: &hosts,
-        environment,
+        environment: place.environment,
     };
     let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
     let result =

@@ -18,6 +18,7 @@ use ros_runtime::exit::{Failure, one_line};
 use ros_runtime::interfaces::{PARTICIPANTS_WITHOUT_MULTICAST, discovery_obstacle, interfaces};
 use ros_runtime::middleware::Middleware;
 
+use super::domain::{self, Place};
 use super::processes::OTHER_PROCESSES;
 use crate::arguments::{MODULES_PER_PROCESS_MAX, RunArguments};
 use crate::console;
@@ -37,24 +38,24 @@ const PARTICIPANTS_MAX: usize = 120;
 const SETUP: &str = "PATH=\"$PATH:/usr/sbin:/sbin\"; ip link set lo up && ip link set lo multicast on || exit 1; \
                      mount -t sysfs sysfs /sys 2>/dev/null; exec \"$@\"";
 
-/// Resolves the domain and the discovery range of the processes, and makes sure that they will discover each other: where
-/// the loopback interface prevents that, the launcher restarts in a network namespace of its own, and this does not return.
+/// Resolves the domain and the discovery range of the processes, with no other formation in their namespace, and makes sure
+/// that they will discover each other: where the loopback interface prevents that, the launcher restarts in a network
+/// namespace of its own, and this does not return.
 ///
 /// # Errors
-/// Says why the processes would not discover each other, and what to do.
+/// Names the formation that has the domain already, or says why the processes would not discover each other, and what to do.
 pub fn prepare(
     arguments: &RunArguments,
     middleware: Middleware,
     modules: usize,
     hosts: usize,
-) -> Result<Environment, Failure> {
+) -> Result<Place, Failure> {
     let environment = environment_of_runs(arguments.domain)?;
     if middleware == Middleware::Zenoh {
         // Processes find each other by their router.
-        return Ok(environment);
+        return domain::choose(arguments, middleware, environment);
     }
-    let Environment { domain, range } = environment;
-    warn_of_ephemeral_ports(domain.number());
+    let range = environment.range;
     let optional = [
         arguments.motion.driver.is_some(),
         arguments.motion.world.world,
@@ -67,14 +68,24 @@ pub fn prepare(
     let participants = hosts + OTHER_PROCESSES + optional;
     if arguments.private_network {
         check_room(participants, 0)?;
-        return Ok(environment);
+        return Ok(Place::alone(environment));
     }
+    let interfaces = interfaces();
+    let obstacle = |taken: usize| {
+        let all = u16::try_from(participants + taken).unwrap_or(u16::MAX);
+        discovery_obstacle(range, &interfaces, all)
+    };
+    // A network namespace of its own, if there is to be one in any case, has no other formations.
+    let place = match obstacle(0) {
+        None => domain::choose(arguments, middleware, environment)?,
+        Some(_) => Place::alone(environment),
+    };
+    let domain = place.environment.domain;
+    warn_of_ephemeral_ports(domain.number());
     let taken = participants_taken(domain.number());
     check_room(participants, taken)?;
-    let interfaces = interfaces();
-    let all = u16::try_from(participants + taken).unwrap_or(u16::MAX);
-    let Some(obstacle) = discovery_obstacle(range, &interfaces, all) else {
-        return Ok(environment);
+    let Some(obstacle) = obstacle(taken) else {
+        return Ok(place);
     };
     if range != DiscoveryRange::Localhost {
         return Err(Failure::BadInput(anyhow!(obstacle)));
@@ -157,27 +168,43 @@ fn overlaps_ports_of((first_assigned, last_assigned): (usize, usize), domain: u1
     first <= last_assigned && last >= first_assigned
 }
 
+/// RTPS 2.5, section 9.6.2.3: DG.
+const PORTS_OF_DOMAIN: usize = 250;
+
 /// RTPS 2.5, section 9.6.2.3: PB + DG * domain + d1 + PG * participant.
 fn discovery_port(domain: u16, participant: usize) -> usize {
-    7_400 + 250 * usize::from(domain) + 10 + 2 * participant
+    7_400 + PORTS_OF_DOMAIN * usize::from(domain) + 10 + 2 * participant
 }
 
 /// How many participants of a domain already run on this machine.
-fn participants_taken(domain: u16) -> usize {
-    // Without this file, other programs count as in other domains.
-    let sockets = fs::read_to_string("/proc/net/udp").unwrap_or_default();
-    participants_in(&sockets, domain)
+pub fn participants_taken(domain: u16) -> usize {
+    participants_in(&udp_sockets(), domain)
 }
 
-/// Counts the participants whose discovery port is among the local addresses of the kernel's table of UDP sockets.
+/// Whether a program of this machine uses a port of this domain.
+pub fn has_sockets(domain: u16) -> bool {
+    let first = discovery_port(domain, 0) - 10;
+    let mut ports = ports_of(&udp_sockets()).into_iter();
+    ports.any(|port| (first..first + PORTS_OF_DOMAIN).contains(&port))
+}
+
+/// The kernel's table of the UDP sockets of this network namespace. Without it, other programs count as in other domains.
+fn udp_sockets() -> String {
+    fs::read_to_string("/proc/net/udp").unwrap_or_default()
+}
+
+/// The local ports of a table of UDP sockets.
+fn ports_of(sockets: &str) -> BTreeSet<usize> {
+    let ports = sockets.lines().filter_map(|line| {
+        let (_, port) = line.split_whitespace().nth(1)?.split_once(':')?;
+        usize::from_str_radix(port, 16).ok()
+    });
+    ports.collect()
+}
+
+/// Counts the participants whose discovery port is among the local addresses of a table of UDP sockets.
 fn participants_in(sockets: &str, domain: u16) -> usize {
-    let ports: BTreeSet<usize> = sockets
-        .lines()
-        .filter_map(|line| {
-            let (_, port) = line.split_whitespace().nth(1)?.split_once(':')?;
-            usize::from_str_radix(port, 16).ok()
-        })
-        .collect();
+    let ports = ports_of(sockets);
     (0..PARTICIPANTS_MAX)
         .filter(|&participant| ports.contains(&discovery_port(domain, participant)))
         .count()

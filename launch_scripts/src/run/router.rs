@@ -78,9 +78,7 @@ impl Carrier {
     /// # Errors
     /// Says why no router could be started.
     pub fn start(middleware: Middleware) -> Result<Self, Failure> {
-        let overrides = variable(OVERRIDE).unwrap_or_default();
-        let is_named = variable(SESSION_FILE).is_some() || overrides.contains(ENDPOINTS);
-        if middleware == Middleware::Dds || is_named {
+        if middleware == Middleware::Dds || names_routers() {
             let router = None;
             return Ok(Self { middleware, router });
         }
@@ -132,8 +130,19 @@ impl Carrier {
     }
 }
 
+/// Whether the environment names routers, which several runs may share.
+pub fn names_routers() -> bool {
+    let overrides = variable(OVERRIDE).unwrap_or_default();
+    variable(SESSION_FILE).is_some() || overrides.contains(ENDPOINTS)
+}
+
+/// What the environment says of routers: runs of which this differs may use different ones.
+pub fn named_routers() -> [Option<String>; 2] {
+    [variable(SESSION_FILE), variable(OVERRIDE)]
+}
+
 /// The value of a variable, unless it is empty.
-fn variable(name: &str) -> Option<String> {
+pub fn variable(name: &str) -> Option<String> {
     let value = env::var_os(name)?.to_string_lossy().into_owned();
     (!value.trim().is_empty()).then_some(value)
 }

@@ -1,0 +1,90 @@
+//! Which formations are in a domain and namespace, by their messages.
+
+use std::collections::BTreeSet;
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use async_channel::Receiver;
+use formation_msgs::{Heartbeat, InSession, SessionId, TargetConfiguration};
+use ros_runtime::inputs::Inputs;
+use ros_runtime::node::Node;
+use ros_runtime::parameters::{ParameterError, Values};
+use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::settings::Settings;
+
+use crate::topics;
+
+const NODE_NAME: &str = "session_finder";
+
+/// After the first session, others are awaited for this long: twice the default period of heartbeats.
+const OTHERS: Duration = Duration::from_secs(1);
+
+/// More sessions than these are left out.
+const SESSIONS_MAX: usize = 16;
+
+/// The sessions whose modules send heartbeats, or whose target is announced, in the domain and namespace of `settings`.
+/// Returns one second after the first of them was found, when `limit` has passed, or when `stop` yields.
+///
+/// # Errors
+/// The graph cannot be joined.
+pub fn find_sessions(
+    settings: &Settings,
+    limit: Duration,
+    stop: &Receiver<()>,
+) -> Result<BTreeSet<u64>, SessionError> {
+    let mut finder = Finder {
+        found: BTreeSet::new(),
+        until: Instant::now() + limit,
+    };
+    rejoining(|| {
+        let parameters = settings.declare(NODE_NAME, Vec::new())?;
+        let mut session = Session::join(settings, NODE_NAME, parameters)?;
+        let mut inputs = Inputs::default();
+        let heartbeats = session.subscription(&topics::HEARTBEATS, |_, sample: Heartbeat| {
+            Ok(Some(sample.session()))
+        })?;
+        inputs.add(heartbeats, |session| session);
+        let targets = session.subscription(&topics::TARGET, |_, sample: TargetConfiguration| {
+            Ok((!sample.withdrawn).then(|| sample.session()))
+        })?;
+        inputs.add(targets, |session| session);
+        session.run(&mut finder, inputs, stop)
+    })?;
+    Ok(finder.found)
+}
+
+struct Finder {
+    found: BTreeSet<u64>,
+    until: Instant,
+}
+
+impl Node for Finder {
+    type Input = Option<SessionId>;
+
+    fn handle(&mut self, session: Option<SessionId>) {
+        let Some(SessionId(number)) = session else {
+            return;
+        };
+        if self.found.is_empty() {
+            self.until = self.until.min(Instant::now() + OTHERS);
+        }
+        if self.found.len() < SESSIONS_MAX {
+            self.found.insert(number);
+        }
+    }
+
+    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+        Ok(match Instant::now() < self.until {
+            true => ControlFlow::Continue(()),
+            false => ControlFlow::Break(()),
+        })
+    }
+
+    fn due(&self) -> Option<Instant> {
+        Some(self.until)
+    }
+
+    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
+        Ok(())
+    }
+}
