@@ -54,6 +54,8 @@ pub enum Command {
     },
     /// Form the target with real processes over DDS or Zenoh, and have the outcome verified.
     Run(Box<RunArguments>),
+    /// Show a formation that runs elsewhere, as `formation run` shows it, until its verdict; changes nothing.
+    Watch(WatchArguments),
     /// Stop all modules of a running formation: they stand still, also after restarts, until they are resumed.
     Stop(OrderArguments),
     /// Let the modules of a stopped formation move again.
@@ -140,6 +142,20 @@ pub struct OrderArguments {
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "D")]
     pub domain: Option<Domain>,
+}
+
+/// Which formation to watch.
+#[derive(Debug, Args)]
+pub struct WatchArguments {
+    /// ROS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
+    #[arg(long, value_name = "D")]
+    pub domain: Option<Domain>,
+    /// What carries the messages: dds or zenoh [default: zenoh if RMW_IMPLEMENTATION is rmw_zenoh_cpp, else dds]
+    #[arg(long, value_name = "MIDDLEWARE")]
+    pub middleware: Option<Middleware>,
+    /// The session of the formation, where there are several.
+    #[arg(long, value_name = "NUMBER")]
+    pub session: Option<u32>,
 }
 
 /// The default speed of simulated modules.

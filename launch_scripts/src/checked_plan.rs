@@ -52,7 +52,14 @@ impl CheckedPlan {
     /// # Errors
     /// Lists the guarantees that the plan does not keep.
     pub fn of(scenario: &Scenario) -> Result<Self, Failure> {
-        let problem = Arc::new(scenario.problem().clone());
+        Self::of_problem(Arc::new(scenario.problem().clone()))
+    }
+
+    /// Plans for modules and a target, and has the plan checked independently.
+    ///
+    /// # Errors
+    /// Lists the guarantees that the plan does not keep.
+    pub fn of_problem(problem: Arc<PlanningProblem>) -> Result<Self, Failure> {
         let start = Instant::now();
         let mut planning = Planning::new(Arc::clone(&problem));
         let decisions = planning.take_all_turns();

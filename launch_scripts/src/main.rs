@@ -37,6 +37,7 @@ fn main() -> ExitCode {
         Command::Show { scenario, svg } => show::show(&scenario, svg),
         Command::Schema => show::schema(),
         Command::Run(arguments) => run::run(&arguments),
+        Command::Watch(arguments) => run::watch(&arguments),
         Command::Stop(network) => order::give(&network, &[order::STOP.to_owned()]),
         Command::Resume(network) => order::give(&network, &[order::RESUME.to_owned()]),
         Command::Remove { modules, network } => order::give(&network, &order::removal(&modules)),

@@ -1,10 +1,11 @@
 //! Which formations are in a domain and namespace, by their messages.
 
-use std::collections::BTreeSet;
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
+use formation::model::ModuleSize;
 use formation_msgs::{Heartbeat, InSession, SessionId, TargetConfiguration};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
@@ -22,8 +23,8 @@ const OTHERS: Duration = Duration::from_secs(1);
 /// More sessions than these are left out.
 const SESSIONS_MAX: usize = 16;
 
-/// The sessions whose modules send heartbeats, or whose target is announced, in the domain and namespace of `settings`.
-/// Returns one second after the first of them was found, when `limit` has passed, or when `stop` yields.
+/// The sessions whose modules send heartbeats, or whose target is announced, in the domain and namespace of `settings`, each
+/// with the size of its modules. Returns one second after the first of them was found, when `limit` has passed, or when `stop` yields.
 ///
 /// # Errors
 /// The graph cannot be joined.
@@ -31,9 +32,9 @@ pub fn find_sessions(
     settings: &Settings,
     limit: Duration,
     stop: &Receiver<()>,
-) -> Result<BTreeSet<u64>, SessionError> {
+) -> Result<BTreeMap<u64, ModuleSize>, SessionError> {
     let mut finder = Finder {
-        found: BTreeSet::new(),
+        found: BTreeMap::new(),
         until: Instant::now() + limit,
     };
     rejoining(|| {
@@ -41,35 +42,35 @@ pub fn find_sessions(
         let mut session = Session::join(settings, NODE_NAME, parameters)?;
         let mut inputs = Inputs::default();
         let heartbeats = session.subscription(&topics::HEARTBEATS, |_, sample: Heartbeat| {
-            Ok(Some(sample.session()))
+            Ok(Some((sample.session(), sample.module_size())))
         })?;
-        inputs.add(heartbeats, |session| session);
+        inputs.add(heartbeats, |found| found);
         let targets = session.subscription(&topics::TARGET, |_, sample: TargetConfiguration| {
-            Ok((!sample.withdrawn).then(|| sample.session()))
+            Ok((!sample.withdrawn).then(|| (sample.session(), sample.module_size())))
         })?;
-        inputs.add(targets, |session| session);
+        inputs.add(targets, |found| found);
         session.run(&mut finder, inputs, stop)
     })?;
     Ok(finder.found)
 }
 
 struct Finder {
-    found: BTreeSet<u64>,
+    found: BTreeMap<u64, ModuleSize>,
     until: Instant,
 }
 
 impl Node for Finder {
-    type Input = Option<SessionId>;
+    type Input = Option<(SessionId, ModuleSize)>;
 
-    fn handle(&mut self, session: Option<SessionId>) {
-        let Some(SessionId(number)) = session else {
+    fn handle(&mut self, found: Option<(SessionId, ModuleSize)>) {
+        let Some((SessionId(number), size)) = found else {
             return;
         };
         if self.found.is_empty() {
             self.until = self.until.min(Instant::now() + OTHERS);
         }
         if self.found.len() < SESSIONS_MAX {
-            self.found.insert(number);
+            self.found.insert(number, size);
         }
     }
 

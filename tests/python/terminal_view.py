@@ -1,9 +1,9 @@
 """Watches `formation run` on a pseudo-terminal, through a terminal emulator that we did not write.
 
-    terminal_view.py watched|plain FORMATION SCENARIO DOMAIN
+    terminal_view.py watched|plain|from_elsewhere FORMATION SCENARIO DOMAIN
 
 `watched` is a run in colour on a terminal that is made smaller meanwhile; `plain` one without colour on a small terminal,
-whose result goes to a pipe.
+whose result goes to a pipe; `from_elsewhere` a run without a terminal, which `formation watch` shows on one.
 """
 
 import fcntl
@@ -154,5 +154,27 @@ def plain(formation, scenario, domain):
     terminal.check_clean_end()
 
 
+def from_elsewhere(formation, scenario, domain):
+    run = subprocess.Popen(
+        [formation, "run", scenario, "--domain", domain, "--modules-per-process", "2", "--speed", "1.5"],
+        stdin=subprocess.DEVNULL, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
+    terminal = Terminal([formation, "watch", "--domain", domain], 100, 40, {})
+    status = terminal.watch()
+    run_status = run.wait(PATIENCE_S)
+    last = terminal.shown[-1]
+    check(status == 0 and run_status == 0, f"exit status {status}, and {run_status} of the run:\n{last}")
+    check("COMPLETE: 7 of 7 spots are filled" in last, f"no verdict at the end:\n{last}")
+    for what, parts in {
+        "the phases": [r"planning → agreeing → \[acting\] → done"],
+        "the name of the target": [r"mcs-detach"],
+        "whose motion is next, by the plan": [r"now +\S.* go(es)? to spots? \d"],
+        "the map with a module on its way": [r">\d", r"\[4\] settled"],
+    }.items():
+        check(terminal.showed(*parts), f"never shown: {what}:\n" + "\n".join(terminal.shown[-8:]))
+    check(not terminal.showed(r"s stops all modules"), "a watch gives no orders")
+    terminal.check_frames()
+    terminal.check_clean_end()
+
+
 if __name__ == "__main__":
-    {"watched": watched, "plain": plain}[sys.argv[1]](*sys.argv[2:])
+    {"watched": watched, "plain": plain, "from_elsewhere": from_elsewhere}[sys.argv[1]](*sys.argv[2:])

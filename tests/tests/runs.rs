@@ -1,8 +1,8 @@
-//! Several runs on one machine do not mix.
+//! Several runs on one machine do not mix, and others watch them.
 
 use std::time::Duration;
 
-use formation_tests::{Domain, Running, scenario_path};
+use formation_tests::{Domain, Running, Signal, scenario_path};
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -69,4 +69,40 @@ fn a_run_is_refused_in_a_domain_of_modules_that_were_started_without_a_launcher(
     let own = start(domain, &["--session", "0", "--plan-only", "--timeout", "1"]);
     let own = own.finish(PATIENCE);
     assert!(!own.stderr.contains("has domain"), "{}", own.stderr);
+}
+
+#[test]
+fn a_run_is_watched_until_its_verdict_or_until_a_signal() {
+    let domain = &*Domain::for_processes(11);
+    let run = start(domain, &["--session", "78", "--speed", "1.5"]);
+    let gathering = run.wait_for_log(0, "gathering: ", PATIENCE);
+    assert!(gathering.is_some(), "{:?}", run.log_since(0));
+    let watch = || Running::start("formation", domain, &["watch"]);
+    let (whole, part) = (watch(), watch());
+    for watch in [&whole, &part] {
+        let acting = watch.wait_for_log(0, "acting: joined 7/7", PATIENCE);
+        assert!(acting.is_some(), "{:?}", watch.log_since(0));
+    }
+    part.signal(Signal::INT);
+    let part = part.finish(PATIENCE);
+    assert_eq!(part.status, 130, "{}", part.stderr);
+    let expected = "error: watching was ended by SIGINT (Ctrl-C); the formation goes on\n";
+    assert!(part.stderr.ends_with(expected), "{}", part.stderr);
+    let whole = whole.finish(PATIENCE);
+    assert_eq!(whole.status, 0, "{}", whole.stderr);
+    assert_eq!(whole.stdout, "COMPLETE: 7 of 7 spots are filled\n");
+    let run = run.finish(PATIENCE);
+    assert_eq!(run.status, 0, "{}", run.stderr);
+    assert_eq!(run.json()["replanned"], false, "it was not disturbed");
+}
+
+#[test]
+fn a_watch_without_a_formation_says_where_it_looked() {
+    let domain = &*Domain::for_processes(1);
+    let watch = Running::start("formation", domain, &["watch"]).finish(PATIENCE);
+    assert_eq!(watch.status, 1, "{}", watch.stderr);
+    let expected = format!(
+        "error: no formation sent a message within 10 s in domain {domain} and namespace /formation, range LOCALHOST; "
+    );
+    assert!(watch.stderr.starts_with(&expected), "{}", watch.stderr);
 }

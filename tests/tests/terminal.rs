@@ -42,6 +42,11 @@ fn a_run_is_watched_on_a_terminal_that_changes_its_size() {
 }
 
 #[test]
+fn a_run_of_another_terminal_is_watched() {
+    watch("from_elsewhere");
+}
+
+#[test]
 fn a_small_terminal_without_colour_or_unicode_will_do_and_the_result_stays_json() {
     watch("plain");
 }

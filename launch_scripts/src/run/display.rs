@@ -1,8 +1,10 @@
 //! Shows a run on the standard error output: a view that moves on a terminal, plain lines elsewhere.
 
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use formation::event_log::Entry;
+use formation::model::PlanningProblem;
 use formation::model::text::listed;
 use formation::verify::Progress;
 
@@ -12,6 +14,8 @@ use crate::console;
 
 /// Without a terminal, a line is written at most this often within one stage.
 const LINE_INTERVAL: Duration = Duration::from_secs(1);
+/// The same where a formation is watched that another process runs, and a line repeats although nothing changes.
+const WATCH_INTERVAL: Duration = Duration::from_secs(10);
 
 /// How far a run has come, in one line: the stage, its numbers, and the modules for which it waits.
 pub fn progress_line(progress: &Progress) -> String {
@@ -34,20 +38,57 @@ pub fn progress_line(progress: &Progress) -> String {
 }
 
 /// Shows a run.
-pub enum Display<'a> {
+pub enum Display {
     /// On a terminal.
-    View(Box<View<'a>>),
+    View(Box<View>),
     /// Elsewhere.
     Lines(LineThrottle),
 }
 
-impl<'a> Display<'a> {
-    /// Begins to show a run that is to go as planned.
-    pub fn start(name: &'a str, plan: &'a CheckedPlan) -> Self {
-        View::on_terminal(name, plan).map_or_else(
+impl Display {
+    /// Begins to show a run that is to go as planned, and takes orders by keys.
+    pub fn start(name: &str, plan: &Arc<CheckedPlan>) -> Self {
+        let mut display = View::on_terminal(name, true).map_or_else(
             || Self::Lines(LineThrottle::default()),
             |view| Self::View(Box::new(view)),
+        );
+        display.set_plan(Arc::clone(plan));
+        display.refresh();
+        display
+    }
+
+    /// Begins to show a formation that another process runs.
+    pub fn watch() -> Self {
+        View::on_terminal("", false).map_or_else(
+            || Self::Lines(LineThrottle::repeating(WATCH_INTERVAL)),
+            |view| Self::View(Box::new(view)),
         )
+    }
+
+    /// Names what is shown.
+    pub fn set_name(&mut self, name: &str) {
+        if let Self::View(view) = self {
+            view.set_name(name);
+        }
+    }
+
+    /// Takes in which modules form which target from now on.
+    pub fn set_problem(&mut self, problem: Arc<PlanningProblem>) {
+        if let Self::View(view) = self {
+            view.set_problem(problem);
+        }
+    }
+
+    /// Takes in the plan that the formation is to follow.
+    pub fn set_plan(&mut self, plan: Arc<CheckedPlan>) {
+        if let Self::View(view) = self {
+            view.set_plan(plan);
+        }
+    }
+
+    /// Whether a view is redrawn, which shows the plan.
+    pub fn is_view(&self) -> bool {
+        matches!(self, Self::View(_))
     }
 
     /// Shows new progress.
@@ -73,7 +114,7 @@ impl<'a> Display<'a> {
     pub fn due(&self) -> Option<Instant> {
         match self {
             Self::View(view) => Some(view.due()),
-            Self::Lines(_) => None,
+            Self::Lines(throttle) => throttle.due(),
         }
     }
 
@@ -87,8 +128,13 @@ impl<'a> Display<'a> {
 
     /// Draws all that is known.
     pub fn refresh(&mut self) {
-        if let Self::View(view) = self {
-            view.draw();
+        match self {
+            Self::View(view) => view.draw(),
+            Self::Lines(throttle) => {
+                if let Some(progress) = throttle.repeated(Instant::now()) {
+                    console::note(&progress_line(progress));
+                }
+            }
         }
     }
 
@@ -109,15 +155,51 @@ impl<'a> Display<'a> {
 }
 
 /// Lets through the first progress of each stage, and later ones at intervals.
-#[derive(Debug, Default)]
+#[derive(Debug)]
 pub struct LineThrottle {
+    interval: Duration,
+    /// Whether the last line repeats after the interval.
+    repeats: bool,
     last: Option<(Progress, Instant)>,
 }
 
+impl Default for LineThrottle {
+    fn default() -> Self {
+        Self {
+            interval: LINE_INTERVAL,
+            repeats: false,
+            last: None,
+        }
+    }
+}
+
 impl LineThrottle {
+    /// Has a line repeat after each interval.
+    pub fn repeating(interval: Duration) -> Self {
+        Self {
+            interval,
+            repeats: true,
+            last: None,
+        }
+    }
+
+    /// When a line repeats.
+    fn due(&self) -> Option<Instant> {
+        let last = self.last.as_ref().filter(|_| self.repeats);
+        last.map(|(_, at)| *at + self.interval)
+    }
+
+    /// What to repeat now, if its time has come.
+    fn repeated(&mut self, now: Instant) -> Option<&Progress> {
+        self.due().filter(|due| now >= *due)?;
+        let (progress, at) = self.last.as_mut()?;
+        *at = now;
+        Some(progress)
+    }
+
     fn lets_pass(&mut self, progress: &Progress, now: Instant) -> bool {
         if let Some((last, at)) = &self.last
-            && (last == progress || (last.stage == progress.stage && now < *at + LINE_INTERVAL))
+            && (last == progress || (last.stage == progress.stage && now < *at + self.interval))
         {
             return false;
         }
@@ -177,5 +259,19 @@ mod tests {
             ..planning(3)
         };
         assert!(throttle.lets_pass(&acting, after(9_001)));
+        assert_eq!(throttle.due(), None);
+    }
+
+    #[test]
+    fn the_line_of_a_formation_that_is_watched_repeats() {
+        let start = Instant::now();
+        let after = |seconds| start + Duration::from_secs(seconds);
+        let mut throttle = LineThrottle::repeating(WATCH_INTERVAL);
+        assert_eq!(throttle.due(), None);
+        assert!(throttle.lets_pass(&planning(1), after(0)));
+        assert!(!throttle.lets_pass(&planning(2), after(9)));
+        assert_eq!(throttle.repeated(after(9)), None);
+        assert_eq!(throttle.repeated(after(10)), Some(&planning(1)));
+        assert_eq!(throttle.due(), Some(after(20)));
     }
 }

@@ -195,7 +195,8 @@ fn other_sessions(
     // Until the run starts, a signal ends the launcher.
     let (_sender, never) = bounded(1);
     match find_sessions(&settings, LOOK, &never) {
-        Ok(mut sessions) => {
+        Ok(sessions) => {
+            let mut sessions: BTreeSet<u64> = sessions.into_keys().collect();
             if let Some(own) = arguments.session {
                 sessions.remove(&own.into());
             }

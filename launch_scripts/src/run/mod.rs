@@ -17,9 +17,11 @@ mod start;
 mod supervisor;
 mod tail;
 mod view;
+mod watch;
 
 use std::collections::BTreeSet;
 use std::process::ExitStatus;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
@@ -45,6 +47,7 @@ use router::Carrier;
 use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
 use supervisor::{ProcessId, Supervisor};
+pub use watch::watch;
 
 /// How long a process may take to leave the ROS 2 graph after SIGTERM.
 const STOP_GRACE: Duration = Duration::from_secs(5);
@@ -81,7 +84,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let mut place = network::prepare(arguments, middleware, modules, hosts.len())?;
     check::refuse_long_plans(path, &scenario)?;
     check::warn(path, &scenario);
-    let plan = CheckedPlan::of(&scenario)?;
+    let plan = Arc::new(CheckedPlan::of(&scenario)?);
     plan.refuse_without_motion(path)?;
     if arguments.motion.is_external() {
         let refused = plan.motion.check_for_robots();
@@ -147,7 +150,7 @@ struct OfSession<'a> {
 /// Says what could not be started.
 fn form(
     start: &Start<'_>,
-    display: &mut Display<'_>,
+    display: &mut Display,
 ) -> Result<(Result<Judgement, Failure>, Observed), Failure> {
     let mut supervisor = Supervisor::new(&[SIGINT, SIGTERM, SIGHUP])
         .context("cannot handle signals")

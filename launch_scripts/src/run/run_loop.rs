@@ -73,7 +73,7 @@ pub struct Observed {
 /// The run continues when a process of modules ends. A verdict that relies on such a module is set aside: the verifier,
 /// which finds the module silent later, will retract it and give another. PARTIAL is set aside as well while the roster
 /// leaves out modules whose processes run: they may be cut off, and join later.
-pub struct RunLoop<'a, 'b> {
+pub struct RunLoop<'a> {
     /// The processes.
     pub supervisor: &'a mut Supervisor,
     /// Their roles.
@@ -85,7 +85,7 @@ pub struct RunLoop<'a, 'b> {
     /// When to stop waiting for the verdict.
     pub deadline: Instant,
     /// Where the run is shown.
-    pub display: &'a mut Display<'b>,
+    pub display: &'a mut Display,
     /// What was observed so far.
     pub observed: Observed,
     /// Makes the commands that give orders to the modules.
@@ -105,7 +105,7 @@ pub struct Orders<'a> {
     pub bodies_vanish: bool,
 }
 
-impl RunLoop<'_, '_> {
+impl RunLoop<'_> {
     /// Runs to the end.
     pub fn run(mut self) -> (RunEnd, Observed) {
         let end = self.run_until_the_end();

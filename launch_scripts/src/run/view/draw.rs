@@ -24,7 +24,7 @@ const LOG_MIN: usize = 2;
 
 /// Draws a run: its stages and numbers, which unit is next and which modules wait, a map, and the last steps; as much of
 /// it as fits.
-pub fn frame(watched: &Watched<'_>, elapsed: Duration, size: Size, style: Style) -> Vec<String> {
+pub fn frame(watched: &Watched, elapsed: Duration, size: Size, style: Style) -> Vec<String> {
     // One column stays free, so that no terminal breaks a line.
     let columns = size.columns.saturating_sub(1).max(1);
     // One row stays free for the cursor.
@@ -57,12 +57,12 @@ pub fn frame(watched: &Watched<'_>, elapsed: Duration, size: Size, style: Style)
         .collect()
 }
 
-fn head(watched: &Watched<'_>, elapsed: Duration, style: Style) -> String {
+fn head(watched: &Watched, elapsed: Duration, style: Style) -> String {
     const DOTS: [&str; 10] = ["⠋", "⠙", "⠹", "⠸", "⠼", "⠴", "⠦", "⠧", "⠇", "⠏"];
     const STROKES: [&str; 4] = ["|", "/", "-", "\\"];
     let step = usize::try_from(elapsed.as_millis() / 100).unwrap_or(0);
     let spinner = style.sign(DOTS[step % DOTS.len()], STROKES[step % STROKES.len()]);
-    let name = one_line(watched.name);
+    let name = one_line(&watched.name);
     let name = if name.is_empty() { "formation" } else { &name };
     let epoch = match watched.scene.epoch() {
         Some(epoch) if epoch.number > 1 => format!(", epoch {}", epoch.number),
@@ -77,7 +77,7 @@ fn head(watched: &Watched<'_>, elapsed: Duration, style: Style) -> String {
     )
 }
 
-fn stages(watched: &Watched<'_>, style: Style) -> String {
+fn stages(watched: &Watched, style: Style) -> String {
     let now = watched.progress.as_ref().map(|progress| progress.stage);
     let now = match now {
         Some(stage) if stage > FormationStage::WaitingForTarget => stage,
@@ -97,17 +97,25 @@ fn stages(watched: &Watched<'_>, style: Style) -> String {
 }
 
 /// Three bars: joined, with a spot, settled.
-fn bars(watched: &Watched<'_>, columns: usize, style: Style) -> Vec<String> {
-    let modules = watched.plan.problem.modules().len();
-    let to_fill = modules.min(watched.plan.problem.target().spots().len());
+fn bars(watched: &Watched, columns: usize, style: Style) -> Vec<String> {
     let progress = watched.progress.as_ref();
+    let (modules, to_fill) = match &watched.problem {
+        Some(problem) => {
+            let modules = problem.modules().len();
+            (modules, modules.min(problem.target().spots().len()))
+        }
+        None => progress.map_or((0, 0), |progress| {
+            let modules = progress.expected.unwrap_or(progress.joined);
+            (modules, progress.to_fill)
+        }),
+    };
     let counts = progress.map(|one| [one.joined, one.planned, one.settled]);
     let [joined, planned, settled] = counts.unwrap_or_default();
     let turns = watched.scene.decisions().len();
-    let turn = if turns > 0 && !watched.is_acting() {
-        format!("  turn {turns} of {}", watched.plan.outcome.decisions.len())
-    } else {
-        String::new()
+    let turn = match &watched.plan {
+        _ if turns == 0 || watched.is_acting() => String::new(),
+        Some(plan) => format!("  turn {turns} of {}", plan.outcome.decisions.len()),
+        None => format!("  turn {turns}"),
     };
     // The words around a bar.
     let width = columns.saturating_sub(30).clamp(4, 40);
@@ -131,7 +139,7 @@ fn bars(watched: &Watched<'_>, columns: usize, style: Style) -> Vec<String> {
 }
 
 /// Which unit is next and which units wait, by the plan where the run follows it, else as the verifier reports.
-fn waiting(watched: &Watched<'_>, style: Style) -> Vec<String> {
+fn waiting(watched: &Watched, style: Style) -> Vec<String> {
     let queue = watched.queue();
     let Some((first, rest)) = queue.split_first() else {
         let progress = watched.progress.as_ref();

@@ -9,12 +9,14 @@ use super::watched::{SpotStatus, Watched};
 
 /// The map in as many columns and rows as there are, with a line that explains it; empty where it does not fit, or the
 /// spots do not lie on a lattice.
-pub fn map(watched: &Watched<'_>, columns: usize, rows: usize, style: Style) -> Vec<String> {
-    let target = watched.plan.problem.target();
-    let Some(cells) = Cells::of(target) else {
+pub fn map(watched: &Watched, columns: usize, rows: usize, style: Style) -> Vec<String> {
+    let Some(problem) = &watched.problem else {
         return Vec::new();
     };
-    let digits = watched.plan.problem.modules().last().map_or(1, |module| {
+    let Some(cells) = Cells::of(problem.target()) else {
+        return Vec::new();
+    };
+    let digits = problem.modules().last().map_or(1, |module| {
         module.id.0.checked_ilog10().unwrap_or(0) as usize + 1
     });
     let width = digits + 2;
@@ -45,7 +47,7 @@ const INSET: &str = "  ";
 const DOT: &str = "·";
 
 /// A spot with the number of its module.
-fn labelled(watched: &Watched<'_>, spot: SpotId, digits: usize, style: Style) -> String {
+fn labelled(watched: &Watched, spot: SpotId, digits: usize, style: Style) -> String {
     let colour = |module| colour_of(watched.configuration_of(module));
     let (cell, paint) = match watched.spot(spot) {
         SpotStatus::Free => {
@@ -66,7 +68,7 @@ fn labelled(watched: &Watched<'_>, spot: SpotId, digits: usize, style: Style) ->
 }
 
 /// A spot as one sign.
-fn signed(watched: &Watched<'_>, spot: SpotId, style: Style) -> String {
+fn signed(watched: &Watched, spot: SpotId, style: Style) -> String {
     let colour = |module| Paint::Front(colour_of(watched.configuration_of(module)));
     let (sign, paint) = match watched.spot(spot) {
         SpotStatus::Free => (". ", Paint::Dim),

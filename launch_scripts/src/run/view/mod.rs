@@ -9,10 +9,12 @@ mod watched;
 
 use std::env;
 use std::io::{IsTerminal, Stderr, stderr};
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ::console::{Term, colors_enabled_stderr};
 use formation::event_log::Entry;
+use formation::model::PlanningProblem;
 use formation::verify::Progress;
 
 use crate::checked_plan::CheckedPlan;
@@ -29,11 +31,11 @@ const DRAW_INTERVAL: Duration = Duration::from_millis(60);
 const TICK_INTERVAL: Duration = Duration::from_millis(200);
 
 /// What the terminal shows of a run.
-pub struct View<'a> {
-    watched: Watched<'a>,
+pub struct View {
+    watched: Watched,
     canvas: Canvas<Stderr>,
     terminal: Term,
-    /// `None` where the standard input is no terminal.
+    /// `None` where the standard input is no terminal, or no keys are asked for.
     keys: Option<Keys>,
     style: Style,
     start: Instant,
@@ -41,18 +43,19 @@ pub struct View<'a> {
     is_stale: bool,
 }
 
-impl<'a> View<'a> {
-    /// A view on the standard error output; `None` where that is no terminal on which one can draw.
-    pub fn on_terminal(name: &'a str, plan: &'a CheckedPlan) -> Option<Self> {
+impl View {
+    /// A view on the standard error output, which gives orders by keys if it `has_keys`; `None` where that is no terminal on
+    /// which one can draw.
+    pub fn on_terminal(name: &str, has_keys: bool) -> Option<Self> {
         let is_dumb = env::var_os("TERM").is_none_or(|kind| kind == "dumb" || kind.is_empty());
         if !stderr().is_terminal() || is_dumb {
             return None;
         }
         let mut view = Self {
-            watched: Watched::new(name, plan),
+            watched: Watched::new(name),
             canvas: Canvas::new(stderr()),
             terminal: Term::stderr(),
-            keys: Keys::of_terminal(),
+            keys: has_keys.then(Keys::of_terminal).flatten(),
             style: Style {
                 colours: colors_enabled_stderr(),
                 unicode: has_unicode(|name| env::var(name).ok()),
@@ -63,6 +66,23 @@ impl<'a> View<'a> {
         };
         view.draw();
         Some(view)
+    }
+
+    /// Names what is shown.
+    pub fn set_name(&mut self, name: &str) {
+        name.clone_into(&mut self.watched.name);
+    }
+
+    /// Takes in which modules form which target from now on.
+    pub fn set_problem(&mut self, problem: Arc<PlanningProblem>) {
+        self.watched.set_problem(problem);
+        self.draw_if_due();
+    }
+
+    /// Takes in the plan that the formation is to follow.
+    pub fn set_plan(&mut self, plan: Arc<CheckedPlan>) {
+        self.watched.set_plan(plan);
+        self.draw_if_due();
     }
 
     /// Shows new progress.

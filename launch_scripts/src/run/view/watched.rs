@@ -1,10 +1,13 @@
 //! What is known of a run while it is watched.
 
 use std::collections::{BTreeMap, VecDeque};
+use std::sync::Arc;
 
 use formation::event_log::{Entry, Scene};
 use formation::model::text::ranges;
-use formation::model::{Identifier, ModuleId, ModulePhase, SpotId};
+use formation::model::{
+    FormationStage, Identifier, ModuleId, ModulePhase, PlanningProblem, SpotId,
+};
 use formation::verify::Progress;
 
 use crate::checked_plan::CheckedPlan;
@@ -35,9 +38,12 @@ pub struct Waiting {
 }
 
 /// A run as far as the verifier reported it.
-pub struct Watched<'a> {
-    pub name: &'a str,
-    pub plan: &'a CheckedPlan,
+pub struct Watched {
+    pub name: String,
+    /// The modules and their target, once they are known.
+    pub problem: Option<Arc<PlanningProblem>>,
+    /// The plan that the run is to follow, if there is one.
+    pub plan: Option<Arc<CheckedPlan>>,
     pub progress: Option<Progress>,
     pub scene: Scene,
     /// The position of the initial configuration of each module that is in one.
@@ -46,22 +52,36 @@ pub struct Watched<'a> {
     pub log: VecDeque<(u64, String)>,
 }
 
-impl<'a> Watched<'a> {
-    pub fn new(name: &'a str, plan: &'a CheckedPlan) -> Self {
-        let configurations = plan.problem.configurations().into_iter().zip(0..);
+impl Watched {
+    pub fn new(name: &str) -> Self {
         Self {
-            name,
-            plan,
+            name: name.to_owned(),
+            problem: None,
+            plan: None,
             progress: None,
             scene: Scene::default(),
-            configurations: configurations
-                .flat_map(|(configuration, position)| {
-                    let modules = configuration.modules.into_iter();
-                    modules.map(move |module| (module, position))
-                })
-                .collect(),
+            configurations: BTreeMap::new(),
             log: VecDeque::new(),
         }
+    }
+
+    /// Takes in which modules form which target from now on. Until a plan is given there is none.
+    pub fn set_problem(&mut self, problem: Arc<PlanningProblem>) {
+        let configurations = problem.configurations().into_iter().zip(0..);
+        self.configurations = configurations
+            .flat_map(|(configuration, position)| {
+                let modules = configuration.modules.into_iter();
+                modules.map(move |module| (module, position))
+            })
+            .collect();
+        self.problem = Some(problem);
+        self.plan = None;
+    }
+
+    /// Takes in the plan that the run is to follow.
+    pub fn set_plan(&mut self, plan: Arc<CheckedPlan>) {
+        self.set_problem(Arc::clone(&plan.problem));
+        self.plan = Some(plan);
     }
 
     pub fn take(&mut self, entry: &Entry) {
@@ -93,14 +113,16 @@ impl<'a> Watched<'a> {
     /// The units whose turn or motion is still to come, in their order; empty where the run does not follow the offline
     /// plan.
     pub fn queue(&self) -> Vec<Waiting> {
-        if self.scene.epoch().is_none() || !self.is_as_planned() {
+        let followed = self.plan.as_ref();
+        let Some(plan) = followed.filter(|plan| self.scene.epoch().is_some() && self.follows(plan))
+        else {
             return Vec::new();
-        }
-        let turns = &self.plan.outcome.decisions;
+        };
+        let turns = &plan.outcome.decisions;
         let is_settled =
             |module: &ModuleId| self.scene.phase_of(*module) == Some(ModulePhase::Settled);
         let units: Vec<Vec<ModuleId>> = if self.is_acting() {
-            let units = self.plan.outcome.plan.assembly.units.iter();
+            let units = plan.outcome.plan.assembly.units.iter();
             units
                 .map(|unit| {
                     let placements = unit.placements.iter();
@@ -125,9 +147,9 @@ impl<'a> Watched<'a> {
             .collect()
     }
 
-    /// Whether the epoch began as the offline plan does and every decision so far is the one that the plan has.
-    fn is_as_planned(&self) -> bool {
-        let planned = &self.plan.outcome.decisions;
+    /// Whether the epoch began as a plan does and every decision so far is the one that the plan has.
+    fn follows(&self, plan: &CheckedPlan) -> bool {
+        let planned = &plan.outcome.decisions;
         let made = self.scene.decisions();
         let mut pairs = made.iter().zip(planned);
         self.scene.is_fresh_start()
@@ -139,7 +161,11 @@ impl<'a> Watched<'a> {
 
     /// Whether the turns are over and units move.
     pub fn is_acting(&self) -> bool {
-        self.scene.decisions().len() >= self.plan.outcome.decisions.len()
+        match (&self.plan, &self.progress) {
+            (Some(plan), _) => self.scene.decisions().len() >= plan.outcome.decisions.len(),
+            (None, Some(progress)) => progress.stage >= FormationStage::Acting,
+            (None, None) => false,
+        }
     }
 
     /// The spots of some modules by the claims so far, ascending.

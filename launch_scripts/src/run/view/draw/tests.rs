@@ -1,3 +1,5 @@
+use std::sync::Arc;
+
 use ::console::{measure_text_width, strip_ansi_codes};
 use formation::event_log::{Entry, Event, ModuleSnapshot};
 use formation::model::{Epoch, ModuleId, ModulePhase, Pose, Scenario, SpotId};
@@ -26,17 +28,18 @@ configurations:
 singletons: [{id: 3, x: 4.0, y: 1.0}]
 ";
 
-fn plan() -> CheckedPlan {
-    CheckedPlan::of(&Scenario::from_yaml(SCENARIO).unwrap()).unwrap()
+fn plan() -> Arc<CheckedPlan> {
+    Arc::new(CheckedPlan::of(&Scenario::from_yaml(SCENARIO).unwrap()).unwrap())
 }
 
-fn drawn(watched: &Watched<'_>, size: Size) -> String {
+fn drawn(watched: &Watched, size: Size) -> String {
     frame(watched, Duration::from_millis(12_300), size, PLAIN).join("\n")
 }
 
 /// A run that goes as planned, after this many of its entries.
-fn after<'a>(plan: &'a CheckedPlan, entries: &[Entry], count: usize) -> Watched<'a> {
-    let mut watched = Watched::new("three", plan);
+fn after(plan: &Arc<CheckedPlan>, entries: &[Entry], count: usize) -> Watched {
+    let mut watched = Watched::new("three");
+    watched.set_plan(Arc::clone(plan));
     for entry in &entries[..count] {
         watched.take(entry);
     }
@@ -150,7 +153,8 @@ fn no_frame_is_larger_than_its_terminal() {
     let plan = plan();
     let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let mut watched = after(&plan, &entries, entries.len());
-    watched.name = "a name\u{1b}[31m that is\nlonger than any terminal is wide, 模块化机器人 模块化机器人 模块化机器人";
+    watched.name = "a name\u{1b}[31m that is\nlonger than any terminal is wide, 模块化机器人 模块化机器人 模块化机器人"
+        .to_owned();
     let colourful = Style {
         colours: true,
         unicode: false,
@@ -197,7 +201,8 @@ fn colours_add_nothing_but_colour() {
 #[test]
 fn a_module_that_only_settles_is_no_news() {
     let plan = plan();
-    let mut watched = Watched::new("three", &plan);
+    let mut watched = Watched::new("three");
+    watched.set_plan(Arc::clone(&plan));
     watched.take(&Entry {
         at_ms: 1,
         event: Event::State(ModuleSnapshot {
