@@ -17,11 +17,12 @@ PACKAGE = "formation_launch"
 def launch_setup(context):
     share = get_package_share_directory(PACKAGE)
     name = LaunchConfiguration("scenario").perform(context)
+    record = LaunchConfiguration("record").perform(context)
     path = name if os.path.isfile(name) else os.path.join(share, "scenarios", f"{name}.yaml")
     formation = PythonLaunchDescriptionSource(os.path.join(share, "launch", "formation.launch.py"))
     driver = os.path.join(share, "examples", "drive_modules.py")
     return [
-        IncludeLaunchDescription(formation, launch_arguments={"scenario": path, "motion": "external"}.items()),
+        IncludeLaunchDescription(formation, launch_arguments={"scenario": path, "motion": "external", "record": record}.items()),
         ExecuteProcess(cmd=["python3", driver, "--scenario", path], output="screen"),
     ]
 
@@ -30,4 +31,7 @@ def generate_launch_description():
     scenario = DeclareLaunchArgument(
         "scenario", default_value="mcs_detach", description="name of a scenario of the package, or the path of a file"
     )
-    return LaunchDescription([scenario, OpaqueFunction(function=launch_setup)])
+    record = DeclareLaunchArgument(
+        "record", default_value="", description="file (MCAP) into which all topics are recorded; empty for none"
+    )
+    return LaunchDescription([scenario, record, OpaqueFunction(function=launch_setup)])

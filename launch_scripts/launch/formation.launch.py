@@ -37,6 +37,7 @@ ARGUMENTS = {
     "speed": ("1.0", "speed of simulated modules, in units a second"),
     "session": ("0", "session of all nodes: messages of another session are refused"),
     "state_dir": ("", "directory in which agents keep what they agreed on; empty for none"),
+    "record": ("", "file (MCAP) into which all topics are recorded; empty for none"),
     "visualiser": ("false", "whether to publish markers and transforms for RViz and Foxglove"),
     "rviz": ("false", "whether to start RViz as well"),
     "time_limit_s": ("600.0", "after this many seconds the verifier calls the formation failed"),
@@ -114,8 +115,13 @@ def launch_setup(context):
     publisher = node(
         "target_publisher", "target_publisher", [*scenario, "--expected-modules", str(len(modules)), *founders]
     )
-    # The verifier comes first, so that it receives all messages, and the target last.
+    # Drivers speak with their modules over topics of each module, of which a recorder takes those of 100.
+    driven = value["motion"] == "external"
+    listed = ["--modules", ",".join(str(module) for module in modules[:100])] if driven else []
+    recorders = [node("recorder", "recorder", [value["record"], *listed])] if value["record"] else []
+    # The recorder and the verifier come first, so that they receive all messages, and the target last.
     return [
+        *recorders,
         verifier,
         *agents,
         publisher,

@@ -10,7 +10,8 @@ use std::time::Duration;
 
 use clap::Parser;
 use formation::model::MODULES_MAX;
-use module_agent::arguments::{ModuleArguments, ModuleList, Motion, Timing};
+use formation_node::ModuleList;
+use module_agent::arguments::{ModuleArguments, Motion, Timing};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;

@@ -3,6 +3,7 @@
 
 mod find_sessions;
 pub mod messages;
+mod module_list;
 mod pose_source;
 pub mod scenario;
 pub mod source_guard;
@@ -17,6 +18,7 @@ use std::process::ExitCode;
 use async_channel::Receiver;
 use clap::Parser;
 pub use find_sessions::find_sessions;
+pub use module_list::ModuleList;
 pub use pose_source::PoseSource;
 use ros_runtime::arguments::{self, Namespace};
 use ros_runtime::exit::{Failure, conclude, stop_requested};

@@ -5,8 +5,8 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation_node::Program;
-use recorder::process::RecorderProcess;
+use formation_node::{ModuleList, Program};
+use recorder::process::{MODULES_MAX, RecorderProcess};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
 
@@ -19,12 +19,28 @@ use ros_runtime::settings::Settings;
 struct Arguments {
     /// The file, which is replaced if it exists
     file: PathBuf,
+    /// Record the topics of these modules as well, such as `1-25` or `1,4,7-9`: goals, paths, docking, and what their
+    /// drivers answer; at most 100
+    #[arg(long, value_name = "LIST")]
+    modules: Option<ModuleList>,
 }
 
 impl Program for Arguments {
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
-        let file = self.file;
-        let written = RecorderProcess { settings, file }.run(stop)?;
+        let modules = self.modules.as_ref();
+        let modules = modules.map_or(&[][..], ModuleList::modules).to_vec();
+        if modules.len() > MODULES_MAX {
+            return Err(Failure::bad_input(format_args!(
+                "--modules: at most {MODULES_MAX} modules, got {}; start a recorder for each part of them",
+                modules.len()
+            )));
+        }
+        let process = RecorderProcess {
+            settings,
+            file: self.file,
+            modules,
+        };
+        let written = process.run(stop)?;
         match written.lost {
             0 => tracing::info!("{written}"),
             _ => tracing::error!("{written}"),

@@ -7,6 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use async_channel::Receiver;
+use formation::model::ModuleId;
 use formation_msgs::INTERFACES;
 use formation_node::topics;
 use ros_runtime::arguments::Resource;
@@ -24,6 +25,10 @@ use crate::queue::{Item, WriteQueue};
 
 const NODE_NAME: &str = "recorder";
 
+/// The most modules whose own topics are recorded: the DDS library holds 1,024 endpoints until they are announced, and a
+/// module has six topics.
+pub const MODULES_MAX: usize = 100;
+
 /// A process that records what is on the topics.
 #[derive(Clone, Debug)]
 pub struct RecorderProcess {
@@ -31,6 +36,8 @@ pub struct RecorderProcess {
     pub settings: Settings,
     /// The file that it writes.
     pub file: PathBuf,
+    /// The modules whose own topics it records.
+    pub modules: Vec<ModuleId>,
 }
 
 impl RecorderProcess {
@@ -55,7 +62,10 @@ impl RecorderProcess {
     ) -> Result<Option<Written>, SessionError> {
         let parameters = self.settings.declare(NODE_NAME, Vec::new())?;
         let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
-        let inputs = subscribe(&mut session)?;
+        let mut inputs = subscribe(&mut session)?;
+        for &module in &self.modules {
+            subscribe_module(&mut session, &mut inputs, module)?;
+        }
         let mut recorder = Recorder {
             queue,
             recorded: 0,
@@ -90,6 +100,20 @@ fn subscribe(session: &mut Session) -> Result<Inputs<Item>, SessionError> {
     add(session, &mut inputs, &topics::TRANSFORMS)?;
     add(session, &mut inputs, &topics::FIXED_TRANSFORMS)?;
     Ok(inputs)
+}
+
+/// Subscribes the topics between a module and its driver.
+fn subscribe_module(
+    session: &mut Session,
+    inputs: &mut Inputs<Item>,
+    module: ModuleId,
+) -> Result<(), SessionError> {
+    add(session, inputs, &topics::goal_pose(module))?;
+    add(session, inputs, &topics::path(module))?;
+    add(session, inputs, &topics::docking(module))?;
+    add(session, inputs, &topics::driver_pose(module))?;
+    add(session, inputs, &topics::driver_odometry(module))?;
+    add(session, inputs, &topics::docking_result(module))
 }
 
 fn add<M: 'static>(

@@ -1,12 +1,13 @@
 """Compares a recording with what CycloneDDS, another vendor's DDS, received meanwhile, and one reader of MCAP with another.
 
 Usage:
-    compare_recording.py --domain D
-        takes the bytes of every sample on the formation's topics, and prints {"ready": true}. Then a line of its input names
-        the recording (MCAP). It reads that with the package `mcap` and with `rosbags`, and prints for each topic of it:
-        `recorded` (samples in the file), `by_rosbags` (how many of them rosbags reads with the same bytes), `reencoded` (how
-        many rosbags encodes to the same bytes again, by the definition in the file), `received` (samples that CycloneDDS
-        took), `only_recorded` and `only_received` (samples whose bytes the other side does not have), and `reliable`
+    compare_recording.py --domain D [--modules N]
+        takes the bytes of every sample on the formation's topics, and on those of the modules 1 to N, and prints
+        {"ready": true}. Then a line of its input names the recording (MCAP). It reads that with the package `mcap` and with
+        `rosbags`, and prints for each topic of it: `recorded` (samples in the file), `by_rosbags` (how many of them rosbags
+        reads with the same bytes), `reencoded` (how many rosbags encodes to the same bytes again, by the definition in the
+        file), `received` (samples that CycloneDDS took), `only_recorded` and `only_received` (samples whose bytes the other
+        side does not have), and `reliable`
 """
 
 import argparse
@@ -26,6 +27,17 @@ from rosbags.typesys import Stores, get_types_from_msg, get_typestore  # noqa: E
 
 # After this long without a sample, what was sent before has arrived.
 QUIET_S = 1.0
+
+
+# Of one module; the type, and whether late subscribers get the latest samples.
+MODULE_TOPICS = {
+    "goal_pose": ("geometry_msgs/msg/PoseStamped", False),
+    "path": ("nav_msgs/msg/Path", True),
+    "docking": ("formation_msgs/msg/DockingRequest", False),
+    "pose": ("geometry_msgs/msg/PoseStamped", False),
+    "odom": ("nav_msgs/msg/Odometry", False),
+    "docking_result": ("formation_msgs/msg/DockingResult", False),
+}
 
 
 class Raw:
@@ -48,7 +60,10 @@ class RawType:
 
 
 def raw_reader(session, name):
-    reader = session.reader(name)
+    if name in TOPICS:
+        reader = session.reader(name)
+    else:
+        reader = session.other_reader(name, *MODULE_TOPICS[name.split("/")[1]])
     reader._topic.data_type = RawType
     return reader
 
@@ -95,11 +110,13 @@ def by_rosbags(path):
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--domain", type=int, required=True)
+    parser.add_argument("--modules", type=int, default=0)
     arguments = parser.parse_args()
     session = Session(arguments.domain)
-    received = {name: collections.Counter() for name in TOPICS}
+    names = [*TOPICS, *(f"module_{id}/{name}" for id in range(1, arguments.modules + 1) for name in MODULE_TOPICS)]
+    received = {name: collections.Counter() for name in names}
     stopped = threading.Event()
-    readers = [(raw_reader(session, name), received[name]) for name in TOPICS]
+    readers = [(raw_reader(session, name), received[name]) for name in names]
     threads = [threading.Thread(target=take, args=(*reader, stopped)) for reader in readers]
     for thread in threads:
         thread.start()

@@ -11,6 +11,10 @@ use serde_json::Value;
 const PATIENCE: Duration = Duration::from_secs(90);
 
 fn run(domain: &str, recording: &Path) -> Finished {
+    run_with(domain, recording, &[])
+}
+
+fn run_with(domain: &str, recording: &Path, more: &[&str]) -> Finished {
     let scenario = scenario_path("mcs_detach");
     let arguments = [
         "run",
@@ -23,6 +27,7 @@ fn run(domain: &str, recording: &Path) -> Finished {
         "--record",
         recording.to_str().unwrap(),
     ];
+    let arguments = [&arguments[..], more].concat();
     Running::start("formation", domain, &arguments).finish(PATIENCE)
 }
 
@@ -32,11 +37,32 @@ fn report(recording: &Path, directory: &Path) -> Finished {
     Running::start("formation", "0", &arguments).finish(PATIENCE)
 }
 
-/// CycloneDDS on all topics, which later compares what it took with a recording.
-fn other_subscriber(domain: &str) -> Option<Child> {
-    let arguments = ["--domain", domain];
+/// CycloneDDS on all topics, and on those of this many modules, which later compares what it took with a recording.
+fn other_subscriber(domain: &str, modules: u32) -> Option<Child> {
+    let arguments = ["--domain", domain, "--modules", &modules.to_string()];
     let script = "tests/python/compare_recording.py";
     Some(Python::find()?.start(script, &arguments, Stdio::inherit()))
+}
+
+/// What the subscriber says of a recording, by topic: both readers find the same samples in the file, and CycloneDDS received
+/// some of them.
+fn compared(mut other: Child, recording: &Path) -> Value {
+    writeln!(other.stdin.as_mut().unwrap(), "{}", recording.display()).unwrap();
+    let topics = line_of(&mut other);
+    assert!(other.wait().unwrap().success());
+    for (topic, found) in topics.as_object().unwrap() {
+        let count = |key: &str| found[key].as_u64().unwrap();
+        let recorded = count("recorded");
+        assert_eq!(count("by_rosbags"), recorded, "{topic} {found}");
+        // CycloneDDS fills the end of a sample up.
+        let is_of_driver = topic.ends_with("/pose") || topic.ends_with("/docking_result");
+        assert!(
+            is_of_driver || count("reencoded") == recorded,
+            "{topic} {found}"
+        );
+        assert!(recorded > count("only_recorded"), "{topic} {found}");
+    }
+    topics
 }
 
 fn line_of(child: &mut Child) -> Value {
@@ -49,7 +75,7 @@ fn line_of(child: &mut Child) -> Value {
 #[test]
 fn a_recording_holds_the_bytes_that_another_vendor_receives() {
     let domain = Domain::for_processes(5);
-    let Some(mut other) = other_subscriber(&domain) else {
+    let Some(mut other) = other_subscriber(&domain, 0) else {
         return;
     };
     assert_eq!(line_of(&mut other)["ready"], true);
@@ -58,15 +84,8 @@ fn a_recording_holds_the_bytes_that_another_vendor_receives() {
     let finished = run(&domain, &recording);
     assert_eq!(finished.status, 0, "{}", finished.stderr);
 
-    writeln!(other.stdin.as_mut().unwrap(), "{}", recording.display()).unwrap();
-    let topics = line_of(&mut other);
-    assert!(other.wait().unwrap().success());
+    let topics = compared(other, &recording);
     for (topic, found) in topics.as_object().unwrap() {
-        let count = |key: &str| found[key].as_u64().unwrap();
-        let recorded = count("recorded");
-        assert_eq!(count("by_rosbags"), recorded, "{topic} {found}");
-        assert_eq!(count("reencoded"), recorded, "{topic} {found}");
-        assert!(recorded > count("only_recorded"), "{topic} {found}");
         assert_eq!(
             found["reliable"],
             topic != "/formation/heartbeats",
@@ -97,6 +116,47 @@ fn a_recording_holds_the_bytes_that_another_vendor_receives() {
             "{topic} in {topics}"
         );
     }
+}
+
+#[test]
+fn the_topics_of_each_driven_module_are_recorded() {
+    let domain = Domain::for_processes(7);
+    let Some(mut other) = other_subscriber(&domain, 7) else {
+        return;
+    };
+    assert_eq!(line_of(&mut other)["ready"], true);
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let scenario = scenario_path("mcs_detach");
+    let driver = format!(
+        "{} --scenario '{}' --speed 20",
+        python.command("tests/python/drive_modules.py"),
+        scenario.display()
+    );
+    let folder = tempfile::tempdir().unwrap();
+    let recording = folder.path().join("out.mcap");
+    let finished = run_with(&domain, &recording, &["--driver", &driver]);
+    assert_eq!(finished.status, 0, "{}", finished.stderr);
+    let topics = compared(other, &recording);
+    for module in 1..=7 {
+        for topic in ["goal_pose", "path", "pose"] {
+            let topic = format!("/formation/module_{module}/{topic}");
+            assert!(topics[&topic].is_object(), "{topic} in {topics}");
+        }
+    }
+    // Paths are latched; of the other topics, a newer sample replaces one that was not taken yet.
+    for (topic, found) in topics.as_object().unwrap() {
+        if topic.ends_with("/path") {
+            assert_eq!(found["only_received"], 0, "{topic} {found}");
+        }
+    }
+    let docked = |topic: &&String| topic.contains("/module_") && topic.ends_with("/docking");
+    let topics = topics.as_object().unwrap();
+    assert!(
+        topics.keys().filter(docked).count() > 0,
+        "one module undocks"
+    );
 }
 
 #[test]

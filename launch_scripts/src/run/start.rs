@@ -24,6 +24,9 @@ use crate::arguments::{ON, RunArguments};
 /// 0.7 s for 17 and 1.6 s for 25 with them, 0.6 s and 1.1 s without, but 7.1 s for 40 against 3.4 s.
 const PARAMETER_SERVICES_PROCESSES_MAX: usize = 25;
 
+/// A recorder records the own topics of at most this many modules.
+const RECORDED_MODULES_MAX: usize = 100;
+
 /// The program that plays the robots of a scenario.
 pub const WORLD: &str = "world";
 
@@ -144,6 +147,12 @@ impl Start<'_> {
         let mut command = self.programs.command(RECORDER);
         // A name that begins with a hyphen is no option.
         command.arg(Path::new(".").join(file));
+        if self.arguments.motion.is_external() {
+            let modules = self.problem.modules().iter().map(|module| module.id);
+            // A recorder has room for the topics of this many.
+            let recorded = modules.take(RECORDED_MODULES_MAX);
+            command.args(["--modules", &ranges(recorded)]);
+        }
         let name = RECORDER.to_owned();
         self.node(supervisor, command, name, &[], Output::Discarded)
     }

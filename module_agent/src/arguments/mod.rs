@@ -6,6 +6,6 @@ mod motion;
 mod timing;
 
 pub use memory::Memory;
-pub use modules::{HostedModules, ModuleArguments, ModuleList, require_leader};
+pub use modules::{HostedModules, ModuleArguments, require_leader};
 pub use motion::{Motion, MotionMode};
 pub use timing::Timing;

@@ -2,63 +2,16 @@
 
 use std::collections::BTreeSet;
 use std::path::PathBuf;
-use std::str::FromStr;
 
 use clap::Args;
-use formation::model::{ConfigurationId, MODULES_MAX, ModuleId, NO_ID, Pose, PoseError, Scenario};
+use formation::model::{ConfigurationId, ModuleId, NO_ID, Pose, PoseError, Scenario};
 use formation::protocol::Identity;
 
+use formation_node::ModuleList;
 use formation_node::scenario::read_own_scenario;
 use formation_node::stamp;
 use ros_runtime::exit::Failure;
 use ros_runtime::settings::Settings;
-
-/// Modules given as numbers and ranges, such as `1,4,7-9`: ascending, distinct, at least one.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct ModuleList(Vec<ModuleId>);
-
-impl ModuleList {
-    /// The modules in ascending order.
-    #[must_use]
-    pub fn modules(&self) -> &[ModuleId] {
-        &self.0
-    }
-}
-
-impl FromStr for ModuleList {
-    type Err = String;
-
-    fn from_str(text: &str) -> Result<Self, String> {
-        let mut modules = BTreeSet::new();
-        for part in text.split(',').map(str::trim) {
-            let (first, last) = part.split_once('-').unwrap_or((part, part));
-            let (Some(first), Some(last)) = (number(first), number(last)) else {
-                return Err(format!(
-                    "must list numbers and ranges such as `1,4,7-9`, got `{part}`"
-                ));
-            };
-            if last < first {
-                return Err(format!("the range `{part}` runs backwards"));
-            }
-            if (last - first) as usize >= MODULES_MAX {
-                return Err(format!("more than {MODULES_MAX} modules in `{part}`"));
-            }
-            for id in first..=last {
-                if !modules.insert(ModuleId(id)) {
-                    return Err(format!("module {id} is listed twice"));
-                }
-            }
-        }
-        if modules.len() > MODULES_MAX {
-            return Err(format!("more than {MODULES_MAX} modules"));
-        }
-        Ok(Self(modules.into_iter().collect()))
-    }
-}
-
-fn number(text: &str) -> Option<u32> {
-    text.trim().parse().ok().filter(|&id| id != NO_ID)
-}
 
 /// Which modules a process hosts: those of a scenario file, or one that the arguments describe.
 #[derive(Clone, Debug, Args)]
@@ -278,32 +231,12 @@ mod tests {
             .map_err(|failure| failure.to_string())
     }
 
-    fn list(text: &str) -> Result<Vec<u32>, String> {
-        let list: ModuleList = text.parse()?;
-        Ok(list.modules().iter().map(|module| module.0).collect())
-    }
-
     const SCENARIO: &str = "
 target: {spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}, {id: 3, x: 7.0, y: 5.0}], edges: [[1, 2], [2, 3]]}
 configurations:
   - {id: 7, leader: 5, modules: [{id: 4, x: 1.0, y: 2.0}, {id: 5, x: 2.0, y: 2.0}], edges: [[4, 5]]}
 singletons: [{id: 17, x: 3.0, y: 9.5, theta: 1.2}]
 ";
-
-    #[test]
-    fn lists_of_modules_take_numbers_and_ranges() {
-        assert_eq!(list("1,4,7-9"), Ok(vec![1, 4, 7, 8, 9]));
-        assert_eq!(list(" 9 - 9 , 2"), Ok(vec![2, 9]));
-        assert_eq!(
-            list("5-4"),
-            Err("the range `5-4` runs backwards".to_owned())
-        );
-        assert_eq!(list("1-3,2"), Err("module 2 is listed twice".to_owned()));
-        assert!(list("0-4294967294").is_err(), "far too many");
-        for bad in ["", "a", "1,,2", "1-", "-1", "4294967295"] {
-            assert!(list(bad).unwrap_err().contains("must list"), "{bad}");
-        }
-    }
 
     #[test]
     fn a_module_can_be_described_without_a_scenario() {
