@@ -264,7 +264,34 @@
     event.preventDefault();
   });
 
+  // The caption is as high as the longest texts need, so that the controls below it stay where they are.
+  const CAPTIONS_MEASURED = 8;
+  const longest = [...film.steps].sort((one, other) => other.text.length - one.text.length).slice(0, CAPTIONS_MEASURED);
+  const caption = document.querySelector("figcaption");
+  const reserveCaption = () => {
+    const probe = caption.cloneNode(true);
+    const [stage, now] = probe.children;
+    for (const part of [probe, stage, now]) {
+      part.removeAttribute("id");
+      part.removeAttribute("aria-live");
+    }
+    probe.setAttribute("aria-hidden", "true");
+    Object.assign(probe.style, { position: "absolute", visibility: "hidden", height: "auto", width: `${caption.offsetWidth}px` });
+    probe.className = "probe";
+    caption.after(probe);
+    let height = 0;
+    for (const step of longest) {
+      stage.textContent = valueAt(film.stages, at(step), "");
+      now.textContent = step.text;
+      height = Math.max(height, probe.getBoundingClientRect().height);
+    }
+    probe.remove();
+    caption.style.height = `${Math.ceil(height)}px`;
+  };
+  addEventListener("resize", reserveCaption);
+
   scrub.max = film.length;
   for (const id of ["player", "counters", "steps-box"]) byId(id).hidden = false;
+  reserveCaption();
   render();
 })();

@@ -180,8 +180,10 @@ fn stage(subject: &Subject, frame: &Frame) -> Element {
     let drawn = |module| drawing::module_at(frame, module, &module.start);
     modules.extend(subject.modules.iter().map(drawn));
     let mut ground = drawing::ground(frame, (LEFT, ABOVE));
+    // Below the spots, so that no line crosses a number.
+    ground.push(layer("goals"));
     ground.push(drawing::target(frame, subject, |_| "spot"));
-    ground.extend([layer("goals"), layer("links"), modules]);
+    ground.extend([layer("links"), modules]);
     ground.extend([layer("crosses"), layer("marks")]);
     Element::new("svg")
         .with("id", "picture")

@@ -254,8 +254,20 @@ class Page:
               "a module is not pointed out")
         self.browser.press("Enter")
 
+    def keeps_its_controls_in_place(self):
+        tops = self.browser.run("""
+            const scrub = document.getElementById('scrub');
+            return [...document.querySelectorAll('#steps button')].slice(0, 200).map((step) => {
+              step.click();
+              return scrub.getBoundingClientRect().top + scrollY;
+            });
+        """)
+        check(tops and max(tops) - min(tops) < 0.5, f"the controls move with the steps: {sorted(set(tops))}")
+
     def fits_a_phone(self):
+        self.keeps_its_controls_in_place()
         self.browser.view(*PHONE)
+        self.keeps_its_controls_in_place()
         self.scrub_to(0.5)
         self.browser.run("for (const box of document.querySelectorAll('details')) box.open = true")
         wide = self.browser.run("return document.documentElement.scrollWidth")
