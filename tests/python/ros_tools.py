@@ -5,10 +5,10 @@ Usage:
         prints the graph as JSON, once NODE and all endpoints that it owns were seen: {"nodes": [...], "endpoints": [...]}
     ros_tools.py gone NODE [--domain D] [--timeout S]
         waits until NODE was seen, prints a line, waits until it and its endpoints are gone, and prints how long that took
-    ros_tools.py call NODE [--domain D] [--timeout S]
+    ros_tools.py call NODE [--domain D] [--timeout S] [--timed]
         calls services by the mapping of CycloneDDS: lines of {"service": "...", "type": "...", "request": {...}} go in,
         replies come out; each request is sent as soon as the service is seen, as tools do; the name of a service is
-        private to NODE, unless it begins with a slash
+        private to NODE, unless it begins with a slash; with --timed, prints {"seconds": S} in place of each reply
     ros_tools.py echo TOPIC TYPE [--domain D] [--timeout S] [--count N] [--latched]
         prints samples of TOPIC as they come; with --latched, those from before as well
 """
@@ -260,7 +260,10 @@ def call(arguments):
         if service not in clients:
             clients[service] = Client(participant, interfaces, service, order["type"])
         wait(arguments, service, lambda: clients[service].is_served(known))
-        print(json.dumps(clients[service].call(arguments, order["request"])), flush=True)
+        start = time.monotonic()
+        reply = clients[service].call(arguments, order["request"])
+        seconds = round(time.monotonic() - start, 4)
+        print(json.dumps({"seconds": seconds} if arguments.timed else reply), flush=True)
     return 0
 
 
@@ -286,6 +289,7 @@ def main():
     parser.add_argument("name")
     parser.add_argument("type", nargs="?")
     parser.add_argument("--latched", action="store_true")
+    parser.add_argument("--timed", action="store_true")
     parser.add_argument("--domain", type=int, default=0)
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=30.0)

@@ -12,6 +12,7 @@ mod documents;
 mod external_motion;
 mod faults;
 mod formations;
+mod fresh_clients;
 mod packages;
 mod physical_world;
 mod python_files;
