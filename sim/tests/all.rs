@@ -25,3 +25,4 @@ mod stop;
 mod stores;
 mod support;
 mod transcripts;
+mod withdrawn_goals;

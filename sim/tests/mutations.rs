@@ -75,7 +75,7 @@ const FOUND_IN_SMALL_FORMATIONS: [(Mutation, usize, u64, ViolationKind); 2] = [
     (
         Mutation::ForgetPinBeforeGoal,
         2,
-        8_041_447,
+        10_034_893,
         ViolationKind::PinForgotten,
     ),
 ];
