@@ -7,6 +7,7 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use formation::model::{MICRO_PER_UNIT, MicroUnits};
 use formation_sim::FaultKind;
+use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::Domain;
 use ros_runtime::middleware::Middleware;
 
@@ -70,6 +71,12 @@ pub enum Command {
     },
     /// Route messages between processes over Zenoh, until a signal ends it.
     Router(RouterArguments),
+    /// Have only those take part in a formation over Zenoh who have a certificate, each according to its role.
+    Security {
+        /// What to do.
+        #[command(subcommand)]
+        command: SecurityCommand,
+    },
     /// Plan offline which module takes which spot, by the same core as in every module.
     Plan {
         /// The scenario file (YAML).
@@ -119,6 +126,36 @@ pub enum Command {
     /// Writes a CSV file for each figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. Measurements are
     /// kept: after an interruption the same command continues where it stopped.
     Experiments(ExperimentsArguments),
+}
+
+/// What can be done for the security of a formation.
+#[derive(Debug, Subcommand)]
+pub enum SecurityCommand {
+    /// Create an authority, and for each role a configuration file of Zenoh with a certificate that the authority signed.
+    ///
+    /// The roles are module, publisher, verifier, operator and observer. Name a role's file to a program in
+    /// ZENOH_SESSION_CONFIG_URI, and router.json5 to `formation router` in ZENOH_ROUTER_CONFIG_URI.
+    Create(SecurityArguments),
+}
+
+/// For which formation to create certificates.
+#[derive(Debug, Args)]
+pub struct SecurityArguments {
+    /// The directory for the files, which is new or empty. They hold private keys.
+    #[arg(value_name = "DIR")]
+    pub directory: PathBuf,
+    /// A host name or address of a router, by which sessions connect to it; may be repeated [default: localhost]
+    #[arg(long, value_name = "HOST")]
+    pub router: Vec<String>,
+    /// The port of all routers.
+    #[arg(long, value_name = "PORT", default_value_t = 7447)]
+    pub port: u16,
+    /// The namespace of the formation.
+    #[arg(long, value_name = "NAME", default_value = "/formation")]
+    pub namespace: Namespace,
+    /// How many days the certificates are valid.
+    #[arg(long, value_name = "DAYS", default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=36_500))]
+    pub days: u32,
 }
 
 /// Where a router listens.

@@ -18,6 +18,8 @@ mod report;
 mod router;
 mod run;
 mod scenario_file;
+#[cfg(feature = "zenoh")]
+mod security;
 mod show;
 mod simulate;
 mod table;
@@ -29,6 +31,8 @@ use clap::{CommandFactory, Parser};
 use ros_runtime::arguments::completions;
 use ros_runtime::exit::{STATUS_DONE, conclude};
 
+#[cfg(feature = "zenoh")]
+use crate::arguments::SecurityCommand;
 use crate::arguments::{Arguments, Command};
 
 fn main() -> ExitCode {
@@ -42,6 +46,14 @@ fn main() -> ExitCode {
         Command::Resume(network) => order::give(&network, &[order::RESUME.to_owned()]),
         Command::Remove { modules, network } => order::give(&network, &order::removal(&modules)),
         Command::Router(arguments) => router::run(&arguments),
+        #[cfg(feature = "zenoh")]
+        Command::Security {
+            command: SecurityCommand::Create(arguments),
+        } => security::create(&arguments),
+        #[cfg(not(feature = "zenoh"))]
+        Command::Security { .. } => Err(ros_runtime::exit::Failure::bad_input(
+            ros_runtime::middleware::NOT_BUILT,
+        )),
         Command::Plan {
             scenario,
             report,

@@ -11,11 +11,12 @@ use crate::arguments::RouterArguments;
 #[cfg(feature = "zenoh")]
 pub fn run(arguments: &RouterArguments) -> Result<(), Failure> {
     use ros_runtime::exit::{end_with_parent, stop_requested};
-    use ros_runtime::router::Router;
+    use ros_runtime::router::{Router, log_refusals};
 
     if arguments.stop_with_parent {
         end_with_parent()?;
     }
+    log_refusals();
     let stop = stop_requested()?;
     let router = Router::start(&arguments.listen, &arguments.connect)?;
     crate::console::note(&format!("routing on {}", router.listening()));

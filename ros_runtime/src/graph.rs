@@ -12,6 +12,7 @@ use crate::middleware::Middleware;
 use crate::parameters::Parameters;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::RawSample;
+use crate::security::DDS_SHORTFALL;
 use crate::service::{Call, Service};
 use crate::service_mapping::ServiceMapping;
 use crate::session::{ParticipantId, SessionError};
@@ -40,7 +41,7 @@ macro_rules! of_either {
 }
 
 impl Graph {
-    /// Joins the graph.
+    /// Joins the graph, unless messages must be protected and would not be.
     pub(crate) fn join(
         settings: &Settings,
         identity: &NodeIdentity,
@@ -49,6 +50,8 @@ impl Graph {
     ) -> Result<Self, SessionError> {
         match settings.middleware {
             Middleware::Dds => {
+                let allowed = settings.security.without(DDS_SHORTFALL);
+                allowed.map_err(SessionError::BadInput)?;
                 let environment = settings.environment;
                 let graph = DdsGraph::join(environment, identity, parameters, service_mapping)?;
                 Ok(Self::Dds(Box::new(graph)))

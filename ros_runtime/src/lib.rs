@@ -34,6 +34,7 @@ pub mod parameters;
 mod publisher_queue;
 mod raw_sample;
 mod rosout;
+pub mod security;
 pub mod service;
 pub mod service_mapping;
 pub mod session;
@@ -50,4 +51,4 @@ mod zenoh_graph;
 pub use publisher_queue::PublisherQueue;
 pub use raw_sample::RawSample;
 #[cfg(feature = "zenoh")]
-pub use zenoh_graph::router;
+pub use zenoh_graph::{protection, router};

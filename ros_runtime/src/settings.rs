@@ -5,6 +5,7 @@ use crate::environment::Environment;
 use crate::middleware::Middleware;
 use crate::parameters::{Declaration, NodeParameters, ParameterError, Parameters, Tunables};
 use crate::rosout::LogLines;
+use crate::security::Security;
 use crate::service_mapping::ServiceMapping;
 use crate::type_hash::Interface;
 
@@ -13,6 +14,8 @@ use crate::type_hash::Interface;
 pub struct Settings {
     /// What carries its messages.
     pub middleware: Middleware,
+    /// Whether its messages must be protected.
+    pub security: Security,
     /// The interfaces that its topics and services use, in addition to the standard ones; only Zenoh needs them.
     pub interfaces: &'static [Interface],
     /// Its network.

@@ -123,6 +123,19 @@ impl Running {
         Self::spawn(command, name, domain, arguments, "LOCALHOST")
     }
 
+    /// Starts a program on a domain of loopback, with these environment variables besides.
+    #[must_use]
+    pub fn start_with(
+        variables: &[(&str, &str)],
+        name: &str,
+        domain: &str,
+        arguments: &[&str],
+    ) -> Self {
+        let mut command = Command::new(program(name));
+        command.envs(variables.iter().copied());
+        Self::spawn(command, name, domain, arguments, "LOCALHOST")
+    }
+
     fn spawn(
         mut command: Command,
         name: &str,

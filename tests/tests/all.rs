@@ -22,8 +22,11 @@ mod report;
 mod ros_tools;
 mod rtps;
 mod runs;
+mod security;
 mod services;
 mod terminal;
 mod visualiser;
 #[cfg(feature = "zenoh")]
 mod zenoh;
+#[cfg(feature = "zenoh")]
+mod zenoh_security;

@@ -12,6 +12,12 @@ use crate::formations::runs_as_planned;
 
 const PATIENCE: Duration = Duration::from_secs(60);
 
+/// A port of loopback that no program uses.
+pub fn free_port() -> u16 {
+    let socket = TcpListener::bind(("127.0.0.1", 0)).unwrap();
+    socket.local_addr().unwrap().port()
+}
+
 /// A router on a free port of loopback.
 struct Router {
     process: Running,
@@ -20,10 +26,7 @@ struct Router {
 
 impl Router {
     fn start(domain: &str) -> Self {
-        let socket = TcpListener::bind(("127.0.0.1", 0)).unwrap();
-        let port = socket.local_addr().unwrap().port();
-        drop(socket);
-        Self::on(port, domain)
+        Self::on(free_port(), domain)
     }
 
     fn on(port: u16, domain: &str) -> Self {

@@ -81,6 +81,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();
     let middleware = router::middleware(arguments, hosts.len())?;
+    router::check_security(middleware)?;
     let mut place = network::prepare(arguments, middleware, modules, hosts.len())?;
     check::refuse_long_plans(path, &scenario)?;
     check::warn(path, &scenario);

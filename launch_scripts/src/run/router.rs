@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use ros_runtime::exit::Failure;
 use ros_runtime::middleware::{Middleware, NOT_BUILT, RMW_ZENOH};
+use ros_runtime::security::{DDS_SHORTFALL, Security};
 use ros_runtime::service_mapping::RMW_IMPLEMENTATION;
 use rustix::process::{Pid, Signal, kill_process};
 
@@ -59,6 +60,25 @@ pub fn middleware(arguments: &RunArguments, processes: usize) -> Result<Middlewa
     ));
     Ok(Middleware::Dds)
 }
+
+/// Refuses a run whose messages must be protected and would not be.
+///
+/// # Errors
+/// Says what is missing, or which variable cannot be used.
+pub fn check_security(middleware: Middleware) -> Result<(), Failure> {
+    let shortfall = match middleware {
+        Middleware::Dds => DDS_SHORTFALL,
+        // Every process checks the file itself.
+        Middleware::Zenoh if variable(SESSION_FILE).is_some() => return Ok(()),
+        Middleware::Zenoh => NO_SESSION_FILE,
+    };
+    let security = Security::resolve(variable).map_err(Failure::bad_input)?;
+    security.without(shortfall).map_err(Failure::bad_input)
+}
+
+/// Why the messages of a run over Zenoh are not protected.
+const NO_SESSION_FILE: &str = "the router that `formation run` starts demands no certificates; start each program with the file of its \
+    role (docs/zenoh.md)";
 
 /// What carries the messages of a run.
 pub struct Carrier {

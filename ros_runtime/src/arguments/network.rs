@@ -7,6 +7,7 @@ use crate::environment::{self, DiscoveryRange, Domain, Environment, Overrides};
 use crate::exit::{self, Failure};
 use crate::logging;
 use crate::middleware::Middleware;
+use crate::security::Security;
 use crate::service_mapping::{RMW_IMPLEMENTATION, ServiceMapping};
 use crate::settings::Settings;
 
@@ -72,6 +73,7 @@ impl NetworkArguments {
         let middleware = Middleware::choose(self.middleware, implementation.as_deref())
             .check()
             .map_err(Failure::bad_input)?;
+        let security = Security::resolve(variable).map_err(Failure::bad_input)?;
         let service_mapping = match self.service_mapping {
             Some(mapping) => mapping,
             // Zenoh has one mapping of services.
@@ -82,6 +84,7 @@ impl NetworkArguments {
         };
         Ok(Settings {
             middleware,
+            security,
             interfaces: &[],
             environment,
             namespace,

@@ -1,11 +1,14 @@
 //! The configuration of Zenoh, from the variables that `rmw_zenoh_cpp` reads.
 
+use serde_json::Value;
 use zenoh::Config;
 
+use super::protection;
+
 /// The file of the configuration of sessions.
-const SESSION_FILE: &str = "ZENOH_SESSION_CONFIG_URI";
+pub(super) const SESSION_FILE: &str = "ZENOH_SESSION_CONFIG_URI";
 /// The file of the configuration of a router.
-const ROUTER_FILE: &str = "ZENOH_ROUTER_CONFIG_URI";
+pub(super) const ROUTER_FILE: &str = "ZENOH_ROUTER_CONFIG_URI";
 /// Values that replace those of either file: `key=value` with `;` between them.
 const OVERRIDE: &str = "ZENOH_CONFIG_OVERRIDE";
 
@@ -24,7 +27,7 @@ const SESSION: [(&str, &str); 4] = [
     ("connect/endpoints", "[\"tcp/localhost:7447\"]"),
     (
         "connect/retry",
-        "{period_init_ms: 200, period_max_ms: 1000, period_increase_factor: 2}",
+        "{\"period_init_ms\": 200, \"period_max_ms\": 1000, \"period_increase_factor\": 2}",
     ),
     (
         "transport/link/tx/queue/congestion_control/drop/wait_before_drop",
@@ -38,6 +41,31 @@ const ROUTER: [(&str, &str); 3] = [
     ("listen/endpoints", "[\"tcp/[::]:7447\"]"),
     ("scouting/delay", "0"),
 ];
+
+/// The settings of a session, for a file.
+///
+/// # Errors
+/// A default is no JSON.
+pub(super) fn session_defaults() -> Result<Value, String> {
+    as_value(&SESSION)
+}
+
+/// The settings of a router, for a file.
+///
+/// # Errors
+/// A default is no JSON.
+pub(super) fn router_defaults() -> Result<Value, String> {
+    as_value(&ROUTER)
+}
+
+fn as_value(defaults: &[(&str, &str)]) -> Result<Value, String> {
+    let mut settings = Value::Null;
+    for (key, value) in COMMON.iter().chain(defaults) {
+        let value = serde_json::from_str(value).map_err(|error| format!("{key}: {error}"))?;
+        protection::set(&mut settings, key, value);
+    }
+    Ok(settings)
+}
 
 /// The configuration of a session.
 ///

@@ -9,6 +9,8 @@ mod action;
 mod configuration;
 mod endpoints;
 mod names;
+pub mod protection;
+mod refusals;
 pub mod router;
 
 use std::rc::Weak;
@@ -105,6 +107,7 @@ impl ZenohGraph {
     pub(crate) fn join(settings: &Settings, identity: &NodeIdentity) -> Result<Self, SessionError> {
         let variable = |name: &str| std::env::var(name).ok();
         let config = configuration::of_session(variable).map_err(SessionError::BadInput)?;
+        protection::check_session(settings.security, &config)?;
         let interfaces = Interfaces::with(settings.interfaces).map_err(SessionError::Failed)?;
         let session = opened(&config)?;
         let domain = settings.environment.domain.number();

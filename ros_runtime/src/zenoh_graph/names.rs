@@ -55,7 +55,7 @@ pub(super) struct Place<'a> {
 }
 
 /// A name as one part of a key.
-fn mangled(name: &str) -> String {
+pub(super) fn mangled(name: &str) -> String {
     name.replace('/', "%")
 }
 

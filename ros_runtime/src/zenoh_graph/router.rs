@@ -2,7 +2,9 @@
 
 use zenoh::{Session, Wait};
 
-use super::{configuration, failed};
+pub use super::refusals::log as log_refusals;
+use super::{configuration, failed, protection};
+use crate::security::Security;
 use crate::session::SessionError;
 
 /// A router, which routes between all processes that connect to it until it is stopped or dropped.
@@ -16,7 +18,7 @@ impl Router {
     /// says, and connects to no other router.
     ///
     /// # Errors
-    /// An endpoint or the configuration cannot be used.
+    /// An endpoint or the configuration cannot be used, or security is demanded and the configuration lacks it.
     pub fn start(listen: &[String], connect: &[String]) -> Result<Self, SessionError> {
         let given = [("listen/endpoints", listen), ("connect/endpoints", connect)]
             .into_iter()
@@ -25,6 +27,8 @@ impl Router {
         let variable = |name: &str| std::env::var(name).ok();
         let config = configuration::of_router(&given.collect::<Vec<_>>(), variable)
             .map_err(SessionError::BadInput)?;
+        let security = Security::resolve(variable).map_err(SessionError::BadInput)?;
+        protection::check_router(security, &config)?;
         let listening = config.get_json("listen/endpoints").unwrap_or_default();
         let session = zenoh::open(config)
             .wait()
