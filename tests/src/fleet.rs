@@ -69,6 +69,8 @@ pub struct Fleet {
     stores: Option<TempDir>,
     /// The processes that report bodies as removed.
     reporters: Vec<Running>,
+    /// The router of all processes, if they run over Zenoh.
+    router: Option<String>,
 }
 
 impl Fleet {
@@ -94,7 +96,15 @@ impl Fleet {
             agents: BTreeMap::new(),
             stores: None,
             reporters: Vec::new(),
+            router: None,
         }
+    }
+
+    /// The same over Zenoh. Each process connects to the router at this endpoint, as seen from its own network.
+    #[must_use]
+    pub fn over_zenoh(mut self, router: &str) -> Self {
+        self.router = Some(router.to_owned());
+        self
     }
 
     /// The same with a store for each module, and with all modules named as founders.
@@ -279,9 +289,14 @@ impl Fleet {
     }
 
     fn started(&self, network: Option<&Namespace>, program: &str, arguments: &[&str]) -> Running {
-        match network {
-            None => Running::start(program, &self.domain, arguments),
-            Some(network) => Running::start_within(network, program, &self.domain, arguments),
+        let domain = &self.domain;
+        match (network, self.router.as_deref()) {
+            (None, None) => Running::start(program, domain, arguments),
+            (Some(network), None) => Running::start_within(network, program, domain, arguments),
+            (None, Some(router)) => Running::start_over_zenoh(router, program, domain, arguments),
+            (Some(network), Some(router)) => {
+                Running::start_over_zenoh_within(network, &[router], program, domain, arguments)
+            }
         }
     }
 

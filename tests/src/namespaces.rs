@@ -1,4 +1,4 @@
-//! Network namespaces, and a network of two sides that can be cut in between.
+//! Network namespaces, and a network of several sides that can be cut off one by one.
 //!
 //! A namespace lives as long as a process in it. Each is held by one that waits for the end of its input, so that it goes
 //! with the test, however that ends; no name is left behind anywhere.
@@ -150,30 +150,36 @@ impl Drop for Namespace {
     }
 }
 
-/// Two network namespaces with a switch between them.
+/// Network namespaces with a switch between them.
 pub struct Network {
     sides: Vec<Namespace>,
     hub: Namespace,
 }
 
 impl Network {
-    /// Two sides that reach each other; `None`, after a line that says so, where no namespace can be made.
+    /// This many sides that reach each other, at the addresses 10.77.0.1 and on; `None`, after a line that says so, where no namespace can be made.
     ///
     /// # Panics
     /// When none can be made and `FORMATION_REQUIRE_TOOLS` names namespaces.
     #[must_use]
-    pub fn with_two_sides() -> Option<Self> {
-        tool_or_skip(Tool::Namespaces, by_any_way(Self::made))
+    pub fn with_sides(count: usize) -> Option<Self> {
+        tool_or_skip(Tool::Namespaces, by_any_way(|way| Self::made(way, count)))
     }
 
-    fn made(way: Way) -> Result<Self, String> {
+    /// The address of a side.
+    #[must_use]
+    pub fn address(number: usize) -> String {
+        format!("10.77.0.{}", number + 1)
+    }
+
+    fn made(way: Way, count: usize) -> Result<Self, String> {
         let own = fs::read_link("/proc/self/ns/net").unwrap();
         let mut unshare = Command::new("unshare");
         unshare.args(way.make).arg("--");
         let hub = Namespace::held_by(unshare, way, std::slice::from_ref(&own))?;
         let taken = [own, hub.identity().unwrap_or_default()];
         let mut sides = Vec::new();
-        for _ in 0..2 {
+        for _ in 0..count {
             let mut within = hub.command();
             within.args(["unshare", "--net", "--"]);
             sides.push(Namespace::held_by(within, way, &taken)?);
@@ -187,19 +193,20 @@ impl Network {
             ))?;
             hub.ip(&format!("link set port{number} master hub up"))?;
             side.ip("link set lo up")?;
-            side.ip(&format!("address add 10.77.0.{}/24 dev eth0", number + 1))?;
+            let address = Self::address(number);
+            side.ip(&format!("address add {address}/24 dev eth0"))?;
             side.ip("link set eth0 up")?;
         }
         Ok(Self { sides, hub })
     }
 
-    /// One side, 0 or 1.
+    /// One side, from 0 on.
     #[must_use]
     pub fn side(&self, number: usize) -> &Namespace {
         &self.sides[number]
     }
 
-    /// Nothing passes between the sides any more; within each, all goes on.
+    /// Nothing passes between side 1 and the others any more; within each, all goes on.
     pub fn cut(&self) {
         self.hub.ip("link set port1 nomaster").unwrap();
     }

@@ -115,10 +115,34 @@ impl Running {
     /// Starts a program on a domain over Zenoh, with the router at this endpoint.
     #[must_use]
     pub fn start_over_zenoh(router: &str, name: &str, domain: &str, arguments: &[&str]) -> Self {
-        let mut command = Command::new(program(name));
+        let command = Command::new(program(name));
+        Self::spawn_over_zenoh(command, &[router], name, domain, arguments)
+    }
+
+    /// The same in a network of its own, with the first of these routers that can be reached.
+    #[must_use]
+    pub fn start_over_zenoh_within(
+        network: &Namespace,
+        routers: &[&str],
+        name: &str,
+        domain: &str,
+        arguments: &[&str],
+    ) -> Self {
+        let mut command = network.command();
+        command.arg(program(name));
+        Self::spawn_over_zenoh(command, routers, name, domain, arguments)
+    }
+
+    fn spawn_over_zenoh(
+        mut command: Command,
+        routers: &[&str],
+        name: &str,
+        domain: &str,
+        arguments: &[&str],
+    ) -> Self {
         command.args(["--middleware", "zenoh"]).env(
             "ZENOH_CONFIG_OVERRIDE",
-            format!("connect/endpoints=[\"{router}\"]"),
+            format!("connect/endpoints={routers:?}"),
         );
         Self::spawn(command, name, domain, arguments, "LOCALHOST")
     }

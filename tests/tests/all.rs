@@ -24,6 +24,7 @@ mod rtps;
 mod runs;
 mod security;
 mod services;
+mod several_machines;
 mod terminal;
 mod visualiser;
 #[cfg(feature = "zenoh")]

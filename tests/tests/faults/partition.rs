@@ -36,7 +36,7 @@ const MINORITY: [u32; 2] = [4, 5];
 #[test]
 fn the_majority_finishes_the_minority_waits_and_healing_gives_one_formation() {
     let domain = &*Domain::for_processes(7);
-    let Some(network) = Network::with_two_sides() else {
+    let Some(network) = Network::with_sides(2) else {
         return;
     };
     let sides = [network.side(0), network.side(1)];
