@@ -19,13 +19,13 @@ pub fn free_port() -> u16 {
 }
 
 /// A router on a free port of loopback.
-struct Router {
+pub struct Router {
     process: Running,
     port: u16,
 }
 
 impl Router {
-    fn start(domain: &str) -> Self {
+    pub fn start(domain: &str) -> Self {
         Self::on(free_port(), domain)
     }
 
@@ -37,9 +37,13 @@ impl Router {
         Self { process, port }
     }
 
+    /// Where it listens.
+    pub fn endpoint(&self) -> String {
+        format!("tcp/127.0.0.1:{}", self.port)
+    }
+
     fn run(&self, name: &str, domain: &str, arguments: &[&str]) -> Running {
-        let endpoint = format!("tcp/127.0.0.1:{}", self.port);
-        Running::start_over_zenoh(&endpoint, name, domain, arguments)
+        Running::start_over_zenoh(&self.endpoint(), name, domain, arguments)
     }
 }
 

@@ -77,12 +77,16 @@ fn random_moment(random: &mut Random) -> Moment {
     [Moment::Gathering, Moment::Planning, Moment::Acting][random.index(3)]
 }
 
-/// Forms with spares and kills at most five modules at moments drawn from the seed: one while they first form, then, again
-/// and again, one that has settled and another while the others recover from that.
+/// Forms with spares over DDS, and kills as [`kill_some`] does.
 fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
     let domain = &*Domain::for_processes(12);
+    kill_some(Fleet::new("kills", SPARES, domain, timing), seed, kills)
+}
+
+/// Forms and kills at most five modules at moments drawn from the seed: one while they first form, then, again and again, one
+/// that has settled and another while the others recover from that.
+fn kill_some(mut fleet: Fleet, seed: u64, kills: usize) -> Vec<Recovery> {
     let mut random = Random::from_seed(seed);
-    let mut fleet = Fleet::new("kills", SPARES, domain, timing);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let marks = fleet.marks();
@@ -133,6 +137,16 @@ fn report_times(recoveries: &[Recovery]) {
 #[test]
 fn three_kills_at_random_moments_leave_no_hole() {
     let recoveries = run_with_kills(Timing::Quick, 1, 3);
+    report_times(&recoveries);
+}
+
+#[cfg(feature = "zenoh")]
+#[test]
+fn three_kills_over_zenoh_leave_no_hole() {
+    let domain = &*Domain::for_processes(13);
+    let router = crate::zenoh::Router::start(domain);
+    let fleet = Fleet::new("zenoh kills", SPARES, domain, Timing::Quick);
+    let recoveries = kill_some(fleet.over_zenoh(&router.endpoint()), 1, 3);
     report_times(&recoveries);
 }
 

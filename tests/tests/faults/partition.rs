@@ -3,6 +3,8 @@
 use std::thread;
 use std::time::{Duration, Instant};
 
+#[cfg(feature = "zenoh")]
+use formation_tests::Running;
 use formation_tests::{Domain, Fleet, Network, Timing};
 
 use super::PATIENCE;
@@ -39,8 +41,33 @@ fn the_majority_finishes_the_minority_waits_and_healing_gives_one_formation() {
     let Some(network) = Network::with_sides(2) else {
         return;
     };
+    cut_and_heal(&network, Fleet::new("cut", FIVE, domain, Timing::Quick));
+}
+
+/// Over Zenoh, each side has a router, and the cut is between these.
+#[cfg(feature = "zenoh")]
+#[test]
+fn a_router_that_is_cut_from_another_leaves_its_side_waiting_until_both_are_one_again() {
+    let domain = &*Domain::for_processes(9);
+    let Some(network) = Network::with_sides(2) else {
+        return;
+    };
+    let other = format!("tcp/{}:7447", Network::address(0));
+    let links: [&[&str]; 2] = [&[], &["--connect", &other]];
+    let _routers = [0, 1].map(|side| {
+        let arguments = [&["router", "--listen", "tcp/0.0.0.0:7447"], links[side]].concat();
+        let router = Running::start_within(network.side(side), "formation", domain, &arguments);
+        let routing = router.wait_for_log(0, "routing on", PATIENCE);
+        assert!(routing.is_some(), "{:?}", router.log_since(0));
+        router
+    });
+    let fleet = Fleet::new("zenoh cut", FIVE, domain, Timing::Quick);
+    cut_and_heal(&network, fleet.over_zenoh("tcp/127.0.0.1:7447"));
+}
+
+/// Cuts the network while the first unit is on its way, and heals it when the majority has formed.
+fn cut_and_heal(network: &Network, mut fleet: Fleet) {
     let sides = [network.side(0), network.side(1)];
-    let mut fleet = Fleet::new("cut", FIVE, domain, Timing::Quick);
     let judges = sides.map(|side| fleet.judge(Some(side)));
     let _announcer = fleet.announce(Some(sides[0]));
     let marks = fleet.marks();
