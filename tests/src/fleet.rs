@@ -293,7 +293,9 @@ impl Fleet {
         match (network, self.router.as_deref()) {
             (None, None) => Running::start(program, domain, arguments),
             (Some(network), None) => Running::start_within(network, program, domain, arguments),
-            (None, Some(router)) => Running::start_over_zenoh(router, program, domain, arguments),
+            (None, Some(router)) => {
+                Running::start_over_zenoh(&[router], program, domain, arguments)
+            }
             (Some(network), Some(router)) => {
                 Running::start_over_zenoh_within(network, &[router], program, domain, arguments)
             }

@@ -112,14 +112,19 @@ impl Running {
         Self::spawn(command, name, domain, arguments, "SUBNET")
     }
 
-    /// Starts a program on a domain over Zenoh, with the router at this endpoint.
+    /// Starts a program on a domain over Zenoh, with the first of the routers at these endpoints that can be reached.
     #[must_use]
-    pub fn start_over_zenoh(router: &str, name: &str, domain: &str, arguments: &[&str]) -> Self {
+    pub fn start_over_zenoh(
+        routers: &[&str],
+        name: &str,
+        domain: &str,
+        arguments: &[&str],
+    ) -> Self {
         let command = Command::new(program(name));
-        Self::spawn_over_zenoh(command, &[router], name, domain, arguments)
+        Self::spawn_over_zenoh(command, routers, name, domain, arguments)
     }
 
-    /// The same in a network of its own, with the first of these routers that can be reached.
+    /// The same in a network of its own.
     #[must_use]
     pub fn start_over_zenoh_within(
         network: &Namespace,

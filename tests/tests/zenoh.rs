@@ -26,12 +26,18 @@ pub struct Router {
 
 impl Router {
     pub fn start(domain: &str) -> Self {
-        Self::on(free_port(), domain)
+        Self::on(free_port(), domain, &[])
     }
 
-    fn on(port: u16, domain: &str) -> Self {
+    /// A router on this port that connects to others.
+    fn on(port: u16, domain: &str, others: &[&Self]) -> Self {
         let endpoint = format!("tcp/127.0.0.1:{port}");
-        let process = Running::start("formation", domain, &["router", "--listen", &endpoint]);
+        let others: Vec<String> = others.iter().map(|other| other.endpoint()).collect();
+        let mut arguments = vec!["router", "--listen", &endpoint];
+        for other in &others {
+            arguments.extend(["--connect", other]);
+        }
+        let process = Running::start("formation", domain, &arguments);
         let routing = process.wait_for_log(0, "routing on", PATIENCE);
         assert!(routing.is_some(), "{:?}", process.log_since(0));
         Self { process, port }
@@ -43,7 +49,7 @@ impl Router {
     }
 
     fn run(&self, name: &str, domain: &str, arguments: &[&str]) -> Running {
-        Running::start_over_zenoh(&self.endpoint(), name, domain, arguments)
+        Running::start_over_zenoh(&[&self.endpoint()], name, domain, arguments)
     }
 }
 
@@ -129,7 +135,7 @@ fn a_formation_goes_on_when_its_router_is_killed_and_restarted() {
         let halted = half.wait_for_log(0, "halted: agreement of modules", PATIENCE);
         assert!(halted.is_some(), "{:?}", half.log_since(0));
     }
-    let _router = Router::on(port, domain);
+    let _router = Router::on(port, domain, &[]);
     let verdict = verifier.finish(PATIENCE);
     assert_eq!(
         verdict.last_json()["verdict"]["outcome"],
@@ -137,4 +143,47 @@ fn a_formation_goes_on_when_its_router_is_killed_and_restarted() {
         "{}",
         verdict.stdout
     );
+}
+
+#[test]
+fn a_formation_goes_on_over_another_router_when_one_is_killed() {
+    let domain = &*Domain::for_processes(6);
+    let mut first = Router::start(domain);
+    let second = Router::on(free_port(), domain, &[&first]);
+    let [both, reversed] =
+        [[&first, &second], [&second, &first]].map(|routers| routers.map(Router::endpoint));
+    let run = |routers: &[String; 2], name: &str, arguments: &[&str]| {
+        let routers: [&str; 2] = [&routers[0], &routers[1]];
+        Running::start_over_zenoh(&routers, name, domain, arguments)
+    };
+    let scenario = scenario_path("singletons_10");
+    let scenario = ["--scenario", scenario.to_str().unwrap()];
+    let verifier = run(
+        &reversed,
+        "verifier",
+        &[&scenario[..], &["--json"]].concat(),
+    );
+    let halves = [("1-5", &both), ("6-10", &reversed)].map(|(modules, routers)| {
+        let hosted = ["--modules", modules, "--speed", "0.5"];
+        run(routers, "module_agent", &[&scenario[..], &hosted].concat())
+    });
+    let _publisher = run(&reversed, "target_publisher", &scenario);
+    for half in &halves {
+        let moving = half.wait_for_log(0, "moving to spot", PATIENCE);
+        assert!(moving.is_some(), "{:?}", half.log_since(0));
+    }
+    first.process.kill();
+    let changed = halves[0].wait_for_log(0, "connected to a router again", PATIENCE);
+    assert!(changed.is_some(), "{:?}", halves[0].log_since(0));
+    let verdict = verifier.finish(PATIENCE);
+    assert_eq!(
+        verdict.last_json()["verdict"]["outcome"],
+        "COMPLETE",
+        "{}",
+        verdict.stdout
+    );
+    // The half with the other router never lost it.
+    let log = halves[1].log_since(0);
+    let has_changed = log.iter().any(|line| line.text.contains("router again"));
+    assert!(!has_changed, "{log:?}");
 }

@@ -120,7 +120,7 @@ fn strangers_are_refused_and_roles_keep_to_their_topics_and_services() {
     let Some(python) = Python::with_zenoh() else {
         return;
     };
-    let domain = &*Domain::for_processes(8);
+    let domain = &*Domain::for_processes(10);
     let protected = Protected::new(domain);
     let router = protected.router();
     let scenario = scenario_path("singletons_10");
@@ -131,6 +131,12 @@ fn strangers_are_refused_and_roles_keep_to_their_topics_and_services() {
         let hosted = [&scenario[..], &["--modules", modules, "--speed", "0.3"]].concat();
         protected.run("module", "module_agent", &hosted)
     });
+    let recording = protected.folder.path().join("run.mcap");
+    let recording = recording.to_str().unwrap();
+    let _observers = [
+        protected.run("observer", "recorder", &[recording]),
+        protected.run("observer", "visualiser", &[]),
+    ];
     let _publisher = protected.run("publisher", "target_publisher", &scenario);
     for half in &halves {
         let moving = half.wait_for_log(0, "moving to spot", PATIENCE);
