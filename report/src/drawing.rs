@@ -242,7 +242,7 @@ pub(crate) fn body(side: f64, look: &Look, turn: f64) -> Element {
                 .with("fill", format!("url(#{pattern})")),
         );
     }
-    let (tip, back, half) = (side * 0.62, side * 0.44, side * 0.16);
+    let (tip, back, half) = (side * 0.56, side * 0.42, side * 0.13);
     body.push(Element::new("path").with("class", "heading").with(
         "d",
         format!(

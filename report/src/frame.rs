@@ -13,7 +13,7 @@ const GRID_GAP_MIN: f64 = 20.0;
 const NUMBER_GAP_MIN: f64 = 44.0;
 
 /// The side of a module's square, in units: less than any body has, so that the lines of links show between docked modules.
-const MODULE_UNITS: f64 = 0.72;
+const MODULE_UNITS: f64 = 0.9;
 /// The minimum side of a module's square.
 const MODULE_MIN: f64 = 7.0;
 

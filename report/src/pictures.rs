@@ -12,8 +12,11 @@ use crate::subject::{Module, Spot, Subject};
 /// The style sheet of the pictures, for light and dark surroundings.
 pub(crate) const STYLE: &str = include_str!("../assets/picture.css");
 
-/// The height of the title and the subtitle above the ground.
+/// The height of the title and of one line of subtitle above the ground.
 const HEAD: f64 = 62.0;
+/// The size of the subtitle's letters, and the distance of its lines.
+const SUBTITLE: f64 = 13.0;
+const LINE_HEIGHT: f64 = 17.0;
 const RIGHT: f64 = 18.0;
 /// The title and the legend need this width.
 const GROUND_WIDTH_MIN: f64 = 460.0;
@@ -130,17 +133,29 @@ fn on_paper(
     let width = LEFT + frame.width + RIGHT;
     let text_width = width - 2.0 * legend::INSET;
     let (legend, legend_height) = legend::draw(entries, frame, text_width);
-    let legend_top = HEAD + frame.height + BELOW;
+    let lines = wrapped(subtitle, text_width, SUBTITLE);
+    let added: f64 = lines.iter().skip(1).map(|_| LINE_HEIGHT).sum();
+    let legend_top = HEAD + added + frame.height + BELOW;
     let height = legend_top + legend_height + legend::INSET;
-    let text = |class: &str, y: u32, text: &str, size: f64| {
+    let text = |class: &str, y: f64, text: &str| {
         Element::new("text")
             .with("class", class)
             .with("x", legend::INSET)
-            .with("y", y)
-            .saying(cut(text, text_width, size))
+            .with("y", Short(y))
+            .saying(text)
     };
+    let title = cut(subject.title(), text_width, 19.0);
+    let mut baseline = 49.0 - LINE_HEIGHT;
+    let subtitle_lines = lines.iter().map(|line| {
+        baseline += LINE_HEIGHT;
+        text("subtitle", baseline, line)
+    });
+    let lowered = format!("translate(0 {})", Short(added));
+    let ground = Element::group("lowered")
+        .with("transform", lowered)
+        .containing(ground);
     let legend_place = format!("translate({} {})", legend::INSET, Short(legend_top));
-    let root = Element::new("svg")
+    let mut root = Element::new("svg")
         .with("xmlns", "http://www.w3.org/2000/svg")
         .with("viewBox", format!("0 0 {} {}", Short(width), Short(height)))
         .with("width", Short(width))
@@ -150,27 +165,30 @@ fn on_paper(
         .containing(Element::new("style").saying(""))
         .containing(drawing::patterns())
         .containing(drawing::rectangle("paper", width, height))
-        .containing(text("title", 28, subject.title(), 19.0))
-        .containing(text("subtitle", 49, subtitle, 13.0))
-        .containing(ground)
-        .containing(legend.with("transform", legend_place));
+        .containing(text("title", 28.0, &title));
+    root.extend(subtitle_lines);
+    root.extend([ground, legend.with("transform", legend_place)]);
     // The style sheet contains characters that the escaping of text would change.
     let style = format!("<style>{STYLE}</style>");
     root.to_string().replacen("<style></style>", &style, 1)
 }
 
-/// Text cut to `width`, for letters of this size with the widths of common fonts.
+/// The width of a letter of common fonts, as a part of its size.
+fn letter_width(letter: char) -> f64 {
+    match letter {
+        'm' | 'w' | 'M' | 'W' | '@' | '%' => 0.95,
+        letter if letter.is_ascii_uppercase() => 0.75,
+        letter if letter.is_ascii() => 0.62,
+        _ => 1.05,
+    }
+}
+
+/// Text cut to `width`, for letters of this size.
 fn cut(text: &str, width: f64, size: f64) -> String {
     let mut left = width - size;
     let mut end = text.len();
     for (index, letter) in text.char_indices() {
-        left -= size
-            * match letter {
-                'm' | 'w' | 'M' | 'W' | '@' | '%' => 0.95,
-                letter if letter.is_ascii_uppercase() => 0.75,
-                letter if letter.is_ascii() => 0.62,
-                _ => 1.05,
-            };
+        left -= size * letter_width(letter);
         if left < 0.0 {
             end = end.min(index);
         }
@@ -180,4 +198,26 @@ fn cut(text: &str, width: f64, size: f64) -> String {
     } else {
         format!("{}…", &text[..end])
     }
+}
+
+/// Text in lines of at most `width`, for letters of this size; a longer word has a line of its own.
+fn wrapped(text: &str, width: f64, size: f64) -> Vec<String> {
+    let mut lines: Vec<String> = Vec::new();
+    let mut left = 0.0;
+    for word in text.split(' ') {
+        let needed: f64 = word.chars().map(letter_width).sum::<f64>() * size;
+        let space = size * letter_width(' ');
+        match lines.last_mut() {
+            Some(line) if needed + space <= left => {
+                line.push(' ');
+                line.push_str(word);
+                left -= needed + space;
+            }
+            _ => {
+                lines.push(word.to_owned());
+                left = width - needed;
+            }
+        }
+    }
+    lines
 }
