@@ -128,7 +128,7 @@ def watched(formation, scenario, domain):
     for what, parts in {
         "who joins": [r"joined  \S+  \d/7"],
         "the phases": [r"gathering → planning → agreeing → \[acting\] → done"],
-        "who waits for whom": [r"now +\S.* go(es)? to spots? \d", r"next +\S.* waits? for \d"],
+        "whose turn it is or who is on the way": [r"now +\S.* (decides?|(is|are) on (its|their) way)"],
         "the map with a module on its way": [r">\d", r"\[4\] settled"],
         "the map with settled modules": [r"\[\d\]\[\d\]"],
         "turns": [r"\d s +Turn 1: .* takes? spots? \d"],
@@ -167,7 +167,7 @@ def from_elsewhere(formation, scenario, domain):
     for what, parts in {
         "the phases": [r"planning → agreeing → \[acting\] → done"],
         "the name of the target": [r"mcs-detach"],
-        "whose motion is next, by the plan": [r"now +\S.* go(es)? to spots? \d"],
+        "who moves, by the plan": [r"now +\S.* (is|are) on (its|their) way"],
         "the map with a module on its way": [r">\d", r"\[4\] settled"],
     }.items():
         check(terminal.showed(*parts), f"never shown: {what}:\n" + "\n".join(terminal.shown[-8:]))

@@ -231,9 +231,14 @@ fn assert_next_to_parents(
 }
 
 pub fn cases(seeds: std::ops::Range<u64>) -> impl Iterator<Item = Case> {
-    seeds.map(|seed| {
+    cases_up_to(60, seeds)
+}
+
+/// Cases of 5 to so many modules.
+pub fn cases_up_to(modules_max: usize, seeds: std::ops::Range<u64>) -> impl Iterator<Item = Case> {
+    seeds.map(move |seed| {
         let mut numbers = Numbers(seed);
-        let modules = 5 + numbers.below(56);
+        let modules = 5 + numbers.below(modules_max - 4);
         let groupings = [
             Grouping::Singletons,
             Grouping::Mixed,

@@ -259,15 +259,7 @@ impl Node for Watcher<'_> {
     }
 
     fn due(&self) -> Option<Instant> {
-        let limit = match self.verdict {
-            Some(_) => ENDED_AFTER,
-            None => SILENCE_MAX,
-        };
-        let dues = [
-            self.look_at,
-            self.display.due(),
-            Some(self.received + limit),
-        ];
+        let dues = [self.look_at, self.display.due(), Some(self.silent_at())];
         dues.into_iter().flatten().min()
     }
 
@@ -327,17 +319,32 @@ impl Watcher<'_> {
         }
     }
 
-    /// COMPLETE ends a formation. Other verdicts may be replaced while messages come.
-    fn find_end(&mut self, now: Instant) -> Option<End> {
+    /// The verdict on the present epoch, if there is one.
+    fn verdict(&self) -> Option<&Verdict> {
         let epoch = formation_msgs::Epoch::from(self.observer.current_epoch().as_ref());
-        let is_silent_for = |limit| now >= self.received + limit;
-        let verdict = self.verdict.as_ref().filter(|verdict| {
-            let is_complete = verdict.outcome == Verdict::OUTCOME_COMPLETE;
-            verdict.epoch == epoch && (is_complete || is_silent_for(ENDED_AFTER))
-        });
-        match verdict {
-            Some(verdict) => Some(End::Judged(Box::new(verdict.clone()))),
-            None => is_silent_for(SILENCE_MAX).then_some(End::Silent),
+        self.verdict
+            .as_ref()
+            .filter(|verdict| verdict.epoch == epoch)
+    }
+
+    /// When the formation has been silent for so long that it has ended, unless a message comes before.
+    fn silent_at(&self) -> Instant {
+        self.received
+            + match self.verdict() {
+                Some(_) => ENDED_AFTER,
+                None => SILENCE_MAX,
+            }
+    }
+
+    /// COMPLETE ends a formation. Other verdicts may be replaced while messages come.
+    fn find_end(&self, now: Instant) -> Option<End> {
+        let is_silent = now >= self.silent_at();
+        match self.verdict() {
+            Some(verdict) if is_silent || verdict.outcome == Verdict::OUTCOME_COMPLETE => {
+                Some(End::Judged(Box::new(verdict.clone())))
+            }
+            Some(_) => None,
+            None => is_silent.then_some(End::Silent),
         }
     }
 }

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use ::console::truncate_str;
-use formation::model::FormationStage;
+use formation::model::{FormationStage, ModuleId};
 use ros_runtime::exit::one_line;
 
 use super::map::map;
@@ -140,6 +140,9 @@ fn bars(watched: &Watched, columns: usize, style: Style) -> Vec<String> {
 
 /// Which unit is next and which units wait, by the plan where the run follows it, else as the verifier reports.
 fn waiting(watched: &Watched, style: Style) -> Vec<String> {
+    if let Some((moving, waiting)) = watched.on_paths() {
+        return on_paths(&moving, &waiting, style);
+    }
     let queue = watched.queue();
     let Some((first, rest)) = queue.split_first() else {
         let progress = watched.progress.as_ref();
@@ -180,6 +183,27 @@ fn waiting(watched: &Watched, style: Style) -> Vec<String> {
         lines.push(format!("  {more}"));
     }
     lines
+}
+
+/// Who moves along paths and who waits.
+fn on_paths(moving: &[ModuleId], waiting: &[ModuleId], style: Style) -> Vec<String> {
+    let line = |label, modules: &[ModuleId], one, several| {
+        let verb = if modules.len() == 1 { one } else { several };
+        let text = format!("  {label}  {} {verb}", numbers(modules));
+        (!modules.is_empty()).then_some(text)
+    };
+    let now = style.paint("now ", Paint::Bold);
+    let next = style.paint("next", Paint::Dim);
+    let lines = [
+        line(now, moving, "is on its way", "are on their way"),
+        line(
+            next,
+            waiting,
+            "waits until the way is free",
+            "wait until the way is free",
+        ),
+    ];
+    lines.into_iter().flatten().collect()
 }
 
 #[cfg(test)]

@@ -1,6 +1,6 @@
 //! What is known of a run while it is watched.
 
-use std::collections::{BTreeMap, VecDeque};
+use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
 use formation::event_log::{Entry, Scene};
@@ -110,8 +110,8 @@ impl Watched {
         }
     }
 
-    /// The units whose turn or motion is still to come, in their order; empty where the run does not follow the offline
-    /// plan.
+    /// The units whose turn or motion in straight lines is still to come, in their order; empty where the run does not follow
+    /// the offline plan.
     pub fn queue(&self) -> Vec<Waiting> {
         let followed = self.plan.as_ref();
         let Some(plan) = followed.filter(|plan| self.scene.epoch().is_some() && self.follows(plan))
@@ -145,6 +145,24 @@ impl Watched {
                 modules,
             })
             .collect()
+    }
+
+    /// While modules move along paths, all at the same time: those that are on their way, and those that wait for others.
+    pub fn on_paths(&self) -> Option<(Vec<ModuleId>, Vec<ModuleId>)> {
+        let plan = self.plan.as_ref().filter(|plan| self.follows(plan))?;
+        if !self.is_acting() || plan.motion.paths().is_none() {
+            return None;
+        }
+        let holders: BTreeSet<ModuleId> = self.scene.holders().values().copied().collect();
+        let in_phase = |wanted| {
+            let modules = holders.iter().copied();
+            let modules = modules.filter(|&module| self.scene.phase_of(module) == Some(wanted));
+            modules.collect()
+        };
+        Some((
+            in_phase(ModulePhase::Moving),
+            in_phase(ModulePhase::Waiting),
+        ))
     }
 
     /// Whether the epoch began as a plan does and every decision so far is the one that the plan has.
