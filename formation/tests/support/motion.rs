@@ -234,7 +234,7 @@ pub fn cases(seeds: std::ops::Range<u64>) -> impl Iterator<Item = Case> {
     cases_up_to(60, seeds)
 }
 
-/// Cases of 5 to so many modules.
+/// Cases of 5 to `modules_max` modules.
 pub fn cases_up_to(modules_max: usize, seeds: std::ops::Range<u64>) -> impl Iterator<Item = Case> {
     seeds.map(move |seed| {
         let mut numbers = Numbers(seed);

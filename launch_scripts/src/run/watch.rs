@@ -327,7 +327,7 @@ impl Watcher<'_> {
             .filter(|verdict| verdict.epoch == epoch)
     }
 
-    /// When the formation has been silent for so long that it has ended, unless a message comes before.
+    /// When the silence of the formation means that it has ended, unless a message comes before.
     fn silent_at(&self) -> Instant {
         self.received
             + match self.verdict() {
