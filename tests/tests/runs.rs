@@ -37,8 +37,8 @@ fn two_runs_that_start_at_once_with_default_options_both_form() {
 fn a_run_is_refused_in_a_domain_that_another_run_has_and_takes_it_afterwards() {
     let domain = &*Domain::for_processes(9);
     let first = start(domain, &["--session", "77", "--speed", "0.2"]);
-    let planning = first.wait_for_log(0, "gathering: ", PATIENCE);
-    assert!(planning.is_some(), "{:?}", first.log_since(0));
+    let joined = first.wait_for_log(0, ": joined 7/7", PATIENCE);
+    assert!(joined.is_some(), "{:?}", first.log_since(0));
     let refused = start(domain, &[]).finish(PATIENCE);
     assert_eq!(refused.status, 2, "{}", refused.stderr);
     let expected = format!(
@@ -75,8 +75,8 @@ fn a_run_is_refused_in_a_domain_of_modules_that_were_started_without_a_launcher(
 fn a_run_is_watched_until_its_verdict_or_until_a_signal() {
     let domain = &*Domain::for_processes(11);
     let run = start(domain, &["--session", "78", "--speed", "1.5"]);
-    let gathering = run.wait_for_log(0, "gathering: ", PATIENCE);
-    assert!(gathering.is_some(), "{:?}", run.log_since(0));
+    let joined = run.wait_for_log(0, ": joined 7/7", PATIENCE);
+    assert!(joined.is_some(), "{:?}", run.log_since(0));
     let watch = || Running::start("formation", domain, &["watch"]);
     let (whole, part) = (watch(), watch());
     for watch in [&whole, &part] {
