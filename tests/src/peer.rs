@@ -108,13 +108,17 @@ impl Peer {
     }
 
     /// Waits for a pose of a module that came after `since`, among the samples of `module_states`.
+    #[track_caller]
     pub fn await_pose_of(&self, module: u32, since: Instant) {
         let came = self.output.wait_for(0, PATIENCE, |line| {
             pose_in(line, module).filter(|(at, _)| *at >= since)
         });
         assert!(
             came.is_some(),
-            "no pose of module {module} came; {}",
+            "no pose of module {module} came after {since:?}, but before {:?}; {} samples in all, the last at {:?}; {}",
+            self.poses_of(module),
+            self.output.len(),
+            self.output.since(0).last().map(|line| line.at),
             self.missing_package()
         );
     }
