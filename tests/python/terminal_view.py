@@ -128,7 +128,8 @@ def watched(formation, scenario, domain):
     for what, parts in {
         "who joins": [r"joined  \S+  \d/7"],
         "the phases": [r"gathering → planning → agreeing → \[acting\] → done"],
-        "whose turn it is or who is on the way": [r"now +\S.* (decides?|(is|are) on (its|their) way)"],
+        "who waits before all move": [r"next +\S.* waits?\s*(\n|$)"],
+        "who moves, by the plan": [r"now +\S.* (is|are) on (its|their) way"],
         "the map with a module on its way": [r">\d", r"\[4\] settled"],
         "the map with settled modules": [r"\[\d\]\[\d\]"],
         "turns": [r"\d s +Turn 1: .* takes? spots? \d"],

@@ -11,6 +11,9 @@ use serde_json::Value;
 use crate::namespaces::Namespace;
 use crate::transcript::{Line, Transcript};
 
+/// The longest time that a router takes to start.
+const ROUTING_MAX: Duration = Duration::from_secs(60);
+
 /// The root of the repository.
 #[must_use]
 pub fn root() -> &'static Path {
@@ -136,6 +139,34 @@ impl Running {
         let mut command = network.command();
         command.arg(program(name));
         Self::spawn_over_zenoh(command, routers, name, domain, arguments)
+    }
+
+    /// Starts a router of Zenoh that listens at this endpoint and connects to these other ones, on a network of its own or on
+    /// loopback, and waits until it routes.
+    #[must_use]
+    pub fn start_router(
+        network: Option<&Namespace>,
+        domain: &str,
+        listen: &str,
+        others: &[&str],
+    ) -> Self {
+        let mut arguments = vec!["router", "--listen", listen];
+        for other in others {
+            arguments.extend(["--connect", other]);
+        }
+        let router = match network {
+            Some(network) => Self::start_within(network, "formation", domain, &arguments),
+            None => Self::start("formation", domain, &arguments),
+        };
+        router.await_routing()
+    }
+
+    /// Waits until a router routes.
+    #[must_use]
+    pub fn await_routing(self) -> Self {
+        let routing = self.wait_for_log(0, "routing on", ROUTING_MAX);
+        assert!(routing.is_some(), "{:?}", self.log_since(0));
+        self
     }
 
     fn spawn_over_zenoh(

@@ -57,19 +57,6 @@ fn four_machines_form_over_dds_on_one_subnet() {
     });
 }
 
-/// Starts a router on a machine, which connects to these other ones.
-#[cfg(feature = "zenoh")]
-fn router(machine: &Namespace, domain: &str, others: &[&str]) -> Running {
-    let mut arguments = vec!["router", "--listen", "tcp/0.0.0.0:7447"];
-    for other in others {
-        arguments.extend(["--connect", other]);
-    }
-    let router = Running::start_within(machine, "formation", domain, &arguments);
-    let routing = router.wait_for_log(0, "routing on", PATIENCE);
-    assert!(routing.is_some(), "{:?}", router.log_since(0));
-    router
-}
-
 #[cfg(feature = "zenoh")]
 #[test]
 fn four_machines_form_over_zenoh_with_two_routers() {
@@ -78,8 +65,11 @@ fn four_machines_form_over_zenoh_with_two_routers() {
         return;
     };
     let [first, second] = [2, 3].map(|side| format!("tcp/{}:7447", Network::address(side)));
-    let _first = router(network.side(2), domain, &[]);
-    let _second = router(network.side(3), domain, &[&first]);
+    let router = |side, others: &[&str]| {
+        Running::start_router(Some(network.side(side)), domain, "tcp/0.0.0.0:7447", others)
+    };
+    let _first = router(2, &[]);
+    let _second = router(3, &[&first]);
     // The agents of the two machines prefer different routers, so that messages pass both.
     let orders = [[&*first, &*second], [&*second, &*first]];
     forms_as_planned(&network, domain, |machine, program, arguments| {

@@ -33,13 +33,8 @@ impl Router {
     fn on(port: u16, domain: &str, others: &[&Self]) -> Self {
         let endpoint = format!("tcp/127.0.0.1:{port}");
         let others: Vec<String> = others.iter().map(|other| other.endpoint()).collect();
-        let mut arguments = vec!["router", "--listen", &endpoint];
-        for other in &others {
-            arguments.extend(["--connect", other]);
-        }
-        let process = Running::start("formation", domain, &arguments);
-        let routing = process.wait_for_log(0, "routing on", PATIENCE);
-        assert!(routing.is_some(), "{:?}", process.log_since(0));
+        let others: Vec<&str> = others.iter().map(String::as_str).collect();
+        let process = Running::start_router(None, domain, &endpoint, &others);
         Self { process, port }
     }
 
@@ -51,6 +46,16 @@ impl Router {
     fn run(&self, name: &str, domain: &str, arguments: &[&str]) -> Running {
         Running::start_over_zenoh(&[&self.endpoint()], name, domain, arguments)
     }
+}
+
+fn assert_complete(verifier: Running) {
+    let finished = verifier.finish(PATIENCE);
+    let verdict = finished.last_json();
+    assert_eq!(
+        verdict["verdict"]["outcome"], "COMPLETE",
+        "{}",
+        finished.stdout
+    );
 }
 
 #[test]
@@ -136,13 +141,7 @@ fn a_formation_goes_on_when_its_router_is_killed_and_restarted() {
         assert!(halted.is_some(), "{:?}", half.log_since(0));
     }
     let _router = Router::on(port, domain, &[]);
-    let verdict = verifier.finish(PATIENCE);
-    assert_eq!(
-        verdict.last_json()["verdict"]["outcome"],
-        "COMPLETE",
-        "{}",
-        verdict.stdout
-    );
+    assert_complete(verifier);
 }
 
 #[test]
@@ -175,13 +174,7 @@ fn a_formation_goes_on_over_another_router_when_one_is_killed() {
     first.process.kill();
     let changed = halves[0].wait_for_log(0, "connected to a router again", PATIENCE);
     assert!(changed.is_some(), "{:?}", halves[0].log_since(0));
-    let verdict = verifier.finish(PATIENCE);
-    assert_eq!(
-        verdict.last_json()["verdict"]["outcome"],
-        "COMPLETE",
-        "{}",
-        verdict.stdout
-    );
+    assert_complete(verifier);
     // The half with the other router never lost it.
     let log = halves[1].log_since(0);
     let has_changed = log.iter().any(|line| line.text.contains("router again"));

@@ -43,10 +43,7 @@ impl Protected {
             ("ROS_SECURITY_STRATEGY", "Enforce"),
         ];
         let arguments = ["router", "--listen", &self.endpoint];
-        let router = Running::start_with(&variables, "formation", &self.domain, &arguments);
-        let routing = router.wait_for_log(0, "routing on", PATIENCE);
-        assert!(routing.is_some(), "{:?}", router.log_since(0));
-        router
+        Running::start_with(&variables, "formation", &self.domain, &arguments).await_routing()
     }
 
     /// Starts a program with the session file of a role.

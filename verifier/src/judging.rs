@@ -56,7 +56,7 @@ impl Tunables for Judging {
                 "tolerance",
                 "UNITS",
                 |own| &mut own.0.position_tolerance,
-                "How far a settled module may stand from its spot, in units",
+                "How far a settled module may stand from its spot, in units; docked modules may be off each other by twice as much",
             ),
             tolerance(
                 "heading_tolerance",

@@ -53,13 +53,10 @@ fn a_router_that_is_cut_from_another_leaves_its_side_waiting_until_both_are_one_
         return;
     };
     let other = format!("tcp/{}:7447", Network::address(0));
-    let links: [&[&str]; 2] = [&[], &["--connect", &other]];
+    let others: [&[&str]; 2] = [&[], &[&other]];
     let _routers = [0, 1].map(|side| {
-        let arguments = [&["router", "--listen", "tcp/0.0.0.0:7447"], links[side]].concat();
-        let router = Running::start_within(network.side(side), "formation", domain, &arguments);
-        let routing = router.wait_for_log(0, "routing on", PATIENCE);
-        assert!(routing.is_some(), "{:?}", router.log_since(0));
-        router
+        let network = Some(network.side(side));
+        Running::start_router(network, domain, "tcp/0.0.0.0:7447", others[side])
     });
     let fleet = Fleet::new("zenoh cut", FIVE, domain, Timing::Quick);
     cut_and_heal(&network, fleet.over_zenoh("tcp/127.0.0.1:7447"));

@@ -196,12 +196,7 @@ fn on_paths(moving: &[ModuleId], waiting: &[ModuleId], style: Style) -> Vec<Stri
     let next = style.paint("next", Paint::Dim);
     let lines = [
         line(now, moving, "is on its way", "are on their way"),
-        line(
-            next,
-            waiting,
-            "waits until the way is free",
-            "wait until the way is free",
-        ),
+        line(next, waiting, "waits", "wait"),
     ];
     lines.into_iter().flatten().collect()
 }

@@ -78,8 +78,8 @@ fn it_shows_whose_turn_it_is_and_who_waits_for_whom() {
     let first_motion = entries.iter().position(is_moving).unwrap();
     let text = drawn(&after(&plan, &entries, first_motion + 1), LARGE);
     let (now, next) = match &entries[first_motion].event {
-        Event::State(first) if first.module == ModuleId(3) => ("3 is on", "1-2 wait until"),
-        _ => ("1 is on", "2-3 wait until"),
+        Event::State(first) if first.module == ModuleId(3) => ("3 is on", "1-2 wait"),
+        _ => ("1 is on", "2-3 wait"),
     };
     assert!(text.contains(&format!("now   {now}")), "{text}");
     assert!(text.contains(&format!("next  {next}")), "{text}");
