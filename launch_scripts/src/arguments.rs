@@ -213,6 +213,10 @@ pub struct RunArguments {
     /// ZENOH_CONFIG_OVERRIDE name one [default: as RMW_IMPLEMENTATION says, else dds for up to 50 processes of modules]
     #[arg(long, value_name = "MIDDLEWARE")]
     pub middleware: Option<Middleware>,
+    /// Protect the run with the files that `formation security create` made in this directory: each process takes part, over
+    /// Zenoh, with the certificate of its role
+    #[arg(long, value_name = "DIR")]
+    pub security: Option<PathBuf>,
     /// Fail after this many seconds without a verdict.
     #[arg(long, value_name = "S", default_value = "120", value_parser = seconds)]
     pub timeout: Duration,

@@ -15,6 +15,7 @@ mod plan;
 #[cfg(feature = "recordings")]
 mod recorded;
 mod report;
+mod role;
 mod router;
 mod run;
 mod scenario_file;

@@ -8,6 +8,9 @@ const ENABLE: &str = "ROS_SECURITY_ENABLE";
 /// Whether a process may go on without it.
 const STRATEGY: &str = "ROS_SECURITY_STRATEGY";
 
+/// Has a process refuse to start where its links would not be protected.
+pub const ENFORCED: [(&str, &str); 2] = [(ENABLE, "true"), (STRATEGY, "Enforce")];
+
 /// How a process treats links that are not protected. A link is protected if both sides show a certificate of the same
 /// authority, and its content is encrypted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -113,6 +113,41 @@ fn status_is_answered(python: &Python, protected: &Protected, role: &str) -> boo
 }
 
 #[test]
+fn a_run_gives_each_process_the_file_of_its_role() {
+    let domain = &*Domain::for_processes(12);
+    let folder = tempfile::tempdir().unwrap();
+    let files = folder.path().join("files");
+    create(&files, domain);
+    let scenario = scenario_path("singletons_10");
+    let recording = folder.path().join("run.mcap");
+    let run = |files: &Path| {
+        let arguments = [
+            "run",
+            scenario.to_str().unwrap(),
+            "--json",
+            "--domain",
+            domain,
+            "--security",
+            files.to_str().unwrap(),
+            "--record",
+            recording.to_str().unwrap(),
+        ];
+        Running::start("formation", domain, &arguments).finish(PATIENCE)
+    };
+    let protected = run(&files);
+    assert_eq!(protected.status, 0, "{}", protected.stderr);
+    assert_eq!(protected.json()["verdict"], "COMPLETE");
+    fs::remove_file(files.join("verifier.json5")).unwrap();
+    let incomplete = run(&files);
+    assert_eq!(incomplete.status, 2, "{}", incomplete.stderr);
+    assert!(
+        incomplete.stderr.contains("verifier.json5 is missing"),
+        "{}",
+        incomplete.stderr
+    );
+}
+
+#[test]
 fn strangers_are_refused_and_roles_keep_to_their_topics_and_services() {
     let Some(python) = Python::with_zenoh() else {
         return;

@@ -81,7 +81,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();
     let middleware = router::middleware(arguments, hosts.len())?;
-    router::check_security(middleware)?;
+    router::check_security(arguments, middleware)?;
     let mut place = network::prepare(arguments, middleware, modules, hosts.len())?;
     check::refuse_long_plans(path, &scenario)?;
     check::warn(path, &scenario);
@@ -100,7 +100,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let memory = RunMemory::prepare(arguments)?;
     place.announce(memory.session());
     // Ends after the processes, when all has been printed.
-    let carrier = Carrier::start(middleware)?;
+    let carrier = Carrier::start(middleware, arguments.security.as_deref())?;
     let start = Start {
         arguments,
         carrier: &carrier,

@@ -188,6 +188,26 @@ pub fn has_sockets(domain: u16) -> bool {
     ports.any(|port| (first..first + PORTS_OF_DOMAIN).contains(&port))
 }
 
+/// Whether a program of this machine listens on a TCP port. To connect would do as well, but a router with certificates takes
+/// that for a link without one.
+pub fn listens(port: u16) -> bool {
+    listens_in(
+        &fs::read_to_string("/proc/net/tcp").unwrap_or_default(),
+        port,
+    )
+}
+
+fn listens_in(sockets: &str, port: u16) -> bool {
+    // The state of a listening socket.
+    const LISTEN: &str = "0A";
+    let mut sockets = sockets.lines().map(str::split_whitespace);
+    sockets.any(|mut columns| {
+        let local = columns.nth(1).and_then(|local| local.split_once(':'));
+        let is_port = |(_, local): (_, &str)| u16::from_str_radix(local, 16) == Ok(port);
+        local.is_some_and(is_port) && columns.nth(1) == Some(LISTEN)
+    })
+}
+
 /// The kernel's table of the UDP sockets of this network namespace. Without it, other programs count as in other domains.
 fn udp_sockets() -> String {
     fs::read_to_string("/proc/net/udp").unwrap_or_default()
@@ -298,6 +318,17 @@ fn isolated(isolation: Isolation, command: impl IntoIterator<Item = OsString>) -
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn a_socket_that_listens_is_distinguished_from_a_link() {
+        let sockets = "  sl  local_address rem_address   st tx_queue rx_queue\n\
+            0: 0100007F:1D17 00000000:0000 0A 00000000:00000000\n\
+            1: 0100007F:1D18 0100007F:1D17 01 00000000:00000000\n";
+        assert!(listens_in(sockets, 0x1D17));
+        assert!(!listens_in(sockets, 0x1D18));
+        let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap();
+        assert!(listens(listener.local_addr().unwrap().port()));
+    }
 
     #[test]
     fn the_ports_of_high_domains_are_assigned_to_other_programs() {

@@ -1,7 +1,7 @@
 //! What carries the messages of a run: DDS, or Zenoh with a router that ends with the run.
 
 use std::env;
-use std::net::{Ipv4Addr, SocketAddr, TcpListener, TcpStream};
+use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::os::unix::process::CommandExt;
 use std::path::{Path, PathBuf};
 use std::process::{Child, Command, Stdio};
@@ -11,18 +11,22 @@ use std::time::{Duration, Instant};
 use anyhow::{Context, anyhow};
 use ros_runtime::exit::Failure;
 use ros_runtime::middleware::{Middleware, NOT_BUILT, RMW_ZENOH};
-use ros_runtime::security::{DDS_SHORTFALL, Security};
+use ros_runtime::security::{self, DDS_SHORTFALL, Security};
 use ros_runtime::service_mapping::RMW_IMPLEMENTATION;
 use rustix::process::{Pid, Signal, kill_process};
 
+use super::network;
 use crate::arguments::RunArguments;
 use crate::console;
+use crate::role::{self, ROUTER, Role};
 
 /// The most processes of modules that discover each other over DDS on one machine in a few seconds.
 const DDS_PROCESSES_MAX: usize = 50;
 
 /// The variable that names the file of the configuration of Zenoh sessions.
 const SESSION_FILE: &str = "ZENOH_SESSION_CONFIG_URI";
+/// The same for routers.
+const ROUTER_FILE: &str = "ZENOH_ROUTER_CONFIG_URI";
 /// The variable with single values of that configuration.
 const OVERRIDE: &str = "ZENOH_CONFIG_OVERRIDE";
 /// The value that names the routers of a session.
@@ -41,6 +45,9 @@ const INTERVAL: Duration = Duration::from_millis(20);
 /// # Errors
 /// Names the command that builds this program with Zenoh, if that is needed.
 pub fn middleware(arguments: &RunArguments, processes: usize) -> Result<Middleware, Failure> {
+    if arguments.security.is_some() && arguments.middleware.is_none() {
+        return Middleware::Zenoh.check().map_err(Failure::bad_input);
+    }
     let implementation = variable(RMW_IMPLEMENTATION);
     let is_named = arguments.middleware.is_some() || implementation.is_some();
     let named = Middleware::choose(arguments.middleware, implementation.as_deref());
@@ -65,7 +72,10 @@ pub fn middleware(arguments: &RunArguments, processes: usize) -> Result<Middlewa
 ///
 /// # Errors
 /// Says what is missing, or which variable cannot be used.
-pub fn check_security(middleware: Middleware) -> Result<(), Failure> {
+pub fn check_security(arguments: &RunArguments, middleware: Middleware) -> Result<(), Failure> {
+    if let Some(directory) = &arguments.security {
+        return check_files(directory, middleware).map_err(Failure::bad_input);
+    }
     let shortfall = match middleware {
         Middleware::Dds => DDS_SHORTFALL,
         // Every process checks the file itself.
@@ -77,14 +87,38 @@ pub fn check_security(middleware: Middleware) -> Result<(), Failure> {
 }
 
 /// Why the messages of a run over Zenoh are not protected.
-const NO_SESSION_FILE: &str = "the router that `formation run` starts demands no certificates; start each program with the file of its \
-    role (docs/zenoh.md)";
+const NO_SESSION_FILE: &str = "the router that `formation run` starts demands no certificates without --security DIR (docs/zenoh.md)";
+
+/// Checks that a run can be protected with the files in this directory.
+fn check_files(directory: &Path, middleware: Middleware) -> Result<(), String> {
+    if middleware == Middleware::Dds {
+        return Err(format!("--security: {DDS_SHORTFALL}"));
+    }
+    if names_routers() {
+        return Err(format!(
+            "--security starts a router of its own, but {SESSION_FILE} or {OVERRIDE} names another; unset them"
+        ));
+    }
+    let roles = Role::ALL.map(Role::name);
+    for name in roles.into_iter().chain([ROUTER]) {
+        let file = role::file_of(directory, name);
+        if !file.is_file() {
+            return Err(format!(
+                "--security: {} is missing; `formation security create DIR` makes a directory with all files",
+                file.display()
+            ));
+        }
+    }
+    Ok(())
+}
 
 /// What carries the messages of a run.
 pub struct Carrier {
     middleware: Middleware,
     /// The router that was started for the run.
     router: Option<Router>,
+    /// The directory with the files of the roles, if they protect the run.
+    security: Option<PathBuf>,
 }
 
 struct Router {
@@ -97,20 +131,22 @@ impl Carrier {
     ///
     /// # Errors
     /// Says why no router could be started.
-    pub fn start(middleware: Middleware) -> Result<Self, Failure> {
-        if middleware == Middleware::Dds || names_routers() {
-            let router = None;
-            return Ok(Self { middleware, router });
-        }
-        let router = Router::start().map_err(Failure::Failed)?;
+    pub fn start(middleware: Middleware, security: Option<&Path>) -> Result<Self, Failure> {
+        let needs_router = middleware == Middleware::Zenoh && !names_routers();
+        let router = needs_router.then(|| Router::start(security)).transpose();
         let carrier = Self {
             middleware,
-            router: Some(router),
+            router: router.map_err(Failure::Failed)?,
+            security: security.map(Path::to_path_buf),
         };
         if let Some(routers) = carrier.routers() {
+            let operator =
+                security.map(|directory| role::file_of(directory, Role::Operator.name()));
+            let operator = operator.map(|file| format!(" {SESSION_FILE}='{}'", file.display()));
             console::note(&format!(
                 "note: this runs over Zenoh; to take part from another terminal: export \
-                 {RMW_IMPLEMENTATION}={RMW_ZENOH} {OVERRIDE}='{routers}'"
+                 {RMW_IMPLEMENTATION}={RMW_ZENOH} {OVERRIDE}='{routers}'{}",
+                operator.unwrap_or_default()
             ));
         }
         Ok(carrier)
@@ -134,9 +170,7 @@ impl Carrier {
     /// Has one of our programs use it.
     pub fn place(&self, command: &mut Command) {
         command.args(["--middleware", &self.middleware.to_string()]);
-        if let Some(routers) = self.routers() {
-            command.env(OVERRIDE, routers);
-        }
+        self.place_session(command);
     }
 
     /// Has a ROS 2 node of another package use it.
@@ -144,8 +178,18 @@ impl Carrier {
         if self.is_zenoh() {
             command.env(RMW_IMPLEMENTATION, RMW_ZENOH);
         }
+        self.place_session(command);
+    }
+
+    /// Has a program find the router, and show the certificate of its role.
+    fn place_session(&self, command: &mut Command) {
         if let Some(routers) = self.routers() {
             command.env(OVERRIDE, routers);
+        }
+        if let Some(directory) = &self.security {
+            let role = Role::of(Path::new(command.get_program()));
+            let file = role::file_of(directory, role.name());
+            command.env(SESSION_FILE, file).envs(security::ENFORCED);
         }
     }
 }
@@ -168,10 +212,15 @@ pub fn variable(name: &str) -> Option<String> {
 }
 
 impl Router {
-    fn start() -> anyhow::Result<Self> {
+    /// Starts a router on loopback; with a directory of certificates, one that demands them.
+    fn start(security: Option<&Path>) -> anyhow::Result<Self> {
         let address = free_address().context("no port of loopback is free for a Zenoh router")?;
-        let endpoint = format!("tcp/{address}");
-        let mut command = match installed("zenohd", env::var_os("PATH").unwrap_or_default()) {
+        let transport = security.map_or("tcp", |_| "tls");
+        let endpoint = format!("{transport}/{address}");
+        let zenohd = installed("zenohd", env::var_os("PATH").unwrap_or_default());
+        // Only our own router logs what it refuses.
+        let zenohd = zenohd.filter(|_| security.is_none());
+        let mut command = match zenohd {
             Some(zenohd) => {
                 let mut command = Command::new(zenohd);
                 command.args([
@@ -186,6 +235,10 @@ impl Router {
                     env::current_exe().context("cannot find the launcher's own program")?;
                 let mut command = Command::new(launcher);
                 command.args(["router", "--stop-with-parent"]);
+                if let Some(directory) = security {
+                    let file = role::file_of(directory, ROUTER);
+                    command.env(ROUTER_FILE, file).envs(security::ENFORCED);
+                }
                 command
             }
         };
@@ -204,7 +257,7 @@ impl Router {
 
     fn wait_until_ready(&mut self, address: SocketAddr) -> anyhow::Result<()> {
         let deadline = Instant::now() + START_LIMIT;
-        while TcpStream::connect_timeout(&address, INTERVAL).is_err() {
+        while !network::listens(address.port()) {
             if let Some(status) = self.process.try_wait()? {
                 return Err(anyhow!("the Zenoh router ended with {status}"));
             }
@@ -260,6 +313,23 @@ mod tests {
         let program = folder.path().join("zenohd");
         fs::write(&program, "").unwrap();
         assert_eq!(installed("zenohd", &path), Some(program));
+    }
+
+    #[test]
+    fn a_run_is_protected_over_zenoh_with_all_files_only() {
+        let folder = tempfile::tempdir().unwrap();
+        let error = check_files(folder.path(), Middleware::Dds).unwrap_err();
+        assert!(error.contains("DDS"), "{error}");
+        let roles = Role::ALL.map(Role::name);
+        for name in roles.into_iter().chain([ROUTER]) {
+            let error = check_files(folder.path(), Middleware::Zenoh).unwrap_err();
+            assert!(
+                error.contains(&format!("{name}.json5 is missing")),
+                "{error}"
+            );
+            fs::write(role::file_of(folder.path(), name), "{}").unwrap();
+        }
+        check_files(folder.path(), Middleware::Zenoh).unwrap();
     }
 
     #[test]

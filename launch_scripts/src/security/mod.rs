@@ -14,8 +14,8 @@ use ros_runtime::protection::{Credentials, router_file, session_file};
 
 use crate::arguments::SecurityArguments;
 use crate::console;
+use crate::role::{ROUTER, Role};
 use certificates::{Authority, Purpose};
-use roles::{ROUTER, Role};
 
 /// Only the user who creates the files may read them.
 const PRIVATE_FILE: u32 = 0o600;

@@ -1,25 +1,9 @@
-//! The roles of processes, and what each may publish, offer and call.
+//! What each role may publish, offer and call.
 
 use formation_msgs::topic;
 use ros_runtime::protection::Rights;
 
-/// The common name of routers.
-pub const ROUTER: &str = "router";
-
-/// What a process does in a formation.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Role {
-    /// Hosts modules, or drives their robots.
-    Module,
-    /// Announces targets.
-    Publisher,
-    /// Judges the formation.
-    Verifier,
-    /// Commands modules, and calls services and actions.
-    Operator,
-    /// Records or draws the formation.
-    Observer,
-}
+use crate::role::Role;
 
 /// What every node publishes.
 const OF_EVERY_NODE: [&str; 3] = ["/rosout", "/parameter_events", "/diagnostics"];
@@ -48,26 +32,6 @@ const OF_EACH_MODULE: [&str; 6] = [
 ];
 
 impl Role {
-    /// All roles.
-    pub const ALL: [Self; 5] = [
-        Self::Module,
-        Self::Publisher,
-        Self::Verifier,
-        Self::Operator,
-        Self::Observer,
-    ];
-
-    /// The common name of its certificate, and the name of its file.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Module => "module",
-            Self::Publisher => "publisher",
-            Self::Verifier => "verifier",
-            Self::Operator => "operator",
-            Self::Observer => "observer",
-        }
-    }
-
     /// The topics that it publishes besides those of every node, in the namespace of the formation.
     fn publishes(self) -> Vec<String> {
         let names: &[&str] = match self {
