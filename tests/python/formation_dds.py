@@ -37,12 +37,15 @@ TOPICS = {
     "verdict": ("Verdict", True),
 }
 
-# Loopback without multicast: participants are sought at the ports of the first ones.
+# Loopback without multicast: participants are sought at the ports of the first ones, again every second. By default each port is
+# sought once, at the start. RustDDS seeks participants 0 to 11 only, so as a later participant CycloneDDS would never meet
+# a process that misses that one packet, or whose participant begins afterwards.
 LOOPBACK_ONLY = """
 <CycloneDDS><Domain>
   <General><Interfaces><NetworkInterface name="lo"/></Interfaces><AllowMulticast>false</AllowMulticast></General>
   <Discovery>
     <ParticipantIndex>auto</ParticipantIndex><MaxAutoParticipantIndex>40</MaxAutoParticipantIndex>
+    <SPDPInterval>1 s</SPDPInterval><InitialLocatorPruneDelay>inf</InitialLocatorPruneDelay>
     <Peers><Peer address="127.0.0.1"/></Peers>
   </Discovery>
 </Domain></CycloneDDS>

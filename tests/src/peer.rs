@@ -107,15 +107,16 @@ impl Peer {
         poses.collect()
     }
 
-    /// Waits for a pose of a module that came after `since`, among the samples of `module_states`.
+    /// Waits for a state of a module among the samples of `module_states`, for which this holds together with when it came.
     #[track_caller]
-    pub fn await_pose_of(&self, module: u32, since: Instant) {
+    pub fn await_state_of(&self, module: u32, is_it: impl Fn(Instant, &Value) -> bool) {
         let came = self.output.wait_for(0, PATIENCE, |line| {
-            pose_in(line, module).filter(|(at, _)| *at >= since)
+            state_in(line, module).filter(|state| is_it(line.at, state))
         });
         assert!(
             came.is_some(),
-            "no pose of module {module} came after {since:?}, but before {:?}; {} samples in all, the last at {:?}; {}",
+            "no such state of module {module} came by {:?}; those that came: {:?}; {} samples in all, the last at {:?}; {}",
+            Instant::now(),
             self.poses_of(module),
             self.output.len(),
             self.output.since(0).last().map(|line| line.at),
@@ -131,11 +132,16 @@ impl Peer {
     }
 }
 
-/// The pose of a module in a sample of `module_states`, and when it came.
-fn pose_in(line: &Line, module: u32) -> Option<(Instant, (f64, f64))> {
+/// The state of a module in a sample of `module_states`.
+fn state_in(line: &Line, module: u32) -> Option<Value> {
     let sample: Value = serde_json::from_str(&line.text).unwrap();
     let mut states = sample["modules"].as_array()?.iter();
-    let state = states.find(|state| state["module_id"] == module)?;
+    states.find(|state| state["module_id"] == module).cloned()
+}
+
+/// The pose of a module in a sample of `module_states`, and when it came.
+fn pose_in(line: &Line, module: u32) -> Option<(Instant, (f64, f64))> {
+    let state = state_in(line, module)?;
     let coordinate = |name: &str| state[name].as_f64().unwrap();
     Some((line.at, (coordinate("x"), coordinate("y"))))
 }

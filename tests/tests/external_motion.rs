@@ -310,7 +310,7 @@ fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     };
     let restarted = Instant::now();
     let _agent = Running::start("module_agent", domain, &arguments);
-    states.await_pose_of(1, restarted);
+    states.await_state_of(1, |at, _| at >= restarted);
     let shown = states
         .poses_of(1)
         .into_iter()

@@ -7,6 +7,7 @@
 )]
 
 use std::collections::BTreeSet;
+use std::net::{Ipv4Addr, UdpSocket};
 use std::path::Path;
 use std::time::Duration;
 
@@ -270,6 +271,33 @@ fn another_vendor_announces_the_target_and_reads_the_formation() {
     }
 }
 
+/// A target of a revision far ahead, with a spot that is too far away.
+fn bad_target() -> Value {
+    let mut target = target_sample(u64::MAX);
+    target["spots"][0]["x"] = json!(f64::MAX);
+    target
+}
+
+/// RustDDS seeks the participants 0 to 11 of its host, so CycloneDDS as participant 12 has to seek it.
+#[test]
+fn another_vendor_finds_a_process_that_starts_later_on_a_port_that_was_free() {
+    let domain = Domain::for_processes(2);
+    let port = |participant: u16| 7_400 + 250 * domain.number() + 10 + 2 * participant;
+    let taken = (0..12).map(|participant| (Ipv4Addr::UNSPECIFIED, port(participant)));
+    let mut taken: Vec<UdpSocket> = taken.map(|at| UdpSocket::bind(at).unwrap()).collect();
+    let Some(mut forger) = Peer::start("put", "target", &domain) else {
+        return;
+    };
+    forger.await_ready();
+    drop(taken.remove(5));
+    let file = ScenarioFile::new("late", EIGHT);
+    let arguments = ["--module", "1", "--scenario", file.path()];
+    let agent = Running::start("module_agent", &domain, &arguments);
+    forger.put(&bad_target());
+    let refused = agent.wait_for_log(0, "target: spots[0].x", PATIENCE);
+    assert!(refused.is_some(), "{:?}", agent.log_since(0));
+}
+
 #[test]
 fn bad_messages_are_refused_and_counted_and_stop_no_process() {
     let domain = &*Domain::for_processes(14);
@@ -293,9 +321,7 @@ fn bad_messages_are_refused_and_counted_and_stop_no_process() {
         "selections": [{"spot_id": 1, "module_id": 4}], "evictions": [], "detached": [],
     });
     liar.put(&claim);
-    let mut target = target_sample(u64::MAX);
-    target["spots"][0]["x"] = json!(f64::MAX);
-    forger.put(&target);
+    forger.put(&bad_target());
     let verifier = Running::start("verifier", domain, &["--timeout-s", "90", "--json"]);
     // The run may be over before the peers and all agents have found each other.
     for agent in &agents {

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::thread;
-use std::time::{Duration, Instant};
+use std::time::Instant;
 
 use formation::model::Scenario;
 use formation::planner;
@@ -149,10 +149,10 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     }
     let moving = fleet.agent(sleeper).wait_for_log(0, "moving to", PATIENCE);
     assert!(moving.is_some(), "{}", fleet.story());
-    // Where another vendor's DDS is there to see it, only once it is on its way. The state of its departure may come before the
-    // line of the log, and the next one only with its arrival.
+    // Where another vendor's DDS is there to see it, only once that has its departure.
     if let Some(states) = &states {
-        states.await_pose_of(sleeper, moving.unwrap() - Duration::from_secs(1));
+        const MOVING: u8 = 6;
+        states.await_state_of(sleeper, |_, state| state["phase"] == MOVING);
     }
     fleet.agent(sleeper).signal(Signal::STOP);
     let stopped = Instant::now();
@@ -188,7 +188,7 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     // Its poses before and after, as another vendor's DDS received them.
     if let Some(states) = states {
         // Discovery of its new participant takes as long as it takes.
-        states.await_pose_of(sleeper, woken);
+        states.await_state_of(sleeper, |at, _| at >= woken);
         let poses = states.poses_of(sleeper);
         let poses = poses.iter().filter(|(at, _)| *at < joined);
         let (before, after): (Vec<_>, Vec<_>) = poses.partition(|(at, _)| *at < woken);
