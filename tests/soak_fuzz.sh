@@ -7,4 +7,4 @@ cd "$(dirname "${BASH_SOURCE[0]}")/.."
 export FORMATION_FUZZ_CASES="${1:-1000000}"
 cargo test --locked --package formation_msgs --test all -- decoding:: hostile_values::
 cargo test --locked --package formation --test all -- scenario_text::
-cargo test --locked --package module_agent --test arguments
+cargo test --locked --package module_agent --test all -- arguments::

@@ -1,18 +1,10 @@
 //! The harness with a handful of modules: files, resumption, determinism and errors.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a test fails by panicking"
-)]
-
-mod support;
-
 use std::fs;
 use std::path::Path;
 
+use crate::support::{Stopwatch, finish, launcher};
 use formation_experiments::{ExperimentError, Scale, Settings, names, run};
-use support::{Stopwatch, finish, launcher};
 
 /// The fields of a line of CSV; commas within quotation marks separate nothing.
 fn fields(line: &str) -> Vec<String> {

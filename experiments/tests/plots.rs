@@ -1,17 +1,13 @@
 //! `plot.py` draws every plot from the CSV files, and the committed plots are those of the committed CSV files.
 
-#![allow(clippy::unwrap_used, reason = "a test fails by panicking")]
-
-mod support;
-
 use std::collections::BTreeSet;
 use std::fs;
 use std::path::Path;
 use std::process::Stdio;
 
+use crate::support::finish;
 use formation_experiments::{Scale, Settings, names};
 use formation_tests::{Python, Tool, root, tool_or_skip};
-use support::finish;
 
 /// Runs `plot.py`; returns false, with a line that says so, where matplotlib is missing.
 fn draw(from: &Path, to: &Path) -> bool {

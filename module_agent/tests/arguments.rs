@@ -2,8 +2,6 @@
 //!
 //! `FORMATION_FUZZ_CASES` says how many cases each test tries; `tests/soak_fuzz.sh` tries a million.
 
-#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
-
 use std::ffi::OsString;
 use std::os::unix::ffi::OsStringExt;
 use std::time::Duration;

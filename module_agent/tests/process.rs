@@ -1,11 +1,5 @@
 //! How the process reports bad input, and how it ends.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a failure in a helper fails the test that calls it"
-)]
-
 use std::fs;
 use std::io::{BufRead, BufReader};
 use std::process::{Command, Output, Stdio};

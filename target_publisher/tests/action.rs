@@ -1,12 +1,6 @@
 //! The action `FormConfiguration` by the mapping of Fast DDS and Connext. CycloneDDS for Python cannot send a request's
 //! identity as inline QoS, so the other side here is the client of the library.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a failure in a helper fails the test that calls it"
-)]
-
 use std::net::Ipv4Addr;
 use std::time::Duration;
 

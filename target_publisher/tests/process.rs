@@ -1,10 +1,5 @@
 //! What the process does with bad input.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a failure in a helper fails the test that calls it"
-)]
-
 use std::process::{Command, Output};
 
 fn publisher(arguments: &[&str]) -> Output {

@@ -1,11 +1,5 @@
 //! The verifier and CycloneDDS, a DDS implementation that we did not write, on one loopback interface.
 
-#![allow(
-    clippy::unwrap_used,
-    clippy::panic,
-    reason = "a failure in a helper fails the test that calls it"
-)]
-
 use std::collections::BTreeSet;
 use std::thread;
 use std::time::Duration;

@@ -1,10 +1,5 @@
 //! What the process prints when nothing happens.
 
-#![allow(
-    clippy::unwrap_used,
-    reason = "a failure in a helper fails the test that calls it"
-)]
-
 use std::process::{Command, Output};
 
 use formation_tests::Domain;

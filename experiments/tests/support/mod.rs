@@ -1,7 +1,5 @@
 //! Runs of the experiments with a stand-in for the launcher.
 
-#![allow(dead_code, reason = "not every test uses everything")]
-
 use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
