@@ -203,8 +203,7 @@ impl Acting {
     /// The goal that is published again with each heartbeat, as a drive stops when goals cease to repeat.
     pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
         let moves = matches!(self.task, Task::Moving { held: None, .. });
-        let may_move =
-            || context.bugs.ignore_lapses() || self.held.lagging_for_motion(context).is_empty();
+        let may_move = || context.bugs.ignore_lapses() || self.held.lagging(context).is_empty();
         if moves && !context.stop.stopped && may_move() {
             self.goal()
         } else {
@@ -249,7 +248,7 @@ impl Acting {
             context.wake_at(first_motion);
             return Progress::Wait;
         }
-        let mut lagging = self.held.lagging_for_motion(context);
+        let mut lagging = self.held.lagging(context);
         if context.stop.stopped && lagging.is_empty() {
             lagging.push(context.module());
         }

@@ -37,7 +37,7 @@ impl Agreeing {
         if self.held.has_mismatch || waited <= context.parameters.stuck {
             return Vec::new();
         }
-        self.held.lagging(context, context.parameters.suspicion)
+        self.held.not_agreeing(context)
     }
 
     /// Begins to act when all members show the digest, and reports what is missing otherwise.
@@ -50,7 +50,7 @@ impl Agreeing {
         if !is_report_due && self.held.still_lags(context) {
             return Step::Stay(Stage::Agreeing(self));
         }
-        let lagging = self.held.lagging_for_motion(context);
+        let lagging = self.held.lagging(context);
         self.held.waits_for = lagging.first().copied();
         if lagging.is_empty() && context.outbox.may_show_plan_of(self.held.epoch()) {
             let acting = Acting::begin(self.held, self.since, context);

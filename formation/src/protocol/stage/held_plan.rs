@@ -278,10 +278,11 @@ impl HeldPlan {
         })
     }
 
-    /// The members whose latest heartbeat does not show this plan, or is older than `limit`.
-    pub(super) fn lagging(&self, context: &Context, limit: Duration) -> Vec<ModuleId> {
+    /// The members that do not agree: those that are silent, and those whose latest heartbeat does not show this plan.
+    pub(super) fn not_agreeing(&self, context: &Context) -> Vec<ModuleId> {
+        let suspicion = context.parameters.suspicion;
         self.members_that(context, |_, incarnation, peer| {
-            !self.is_shown_by(incarnation, peer, context, limit)
+            !self.is_shown_by(incarnation, peer, context, suspicion)
         })
     }
 
@@ -317,7 +318,7 @@ impl HeldPlan {
         })
     }
 
-    /// Whether [`Self::waits_for`] is among [`Self::lagging_for_motion`].
+    /// Whether [`Self::waits_for`] is among [`Self::lagging`].
     pub(super) fn still_lags(&self, context: &Context) -> bool {
         debug_assert!(
             self.waits_for
@@ -332,9 +333,9 @@ impl HeldPlan {
         !context.bugs.skip_digest_barrier() && self.waits_for.and_then(lags).unwrap_or(false)
     }
 
-    /// The members without whose agreement no module may move: those whose heartbeats lag, and those whose motion failed since
-    /// the roster was made, which stand in the way of the plan.
-    pub(super) fn lagging_for_motion(&self, context: &Context) -> Vec<ModuleId> {
+    /// The members that forbid every motion: those whose latest heartbeat does not show this plan or exceeds the lease, and those
+    /// whose motion failed since the roster was made, which stand in the way of the plan.
+    pub(super) fn lagging(&self, context: &Context) -> Vec<ModuleId> {
         if context.bugs.skip_digest_barrier() {
             return Vec::new();
         }
