@@ -45,7 +45,7 @@ impl Schedule {
         self.queue.push(Reverse(Scheduled {
             at,
             order: self.order,
-            happening,
+            happening: Box::new(happening),
         }));
     }
 
@@ -58,14 +58,15 @@ impl Schedule {
         }
         let Reverse(next) = self.queue.pop()?;
         self.now = next.at;
-        Some(next.happening)
+        Some(*next.happening)
     }
 }
 
 struct Scheduled {
     at: Duration,
     order: u64,
-    happening: Happening,
+    /// Boxed, as the queue moves its elements, and a message is large.
+    happening: Box<Happening>,
 }
 
 impl PartialEq for Scheduled {
