@@ -74,3 +74,20 @@ fn no_file_of_rust_is_too_long_to_survey() {
         .collect();
     assert!(long.is_empty(), "{}", long.join("\n"));
 }
+
+/// Libraries have `doctest = false`, as each would be read once more for tests that it does not have.
+#[test]
+fn documentation_has_no_tests_that_nothing_runs() {
+    let mut found = Vec::new();
+    for file in files::all() {
+        let is_library = file.path.contains("/src/") && file.ends_with(".rs");
+        for (index, line) in file.text.lines().enumerate().filter(|_| is_library) {
+            let line = line.trim_start();
+            let is_documentation = line.starts_with("///") || line.starts_with("//!");
+            if is_documentation && line.contains("```") {
+                found.push(format!("{}:{}", file.path, index + 1));
+            }
+        }
+    }
+    assert!(found.is_empty(), "{}", found.join("\n"));
+}
