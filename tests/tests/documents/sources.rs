@@ -91,3 +91,33 @@ fn documentation_has_no_tests_that_nothing_runs() {
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
+
+/// The gate `.ci/run_zenoh` runs the tests whose path names the feature, so each test that the feature adds has to.
+#[test]
+fn every_test_that_zenoh_adds_is_run_by_its_gate() {
+    let mut added = Vec::new();
+    for file in files::all() {
+        if !file.is_in("tests/tests") || !file.ends_with(".rs") || file.is_in(SELF) {
+            continue;
+        }
+        let mut is_gated = false;
+        for line in file.text.lines().map(str::trim) {
+            let named = ["fn ", "mod "]
+                .iter()
+                .find_map(|kind| line.strip_prefix(kind));
+            if line == "#[cfg(feature = \"zenoh\")]" {
+                is_gated = true;
+            } else if let Some(name) = named {
+                if std::mem::take(&mut is_gated) {
+                    added.push(format!("{}::{name}", file.path));
+                }
+            } else if !line.starts_with("#[") {
+                is_gated = false;
+            }
+        }
+    }
+    assert!(added.len() >= 2, "only {added:?} depend on the feature");
+    let missed = added.iter().filter(|path| !path.contains("zenoh"));
+    let missed: Vec<&String> = missed.collect();
+    assert!(missed.is_empty(), "{missed:?}");
+}

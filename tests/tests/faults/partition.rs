@@ -47,7 +47,7 @@ fn the_majority_finishes_the_minority_waits_and_healing_gives_one_formation() {
 /// Over Zenoh, each side has a router, and the cut is between these.
 #[cfg(feature = "zenoh")]
 #[test]
-fn a_router_that_is_cut_from_another_leaves_its_side_waiting_until_both_are_one_again() {
+fn sides_whose_routers_are_cut_over_zenoh_are_one_again_when_healed() {
     let domain = &*Domain::for_processes(9);
     let Some(network) = Network::with_sides(2) else {
         return;
