@@ -11,8 +11,9 @@ use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::Domain;
 use ros_runtime::middleware::Middleware;
 
-/// The most modules in one process: their states must fit into one sample.
-pub const MODULES_PER_PROCESS_MAX: usize = 25;
+/// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
+/// them changes; and each of them handles every message.
+pub const MODULES_PER_PROCESS_MAX: usize = 100;
 
 /// Forms a target configuration out of robot modules over DDS or Zenoh.
 #[derive(Debug, Parser)]

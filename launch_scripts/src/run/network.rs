@@ -374,7 +374,8 @@ mod tests {
         assert_eq!(modules_per_process_that_fit(10, 9), Some(10));
         assert_eq!(modules_per_process_that_fit(10, 10), None);
         assert_eq!(modules_per_process_that_fit(10, 30), None);
-        assert_eq!(modules_per_process_that_fit(251, 0), None);
+        assert_eq!(modules_per_process_that_fit(1_000, 0), Some(100));
+        assert_eq!(modules_per_process_that_fit(1_001, 0), None);
     }
 
     #[test]
