@@ -26,6 +26,10 @@ const NODE_NAME: &str = "verifier";
 /// The least time between the arrival of a message and a judgement, and so between two judgements.
 const JUDGE_INTERVAL: Duration = Duration::from_millis(50);
 
+/// The verifier waits this many times as long as its last judgement took: with a thousand modules a judgement takes longer than the
+/// interval, and the modules may need the processor.
+const JUDGEMENTS_WAITED: u32 = 9;
+
 /// How often a verifier that keeps watching looks for modules that have fallen silent.
 const REVIEW_INTERVAL: Duration = Duration::from_secs(1);
 
@@ -95,6 +99,7 @@ impl VerifierProcess {
             verdicts: session.publisher(&topics::VERDICT)?,
             notify,
             phase: Phase::Observing(Some(Instant::now())),
+            judge_interval: JUDGE_INTERVAL,
             progress: None,
             end: None,
         };
@@ -152,6 +157,8 @@ struct Verifier<'a> {
     verdicts: PublisherQueue<formation_msgs::Verdict>,
     notify: &'a mut dyn FnMut(News<'_>),
     phase: Phase,
+    /// The time between the arrival of a message and a judgement.
+    judge_interval: Duration,
     /// The progress that was reported last.
     progress: Option<Progress>,
     end: Option<End>,
@@ -191,7 +198,7 @@ impl Node for Verifier<'_> {
                 (self.notify)(News::Entry(&entry));
             }
         }
-        let soon = Instant::now() + JUDGE_INTERVAL;
+        let soon = Instant::now() + self.judge_interval;
         self.phase = Phase::Observing(Some(judge_at.map_or(soon, |at| at.min(soon))));
     }
 
@@ -228,6 +235,7 @@ impl Node for Verifier<'_> {
 impl Verifier<'_> {
     /// Judges what was received, and reports what is new.
     fn judge(&mut self) -> Phase {
+        let began = Instant::now();
         if let Some(trace) = self.trace {
             trace.flush();
         }
@@ -246,6 +254,8 @@ impl Verifier<'_> {
             self.verdicts.publish(sample);
         }
         let now = Instant::now();
+        let pause = now.saturating_duration_since(began) * JUDGEMENTS_WAITED;
+        self.judge_interval = pause.max(JUDGE_INTERVAL);
         let next = match &end {
             _ if self.process.keep_watching => Phase::Observing(Some(now + REVIEW_INTERVAL)),
             None => Phase::Observing(None),
