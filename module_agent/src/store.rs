@@ -6,31 +6,136 @@
 //! another session begins with an empty file, and leaves that of the earlier one as it is.
 //!
 //! A file is written whole, under another name, synced and renamed: at any time it holds the earlier contents or the
-//! later.
+//! later. What modules know of all others is in a second file, because it grows with the formation and seldom changes. Each
+//! version of that has a name of its own, which the first file gives, so that both change at once.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
 use std::fs::{self, File, TryLockError};
 use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use formation::model::text::listed_in_full;
-use formation::model::{Incarnation, ModuleId, StoreId};
+use formation::model::{BodyReport, Incarnation, ModuleId, QuorumBasis, StoreId};
 use formation::protocol::DurableState;
 use serde::{Deserialize, Serialize};
 
 /// The format that this version writes, and the only one that it reads.
-const FORMAT: u32 = 3;
+const FORMAT: u32 = 4;
 
-/// A larger file is refused: 25 modules of a formation of 1,000 need some 2 MB for each quorum basis.
+/// A larger file is refused: a quorum basis of 1,000 modules takes some 80 kB.
 const FILE_BYTES_MAX: u64 = 256 << 20;
 
 /// What a file holds.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Contents {
-    format: u32,
     session: u32,
     pub modules: BTreeMap<ModuleId, Entry>,
+}
+
+/// The file of a process. It is written whenever a module sets off or stops, so it lacks what grows with the formation.
+#[derive(Serialize, Deserialize)]
+struct Packed {
+    format: u32,
+    session: u32,
+    /// The number of the file that has the rest.
+    shared: u64,
+    modules: BTreeMap<ModuleId, PackedEntry>,
+}
+
+/// An entry whose state lacks what the shared file has, with the position in [`Shared::known`].
+#[derive(Serialize, Deserialize)]
+struct PackedEntry {
+    entry: Entry,
+    known: Option<usize>,
+}
+
+/// What the modules of a process know of all others, once for all of them: otherwise it would grow with the modules of the process
+/// times those of the formation.
+#[derive(Default, Serialize, Deserialize)]
+struct Shared {
+    known: Vec<Known>,
+    /// The latest report on each body that any of the modules knows.
+    bodies: BTreeMap<ModuleId, BodyReport>,
+}
+
+/// What the rule of majorities rests on. Modules of one process may know of different rosters.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+struct Known {
+    founders: Vec<ModuleId>,
+    quorum_bases: Vec<QuorumBasis>,
+}
+
+/// What makes up the shared file that was written last.
+#[derive(Default, PartialEq)]
+struct SharedParts {
+    known: Vec<Known>,
+    bodies: Vec<Arc<[BodyReport]>>,
+}
+
+impl SharedParts {
+    /// Takes out of entries what the shared file has.
+    fn of(modules: &BTreeMap<ModuleId, Entry>) -> (Self, BTreeMap<ModuleId, PackedEntry>) {
+        let mut parts = Self::default();
+        let pack = |(&module, entry): (&ModuleId, &Entry)| {
+            let mut entry = entry.clone();
+            let known = entry.state.as_mut().map(|state| parts.take(state));
+            (module, PackedEntry { entry, known })
+        };
+        let packed = modules.iter().map(pack).collect();
+        (parts, packed)
+    }
+
+    /// Takes its part out of a state; returns its position in `known`.
+    fn take(&mut self, state: &mut DurableState) -> usize {
+        self.bodies.push(std::mem::take(&mut state.bodies));
+        let known = Known {
+            founders: std::mem::take(&mut state.founders),
+            quorum_bases: std::mem::take(&mut state.quorum_bases),
+        };
+        let position = self.known.iter().position(|other| *other == known);
+        position.unwrap_or_else(|| {
+            self.known.push(known);
+            self.known.len() - 1
+        })
+    }
+
+    fn shared(&self) -> Shared {
+        let mut bodies: BTreeMap<ModuleId, BodyReport> = BTreeMap::new();
+        for report in self.bodies.iter().flat_map(|reports| reports.iter()) {
+            let known = bodies.get(&report.module);
+            if known.is_none_or(|known| known.compare_age(report).is_lt()) {
+                bodies.insert(report.module, report.clone());
+            }
+        }
+        Shared {
+            known: self.known.clone(),
+            bodies,
+        }
+    }
+}
+
+impl Packed {
+    /// The contents; `None` if the shared file lacks what an entry names.
+    fn unpacked(self, shared: &Shared) -> Option<Contents> {
+        let unpacked = |(module, PackedEntry { mut entry, known })| {
+            if let Some(state) = &mut entry.state {
+                let known = shared.known.get(known?)?;
+                state.founders.clone_from(&known.founders);
+                state.quorum_bases.clone_from(&known.quorum_bases);
+                let others = shared.bodies.values();
+                let others = others.filter(|body| body.module != module);
+                state.bodies = others.cloned().collect();
+            }
+            Some((module, entry))
+        };
+        let modules = self.modules.into_iter().map(unpacked);
+        Some(Contents {
+            session: self.session,
+            modules: modules.collect::<Option<_>>()?,
+        })
+    }
 }
 
 /// What a file holds of one module.
@@ -69,13 +174,22 @@ struct Format {
     format: u32,
 }
 
+/// What a store has on disk.
+#[derive(Default)]
+struct Written {
+    /// The number of the latest contents that were written.
+    number: u64,
+    /// The number of the shared file, and what it has; `None` before this process has written it.
+    shared: u64,
+    parts: Option<SharedParts>,
+}
+
 /// A store on disk, locked for this process.
 pub(crate) struct Store {
     directory: PathBuf,
     path: PathBuf,
     session: u32,
-    /// The number of the latest contents that were written.
-    written: Mutex<u64>,
+    written: Mutex<Written>,
     /// The lock ends with the process, or with this value.
     _lock: File,
 }
@@ -98,15 +212,19 @@ impl Store {
             directory: directory.to_owned(),
             path: directory.join(format!("{name}{}", suffix(session))),
             session,
-            written: Mutex::new(0),
+            written: Mutex::default(),
             _lock: lock,
         };
         let empty = || Contents {
-            format: FORMAT,
             session,
             modules: BTreeMap::new(),
         };
         let found = read(&store.path, session)?;
+        let found = found.map(|(shared, contents)| {
+            let mut written = store.written.lock().unwrap_or_else(PoisonError::into_inner);
+            written.shared = shared;
+            contents
+        });
         match &found {
             Some(contents) => store.check_modules(contents, named)?,
             None => tracing::info!(
@@ -150,7 +268,8 @@ impl Store {
                 continue;
             }
             // A file that cannot be read is reported by the process to which it belongs.
-            if let Ok(Some(other)) = read(&path, self.session)
+            if let Ok(Some(text)) = text_of(&path)
+                && let Ok(other) = parsed(&text, self.session)
                 && other.modules.contains_key(&module)
             {
                 return Err(format!(
@@ -171,27 +290,59 @@ impl Store {
     /// Names the file that cannot be written.
     pub(crate) fn write(&self, number: u64, contents: &Contents) -> Result<(), String> {
         let mut written = self.written.lock().unwrap_or_else(PoisonError::into_inner);
-        if number <= *written {
+        if number <= written.number {
             return Ok(());
         }
-        self.replace(contents)
+        self.replace(contents, &mut written)
             .map_err(|error| failed("write", &self.path, &error))?;
-        *written = number;
+        written.number = number;
         Ok(())
     }
 
-    fn replace(&self, contents: &Contents) -> io::Result<()> {
-        let text = serde_json::to_vec(contents)?;
-        if text.len() as u64 > FILE_BYTES_MAX {
-            return Err(io::Error::other(too_large()));
+    /// Writes the shared file under a new number if it has changed, and then the file that names it.
+    fn replace(&self, contents: &Contents, written: &mut Written) -> io::Result<()> {
+        let (parts, modules) = SharedParts::of(&contents.modules);
+        let is_new = written.parts.as_ref() != Some(&parts);
+        let former = written.shared;
+        if is_new {
+            written.shared += 1;
+            write_whole(&shared_path(&self.path, written.shared), &parts.shared())?;
+            // It has its name for good before the other file gives that name.
+            File::open(&self.directory)?.sync_all()?;
+            written.parts = Some(parts);
         }
-        let new = self.path.with_extension("json.new");
-        let mut file = File::create(&new)?;
-        file.write_all(&text)?;
-        file.sync_all()?;
-        fs::rename(&new, &self.path)?;
-        File::open(&self.directory)?.sync_all()
+        let packed = Packed {
+            format: FORMAT,
+            session: contents.session,
+            shared: written.shared,
+            modules,
+        };
+        write_whole(&self.path, &packed)?;
+        File::open(&self.directory)?.sync_all()?;
+        if is_new && former > 0 {
+            // One that is left over takes room and nothing else.
+            let _ = fs::remove_file(shared_path(&self.path, former));
+        }
+        Ok(())
     }
+}
+
+/// Writes a file under another name, syncs it, and renames it.
+fn write_whole(path: &Path, content: &impl Serialize) -> io::Result<()> {
+    let text = serde_json::to_vec(content)?;
+    if text.len() as u64 > FILE_BYTES_MAX {
+        return Err(io::Error::other(too_large()));
+    }
+    let new = path.with_extension("json.new");
+    let mut file = File::create(&new)?;
+    file.write_all(&text)?;
+    file.sync_all()?;
+    fs::rename(&new, path)
+}
+
+/// The file of this number that has what the modules of another file know of all others.
+fn shared_path(path: &Path, number: u64) -> PathBuf {
+    path.with_extension(format!("shared_{number}.json"))
 }
 
 /// What the name of a file of this session ends with.
@@ -225,8 +376,25 @@ fn locked(path: &Path) -> Result<File, String> {
     Ok(file)
 }
 
-/// The contents of a file, if there is one.
-fn read(path: &Path, session: u32) -> Result<Option<Contents>, String> {
+/// The contents of a file, if there is one, and the number of the shared file that it names.
+fn read(path: &Path, session: u32) -> Result<Option<(u64, Contents)>, String> {
+    let Some(text) = text_of(path)? else {
+        return Ok(None);
+    };
+    let packed = parsed(&text, session);
+    let packed = packed.map_err(|reason| format!("{}: {reason}", path.display()))?;
+    let number = packed.shared;
+    let path = shared_path(path, number);
+    let refused = |reason: &dyn fmt::Display| format!("{}: {}", path.display(), damaged(reason));
+    let text = text_of(&path)?.ok_or_else(|| refused(&"it is missing"))?;
+    let shared: Shared = serde_json::from_slice(&text).map_err(|error| refused(&error))?;
+    let contents = packed.unpacked(&shared);
+    let contents = contents.ok_or_else(|| refused(&"it lacks what a module knows"))?;
+    Ok(Some((number, contents)))
+}
+
+/// The bytes of a file, if there is one.
+fn text_of(path: &Path) -> Result<Option<Vec<u8>>, String> {
     let file = match File::open(path) {
         Ok(file) => file,
         Err(error) if error.kind() == io::ErrorKind::NotFound => return Ok(None),
@@ -236,32 +404,32 @@ fn read(path: &Path, session: u32) -> Result<Option<Contents>, String> {
     file.take(FILE_BYTES_MAX + 1)
         .read_to_end(&mut text)
         .map_err(|error| failed("read", path, &error))?;
-    let contents = parsed(&text, session);
-    let contents = contents.map_err(|reason| format!("{}: {reason}", path.display()))?;
-    Ok(Some(contents))
+    if text.len() as u64 > FILE_BYTES_MAX {
+        return Err(format!("{}: {}", path.display(), too_large()));
+    }
+    Ok(Some(text))
 }
 
-fn parsed(text: &[u8], session: u32) -> Result<Contents, String> {
-    const DAMAGED: &str = "it holds what these modules agreed on, so begin a new session";
-    if text.len() as u64 > FILE_BYTES_MAX {
-        return Err(too_large());
-    }
-    let damaged = |error| format!("is damaged ({error}); {DAMAGED}");
-    let Format { format } = serde_json::from_slice(text).map_err(damaged)?;
+fn damaged(reason: &dyn fmt::Display) -> String {
+    format!("is damaged ({reason}); it holds what these modules agreed on, so begin a new session")
+}
+
+fn parsed(text: &[u8], session: u32) -> Result<Packed, String> {
+    let Format { format } = serde_json::from_slice(text).map_err(|error| damaged(&error))?;
     if format != FORMAT {
         return Err(format!(
             "has format {format}, and this program reads format {FORMAT} only; use the version that wrote it, or begin \
              a new session"
         ));
     }
-    let contents: Contents = serde_json::from_slice(text).map_err(damaged)?;
-    if contents.session != session {
+    let packed: Packed = serde_json::from_slice(text).map_err(|error| damaged(&error))?;
+    if packed.session != session {
         return Err(format!(
             "belongs to session {}, although its name says {session}; rename it, or begin a new session",
-            contents.session
+            packed.session
         ));
     }
-    Ok(contents)
+    Ok(packed)
 }
 
 #[cfg(test)]

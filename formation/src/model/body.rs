@@ -78,7 +78,8 @@ impl BodyReport {
     }
 
     /// Orders reports on one module: a later run supersedes an earlier one, and a removal everything else of its run.
-    pub(crate) fn compare_age(&self, other: &Self) -> Ordering {
+    #[must_use]
+    pub fn compare_age(&self, other: &Self) -> Ordering {
         fn key(report: &BodyReport) -> impl Ord {
             let whereabouts = &report.whereabouts;
             (

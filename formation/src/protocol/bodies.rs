@@ -374,6 +374,7 @@ impl Agent {
         let is_outside = matches!(self.stage, Stage::Outsider(_));
         let held = self.stage.held_plan();
         let own = self.context.module();
+        let places = held.map(HeldPlan::places).unwrap_or_default();
         for member in &roster.members {
             let module = member.module.id;
             if module == own {
@@ -382,7 +383,10 @@ impl Agent {
             let (pose, sequence) = seen_in(roster, member, &self.context.peers);
             let whereabouts = match held {
                 _ if is_outside => Whereabouts::Seen(pose),
-                Some(held) => held.whereabouts(module, pose, has_acted, &self.context.peers),
+                Some(held) => {
+                    let place = places.get(&module).copied();
+                    held.whereabouts((module, place), pose, has_acted, &self.context.peers)
+                }
                 None => Whereabouts::Halted(pose),
             };
             reports.push(BodyReport {
@@ -410,12 +414,12 @@ impl Agent {
     }
 
     /// Takes over the bodies that the store of this module holds.
-    pub(super) fn restore_bodies(&mut self, stored: Vec<BodyReport>) {
+    pub(super) fn restore_bodies(&mut self, stored: &[BodyReport]) {
         if self.context.bugs.forget_stored_bodies() {
             return;
         }
         for report in stored {
-            self.context.bodies.note(report);
+            self.context.bodies.note(report.clone());
         }
     }
 

@@ -7,6 +7,7 @@
 //! repeat what was shown before.
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
@@ -21,6 +22,9 @@ use super::event::Event;
 use super::stage::Stage;
 
 /// What the store of a module holds.
+///
+/// What grows with the number of modules (founders, quorum bases, bodies) is the same for most modules of a process. A host keeps it
+/// once for all of them, so it is not serialised here.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct DurableState {
     /// The latest epoch that it entered.
@@ -28,8 +32,10 @@ pub struct DurableState {
     /// The highest epoch that it knows of.
     pub highest: Option<Epoch>,
     /// The founders of the session; empty while they are not named.
+    #[serde(skip)]
     pub founders: Vec<ModuleId>,
     /// The earlier rosters of which a new one must contain a majority.
+    #[serde(skip)]
     pub quorum_bases: Vec<QuorumBasis>,
     /// Whether it takes part in plans.
     pub service: Service,
@@ -40,7 +46,8 @@ pub struct DurableState {
     /// The modules that it was docked to then.
     pub links: BTreeSet<ModuleId>,
     /// Where the bodies of other modules may be, and which were removed; ascending by module.
-    pub bodies: Vec<BodyReport>,
+    #[serde(skip)]
+    pub bodies: Arc<[BodyReport]>,
     /// The latest command to stop or to resume.
     pub stop: Stop,
 }
@@ -60,7 +67,34 @@ pub(super) struct SyncKey {
     stop: Stop,
 }
 
+/// The part of a key on which the bodies in a durable state depend.
+#[derive(Clone, Debug, PartialEq, Eq)]
+struct BodiesKey {
+    entered: Option<Epoch>,
+    shows_digest: bool,
+    service: Service,
+    settled_on: Option<SettledOn>,
+    removals: u64,
+}
+
+/// The bodies that were given to the store last.
+#[derive(Clone, Debug)]
+pub(super) struct StoredBodies {
+    key: BodiesKey,
+    bodies: Arc<[BodyReport]>,
+}
+
 impl SyncKey {
+    fn of_bodies(&self) -> BodiesKey {
+        BodiesKey {
+            entered: self.entered,
+            shows_digest: self.shows_digest,
+            service: self.service,
+            settled_on: self.settled_on,
+            removals: self.removals,
+        }
+    }
+
     /// Whether a plan for this epoch is shown.
     pub fn shows_plan_of(&self, epoch: Epoch) -> bool {
         self.shows_digest && self.entered == Some(epoch)
@@ -95,7 +129,7 @@ impl Agent {
         if context.stop.stopped {
             context.emit(Event::Stopped);
         }
-        self.restore_bodies(stored.bodies);
+        self.restore_bodies(&stored.bodies);
         self.stage = Stage::Listening(stored.entered);
         if is_as_stored {
             self.context.outbox.durable.given = Some(self.sync_key());
@@ -104,7 +138,21 @@ impl Agent {
     }
 
     /// What the store has to hold now.
-    pub(super) fn durable_state(&self) -> DurableState {
+    ///
+    /// The bodies say where other modules may be until this module acts on another plan. That holds for each later write before
+    /// that as well, so they are found again only for what changes it, and not whenever this module sets off or stops: with a
+    /// thousand modules that would be most of the work of a process.
+    fn durable_state(&mut self, key: &SyncKey) -> DurableState {
+        let key = key.of_bodies();
+        let stored = self.context.outbox.durable.bodies.take();
+        let stored = stored
+            .filter(|stored| stored.key == key)
+            .unwrap_or_else(|| StoredBodies {
+                bodies: self.bodies_to_store().into(),
+                key,
+            });
+        let bodies = Arc::clone(&stored.bodies);
+        self.context.outbox.durable.bodies = Some(stored);
         let context = &self.context;
         DurableState {
             entered: self.stage.epoch(),
@@ -118,7 +166,7 @@ impl Agent {
                 .map(|settled| (settled.spot, settled.target)),
             pose: context.body.pose,
             links: context.body.links.clone(),
-            bodies: self.bodies_to_store(),
+            bodies,
             stop: context.stop,
         }
     }
@@ -144,7 +192,7 @@ impl Agent {
         }
         let key = self.sync_key();
         let is_new = self.context.outbox.durable.given.as_ref() != Some(&key);
-        let state = is_new.then(|| self.durable_state());
+        let state = is_new.then(|| self.durable_state(&key));
         self.context.outbox.write_ahead(key, state);
     }
 }

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::model::{Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, Stop};
 
-use super::durable::{DurableState, SyncKey};
+use super::durable::{DurableState, StoredBodies, SyncKey};
 use super::event::Event;
 use super::io::Output;
 use super::refusal::{Refusal, RefusalCounts};
@@ -79,6 +79,8 @@ pub(super) struct StateLog {
 pub(super) struct WriteAheadLog {
     /// What the outputs so far depend on, as it was last given to the store.
     pub given: Option<SyncKey>,
+    /// The bodies in the state that was given last.
+    pub bodies: Option<StoredBodies>,
     /// The number of states that were given to the store, and of those that it holds.
     given_count: u64,
     held_count: u64,

@@ -45,7 +45,7 @@ fn state() -> DurableState {
         settled_on: Some((SpotId(3), Digest(u64::MAX))),
         pose: Pose::from_units(-1.5, 2.0, 0.5).unwrap(),
         links: modules(&[5]),
-        bodies: vec![BodyReport {
+        bodies: [BodyReport {
             module: ModuleId(6),
             incarnation: Incarnation(u64::MAX),
             epoch: Some(epoch),
@@ -54,12 +54,18 @@ fn state() -> DurableState {
                 Pose::default(),
                 Pose::from_units(0.0, 1.0, 0.0).unwrap(),
             )),
-        }],
+        }]
+        .into(),
         stop: Stop {
             revision: u64::MAX,
             stopped: true,
         },
     }
+}
+
+/// What a store has on disk.
+fn held(store: &Store) -> Contents {
+    read(&store.path, SESSION).unwrap().unwrap().1
 }
 
 /// Adds entries for modules, of which the first has a state.
@@ -103,7 +109,104 @@ fn a_store_holds_what_was_written_last() {
     fill(&mut contents, &[4, 5]);
     store.write(2, &contents).unwrap();
     store.write(1, &earlier).unwrap();
-    assert_eq!(read(&store.path, SESSION), Ok(Some(contents)));
+    assert_eq!(held(&store), contents);
+}
+
+/// The names and sizes of the shared files.
+fn shared_files(directory: &TempDir) -> BTreeMap<String, u64> {
+    let entries = fs::read_dir(directory.path()).unwrap().map(Result::unwrap);
+    let files = entries.map(|entry| {
+        let name = entry.file_name().to_string_lossy().into_owned();
+        (name, entry.metadata().unwrap().len())
+    });
+    files.filter(|(name, _)| name.contains("shared")).collect()
+}
+
+/// The contents of a store in which these modules have these states.
+fn holding(states: &[(u32, &DurableState)]) -> Contents {
+    let mut contents = Contents {
+        session: SESSION,
+        modules: BTreeMap::new(),
+    };
+    for &(id, state) in states {
+        fill(&mut contents, &[id]);
+        let entry = contents.modules.get_mut(&ModuleId(id)).unwrap();
+        entry.state = Some(state.clone());
+    }
+    contents
+}
+
+#[test]
+fn what_modules_know_of_all_others_is_stored_once_and_written_only_when_it_changes() {
+    let directory = tempfile::tempdir().unwrap();
+    let (store, _) = open(&directory, "modules", &[4, 5]).unwrap();
+    let members = (0..1_000).map(|module| Voter {
+        module: ModuleId(module),
+        memory: VoterMemory::Volatile(Incarnation(u64::MAX)),
+    });
+    let mut common = state();
+    common.quorum_bases[0].members = members.collect();
+    let mut moved = common.clone();
+    moved.pose = Pose::default();
+    let mut other = moved.clone();
+    other.founders.clear();
+    let mut sizes = Vec::new();
+    let steps = [&common, &common, &moved, &other];
+    for (number, fifth) in (1..).zip(steps) {
+        let contents = match number {
+            1 => holding(&[(4, &common)]),
+            _ => holding(&[(4, &common), (5, fifth)]),
+        };
+        store.write(number, &contents).unwrap();
+        assert_eq!(held(&store), contents, "{number}");
+        let shared = shared_files(&directory);
+        assert_eq!(shared.len(), 1, "{shared:?}");
+        sizes.extend(shared);
+    }
+    assert_eq!(sizes[0].1, sizes[1].1, "the second module knows the same");
+    assert_eq!(sizes[1], sizes[2], "it only moved");
+    assert!(sizes[3].1 > 2 * sizes[0].1 - 1_000, "{sizes:?}");
+    assert_ne!(sizes[2].0, sizes[3].0, "a new name for a new version");
+}
+
+#[test]
+fn a_module_takes_over_what_others_of_its_process_know_of_bodies_but_not_of_its_own() {
+    let directory = tempfile::tempdir().unwrap();
+    let (store, _) = open(&directory, "modules", &[5, 6]).unwrap();
+    let report = |module, sequence| BodyReport {
+        module: ModuleId(module),
+        incarnation: Incarnation(1),
+        epoch: None,
+        sequence,
+        whereabouts: Whereabouts::Seen(Pose::default()),
+    };
+    let mut fifth = state();
+    fifth.bodies = [report(6, 1), report(7, 2), report(8, 1)].into();
+    let mut sixth = state();
+    sixth.bodies = [report(5, 1), report(7, 1)].into();
+    store
+        .write(1, &holding(&[(5, &fifth), (6, &sixth)]))
+        .unwrap();
+    let found = held(&store);
+    let bodies = |id| found.modules[&ModuleId(id)].state.clone().unwrap().bodies;
+    assert_eq!(*bodies(5), [report(6, 1), report(7, 2), report(8, 1)]);
+    assert_eq!(*bodies(6), [report(5, 1), report(7, 2), report(8, 1)]);
+}
+
+#[test]
+fn a_shared_file_that_is_missing_or_damaged_is_refused() {
+    let (directory, _) = written();
+    let shared = directory.path().join("modules.session_7.shared_1.json");
+    let whole = fs::read(&shared).unwrap();
+    for damage in [&whole[..whole.len() / 2], b"{\"known\":[],\"bodies\":{}}"] {
+        fs::write(&shared, damage).unwrap();
+        let refused = open(&directory, "modules", &[4, 5]).map(|_| ());
+        let reason = refused.unwrap_err();
+        assert!(reason.contains("shared_1.json: is damaged"), "{reason}");
+    }
+    fs::remove_file(&shared).unwrap();
+    let refused = open(&directory, "modules", &[4, 5]).map(|_| ());
+    assert!(refused.unwrap_err().contains("it is missing"));
 }
 
 #[test]
@@ -125,9 +228,9 @@ fn a_torn_file_is_refused_wherever_it_ends() {
 #[test]
 fn a_file_of_a_later_version_is_refused() {
     let (directory, _) = written();
-    fs::write(path(&directory), r#"{"format": 4, "cells": []}"#).unwrap();
+    fs::write(path(&directory), r#"{"format": 5, "cells": []}"#).unwrap();
     let reason = refusal(&directory);
-    assert!(reason.contains("has format 4"), "{reason}");
+    assert!(reason.contains("has format 5"), "{reason}");
     assert!(reason.contains("use the version that wrote it"), "{reason}");
 }
 

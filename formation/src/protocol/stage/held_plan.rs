@@ -18,7 +18,7 @@ use super::super::event::Event;
 use super::super::io::MotionGoal;
 use super::super::peer::Peer;
 use super::super::peers::{Peers, Shown};
-use super::route::HeldMotion;
+use super::route::{HeldMotion, PathPlace};
 
 /// This module's place in a plan.
 #[derive(Clone, Copy, Debug)]
@@ -203,16 +203,21 @@ impl HeldPlan {
         moves.then_some((self.step_of_unit(unit), goal))
     }
 
-    /// Where another member may be that was last `seen` there, now that this module has `acted` or not. It stays where it
-    /// was seen if it moves no more, or cannot have set off while this module acts before it.
+    /// The unit of each module in the paths, and the module's own path; empty if modules do not move along paths.
+    pub(in crate::protocol) fn places(&self) -> BTreeMap<ModuleId, PathPlace<'_>> {
+        self.motion.places()
+    }
+
+    /// Where another member, with its path if it has one, may be that was last `seen` there, now that this module has `acted` or
+    /// not. It stays where it was seen if it moves no more, or cannot have set off while this module acts before it.
     pub(in crate::protocol) fn whereabouts(
         &self,
-        module: ModuleId,
+        (module, place): (ModuleId, Option<PathPlace<'_>>),
         seen: Pose,
         has_acted: bool,
         peers: &Peers,
     ) -> Whereabouts {
-        if let Some((unit, member)) = self.motion.place_of(module) {
+        if let Some((unit, member)) = place {
             let done = self.steps_done_by(module, peers) as usize;
             let mut rest = unit.poses_after(done, member).peekable();
             if done == unit.steps.len() {

@@ -10,6 +10,9 @@ use crate::motion::paths::{ModuleMotion, StepKind, UnitMotion};
 use super::super::io::MotionGoal;
 use super::aside;
 
+/// The unit of a module in the paths of a plan, and the module's own path.
+pub(in crate::protocol) type PathPlace<'a> = (&'a UnitMotion, &'a ModuleMotion);
+
 /// How the modules of a plan move, and what this module does.
 #[derive(Clone)]
 pub(super) struct HeldMotion {
@@ -35,13 +38,17 @@ impl HeldMotion {
         }
     }
 
-    /// The unit of a module in the paths, and the module's own path.
-    pub fn place_of(&self, module: ModuleId) -> Option<(&UnitMotion, &ModuleMotion)> {
-        let mut units = self.planned.paths()?.units.iter();
-        units.find_map(|unit| {
-            let mut modules = unit.modules.iter();
-            Some((unit, modules.find(|one| one.module == module)?))
-        })
+    /// The unit of each module in the paths, and the module's own path.
+    pub fn places(&self) -> BTreeMap<ModuleId, PathPlace<'_>> {
+        let paths = self.planned.paths().into_iter();
+        let units = paths.flat_map(|paths| &paths.units);
+        units
+            .flat_map(|unit: &UnitMotion| {
+                unit.modules
+                    .iter()
+                    .map(move |one| (one.module, (unit, one)))
+            })
+            .collect()
     }
 }
 
