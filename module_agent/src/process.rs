@@ -30,7 +30,7 @@ use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing};
 use crate::journal::{Journal, WriteJob};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
-use crate::worker::Worker;
+use crate::worker::{Priority, Worker};
 
 /// A process that hosts modules.
 #[derive(Clone, Debug)]
@@ -205,7 +205,8 @@ struct Workers {
 impl Workers {
     fn start(inputs: &mut Inputs<Input>, journal: Option<&Journal>) -> Result<Self, SessionError> {
         let ended = |name: &str| Input::Failed(format!("the thread for {name} has ended"));
-        let (plans, computed) = Worker::start("plans", |job: PlanJob| Arc::new(job.run()))?;
+        let (plans, computed) =
+            Worker::start("plans", Priority::Low, |job: PlanJob| Arc::new(job.run()))?;
         inputs.add(computed, move |computed| match computed {
             Some(computed) => Input::Computed(computed),
             None => ended("plans"),
@@ -214,7 +215,9 @@ impl Workers {
             return Ok(Self { plans, store: None });
         };
         let store = journal.store();
-        let (writer, written) = Worker::start("store", move |job: WriteJob| job.run(&store))?;
+        let (writer, written) = Worker::start("store", Priority::Normal, move |job: WriteJob| {
+            job.run(&store)
+        })?;
         inputs.add(written, move |written| match written {
             Some(Ok(number)) => Input::Written(number),
             Some(Err(reason)) => Input::Failed(format!(
