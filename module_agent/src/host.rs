@@ -119,7 +119,8 @@ impl Host {
     fn push(&mut self, now: Duration, identity: Identity, service: Service) {
         let mut agent = Agent::new(identity.clone(), self.parameters, now)
             .in_service(service)
-            .with_plans_of_host();
+            .with_plans_of_host()
+            .with_shared_samples();
         if self.motion.mode == MotionMode::External {
             agent = agent.of_robot();
         }

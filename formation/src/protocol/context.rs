@@ -33,6 +33,8 @@ pub(super) struct Own {
     pub leader: Option<ModuleId>,
     /// Whether a driver moves it, and not a simulated drive.
     pub is_robot: bool,
+    /// Whether its heartbeats fall due at multiples of their period, with those of other modules on the same clock.
+    pub shares_samples: bool,
     /// When this run started.
     pub started: Duration,
 }
@@ -68,6 +70,7 @@ impl Context {
                 configuration: identity.configuration,
                 leader: identity.leader,
                 is_robot: false,
+                shares_samples: false,
                 started: now,
             },
             parameters,

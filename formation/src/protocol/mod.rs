@@ -107,6 +107,14 @@ impl Agent {
         self
     }
 
+    /// The same agent, whose heartbeats fall due at multiples of their period and not a period after the last: a host that gives
+    /// the same time to several agents sends them as one sample.
+    #[must_use]
+    pub fn with_shared_samples(mut self) -> Self {
+        self.context.own.shares_samples = true;
+        self
+    }
+
     /// The same agent, of a robot: it moves in straight lines only if the target demands them.
     #[must_use]
     pub fn of_robot(mut self) -> Self {
@@ -325,7 +333,7 @@ impl Agent {
     fn handle_message(&mut self, source: Option<SourceId>, message: Message) -> bool {
         match message {
             Message::Target(announcement) => self.handle_target(announcement),
-            Message::ModuleState(state) => self.handle_state(source, state),
+            Message::ModuleState(state) => return self.handle_state(source, state),
             Message::Roster(message) => self.handle_roster(source, message),
             Message::Claim(claim) => self.handle_claim(source, claim),
             Message::Heartbeat(heartbeat) => return self.handle_heartbeat(source, heartbeat),
@@ -375,10 +383,13 @@ impl Agent {
                 .max(known.saturating_add(REVISION_STEP_MAX))
     }
 
-    fn handle_state(&mut self, source: Option<SourceId>, state: Arc<ModuleState>) {
+    /// Handles a state; one that is known already changes nothing that is due. A process sends the states of all its modules
+    /// when one of them changes, so most of those that arrive are known.
+    fn handle_state(&mut self, source: Option<SourceId>, state: Arc<ModuleState>) -> bool {
         let (module, incarnation) = (state.module, state.incarnation);
         if module == self.module() {
-            return self.handle_duplicate(incarnation);
+            self.handle_duplicate(incarnation);
+            return true;
         }
         let context = &mut self.context;
         match context
@@ -389,9 +400,10 @@ impl Agent {
                 self.note_body(module);
                 self.adjust_links_to(module);
             }
-            Ok(false) => {}
+            Ok(false) => return false,
             Err(refusal) => self.refuse_run(module, incarnation, refusal),
         }
+        true
     }
 
     /// Handles a heartbeat; one that shows nothing new changes nothing that is due.

@@ -137,6 +137,11 @@ impl Peers {
         self.shown
     }
 
+    /// Changes whenever a peer becomes known, restarts, or shows another epoch, digest or service; time changes only ages.
+    pub fn version(&self) -> (u64, Shown) {
+        (self.changes, self.shown)
+    }
+
     /// Whether a module's latest heartbeat shows that it computes a plan in this epoch.
     pub fn computes(&self, module: ModuleId, epoch: Epoch) -> bool {
         let heartbeat = self.heartbeat(module);

@@ -12,11 +12,11 @@
 //! [`Input::Computed`]: super::Input::Computed
 
 use std::collections::{BTreeMap, VecDeque};
-use std::sync::Arc;
+use std::sync::{Arc, OnceLock};
 
 use crate::model::{
-    BODY_WIDTH, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem, Roster, Service, body,
-    polyline,
+    BODY_WIDTH, Decision, Digest, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem,
+    Roster, Service, body, digest, polyline,
 };
 use crate::motion::PlannedMotion;
 use crate::motion::paths::Area;
@@ -45,6 +45,8 @@ pub struct ComputedPlan {
     turns: PlannedTurns,
     motion: Arc<PlannedMotion>,
     plan: Arc<Plan>,
+    /// The digest with the first roster that it was computed for.
+    digest: OnceLock<(Arc<Roster>, Digest)>,
 }
 
 /// The bodies that stand in the way: those of the members that take no part in the plan, and those of absent modules.
@@ -99,6 +101,7 @@ impl PlanJob {
             turns,
             motion: Arc::new(motion),
             plan: Arc::new(plan),
+            digest: OnceLock::new(),
         }
     }
 }
@@ -117,6 +120,29 @@ impl ComputedPlan {
     /// The plan after the last turn, with the acting order of the motion.
     pub(super) fn plan(&self) -> &Arc<Plan> {
         &self.plan
+    }
+
+    /// The digest of a roster with the decisions that were applied. All agents of a process that apply these turns need the same
+    /// one, which takes some milliseconds with a thousand modules.
+    pub(super) fn digest(
+        &self,
+        roster: &Arc<Roster>,
+        decisions: &[(ModuleId, Decision)],
+    ) -> Digest {
+        let compute = || digest::of_plan(roster, decisions, self.motion.paths());
+        let turns = self.turns.turns();
+        let turns = turns.map(|(_, claimant, decision)| (claimant, decision));
+        let applied = decisions.iter();
+        let applied = applied.map(|(claimant, decision)| (*claimant, decision));
+        if !turns.eq(applied) {
+            return compute();
+        }
+        let (known, digest) = self.digest.get_or_init(|| (Arc::clone(roster), compute()));
+        if Arc::ptr_eq(known, roster) {
+            *digest
+        } else {
+            compute()
+        }
     }
 
     /// Whether this is the plan of a job. After a release of pins it is also the plan for the pins that stay.

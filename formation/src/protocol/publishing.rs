@@ -1,10 +1,19 @@
 //! The states and heartbeats of an agent.
 
+use std::time::Duration;
+
 use crate::model::{Heartbeat, Message, ModuleState};
 
 use super::Agent;
 use super::io::Output;
 use super::outbox::Shown;
+
+/// The time since the last multiple of a period.
+fn into_period(now: Duration, period: Duration) -> Duration {
+    let into = now.as_nanos().checked_rem(period.as_nanos());
+    let into = into.and_then(|nanos| u64::try_from(nanos).ok());
+    into.map_or(Duration::ZERO, Duration::from_nanos)
+}
 
 impl Agent {
     /// Publishes the state if it changed, and the heartbeat if it is due or shows something new.
@@ -39,7 +48,11 @@ impl Agent {
             return;
         }
         heartbeats.shown = Some(shown);
-        heartbeats.due = now + self.context.parameters.heartbeat;
+        let period = self.context.parameters.heartbeat;
+        heartbeats.due = now + period;
+        if self.context.own.shares_samples {
+            heartbeats.due = heartbeats.due.saturating_sub(into_period(now, period));
+        }
         heartbeats.sequence += 1;
         let heartbeat = self.heartbeat(shown);
         self.context.publish(Message::Heartbeat(heartbeat));

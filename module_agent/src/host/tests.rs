@@ -6,6 +6,7 @@ use std::path::Path;
 use std::rc::Rc;
 
 use formation::model::{Epoch, Incarnation, Scenario, TargetAnnouncement};
+use formation::protocol::DurableState;
 
 use super::*;
 
@@ -221,6 +222,21 @@ fn heartbeats_that_fall_due_together_share_a_sample() {
 }
 
 #[test]
+fn heartbeats_share_a_sample_after_modules_have_shown_something_at_different_times() {
+    let (host, target) = host(&[4, 5, 17]);
+    let mut hosts = [host];
+    hosts[0].take_message(TARGET_PUBLISHER, target);
+    let said = run(&mut hosts, Duration::from_secs(60));
+    let heartbeats = said.iter().filter_map(|outgoing| match outgoing {
+        Outgoing::Heartbeats(heartbeats) => Some(heartbeats.len()),
+        _ => None,
+    });
+    let sizes: Vec<usize> = heartbeats.collect();
+    assert!(sizes.contains(&1), "no module has shown something alone");
+    assert!(sizes.ends_with(&[3; 20]), "{sizes:?}");
+}
+
+#[test]
 fn a_message_that_an_agent_refuses_is_counted_for_it() {
     let (mut host, target) = host(&[4, 5]);
     let now = Duration::from_secs(1);
@@ -390,6 +406,36 @@ fn modules_of_a_process_share_a_write_and_publish_nothing_before_it() {
     };
     assert_eq!(heartbeats.len(), 3);
     assert!(heartbeats.iter().all(|heartbeat| heartbeat.store.is_some()));
+}
+
+#[test]
+fn bodies_are_found_again_for_a_new_plan_and_a_new_spot_and_not_for_each_stop() {
+    let directory = tempfile::tempdir().unwrap();
+    let (mut host, target) = host_with(SCENARIO, &[4, 5, 17], Some(directory.path()));
+    host.take_message(TARGET_PUBLISHER, target);
+    let mut states: Vec<DurableState> = Vec::new();
+    let (mut now, limit) = (Duration::ZERO, Duration::from_secs(60));
+    while now < limit {
+        host.advance(now);
+        compute(&mut host, now);
+        write(&mut host, now);
+        host.take_outgoing();
+        let journal = host.journal.as_ref().unwrap();
+        let state = journal.state_of(ModuleId(17));
+        states.extend(state.filter(|state| states.last() != Some(state)));
+        now = host.due().unwrap().max(now + Duration::from_millis(1));
+    }
+    let is_same = |pair: &[DurableState]| Arc::ptr_eq(&pair[0].bodies, &pair[1].bodies);
+    // With a plan and the same spot, what differs is that it has set off or stopped.
+    let moves = |pair: &&[DurableState]| {
+        !pair[0].quorum_bases.is_empty() && pair[0].settled_on == pair[1].settled_on
+    };
+    assert!(states.windows(2).any(|pair| moves(&pair)), "{states:?}");
+    assert!(states.windows(2).filter(moves).all(is_same), "{states:?}");
+    let settled = states.windows(2).find(|pair| pair[1].settled_on.is_some());
+    assert!(!is_same(settled.unwrap()), "{states:?}");
+    let last = states.last().unwrap();
+    assert_eq!(last.bodies.len(), 2, "{last:?}");
 }
 
 #[test]

@@ -248,7 +248,7 @@ impl Acting {
             context.wake_at(first_motion);
             return Progress::Wait;
         }
-        let mut lagging = self.held.lagging(context);
+        let mut lagging = self.held.lagging_now(context);
         if context.stop.stopped && lagging.is_empty() {
             lagging.push(context.module());
         }

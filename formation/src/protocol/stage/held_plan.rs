@@ -48,6 +48,15 @@ pub(in crate::protocol) struct HeldPlan {
     compared: Option<Shown>,
     /// A member of which an agreement was missing. While it is, the others need not be looked at.
     pub(super) waits_for: Option<ModuleId>,
+    in_force: Option<InForce>,
+}
+
+/// No member lagged. While all show the same, that holds until the oldest heartbeat exceeds the lease, so the members need not be
+/// looked at whenever a message comes.
+#[derive(Clone, Copy)]
+struct InForce {
+    version: (u64, Shown),
+    until: Duration,
 }
 
 impl Hash for HeldPlan {
@@ -97,6 +106,7 @@ impl HeldPlan {
             has_mismatch: false,
             compared: None,
             waits_for: None,
+            in_force: None,
         }
     }
 
@@ -348,6 +358,36 @@ impl HeldPlan {
         self.members_that(context, |module, incarnation, peer| {
             !self.is_shown_by(incarnation, peer, context, lease) || self.has_failed(module, peer)
         })
+    }
+
+    /// The same as [`Self::lagging`], found again only when it may have changed.
+    pub(super) fn lagging_now(&mut self, context: &Context) -> Vec<ModuleId> {
+        let version = context.peers.version();
+        let holds = |known: &InForce| known.version == version && context.now <= known.until;
+        if self.in_force.as_ref().is_some_and(holds) {
+            debug_assert!(
+                self.lagging(context).is_empty(),
+                "what members show has a version"
+            );
+            return Vec::new();
+        }
+        let lagging = self.lagging(context);
+        self.in_force = lagging.is_empty().then(|| InForce {
+            version,
+            until: self.end_of_lease(context),
+        });
+        lagging
+    }
+
+    /// When the oldest of the members' latest heartbeats exceeds the lease.
+    fn end_of_lease(&self, context: &Context) -> Duration {
+        let members = context.peers.along(&self.members);
+        let others = members.filter(|&(module, ..)| module != self.own);
+        let oldest = others
+            .filter_map(|(.., peer)| peer?.age(context.now))
+            .max()
+            .unwrap_or_default();
+        context.now + context.parameters.lease.saturating_sub(oldest)
     }
 
     /// Whether the motion of a member failed since the roster was made.

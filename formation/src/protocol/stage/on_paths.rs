@@ -11,6 +11,15 @@ use super::acting::{Acting, Progress, Task};
 use super::proofs::Proofs;
 use super::route::Route;
 
+/// How often the progress of the members is counted within the time after which they are stuck. To count takes longer the more
+/// members there are, and each member counts; the time is longer than it needs to be by at most one of these parts.
+const COUNTS_PER_LIMIT: u32 = 32;
+
+/// The time without progress of any member after which those that could go on are stuck.
+fn stall_limit(context: &Context) -> Duration {
+    context.parameters.motion_limit + context.parameters.stuck
+}
+
 /// When the members were last seen to make progress.
 #[derive(Clone, Copy, Debug, Hash)]
 pub(super) struct Advance {
@@ -191,7 +200,7 @@ impl Acting {
         if !lagging.is_empty() {
             self.progress.since = now;
         }
-        if now < self.progress.counted + context.parameters.heartbeat {
+        if now < self.progress.counted + stall_limit(context) / COUNTS_PER_LIMIT {
             return;
         }
         let count = self.count_progress(context);
@@ -219,8 +228,7 @@ impl Acting {
 
     /// The modules that could go on and do not, if no member has made progress for longer than a step may take.
     pub(super) fn stuck_on_paths(&self, route: &Route, context: &Context) -> Vec<ModuleId> {
-        let limit = context.parameters.motion_limit + context.parameters.stuck;
-        let is_overdue = context.now.saturating_sub(self.progress.since) > limit;
+        let is_overdue = context.now.saturating_sub(self.progress.since) > stall_limit(context);
         if !is_overdue || self.count_progress(context) != self.progress.count {
             // A count that has changed since begins the time again.
             return Vec::new();

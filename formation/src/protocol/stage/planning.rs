@@ -8,11 +8,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Decision, Digest, Epoch, EvictionNotice, Message, ModuleId, ModulePhase, Roster, SpotClaim,
-    digest,
+    Decision, Epoch, EvictionNotice, Message, ModuleId, ModulePhase, Roster, SpotClaim,
 };
 use crate::motion::PlannedMotion;
-use crate::motion::paths::MotionPlan;
 use crate::planner::{ClaimRefused, PlannedTurns};
 
 use super::super::context::Context;
@@ -221,7 +219,8 @@ impl Planning {
     fn finish(self, planned: &ComputedPlan, context: &mut Context) -> Stage {
         let epoch = self.roster.epoch;
         let motion = Arc::clone(planned.motion());
-        let digest = self.digest(motion.paths(), context.bugs);
+        let digest = planned.digest(&self.roster, &self.decisions);
+        let digest = context.bugs.shown(digest);
         let turns = self.applied;
         context.emit(Event::Planned {
             epoch,
@@ -239,10 +238,6 @@ impl Planning {
         context.mark_state_changed();
         let held = HeldPlan::new(context.module(), self.roster, plan, motion, digest, turns);
         Stage::Agreeing(Box::new(Agreeing::new(held, context.now)))
-    }
-
-    fn digest(&self, motion: Option<&MotionPlan>, bugs: Bugs) -> Digest {
-        bugs.shown(digest::of_plan(&self.roster, &self.decisions, motion))
     }
 }
 
