@@ -110,6 +110,5 @@ fn many_stops_are_starts_of_the_next_plan() {
         }
         all.push(counts);
     }
-    println!("{all:#?}");
-    assert!(all.iter().all(Counts::is_clean));
+    assert!(all.iter().all(Counts::is_clean), "{all:#?}");
 }
