@@ -517,8 +517,8 @@ fn a_run_without_end_names_the_missing_modules() {
 fn nothing_starts_on_bad_input() {
     let sandbox = Sandbox::new(POLITE);
     for (options, expected) in [
-        (&["--modules-per-process", "0"][..], "from 1 to 25"),
-        (&["--modules-per-process", "26"], "from 1 to 25"),
+        (&["--modules-per-process", "0"][..], "from 1 to 100"),
+        (&["--modules-per-process", "101"], "from 1 to 100"),
         (&["--domain", "233"], "0 to 232"),
         (&["--timeout", "0"], "must be seconds"),
         (&["--timeout", "NaN"], "must be seconds"),
