@@ -83,9 +83,15 @@ impl Monitor {
         spot.is_some_and(|&spot| Some(spot) != state.spot)
     }
 
-    /// Whether the bodies that the modules of a group report block every spot of the target.
+    /// Whether the bodies that the modules of a group report block every spot of the target: of the latest one, or for modules that
+    /// are cut off from its publisher, of the latest that reached any of them.
     pub(super) fn all_is_blocked(&self, cluster: &Cluster, group: &BTreeSet<ModuleId>) -> bool {
-        let announcement = cluster.announcement();
+        let received = group.iter();
+        let received = received.filter_map(|&module| cluster.received_announcement(module));
+        let announcement = match cluster.parts().first() == Some(group) {
+            true => cluster.announcement().map(|announcement| &**announcement),
+            false => received.max_by_key(|announcement| announcement.revision),
+        };
         let Some(target) = announcement.and_then(|announcement| announcement.target.as_ref())
         else {
             return false;
