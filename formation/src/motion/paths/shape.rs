@@ -125,12 +125,12 @@ mod tests {
     #[test]
     fn squares_overlap_by_more_than_the_slack_or_not_at_all() {
         let square = Shape::square((0, 0), HALF);
-        let at = |x: i64, y: i64| Shape::square((x, y), HALF);
-        assert!(!both_ways(&square, &at(UNIT, 0), 0));
-        assert!(both_ways(&square, &at(UNIT - 1, UNIT - 1), 0));
-        assert!(!both_ways(&square, &at(UNIT - 10, 0), 10));
-        assert!(both_ways(&square, &at(UNIT - 11, 0), 10));
-        assert!(!both_ways(&square, &at(UNIT - 11, UNIT - 10), 10));
+        let beside = |x: i64, y: i64| Shape::square((x, y), HALF);
+        assert!(!both_ways(&square, &beside(UNIT, 0), 0));
+        assert!(both_ways(&square, &beside(UNIT - 1, UNIT - 1), 0));
+        assert!(!both_ways(&square, &beside(UNIT - 10, 0), 10));
+        assert!(both_ways(&square, &beside(UNIT - 11, 0), 10));
+        assert!(!both_ways(&square, &beside(UNIT - 11, UNIT - 10), 10));
     }
 
     #[test]
