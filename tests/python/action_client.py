@@ -18,8 +18,9 @@ import threading
 import time
 import uuid
 
-from ros_tools import INTERFACES, INTERVAL_S, RELIABLE, SERVICES, Client, Graph, wait
+from ros_tools import INTERVAL_S, RELIABLE, Client, Graph, wait
 from formation_dds import Types
+from service_definitions import INTERFACES, SERVICES
 
 from cyclonedds.core import Policy, Qos
 from cyclonedds.domain import DomainParticipant
@@ -36,10 +37,6 @@ SERVICES[f"{NAME}_SendGoal"] = (
     "bool accepted\nbuiltin_interfaces/Time stamp",
 )
 SERVICES[f"{NAME}_GetResult"] = (ID, "int8 status\nformation_msgs/FormConfiguration_Result result")
-SERVICES["action_msgs/srv/CancelGoal"] = (
-    "action_msgs/GoalInfo goal_info",
-    "int8 return_code\naction_msgs/GoalInfo[] goals_canceling",
-)
 
 
 def raw_id(text):

@@ -23,6 +23,7 @@ import time
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 
 from formation_dds import Types, samples  # noqa: E402
+from service_definitions import SERVICES  # noqa: E402
 
 from cyclonedds.builtin import (  # noqa: E402
     BuiltinDataReader,
@@ -41,29 +42,6 @@ from rosbags.typesys import get_types_from_msg  # noqa: E402
 
 RELIABLE = Policy.Reliability.Reliable(duration(seconds=1))
 INTERVAL_S = 0.01
-
-# The parameter services and our own, as their .srv files have them.
-SERVICES = {
-    "rcl_interfaces/srv/DescribeParameters": ("string[] names", "rcl_interfaces/ParameterDescriptor[] descriptors"),
-    "rcl_interfaces/srv/GetParameters": ("string[] names", "rcl_interfaces/ParameterValue[] values"),
-    "rcl_interfaces/srv/GetParameterTypes": ("string[] names", "uint8[] types"),
-    "rcl_interfaces/srv/ListParameters": (
-        "string[] prefixes\nuint64 depth",
-        "rcl_interfaces/ListParametersResult result",
-    ),
-    "rcl_interfaces/srv/SetParameters": (
-        "rcl_interfaces/Parameter[] parameters",
-        "rcl_interfaces/SetParametersResult[] results",
-    ),
-    "rcl_interfaces/srv/SetParametersAtomically": (
-        "rcl_interfaces/Parameter[] parameters",
-        "rcl_interfaces/SetParametersResult result",
-    ),
-}
-
-INTERFACES = pathlib.Path(__file__).resolve().parents[2] / "msgs"
-for path in sorted((INTERFACES / "srv").glob("*.srv")):
-    SERVICES[f"formation_msgs/srv/{path.stem}"] = tuple(path.read_text().split("\n---\n"))
 
 
 class Graph:

@@ -28,9 +28,9 @@ from zenoh_ros2_sdk.discovery import get_service_names_and_types, get_topic_name
 from zenoh_ros2_sdk.qos import QosDurability, QosProfile, QosReliability
 from zenoh_ros2_sdk.session import ZenohSession
 
-REPOSITORY = pathlib.Path(__file__).resolve().parent.parent.parent
-MSGS = REPOSITORY / "msgs"
-sys.path.insert(0, str(REPOSITORY / "launch_scripts" / "examples"))
+from service_definitions import INTERFACES, SERVICES
+
+sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "launch_scripts" / "examples"))
 
 from robot_model import Pose, Robot, start_poses  # noqa: E402
 
@@ -53,32 +53,6 @@ STANDARD = [
     "unique_identifier_msgs/msg/UUID",
     "visualization_msgs/msg/MarkerArray",
 ]
-# What `.srv` and `.action` files of others say, as the typestore holds messages only.
-SERVICES = {
-    "action_msgs/srv/CancelGoal": (
-        "action_msgs/GoalInfo goal_info",
-        "int8 return_code\naction_msgs/GoalInfo[] goals_canceling",
-    ),
-    "rcl_interfaces/srv/GetParameters": ("string[] names", "rcl_interfaces/ParameterValue[] values"),
-    "rcl_interfaces/srv/GetParameterTypes": ("string[] names", "uint8[] types"),
-    "rcl_interfaces/srv/DescribeParameters": ("string[] names", "rcl_interfaces/ParameterDescriptor[] descriptors"),
-    "rcl_interfaces/srv/ListParameters": (
-        "string[] prefixes\nuint64 depth",
-        "rcl_interfaces/ListParametersResult result",
-    ),
-    "rcl_interfaces/srv/SetParameters": (
-        "rcl_interfaces/Parameter[] parameters",
-        "rcl_interfaces/SetParametersResult[] results",
-    ),
-    "rcl_interfaces/srv/SetParametersAtomically": (
-        "rcl_interfaces/Parameter[] parameters",
-        "rcl_interfaces/SetParametersResult result",
-    ),
-}
-
-
-def text(kind, name):
-    return (MSGS / kind / f"{name}.{kind}").read_text(encoding="utf-8")
 
 
 def qualified(definition):
@@ -95,21 +69,21 @@ class Interfaces:
 
     def __init__(self, session):
         self.session = session
-        lines = (MSGS / "type_hashes.txt").read_text(encoding="utf-8").splitlines()
+        lines = (INTERFACES / "type_hashes.txt").read_text(encoding="utf-8").splitlines()
         self.hashes = dict(line.split() for line in lines if not line.startswith("#"))
         jazzy = get_typestore(Stores.ROS2_JAZZY)
         for name in STANDARD:
             self.register(name, jazzy.generate_msgdef(name, ros_version=2)[0])
-        for path in sorted((MSGS / "msg").glob("*.msg")):
+        for path in sorted((INTERFACES / "msg").glob("*.msg")):
             self.register(f"formation_msgs/msg/{path.stem}", path.read_text(encoding="utf-8"))
-        for path in sorted((MSGS / "srv").glob("*.srv")):
-            SERVICES[f"formation_msgs/srv/{path.stem}"] = qualified(text("srv", path.stem)).split("\n---\n")
-        goal, result, feedback = qualified(text("action", "FormConfiguration")).split("\n---\n")
+        self.services = {name: [qualified(part) for part in parts] for name, parts in SERVICES.items()}
+        action = (INTERFACES / "action" / "FormConfiguration.action").read_text(encoding="utf-8")
+        goal, result, feedback = qualified(action).split("\n---\n")
         identifier = "unique_identifier_msgs/UUID goal_id\n"
         action = "formation_msgs/action/FormConfiguration"
-        SERVICES[f"{action}_SendGoal"] = (identifier + goal, "bool accepted\nbuiltin_interfaces/Time stamp")
+        self.services[f"{action}_SendGoal"] = (identifier + goal, "bool accepted\nbuiltin_interfaces/Time stamp")
         # The wire does not show that the result, and the feedback, are messages of their own.
-        SERVICES[f"{action}_GetResult"] = (identifier, "int8 status\n" + result)
+        self.services[f"{action}_GetResult"] = (identifier, "int8 status\n" + result)
         self.register(f"{action}_FeedbackMessage", identifier + feedback)
 
     def register(self, name, definition):
@@ -196,7 +170,7 @@ class Lab:
 
     def call(self, name, service, **fields):
         """The answer of a service, which may not be there yet."""
-        request, response = SERVICES[service]
+        request, response = self.interfaces.services[service]
         client = ROS2ServiceClient(
             service_name=self.path(name),
             srv_type=service,
