@@ -184,28 +184,15 @@ pub fn participants_taken(domain: u16) -> usize {
 /// Whether a program of this machine uses a port of this domain.
 pub fn has_sockets(domain: u16) -> bool {
     let first = discovery_port(domain, 0) - 10;
-    let mut ports = ports_of(&udp_sockets()).into_iter();
+    let mut ports = ports_of(&udp_sockets(), None).into_iter();
     ports.any(|port| (first..first + PORTS_OF_DOMAIN).contains(&port))
 }
 
 /// Whether a program of this machine listens on a TCP port. To connect would do as well, but a router with certificates takes
 /// that for a link without one.
 pub fn listens(port: u16) -> bool {
-    listens_in(
-        &fs::read_to_string("/proc/net/tcp").unwrap_or_default(),
-        port,
-    )
-}
-
-fn listens_in(sockets: &str, port: u16) -> bool {
-    // The state of a listening socket.
-    const LISTEN: &str = "0A";
-    let mut sockets = sockets.lines().map(str::split_whitespace);
-    sockets.any(|mut columns| {
-        let local = columns.nth(1).and_then(|local| local.split_once(':'));
-        let is_port = |(_, local): (_, &str)| u16::from_str_radix(local, 16) == Ok(port);
-        local.is_some_and(is_port) && columns.nth(1) == Some(LISTEN)
-    })
+    let sockets = fs::read_to_string("/proc/net/tcp").unwrap_or_default();
+    ports_of(&sockets, Some(LISTENING)).contains(&port.into())
 }
 
 /// The kernel's table of the UDP sockets of this network namespace. Without it, other programs count as in other domains.
@@ -213,18 +200,23 @@ fn udp_sockets() -> String {
     fs::read_to_string("/proc/net/udp").unwrap_or_default()
 }
 
-/// The local ports of a table of UDP sockets.
-fn ports_of(sockets: &str) -> BTreeSet<usize> {
+/// The state of a TCP socket that listens, in the kernel's table.
+const LISTENING: &str = "0A";
+
+/// The local ports of the kernel's table of sockets: of all, or of those in one state.
+fn ports_of(sockets: &str, state: Option<&str>) -> BTreeSet<usize> {
     let ports = sockets.lines().filter_map(|line| {
-        let (_, port) = line.split_whitespace().nth(1)?.split_once(':')?;
-        usize::from_str_radix(port, 16).ok()
+        let mut columns = line.split_whitespace();
+        let (_, port) = columns.nth(1)?.split_once(':')?;
+        let is_wanted = state.is_none() || columns.nth(1) == state;
+        usize::from_str_radix(port, 16).ok().filter(|_| is_wanted)
     });
     ports.collect()
 }
 
 /// Counts the participants whose discovery port is among the local addresses of a table of UDP sockets.
 fn participants_in(sockets: &str, domain: u16) -> usize {
-    let ports = ports_of(sockets);
+    let ports = ports_of(sockets, None);
     (0..PARTICIPANTS_MAX)
         .filter(|&participant| ports.contains(&discovery_port(domain, participant)))
         .count()
@@ -324,8 +316,8 @@ mod tests {
         let sockets = "  sl  local_address rem_address   st tx_queue rx_queue\n\
             0: 0100007F:1D17 00000000:0000 0A 00000000:00000000\n\
             1: 0100007F:1D18 0100007F:1D17 01 00000000:00000000\n";
-        assert!(listens_in(sockets, 0x1D17));
-        assert!(!listens_in(sockets, 0x1D18));
+        assert_eq!(ports_of(sockets, None), [0x1D17, 0x1D18].into());
+        assert_eq!(ports_of(sockets, Some(LISTENING)), [0x1D17].into());
         let listener = std::net::TcpListener::bind(("127.0.0.1", 0)).unwrap();
         assert!(listens(listener.local_addr().unwrap().port()));
     }
