@@ -26,8 +26,8 @@ const NODE_NAME: &str = "verifier";
 /// The least time between the arrival of a message and a judgement, and so between two judgements.
 const JUDGE_INTERVAL: Duration = Duration::from_millis(50);
 
-/// The verifier waits this many times as long as its last judgement took: with a thousand modules a judgement takes longer than the
-/// interval, and the modules may need the processor.
+/// The verifier waits this many times as long as its last judgement took, within bounds: with a thousand modules a judgement takes
+/// longer than the least interval, and the modules may need the processor.
 const JUDGEMENTS_WAITED: u32 = 9;
 
 /// How often a verifier that keeps watching looks for modules that have fallen silent.
@@ -232,6 +232,13 @@ impl Node for Verifier<'_> {
     }
 }
 
+/// The time between the arrival of a message and a judgement, after one that took this time. A process that was stopped while it judged
+/// goes on as soon as any other.
+fn interval_after(judgement: Duration) -> Duration {
+    let pause = judgement.saturating_mul(JUDGEMENTS_WAITED);
+    pause.clamp(JUDGE_INTERVAL, REVIEW_INTERVAL)
+}
+
 impl Verifier<'_> {
     /// Judges what was received, and reports what is new.
     fn judge(&mut self) -> Phase {
@@ -254,8 +261,7 @@ impl Verifier<'_> {
             self.verdicts.publish(sample);
         }
         let now = Instant::now();
-        let pause = now.saturating_duration_since(began) * JUDGEMENTS_WAITED;
-        self.judge_interval = pause.max(JUDGE_INTERVAL);
+        self.judge_interval = interval_after(now.saturating_duration_since(began));
         let next = match &end {
             _ if self.process.keep_watching => Phase::Observing(Some(now + REVIEW_INTERVAL)),
             None => Phase::Observing(None),
@@ -279,5 +285,18 @@ impl Verifier<'_> {
             self.observer.verdict(now)
         };
         verdict.map(|verdict| End::Judged(verdict.clone()))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn judgements_take_a_tenth_of_the_time_and_wait_no_longer_than_a_review() {
+        let millis = Duration::from_millis;
+        assert_eq!(interval_after(millis(1)), JUDGE_INTERVAL);
+        assert_eq!(interval_after(millis(80)), millis(720));
+        assert_eq!(interval_after(Duration::MAX), REVIEW_INTERVAL);
     }
 }
