@@ -223,6 +223,8 @@ impl Store {
         let found = found.map(|(shared, contents)| {
             let mut written = store.written.lock().unwrap_or_else(PoisonError::into_inner);
             written.shared = shared;
+            // The process may have ended before it had removed the one before.
+            store.remove_shared(shared.saturating_sub(1));
             contents
         });
         match &found {
@@ -319,11 +321,15 @@ impl Store {
         };
         write_whole(&self.path, &packed)?;
         File::open(&self.directory)?.sync_all()?;
-        if is_new && former > 0 {
-            // One that is left over takes room and nothing else.
-            let _ = fs::remove_file(shared_path(&self.path, former));
+        if is_new {
+            self.remove_shared(former);
         }
         Ok(())
+    }
+
+    /// Removes a shared file that is no longer named; one that cannot be removed takes room and nothing else.
+    fn remove_shared(&self, number: u64) {
+        let _ = fs::remove_file(shared_path(&self.path, number));
     }
 }
 

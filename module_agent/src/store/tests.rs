@@ -170,6 +170,22 @@ fn what_modules_know_of_all_others_is_stored_once_and_written_only_when_it_chang
 }
 
 #[test]
+fn a_shared_file_that_is_no_longer_named_does_not_stay() {
+    let (directory, contents) = written();
+    let shared = directory.path().join("modules.session_7.shared_1.json");
+    let before = fs::read(&shared).unwrap();
+    let (store, _) = open(&directory, "modules", &[4, 5]).unwrap();
+    store.write(1, &contents).unwrap();
+    drop(store);
+    // As after an end between the replacement and the removal.
+    fs::write(&shared, before).unwrap();
+    let (_store, found) = open(&directory, "modules", &[4, 5]).unwrap();
+    assert_eq!(found, contents);
+    let left: Vec<String> = shared_files(&directory).into_keys().collect();
+    assert_eq!(left, ["modules.session_7.shared_2.json"]);
+}
+
+#[test]
 fn a_module_takes_over_what_others_of_its_process_know_of_bodies_but_not_of_its_own() {
     let directory = tempfile::tempdir().unwrap();
     let (store, _) = open(&directory, "modules", &[5, 6]).unwrap();
