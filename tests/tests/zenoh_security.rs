@@ -137,6 +137,12 @@ fn a_run_gives_each_process_the_file_of_its_role() {
     let protected = run(&files);
     assert_eq!(protected.status, 0, "{}", protected.stderr);
     assert_eq!(protected.json()["verdict"], "COMPLETE");
+    let said = &protected.stderr;
+    assert!(said.contains("routing on [\"tls/127.0.0.1:"), "{said}");
+    assert!(
+        !said.contains("refused Put"),
+        "what belongs to a role: {said}"
+    );
     fs::remove_file(files.join("verifier.json5")).unwrap();
     let incomplete = run(&files);
     assert_eq!(incomplete.status, 2, "{}", incomplete.stderr);
