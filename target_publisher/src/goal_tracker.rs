@@ -16,6 +16,9 @@ use crate::parameters::PublisherParameters;
 
 /// The least time between two feedback messages.
 const FEEDBACK_INTERVAL: Duration = Duration::from_millis(100);
+/// After this time the same feedback is published again: feedback is volatile, so a client that was matched only after
+/// the first one would wait until the progress changes.
+const FEEDBACK_REPEAT_INTERVAL: Duration = Duration::from_secs(1);
 
 /// The goal that is pursued.
 struct Pursuit {
@@ -27,8 +30,9 @@ struct Pursuit {
     revision: u64,
     /// Since when it is being cancelled.
     cancelled: Option<Duration>,
-    /// The progress in the latest feedback.
-    published: Option<Progress>,
+    /// The progress in the latest feedback, and when that is published again.
+    published: Option<(Progress, Duration)>,
+    /// When new progress may be published.
     feedback_due: Duration,
 }
 
@@ -158,32 +162,33 @@ impl<Q> GoalTracker<Q> {
             Some(since) => since.saturating_add(limits.standstill_limit),
             None => pursuit.began.saturating_add(limits.verdict_limit),
         };
-        Some(if self.progress_may_be_new {
-            end.min(pursuit.feedback_due)
-        } else {
-            end
-        })
+        let repeat = pursuit.published.as_ref().map(|(_, repeat)| *repeat);
+        let news = self.progress_may_be_new.then_some(pursuit.feedback_due);
+        [Some(end), repeat, news].into_iter().flatten().min()
     }
 
-    /// Feedback on the goal that is pursued, if it is new.
+    /// Feedback on the goal that is pursued, if it is new or to be repeated.
     pub(crate) fn take_feedback(
         &mut self,
         now: Duration,
     ) -> Option<(GoalId, FormConfigurationFeedback)> {
         let pursuit = self.pursuit.as_mut()?;
-        if !self.progress_may_be_new || now < pursuit.feedback_due {
+        let is_repeat = matches!(pursuit.published, Some((_, repeat)) if repeat <= now);
+        let may_be_new = self.progress_may_be_new && pursuit.feedback_due <= now;
+        if !is_repeat && !may_be_new {
             return None;
         }
         self.progress_may_be_new = false;
         pursuit.feedback_due = now + FEEDBACK_INTERVAL;
         let progress = self.status.progress();
-        if pursuit.published.as_ref() == Some(&progress) {
+        let is_same = matches!(&pursuit.published, Some((latest, _)) if *latest == progress);
+        if is_same && !is_repeat {
             return None;
         }
         let feedback = FormConfigurationFeedback {
             progress: (&progress).into(),
         };
-        pursuit.published = Some(progress);
+        pursuit.published = Some((progress, now + FEEDBACK_REPEAT_INTERVAL));
         Some((pursuit.goal, feedback))
     }
 

@@ -10,8 +10,9 @@ use formation_msgs::{
     TargetConfiguration,
 };
 use formation_tests::{Domain, Running};
+use futures::future::Either;
 use futures::{FutureExt, StreamExt};
-use ros2_client::action::{ActionClientQosPolicies, GoalStatusEnum};
+use ros2_client::action::{ActionClientQosPolicies, GoalId, GoalStatusEnum, SendGoalResponse};
 use ros2_client::builtin_interfaces::Time;
 use ros2_client::qos::{Durability, History, QosProfile, Reliability, WhenFull};
 use ros2_client::{
@@ -20,7 +21,7 @@ use ros2_client::{
 use rustdds::DomainParticipantBuilder;
 use serde::{Deserialize, Serialize};
 
-/// A service that does not answer at all is what this looks for.
+/// For each step. A service that does not answer at all is what this looks for.
 const PATIENCE: Duration = Duration::from_secs(20);
 
 #[derive(Clone, Debug, Serialize, Deserialize)]
@@ -89,21 +90,51 @@ fn pair() -> FormConfigurationGoal {
     }
 }
 
-async fn drive(client: &FormConfiguration, node: &Node) {
-    client.goal_client().wait_for_service(node).await;
-    client.cancel_client().wait_for_service(node).await;
-    client.result_client().wait_for_service(node).await;
-    let (goal, response) = client.async_send_goal(Carried(pair())).await.unwrap();
+/// Waits for one step of the action, and says which one does not come.
+async fn within<T>(step: &str, publisher: &Running, answer: impl Future<Output = T>) -> T {
+    let answer = std::pin::pin!(answer.fuse());
+    let late = std::pin::pin!(FutureExt::fuse(Timer::after(PATIENCE)));
+    match futures::future::select(answer, late).await {
+        Either::Left((answer, _)) => answer,
+        Either::Right(_) => panic!(
+            "{step} does not come; the publisher logged: {:#?}",
+            publisher.log_since(0)
+        ),
+    }
+}
+
+/// Sends the goal until it is answered: the publisher may have to restart itself before it serves, and what is sent to its
+/// first endpoints is lost.
+async fn send_goal(client: &FormConfiguration) -> (GoalId, SendGoalResponse) {
+    loop {
+        let answer = std::pin::pin!(client.async_send_goal(Carried(pair())).fuse());
+        let late = std::pin::pin!(FutureExt::fuse(Timer::after(PATIENCE / 4)));
+        if let Either::Left((answer, _)) = futures::future::select(answer, late).await {
+            return answer.unwrap();
+        }
+    }
+}
+
+async fn drive(client: &FormConfiguration, node: &Node, publisher: &Running) {
+    let services = async {
+        client.goal_client().wait_for_service(node).await;
+        client.cancel_client().wait_for_service(node).await;
+        client.result_client().wait_for_service(node).await;
+    };
+    within("a service", publisher, services).await;
+    let (goal, response) = within("the answer to the goal", publisher, send_goal(client)).await;
     assert!(response.accepted);
     let mut feedback = Box::pin(client.feedback_stream(goal));
-    let first = feedback.next().await.unwrap().unwrap();
+    let first = within("feedback", publisher, feedback.next()).await;
+    let first = first.unwrap().unwrap();
     assert_eq!(first.0.progress.stage, 2, "modules are awaited");
     let result = client.async_request_result(goal);
     let cancel = async {
         let response = client.async_cancel_goal(goal, Time::ZERO).await.unwrap();
         assert_eq!(response.goals_canceling.len(), 1);
     };
-    let (result, ()) = futures::join!(result, cancel);
+    let ended = futures::future::join(result, cancel);
+    let (result, ()) = within("the end of the goal", publisher, ended).await;
     let (status, Carried(result)) = result.unwrap();
     assert_eq!(status, GoalStatusEnum::Canceled);
     assert!(
@@ -117,8 +148,9 @@ async fn drive(client: &FormConfiguration, node: &Node) {
 fn a_goal_is_sent_followed_and_cancelled_where_identities_are_inline_qos() {
     let domain = Domain::for_processes(4);
     let mapping = ["--service-mapping", "enhanced"];
-    let publisher = Running::start("target_publisher", &domain, &mapping);
+    // First, as the library can lock itself up while it creates endpoints and discovers others.
     let (mut node, client) = client(&domain);
+    let publisher = Running::start("target_publisher", &domain, &mapping);
     let spinner = node.spinner().unwrap();
     async_io::block_on(async {
         let spin = async {
@@ -126,9 +158,8 @@ fn a_goal_is_sent_followed_and_cancelled_where_identities_are_inline_qos() {
             std::future::pending::<()>().await;
         };
         futures::select! {
-            () = Box::pin(drive(&client, &node).fuse()) => {}
+            () = Box::pin(drive(&client, &node, &publisher).fuse()) => {}
             () = Box::pin(spin.fuse()) => panic!("the library stopped"),
-            _ = FutureExt::fuse(Timer::after(PATIENCE)) => panic!("the action does not answer"),
         }
     });
     assert_eq!(publisher.stop().status, 0);

@@ -162,12 +162,25 @@ fn a_goal_without_a_verdict_ends_when_its_time_is_up() {
     let (mut tracker, _) = begun();
     assert_eq!(tracker.due(&limits()), Some(at(1)), "feedback");
     assert!(tracker.take_feedback(at(1)).is_some());
-    assert_eq!(tracker.due(&limits()), Some(at(61)));
     assert_eq!(ended(&mut tracker, at(60)), None);
+    assert!(tracker.take_feedback(at(60)).is_some());
+    assert_eq!(tracker.due(&limits()), Some(at(61)));
     let (status, message) = ended(&mut tracker, at(61)).unwrap();
     assert_eq!(status, GoalStatusEnum::Aborted);
     assert!(message.contains("verdict_limit_s (60 s)"), "{message}");
     assert!(tracker.status.own().unwrap().target.is_some());
+}
+
+#[test]
+fn feedback_is_repeated_for_clients_that_were_matched_late() {
+    let (mut tracker, goal) = begun();
+    let first = tracker.take_feedback(at(1)).unwrap();
+    assert_eq!(first.0, goal);
+    assert_eq!(tracker.take_feedback(at(1)), None);
+    let due = tracker.due(&limits()).unwrap();
+    assert_eq!(due, at(2));
+    assert_eq!(tracker.take_feedback(due), Some(first));
+    assert_eq!(tracker.take_feedback(due), None);
 }
 
 #[test]
