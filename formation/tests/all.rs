@@ -13,6 +13,7 @@ mod duplicate_module;
 mod limits;
 mod motion_paths;
 mod motion_starts;
+mod motion_stops;
 mod obstacles;
 mod oracles;
 mod planning;

@@ -1,9 +1,8 @@
 //! Where motion plans may start: apart, halted on the way, measured with errors, between obstacles.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use formation::generate::{Apart, Grouping};
 use formation::model::{
     MicroUnits, ModuleId, PlanningModule, PlanningProblem, Pose, Scenario, SpotId,
 };
@@ -15,7 +14,7 @@ use formation::planner::plan;
 use crate::support::Numbers;
 use crate::support::bodies::MEASURED_BODY;
 use crate::support::motion::{
-    Case, assert_sound, assert_sound_within, cases, motion, run, run_with_bodies, waits_of,
+    assert_sound, assert_sound_within, cases, motion, run, run_with_bodies, waits_of,
 };
 
 /// Where a module is at a time of the plan, half-way through a step if need be.
@@ -249,87 +248,4 @@ fn obstacles_are_gone_around_or_named() {
         MotionParameters::default(),
     );
     assert_eq!(covered, Err(MotionError::CoveredSpot(SpotId(2))));
-}
-
-/// Where the modules stand when all are halted at a time of the plan: on the straight line between two waypoints, or between
-/// the two layouts of a fold.
-fn halted(plan: &MotionPlan, time: f64) -> BTreeMap<ModuleId, Pose> {
-    let mut poses = BTreeMap::new();
-    for unit in &plan.units {
-        for module in &unit.modules {
-            let mut pose = module.waypoints[0].pose;
-            for (pair, step) in module.waypoints.windows(2).zip(&unit.steps) {
-                let share = (time - f64::from(step.begin)).clamp(0.0, 1.0);
-                if share > 0.0 {
-                    let between = |from: MicroUnits, to: MicroUnits| {
-                        from.to_units() + (to.to_units() - from.to_units()) * share
-                    };
-                    let (from, to) = (pair[0].pose, pair[1].pose);
-                    pose = Pose::from_units(
-                        between(from.x, to.x),
-                        between(from.y, to.y),
-                        between(from.theta, to.theta),
-                    )
-                    .unwrap();
-                }
-            }
-            poses.insert(module.module, pose);
-        }
-    }
-    poses
-}
-
-#[test]
-fn stops_in_mid_step_and_mid_fold_are_starts_of_the_next_plan() {
-    let (mut stops, mut planned_again) = (0, 0);
-    for seed in 0..30 {
-        let problem = Case {
-            modules: 20,
-            spots: 20,
-            percent: 300,
-            grouping: Grouping::Mixed,
-            apart: Apart::Circles,
-            seed,
-        }
-        .problem();
-        let outcome = plan(Arc::clone(&problem));
-        let Ok(first) = motion(&problem, &outcome, &[], MotionParameters::default()) else {
-            continue;
-        };
-        let mut numbers = Numbers(seed);
-        for part in 1..6 {
-            // After all groups have come onto the lattice, so that no group is in mid-turn.
-            let time = 3.0 + f64::from(first.makespan) * f64::from(part) / 8.0;
-            let poses = halted(&first, time);
-            let modules = problem.modules().iter().map(|module| PlanningModule {
-                pose: poses[&module.id],
-                links: module
-                    .links
-                    .iter()
-                    .copied()
-                    .filter(|&other| {
-                        let pair = (module.id.min(other), module.id.max(other));
-                        outcome.plan.kept_links.contains(&pair)
-                    })
-                    .collect(),
-                ..module.clone()
-            });
-            let target = Arc::clone(problem.target());
-            let parameters = *problem.parameters();
-            let again = PlanningProblem::new(target, parameters, modules.collect()).unwrap();
-            let again = Arc::new(again);
-            let outcome = plan(Arc::clone(&again));
-            stops += 1;
-            if let Ok(second) = motion(&again, &outcome, &[], MotionParameters::default()) {
-                planned_again += 1;
-                assert_sound(&again, &outcome, &second);
-                let found = run(&second, &waits_of(&second), 1, &mut numbers);
-                assert!(found.is_empty(), "seed {seed} at {time}: {found:?}");
-            }
-        }
-    }
-    assert!(
-        planned_again * 100 >= stops * 97,
-        "{planned_again} of {stops}"
-    );
 }

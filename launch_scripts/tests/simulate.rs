@@ -123,7 +123,7 @@ fn bad_input_is_named_and_starts_nothing() {
         ),
         (
             &["--faults", "gremlins"],
-            "none, crash, partition, mixed, hostile, storm",
+            "none, crash, partition, mixed, hostile, storm, stops",
         ),
         (&["--seeds", "0"], "--seeds"),
     ] {

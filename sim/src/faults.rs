@@ -32,17 +32,21 @@ pub enum FaultKind {
     /// Any module crashes and restarts at any time, several of them or all at once, while cuts come and go. In the end all run
     /// and the network is whole.
     Storm,
+    /// All modules are stopped by command and resumed, once or twice; in some stops a process restarts, so that a new epoch
+    /// begins.
+    Stops,
 }
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const NAMED: [(&'static str, Self); 6] = [
+    pub const NAMED: [(&'static str, Self); 7] = [
         ("none", Self::None),
         ("crash", Self::Crash),
         ("partition", Self::Partition),
         ("mixed", Self::Mixed),
         ("hostile", Self::Hostile),
         ("storm", Self::Storm),
+        ("stops", Self::Stops),
     ];
 }
 
@@ -162,6 +166,7 @@ pub fn draw(
         }
         FaultKind::Hostile => drawing.hostile(),
         FaultKind::Storm => drawing.storm(),
+        FaultKind::Stops => drawing.stops(),
     }
     drawing.faults.sort_by_key(|fault| fault.at);
     drawing.removals();
@@ -276,6 +281,25 @@ impl Drawing<'_> {
             let at = self.time(Duration::ZERO, self.end);
             let pause = self.millis(200, spread_ms);
             self.add(at, Fault::Pause(module, pause));
+        }
+    }
+
+    fn stops(&mut self) {
+        let share = self.end / 2;
+        for turn in 0..2 {
+            let at = self.time(share * turn, share * turn + share / 2);
+            let resumed_at = at + self.millis(500, 10_000);
+            for (revision, stopped, at) in [(1, true, at), (2, false, resumed_at)] {
+                let revision = u64::from(2 * turn) + revision;
+                self.add(at, Fault::Stop(Stop { revision, stopped }));
+            }
+            if self.one_in(2) {
+                let module = self.module();
+                let crash = self.time(at, resumed_at);
+                let restart = self.time(crash, resumed_at);
+                self.add(crash, Fault::Crash(module));
+                self.add(restart, Fault::Restart(module));
+            }
         }
     }
 

@@ -53,6 +53,35 @@ fn cuts_lead_to_no_contact() {
     );
 }
 
+/// Modules that are stopped on their way resume, or plan again from where they stand if an epoch follows. None is left behind.
+#[test]
+fn stops_lead_to_no_contact_and_all_modules_go_on() {
+    let mut later_epochs = 0;
+    for apart in [Apart::Cells, Apart::Circles] {
+        let parameters = CampaignParameters {
+            transcripts: true,
+            ..parameters(FaultKind::Stops, apart)
+        };
+        run_seeds(&parameters, 0..seeds(), |report| {
+            let seed = report.seed;
+            assert!(
+                report.violations.is_empty(),
+                "{seed}: {:?}",
+                report.violations
+            );
+            assert_eq!(report.ending, Ending::Formed, "{seed}");
+            let transcript = report.transcript.to_string();
+            let invalid = transcript
+                .lines()
+                .find(|line| line.contains("invalid_start"));
+            assert_eq!(invalid, None, "{seed}");
+            later_epochs += report.epochs - 1;
+        })
+        .unwrap();
+    }
+    assert!(later_epochs >= seeds(), "{later_epochs}");
+}
+
 /// Obstacles and walls travel with the target, and each module plans around them. Where a body that failed leaves no path,
 /// no module moves, so a run with faults may have no end.
 #[test]

@@ -4,7 +4,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{MicroUnits, ModuleId, Pose};
+use formation::model::{ModuleId, Pose};
 use formation::motion::paths::{ModuleMotion, MotionPlan, StepKind, UnitMotion, Wait};
 
 use super::Numbers;
@@ -13,6 +13,10 @@ use super::Numbers;
 const SLACK: f64 = 0.005;
 /// The width of a module's cell, of which no other cell may take any.
 pub const CELL: f64 = 1.0;
+/// The width of a module's body.
+pub const BODY: f64 = 0.9;
+/// Turned bodies are compared at this many moments of the time during which neither begins or ends a step.
+const MOMENTS: u32 = 32;
 /// The side of the box around a body of 0.9 units that is turned by up to 0.034.
 pub const MEASURED_BODY: f64 = 0.9 * 1.034;
 
@@ -115,10 +119,12 @@ pub fn execute(
     }
 }
 
-/// A body during some time: a square along the axes that moves evenly, or a disc that stands still.
+/// A body during some time: a square along the axes that moves evenly, one of [`BODY`] that moves and turns evenly, or a disc
+/// that stands still.
 #[derive(Clone, Copy, Debug)]
 enum Shape {
     Square { from: (f64, f64), to: (f64, f64) },
+    Turned { from: Pose, to: Pose },
     Disc { centre: (f64, f64), radius: f64 },
 }
 
@@ -127,6 +133,16 @@ struct Segment {
     begin: f64,
     end: f64,
     shape: Shape,
+    /// Whether the module comes onto the lattice together with those that were docked to it at the start.
+    is_joint: bool,
+}
+
+/// A module, or the disc of a unit, throughout an execution.
+struct Body {
+    name: String,
+    /// The lowest lead of the units that were docked to each other at the start.
+    group: ModuleId,
+    segments: Vec<Segment>,
 }
 
 /// Two bodies that overlap at some time.
@@ -147,20 +163,31 @@ fn is_quarter(pose: &Pose) -> bool {
     (quarters - quarters.round()).abs() < 0.034 / std::f64::consts::FRAC_PI_2
 }
 
-/// The bodies of a plan in an execution, by name.
-fn bodies(plan: &MotionPlan, execution: &Execution) -> Vec<(String, Vec<Segment>)> {
+/// The bodies of a plan in an execution.
+fn bodies(plan: &MotionPlan, execution: &Execution) -> Vec<Body> {
     let mut bodies = Vec::new();
     for (unit, times) in plan.units.iter().zip(&execution.times) {
         let hidden = discs(unit, times);
         // A group that turns has one disc, which its first unit shows.
         let is_first = unit.joint_with.iter().all(|&other| other > unit.lead);
+        let group = unit.joint_with.iter().copied().fold(unit.lead, Ord::min);
         let shown = hidden.iter().filter(|disc| is_first || disc.begin > 0.0);
-        let shown: Vec<Segment> = shown.copied().collect();
-        if !shown.is_empty() {
-            bodies.push((format!("disc of {}", unit.lead), shown));
+        let segments: Vec<Segment> = shown.copied().collect();
+        if !segments.is_empty() {
+            bodies.push(Body {
+                name: format!("disc of {}", unit.lead),
+                group,
+                segments,
+            });
         }
+        let joint_until = (unit.joint_steps as usize).checked_sub(1);
+        let joint_until = joint_until.map_or(0.0, |last| times[last].1);
         for module in &unit.modules {
-            bodies.push((module.module.to_string(), squares(module, times, &hidden)));
+            bodies.push(Body {
+                name: module.module.to_string(),
+                group,
+                segments: squares(module, times, &hidden, joint_until),
+            });
         }
     }
     bodies
@@ -180,15 +207,14 @@ fn discs(unit: &UnitMotion, times: &[(f64, f64)]) -> Vec<Segment> {
                 }
                 Some(first) => (centre, radius, first),
             },
-            // The planner keeps others off what regrouping modules sweep; among each other they may overlap.
-            StepKind::Regroup => (Pose::default(), MicroUnits(0), 0.0),
-            StepKind::Shift | StepKind::Move => continue,
+            StepKind::Regroup | StepKind::Shift | StepKind::Move => continue,
         };
         let (centre, radius) = (at(&centre), radius.to_units());
         discs.push(Segment {
             begin,
             end,
             shape: Shape::Disc { centre, radius },
+            is_joint: false,
         });
     }
     assert!(folding.is_none(), "{} ends half folded", unit.lead);
@@ -196,7 +222,12 @@ fn discs(unit: &UnitMotion, times: &[(f64, f64)]) -> Vec<Segment> {
 }
 
 /// The square of a module while it is not within a disc of its unit.
-fn squares(module: &ModuleMotion, times: &[(f64, f64)], hidden: &[Segment]) -> Vec<Segment> {
+fn squares(
+    module: &ModuleMotion,
+    times: &[(f64, f64)],
+    hidden: &[Segment],
+    joint_until: f64,
+) -> Vec<Segment> {
     let is_hidden = |time: f64| {
         hidden
             .iter()
@@ -205,16 +236,21 @@ fn squares(module: &ModuleMotion, times: &[(f64, f64)], hidden: &[Segment]) -> V
     let mut segments = Vec::new();
     let mut add = |begin: f64, end: f64, from: &Pose, to: &Pose| {
         if begin < end && !is_hidden(begin) {
-            assert!(
-                is_quarter(from) && is_quarter(to),
-                "{} is askew",
-                module.module
-            );
-            let (from, to) = (at(from), at(to));
+            let is_joint = begin < joint_until;
+            let is_square = is_quarter(from) && is_quarter(to);
+            assert!(is_square || is_joint, "{} is askew", module.module);
+            let shape = if is_square {
+                let (from, to) = (at(from), at(to));
+                Shape::Square { from, to }
+            } else {
+                let (from, to) = (*from, *to);
+                Shape::Turned { from, to }
+            };
             segments.push(Segment {
                 begin,
                 end,
-                shape: Shape::Square { from, to },
+                shape,
+                is_joint,
             });
         }
     };
@@ -229,18 +265,20 @@ fn squares(module: &ModuleMotion, times: &[(f64, f64)], hidden: &[Segment]) -> V
     segments
 }
 
-/// All pairs of bodies of this width that overlap.
+/// All pairs of bodies of this width that overlap. Modules that come onto the lattice as one body may overlap each other.
 pub fn contacts(plan: &MotionPlan, execution: &Execution, width: f64) -> Vec<Contact> {
     let bodies = bodies(plan, execution);
     let mut found = Vec::new();
-    for (index, (name, segments)) in bodies.iter().enumerate() {
-        for (other, others) in &bodies[..index] {
+    for (index, body) in bodies.iter().enumerate() {
+        for other in &bodies[..index] {
             let (mut left, mut right) = (0, 0);
-            while let (Some(one), Some(two)) = (segments.get(left), others.get(right)) {
+            while let (Some(one), Some(two)) = (body.segments.get(left), other.segments.get(right))
+            {
                 let (begin, end) = (one.begin.max(two.begin), one.end.min(two.end));
-                if begin < end && overlap(one, two, (begin, end), width) {
+                let are_one = body.group == other.group && one.is_joint && two.is_joint;
+                if begin < end && !are_one && overlap(one, two, (begin, end), width) {
                     found.push(Contact {
-                        bodies: (other.clone(), name.clone()),
+                        bodies: (other.name.clone(), body.name.clone()),
                         from: begin,
                         until: end,
                     });
@@ -257,19 +295,83 @@ pub fn contacts(plan: &MotionPlan, execution: &Execution, width: f64) -> Vec<Con
     found
 }
 
-/// The position of a square at a time.
+/// The position of the middle of a body at a time.
 fn position(segment: &Segment, time: f64) -> (f64, f64) {
+    let (from, to) = match segment.shape {
+        Shape::Disc { centre, .. } => (centre, centre),
+        Shape::Square { from, to } => (from, to),
+        Shape::Turned { from, to } => (at(&from), at(&to)),
+    };
+    if from == to {
+        return from;
+    }
+    let share = (time - segment.begin) / (segment.end - segment.begin);
+    (
+        from.0 + (to.0 - from.0) * share,
+        from.1 + (to.1 - from.1) * share,
+    )
+}
+
+/// The heading of a body at a time.
+fn heading(segment: &Segment, time: f64) -> f64 {
     match segment.shape {
-        Shape::Disc { centre, .. } => centre,
-        Shape::Square { from, to } => {
-            if from == to {
-                return from;
-            }
+        Shape::Disc { .. } | Shape::Square { .. } => 0.0,
+        Shape::Turned { from, to } if from == to => from.theta.to_units(),
+        Shape::Turned { from, to } => {
             let share = (time - segment.begin) / (segment.end - segment.begin);
-            (
-                from.0 + (to.0 - from.0) * share,
-                from.1 + (to.1 - from.1) * share,
-            )
+            let (from, to) = (from.theta.to_units(), to.theta.to_units());
+            from + turned_by(from, to) * share
+        }
+    }
+}
+
+/// The shorter turn from one heading to another.
+pub fn turned_by(from: f64, to: f64) -> f64 {
+    let full = std::f64::consts::TAU;
+    let turned = (to - from).rem_euclid(full);
+    if turned > full / 2.0 {
+        turned - full
+    } else {
+        turned
+    }
+}
+
+/// Half the width of a body.
+fn half_of(segment: &Segment, width: f64) -> f64 {
+    match segment.shape {
+        Shape::Disc { radius, .. } => radius,
+        Shape::Square { .. } => width / 2.0,
+        Shape::Turned { .. } => BODY / 2.0,
+    }
+}
+
+/// Whether two bodies of which one is turned overlap at a time: no side of a square separates them, nor the line from a disc to
+/// the square.
+fn overlap_at(one: &Segment, two: &Segment, time: f64, width: f64) -> bool {
+    let (first, second) = (position(one, time), position(two, time));
+    let between = (second.0 - first.0, second.1 - first.1);
+    let seen_from = |angle: f64| {
+        let (sine, cosine) = angle.sin_cos();
+        let (x, y) = between;
+        ((x * cosine + y * sine).abs(), (y * cosine - x * sine).abs())
+    };
+    let (half, its_half) = (half_of(one, width), half_of(two, width));
+    let disc_meets = |angle: f64, half: f64, radius: f64| {
+        let (x, y) = seen_from(angle);
+        (x - half).max(0.0).hypot((y - half).max(0.0)) < radius - SLACK
+    };
+    match (one.shape, two.shape) {
+        (Shape::Disc { .. }, _) => disc_meets(heading(two, time), its_half, half),
+        (_, Shape::Disc { .. }) => disc_meets(heading(one, time), half, its_half),
+        _ => {
+            let (own, other) = (heading(one, time), heading(two, time));
+            let (sine, cosine) = (other - own).sin_cos();
+            let reach = sine.abs() + cosine.abs();
+            let is_within = |angle: f64, half: f64, its_half: f64| {
+                let (x, y) = seen_from(angle);
+                x.max(y) < half + its_half * reach - SLACK
+            };
+            is_within(own, half, its_half) && is_within(other, its_half, half)
         }
     }
 }
@@ -278,6 +380,10 @@ fn overlap(one: &Segment, two: &Segment, (begin, end): (f64, f64), width: f64) -
     // Beyond the last event nothing moves.
     let end = if end.is_finite() { end } else { begin + 1.0 };
     match (one.shape, two.shape) {
+        (Shape::Turned { .. }, _) | (_, Shape::Turned { .. }) => (0..=MOMENTS).any(|moment| {
+            let share = f64::from(moment) / f64::from(MOMENTS);
+            overlap_at(one, two, begin + (end - begin) * share, width)
+        }),
         (
             Shape::Disc { centre, radius },
             Shape::Disc {

@@ -15,6 +15,7 @@ pub mod bodies;
 pub mod brute_force;
 pub mod hungarian;
 pub mod motion;
+pub mod stops;
 pub mod world;
 
 /// Random numbers for tests (SplitMix64 with Sebastiano Vigna's constants).

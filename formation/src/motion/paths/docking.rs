@@ -126,13 +126,14 @@ impl Docking<'_> {
         }))
     }
 
-    /// The cells of the target's box that are cut off from its border once a unit has docked, in ascending order.
+    /// The cells of the target's box that a unit cuts off from its border when it docks, in ascending order.
     fn pockets(&self, field: &Field, unit: usize, goal: Node) -> Vec<usize> {
         let cells = self.box_cells(field);
         let mut is_shut = vec![true; field.arena.area()];
         for &cell in &cells {
             is_shut[cell] = field.solid[cell];
         }
+        let mut was_shut = is_shut.clone();
         for cell in field.units[unit].cells(field.arena, goal) {
             is_shut[cell] = true;
         }
@@ -141,10 +142,14 @@ impl Docking<'_> {
             let (x, y) = field.arena.site(cell);
             x < low.0 || x > high.0 || y < low.1 || y > high.1
         };
-        let border = cells.iter().copied();
-        let border = border.filter(|&cell| is_border(cell) && !is_shut[cell]);
-        field.arena.flood(border.collect(), &mut is_shut);
-        cells.into_iter().filter(|&cell| !is_shut[cell]).collect()
+        for shut in [&mut is_shut, &mut was_shut] {
+            let border = cells.iter().copied();
+            let border = border.filter(|&cell| is_border(cell) && !shut[cell]);
+            field.arena.flood(border.collect(), shut);
+        }
+        // Of those that were cut off before, none is needed by others.
+        let is_newly_cut_off = |&cell: &usize| was_shut[cell] && !is_shut[cell];
+        cells.into_iter().filter(is_newly_cut_off).collect()
     }
 }
 

@@ -1,7 +1,8 @@
 //! Groups: modules that are docked to each other at the start and come onto the lattice as one body.
 
+use super::fit::Measured;
 use super::lattice::{Lattice, Site, Time, nearest_to_all, point, reach};
-use super::result::StartFault;
+use super::shape::Shape;
 use super::turning::{Point, angle_of, by_quarters, off_quarter, quarters, rotated, shortest};
 use crate::model::{MICRO_PER_UNIT, PlanningProblem, Pose};
 
@@ -84,7 +85,7 @@ pub(super) struct Group {
     /// Whether its modules have to come into line with each other in their first step.
     pub is_askew: bool,
     /// If they regroup: what the body of each module sweeps.
-    pub ways: Vec<Rectangle>,
+    pub ways: Vec<Shape>,
 }
 
 /// How far the corners of a single module's cell reach from its middle.
@@ -111,7 +112,7 @@ pub(super) fn hull(one: Rectangle, other: Rectangle) -> Rectangle {
 /// Half the side of a cell.
 pub(super) const HALF: i64 = MICRO_PER_UNIT / 2;
 
-/// The body of a module whose heading is a quarter turn.
+/// The cell around a point.
 pub(super) fn square(middle: Point) -> Rectangle {
     (
         (middle.0 - HALF, middle.1 - HALF),
@@ -121,14 +122,14 @@ pub(super) fn square(middle: Point) -> Rectangle {
 
 impl Group {
     /// The group of some modules; `spots` gives the pose of the spot of each module that the whole group moves to as
-    /// one unit.
+    /// one unit. None if the modules stand off a common lattice.
     pub fn of(
         problem: &PlanningProblem,
         modules: Vec<usize>,
         spots: Option<&[Pose]>,
         lattice: &Lattice,
         Exactness { tolerance, slack }: Exactness,
-    ) -> Result<Self, StartFault> {
+    ) -> Option<Self> {
         let all = problem.modules();
         let first = &all[modules[0]].pose;
         let mut off = off_quarter(first.theta.0);
@@ -140,17 +141,13 @@ impl Group {
             let offset = rotated((pose.x.0 - first.x.0, pose.y.0 - first.y.0), -off);
             let cell = |along: i64| (along + HALF).div_euclid(MICRO_PER_UNIT);
             let site = (cell(offset.0), cell(offset.1));
-            let off_by = (offset.0 - site.0 * MICRO_PER_UNIT)
-                .abs()
-                .max((offset.1 - site.1 * MICRO_PER_UNIT).abs())
-                .max(off_quarter(pose.theta.0 - off).abs());
-            is_askew |= off_by > tolerance;
-            if off_by > ASKEW_MAX {
-                return Err(StartFault::OffGroup(all[module].id, all[modules[0]].id));
-            }
+            let right = offset.0 - site.0 * MICRO_PER_UNIT;
+            let up = offset.1 - site.1 * MICRO_PER_UNIT;
+            let turned = off_quarter(pose.theta.0 - off);
+            is_askew |= [right, up, turned].iter().any(|by| by.abs() > tolerance);
             if cells.contains(&site) {
                 // Half-way through a fold, two modules may be above each other.
-                return Err(StartFault::OffGroup(all[module].id, all[modules[0]].id));
+                return None;
             }
             cells.push(site);
             offsets.push(offset);
@@ -158,10 +155,24 @@ impl Group {
         let (middle, reach) = centre_of(&cells);
         let mut centre = point(&all[modules[middle]].pose);
         if is_askew {
-            let (turned, offset) = fitted(&cells, &offsets, middle);
-            let (right, up) = rotated(offset, off);
+            let headings = modules.iter().map(|&module| all[module].pose.theta.0);
+            let headings: Vec<i64> = headings.collect();
+            let is_straight = headings.iter().all(|&it| off_quarter(it).abs() <= slack);
+            let measured = Measured {
+                cells: &cells,
+                offsets: &offsets,
+                headings: &headings,
+                off,
+            };
+            // Modules that were halted at different moments of a shift have not turned, wherever they are.
+            let straight = is_straight.then(|| (measured.fit(middle, Some(-off)), ASKEW_MAX));
+            let most = if is_straight { slack } else { ASKEW_MAX };
+            let turned = (measured.fit(middle, None), most);
+            let mut fits = straight.into_iter().chain([turned]);
+            let (fit, _) = fits.find(|(fit, most)| measured.farthest(fit) <= *most)?;
+            let (right, up) = rotated(fit.offset, off);
             centre = (first.x.0 + right, first.y.0 + up);
-            off += turned;
+            off += fit.turned;
         }
         // The farthest corner of a group moves no farther than that of a single module that is turned by the slack.
         let turns = off.abs() > tolerance.max(slack * RADIUS_OF_ONE / reach);
@@ -177,7 +188,7 @@ impl Group {
             .collect();
         let site = lattice.site(centre);
         let under = lattice.point(site);
-        Ok(Self {
+        Some(Self {
             centre,
             radius: reach,
             turn: if turns {
@@ -215,7 +226,7 @@ impl Group {
     pub fn regrouped(
         modules: Vec<usize>,
         sites: &[Site],
-        ways: Vec<Rectangle>,
+        ways: Vec<Shape>,
         lattice: &Lattice,
     ) -> Self {
         let site = sites[0];
@@ -257,16 +268,12 @@ impl Group {
         )
     }
 
-    fn circle(&self) -> Rectangle {
-        let (centre, radius) = (self.centre, self.radius);
-        (
-            (centre.0 - radius, centre.1 - radius),
-            (centre.0 + radius, centre.1 + radius),
-        )
+    fn circle(&self) -> Shape {
+        Shape::circle(self.centre, self.radius)
     }
 
-    /// Rectangles that hold the bodies throughout a phase; none if the group has no such step.
-    pub fn swept(&self, phase: Phase) -> Vec<Rectangle> {
+    /// What holds the bodies throughout a phase; nothing if the group has no such step.
+    pub fn swept(&self, phase: Phase) -> Vec<Shape> {
         if !self.steps.iter().any(|step| step.phase == phase) {
             return Vec::new();
         }
@@ -277,21 +284,25 @@ impl Group {
             Phase::Column | Phase::Row => members
                 .map(|member| {
                     let ends = [phase.before_shift(), phase];
-                    let [from, to] = ends.map(|end| square(self.position_after(member, end)));
-                    hull(from, to)
+                    let [from, to] = ends.map(|end| self.position_after(member, end));
+                    Shape::square(from, HALF).moved((from, to))
                 })
                 .collect(),
         }
     }
 
-    /// The bodies of its modules after the turn, or all that they sweep while they regroup.
-    pub fn bodies(&self) -> Vec<Rectangle> {
+    /// What the group covers before it shifts: the circle in which it turns, what its modules sweep while they regroup, or
+    /// their cells.
+    pub fn bodies(&self) -> Vec<Shape> {
         if !self.ways.is_empty() {
             return self.ways.clone();
         }
+        if self.turn != 0 {
+            return vec![self.circle()];
+        }
         let members = 0..self.offsets.len();
         members
-            .map(|member| square(self.position_after(member, Phase::Turn)))
+            .map(|member| Shape::square(self.position_after(member, Phase::Turn), HALF))
             .collect()
     }
 
@@ -300,16 +311,9 @@ impl Group {
         let ends = (0..self.offsets.len()).flat_map(|member| {
             [Phase::Turn, Phase::Row].map(|phase| square(self.position_after(member, phase)))
         });
-        let ways = self.ways.iter().copied();
-        let squares = ends
-            .chain(ways)
-            .reduce(hull)
-            .unwrap_or_else(|| square(self.centre));
-        if self.turn == 0 {
-            squares
-        } else {
-            hull(squares, self.circle())
-        }
+        let bodies = self.bodies().into_iter().map(|body| body.bounds());
+        let all = ends.chain(bodies).reduce(hull);
+        all.unwrap_or_else(|| square(self.centre))
     }
 
     /// When the group is on the lattice.
@@ -324,37 +328,6 @@ fn centre_of(cells: &[Site]) -> (usize, i64) {
     let square = i128::from(reach) * i128::from(HALF) * i128::from(HALF);
     let radius = i64::try_from(square.isqrt() + 1).unwrap_or(i64::MAX);
     (member, radius)
-}
-
-/// The pose of a layout that comes nearest to some measured offsets by least squares, for small turns: by how much the
-/// layout is turned, and where it has one of its cells.
-fn fitted(cells: &[Site], offsets: &[Point], member: usize) -> (i64, Point) {
-    let count = i64::try_from(cells.len()).unwrap_or(i64::MAX);
-    let sum = |points: &[(i64, i64)]| {
-        let add = |sum: (i64, i64), one: &(i64, i64)| (sum.0 + one.0, sum.1 + one.1);
-        points.iter().fold((0, 0), add)
-    };
-    let (all_cells, all_offsets) = (sum(cells), sum(offsets));
-    // Times the number of modules, from the middle of all.
-    let arm = |cell: Site| (cell.0 * count - all_cells.0, cell.1 * count - all_cells.1);
-    let (mut moment, mut inertia) = (0, 0);
-    for (&cell, offset) in cells.iter().zip(offsets) {
-        let (x, y) = arm(cell);
-        let right = offset.0 - cell.0 * MICRO_PER_UNIT;
-        let up = offset.1 - cell.1 * MICRO_PER_UNIT;
-        moment += x * up - y * right;
-        inertia += x * x + y * y;
-    }
-    let turned = (moment * count).checked_div(inertia).unwrap_or_default();
-    let (x, y) = arm(cells[member]);
-    let (right, up) = rotated(
-        (x * MICRO_PER_UNIT / count, y * MICRO_PER_UNIT / count),
-        turned,
-    );
-    (
-        turned,
-        (all_offsets.0 / count + right, all_offsets.1 / count + up),
-    )
 }
 
 /// The quarter turns, beyond those to the nearest axes, that bring a group into the layout of its spots.

@@ -156,9 +156,14 @@ impl Formation<'_> {
         let mut removed = Vec::with_capacity(waiting.len());
         while !waiting.is_empty() {
             let cut = rest.cut_units(&neighbours);
-            let free = waiting.iter().position(|&unit| {
-                !cut[unit] && (waiting.len() == 1 || root != Some(unit)) && rest.gets_out(unit)
-            });
+            let may_go = |unit: usize| !cut[unit] && (waiting.len() == 1 || root != Some(unit));
+            let gets_out = |&unit: &usize| may_go(unit) && rest.gets_out(unit);
+            let mut free = waiting.iter().position(gets_out);
+            if free.is_none() {
+                // After a halt, a single module may stand behind those that have docked.
+                let is_in_pocket = |&unit: &usize| may_go(unit) && rest.is_in_pocket(unit);
+                free = waiting.iter().position(is_in_pocket);
+            }
             let Some(index) = free else {
                 let is_block = |&unit: &usize| self.units[unit].is_block();
                 let blocks = || waiting.iter().copied().filter(is_block);
@@ -185,6 +190,8 @@ struct Rest<'a> {
     taken: Vec<bool>,
     /// Whether the cell is connected to the outside.
     open: Vec<bool>,
+    /// Whether it would be if only pinned units were left.
+    open_past_pinned: Vec<bool>,
     seen: Vec<usize>,
     stamp: usize,
 }
@@ -198,10 +205,17 @@ impl<'a> Rest<'a> {
             taken[cell] = true;
         }
         let open = largest_region(formation.arena, &taken);
+        let mut pinned = formation.arena.closed.clone();
+        for unit in (0..is_left.len()).filter(|&unit| formation.units[unit].pinned) {
+            for cell in formation.goal_cells(unit) {
+                pinned[cell] = true;
+            }
+        }
         Self {
             formation,
             is_left,
             open,
+            open_past_pinned: largest_region(formation.arena, &pinned),
             seen: vec![0; taken.len()],
             stamp: 0,
             taken,
@@ -286,6 +300,18 @@ impl<'a> Rest<'a> {
             self.taken[cell] = true;
         }
         is_out
+    }
+
+    /// Whether a single module and its spot are in one pocket that pinned units close.
+    fn is_in_pocket(&self, unit: usize) -> bool {
+        let formation = self.formation;
+        let (arena, body) = (formation.arena, &formation.units[unit]);
+        let goal = formation.goal_cells(unit);
+        if body.is_block() || goal.iter().any(|&cell| self.open_past_pinned[cell]) {
+            return false;
+        }
+        let pocket = arena.flood(goal, &mut self.taken.clone());
+        pocket.contains(&split(arena, body.start).1)
     }
 
     /// Which units would part what is left if they went.

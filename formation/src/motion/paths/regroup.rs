@@ -3,86 +3,119 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use super::group::{Group, HALF, Rectangle, hull, overlap, square};
+use super::group::{Group, HALF, Rectangle};
 use super::lattice::{Lattice, Site, point};
 use super::result::StartFault;
+use super::shape::Shape;
 use super::turning::off_quarter;
-use crate::model::{Area, MicroUnits, PlanningProblem, Pose};
+use crate::model::{PlanningProblem, Pose};
 
-/// How far the corners of a body reach from its middle.
-const CORNER: i64 = 636_400;
 /// A module takes a cell at most this many columns and rows from the one under it.
 const FAR: i64 = 2;
 
-/// The box that holds a body of this pose, whatever quarter turn it turns to.
-fn body(pose: &Pose, slack: i64) -> Rectangle {
-    let turned = off_quarter(pose.theta.0).abs() > slack;
-    let reach = if turned { CORNER } else { HALF };
-    let (x, y) = point(pose);
-    ((x - reach, y - reach), (x + reach, y + reach))
-}
-
-/// The bodies of all modules at the start, by position.
-pub(super) fn bodies(problem: &PlanningProblem, slack: i64) -> Vec<Rectangle> {
-    let modules = problem.modules().iter();
-    modules.map(|module| body(&module.pose, slack)).collect()
-}
-
-/// A group of docked modules that each go to a cell of their own, near them and free of other bodies. Within the group,
-/// bodies may pass over each other as they do in a fold.
-pub(super) fn regroup(
-    problem: &PlanningProblem,
-    modules: Vec<usize>,
-    bodies: &[Rectangle],
-    taken: &BTreeSet<Site>,
-    lattice: &Lattice,
+/// Where modules may regroup: what others cover, and the cells that they take.
+pub(super) struct Ground<'a, Open> {
+    problem: &'a PlanningProblem,
+    lattice: &'a Lattice,
     slack: i64,
-) -> Result<Group, StartFault> {
-    let all = problem.modules();
-    let is_free = |site: &Site| {
-        let cell = square(lattice.point(*site));
-        let others = bodies.iter().enumerate();
-        let corner = |(x, y): (i64, i64)| (MicroUnits(x), MicroUnits(y));
-        let area = Area {
-            low: corner(cell.0),
-            high: corner(cell.1),
+    is_open: Open,
+    /// What the modules of a group cover, and which they are.
+    covered: Vec<(Vec<usize>, Shape)>,
+    taken: BTreeSet<Site>,
+}
+
+impl<'a, Open: Fn(&Rectangle) -> bool> Ground<'a, Open> {
+    /// Without any modules. `is_open` says whether a rectangle is free of obstacles and within the walls.
+    pub fn new(
+        problem: &'a PlanningProblem,
+        lattice: &'a Lattice,
+        slack: i64,
+        is_open: Open,
+    ) -> Self {
+        Self {
+            problem,
+            lattice,
+            slack,
+            is_open,
+            covered: Vec::new(),
+            taken: BTreeSet::new(),
+        }
+    }
+
+    /// A group takes its cells and covers what it needs before it shifts.
+    pub fn take(&mut self, group: &Group) {
+        self.taken
+            .extend((0..group.modules.len()).map(|member| group.site_of(member)));
+        self.cover(&group.modules, group.bodies());
+    }
+
+    /// Modules stand where they are until they regroup.
+    pub fn stand(&mut self, modules: &[usize]) {
+        let bodies = modules.iter().map(|&module| self.body(module).0);
+        self.cover(modules, bodies.collect());
+    }
+
+    fn cover(&mut self, modules: &[usize], shapes: Vec<Shape>) {
+        let of_modules = |shape| (modules.to_vec(), shape);
+        self.covered.extend(shapes.into_iter().map(of_modules));
+    }
+
+    /// What the body of a module covers where it stands, and what it covers there while it comes into line.
+    fn body(&self, module: usize) -> (Shape, Shape) {
+        let pose = &self.problem.modules()[module].pose;
+        let middle = point(pose);
+        let off = off_quarter(pose.theta.0);
+        if off.abs() <= self.slack {
+            let cell = Shape::square(middle, HALF);
+            return (cell.clone(), cell);
+        }
+        let half = self.problem.target().surroundings().body_width().0 / 2;
+        let corner = (2 * half * half).isqrt() + 1;
+        (
+            Shape::turned_square(middle, half, off),
+            Shape::circle(middle, corner),
+        )
+    }
+
+    fn way(&self, module: usize, site: Site) -> Shape {
+        let from = point(&self.problem.modules()[module].pose);
+        self.body(module).1.moved((from, self.lattice.point(site)))
+    }
+
+    /// Whether some modules cover nothing of others, of obstacles or of what is beyond the walls, with a shape.
+    fn is_clear(&self, modules: &[usize], shape: &Shape) -> bool {
+        let mut others = self.covered.iter().filter(|(its, _)| its != modules);
+        (self.is_open)(&shape.bounds()) && others.all(|(_, body)| !shape.overlaps(body, self.slack))
+    }
+
+    /// A group of docked modules that each go to a cell of their own, near them and free of other bodies. Within the group,
+    /// bodies may pass over each other as they do in a fold.
+    pub fn regroup(&self, modules: Vec<usize>) -> Result<Group, StartFault> {
+        let is_free = |site: &Site| {
+            let cell = Shape::square(self.lattice.point(*site), HALF);
+            !self.taken.contains(site) && self.is_clear(&modules, &cell)
         };
-        problem.target().surroundings().admits(&area)
-            && !taken.contains(site)
-            && others
-                .filter(|(module, _)| modules.binary_search(module).is_err())
-                .all(|(_, body)| !overlap(&cell, body, slack))
-    };
-    let way = |module: usize, site: Site| {
-        let from = body(&all[module].pose, slack);
-        let reach = (from.1.0 - from.0.0) / 2;
-        let (x, y) = lattice.point(site);
-        hull(from, ((x - reach, y - reach), (x + reach, y + reach)))
-    };
-    let is_clear = |module: usize, site: Site| {
-        let swept = way(module, site);
-        let mut others = bodies.iter().enumerate();
-        others.all(|(other, body)| {
-            modules.binary_search(&other).is_ok() || !overlap(&swept, body, slack)
-        })
-    };
-    let choices = |is_wanted: &dyn Fn(usize, Site) -> bool| -> Vec<Vec<Site>> {
-        let near = |&module: &usize| {
-            let sites = near(&all[module].pose, lattice).filter(is_free);
-            sites.filter(|&site| is_wanted(module, site)).collect()
+        let all = self.problem.modules();
+        let choices = |is_wanted: &dyn Fn(usize, Site) -> bool| -> Vec<Vec<Site>> {
+            let near = |&module: &usize| {
+                let sites = near(&all[module].pose, self.lattice).filter(is_free);
+                sites.filter(|&site| is_wanted(module, site)).collect()
+            };
+            modules.iter().map(near).collect()
         };
-        modules.iter().map(near).collect()
-    };
-    // If no ways are clear, the caller finds which bodies are too close.
-    let sites = distinct(&choices(&is_clear)).or_else(|| distinct(&choices(&|_, _| true)));
-    let sites = sites.ok_or_else(|| {
-        let (one, first) = (modules[modules.len() - 1], modules[0]);
-        StartFault::OffGroup(all[one].id, all[first].id)
-    })?;
-    let ways = modules.iter().zip(&sites);
-    let ways = ways.map(|(&module, &site)| way(module, site));
-    let ways = ways.collect();
-    Ok(Group::regrouped(modules, &sites, ways, lattice))
+        let has_clear_way =
+            |module: usize, site: Site| self.is_clear(&modules, &self.way(module, site));
+        // If no ways are clear, the caller finds which bodies are too close.
+        let sites = distinct(&choices(&has_clear_way)).or_else(|| distinct(&choices(&|_, _| true)));
+        let sites = sites.ok_or_else(|| {
+            let (one, first) = (modules[modules.len() - 1], modules[0]);
+            StartFault::OffGroup(all[one].id, all[first].id)
+        })?;
+        let ways = modules.iter().zip(&sites);
+        let ways = ways.map(|(&module, &site)| self.way(module, site));
+        let ways = ways.collect();
+        Ok(Group::regrouped(modules, &sites, ways, self.lattice))
+    }
 }
 
 /// The cells around a pose, the nearest first.

@@ -2,6 +2,7 @@
 
 use thiserror::Error;
 
+use super::group::{Rectangle, overlap};
 use super::turning::rotated;
 pub use crate::model::Area;
 use crate::model::{MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId};
@@ -71,6 +72,19 @@ pub struct MotionRequest<'a> {
     pub walls: Option<Area>,
     /// Limits.
     pub parameters: MotionParameters,
+}
+
+impl MotionRequest<'_> {
+    /// Whether the inside of a rectangle is free of obstacles and within the walls.
+    pub(super) fn is_open(&self, rectangle: &Rectangle) -> bool {
+        let (low, high) = rectangle;
+        let covers = |area: &Area| overlap(rectangle, &area.corners(), 0);
+        let is_within = |walls: &Area| {
+            let (from, to) = walls.corners();
+            low.0 >= from.0 && low.1 >= from.1 && high.0 <= to.0 && high.1 <= to.1
+        };
+        !self.obstacles.iter().any(covers) && self.walls.iter().all(is_within)
+    }
 }
 
 /// By which neighbourhood each unit docks to a placed one.

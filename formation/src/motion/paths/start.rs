@@ -11,23 +11,24 @@
 //!
 //! A group whose modules stand off a common lattice regroups instead: each module goes to its own cell (`regroup`).
 
-use std::collections::BTreeSet;
-
 use super::group::{Alignment, Exactness, Group, Phase, Rectangle, overlap, square};
-use super::lattice::{Lattice, Site, point};
-use super::regroup;
+use super::lattice::{Lattice, point};
+use super::regroup::Ground;
 use super::result::StartFault;
+use super::shape::Shape;
 use super::turning::Point;
-use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, PlanningProblem, Pose};
+use crate::model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 
 /// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
 ///
-/// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan.
+/// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan, `is_open` whether a
+/// rectangle is free of obstacles and within the walls.
 pub(super) fn align(
     problem: &PlanningProblem,
     lattice: &Lattice,
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
+    is_open: impl Fn(&Rectangle) -> bool,
 ) -> Result<Vec<Group>, Vec<StartFault>> {
     let body_width = problem.target().surroundings().body_width().0;
     let slack = ((MICRO_PER_UNIT - body_width) / 3).max(tolerance.0);
@@ -35,7 +36,7 @@ pub(super) fn align(
         tolerance: tolerance.0,
         slack,
     };
-    let (mut groups, mut faults) = groups_of(problem, lattice, exactness, spots_of);
+    let (mut groups, mut faults) = groups_of(problem, lattice, exactness, spots_of, is_open);
     groups.sort_by_key(|group| group.modules[0]);
     for group in &mut groups {
         if !group.ways.is_empty() {
@@ -75,6 +76,7 @@ fn groups_of(
     lattice: &Lattice,
     exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
+    is_open: impl Fn(&Rectangle) -> bool,
 ) -> (Vec<Group>, Vec<StartFault>) {
     let mut groups = Vec::new();
     let mut faults = Vec::new();
@@ -106,29 +108,49 @@ fn groups_of(
             lattice,
             exactness,
         ) {
-            Ok(group) => groups.push(group),
-            Err(_) => loose.push(modules),
+            Some(group) => groups.push(group),
+            None => loose.push(modules),
         }
     }
-    let mut taken: BTreeSet<Site> = BTreeSet::new();
-    let take = |taken: &mut BTreeSet<Site>, group: &Group| {
-        taken.extend((0..group.modules.len()).map(|member| group.site_of(member)));
-    };
+    let cramped: Vec<bool> = groups
+        .iter()
+        .map(|group| is_cramped(problem, group, &groups, exactness.slack))
+        .collect();
+    let (cramped, rest): (Vec<_>, Vec<_>) = groups
+        .into_iter()
+        .zip(cramped)
+        .partition(|&(_, is_cramped)| is_cramped);
+    loose.extend(cramped.into_iter().map(|(group, _)| group.modules));
+    let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
+    let mut ground = Ground::new(problem, lattice, exactness.slack, is_open);
     for group in &groups {
-        take(&mut taken, group);
+        ground.take(group);
     }
-    let slack = exactness.slack;
-    let standing = regroup::bodies(problem, slack);
+    for modules in &loose {
+        ground.stand(modules);
+    }
     for modules in loose {
-        match regroup::regroup(problem, modules, &standing, &taken, lattice, slack) {
+        match ground.regroup(modules) {
             Ok(group) => {
-                take(&mut taken, &group);
+                ground.take(&group);
                 groups.push(group);
             }
             Err(fault) => faults.push(fault),
         }
     }
     (groups, faults)
+}
+
+/// Whether a body whose members were halted at different moments lacks the room to turn.
+fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack: i64) -> bool {
+    if !group.is_askew || group.turn == 0 {
+        return false;
+    }
+    let around = group.surroundings();
+    let mut near = groups.iter().filter(|other| {
+        other.modules != group.modules && overlap(&around, &other.surroundings(), 0)
+    });
+    near.any(|other| not_apart(problem, group, other, slack).is_some())
 }
 
 /// The pairs of groups whose surroundings overlap, lower first.
@@ -159,41 +181,17 @@ fn not_apart(
     slack: i64,
 ) -> Option<StartFault> {
     let id = |group: &Group, member: usize| problem.modules()[group.modules[member]].id;
-    let too_close =
-        |one: ModuleId, other: ModuleId| StartFault::NotApart(one.min(other), one.max(other));
-    let squared = |right: i64, up: i64| i128::from(right).pow(2) + i128::from(up).pow(2);
-    let within = |square: i128, reach: i64| square < i128::from((reach - slack).max(0)).pow(2);
-    if one.turn != 0 && other.turn != 0 {
-        let (right, up) = (one.centre.0 - other.centre.0, one.centre.1 - other.centre.1);
-        return within(squared(right, up), one.radius + other.radius)
-            .then(|| too_close(id(one, 0), id(other, 0)));
-    }
-    if one.turn != 0 || other.turn != 0 {
-        let (turning, still) = if one.turn != 0 {
-            (one, other)
-        } else {
-            (other, one)
-        };
-        let mut bodies = still.bodies().into_iter().enumerate();
-        return bodies.find_map(|(member, (low, high))| {
-            let gap = |low: i64, at: i64, high: i64| (low - at).max(at - high).max(0);
-            let (right, up) = (
-                gap(low.0, turning.centre.0, high.0),
-                gap(low.1, turning.centre.1, high.1),
-            );
-            within(squared(right, up), turning.radius)
-                .then(|| too_close(id(turning, 0), id(still, member)))
-        });
-    }
     let (bodies, neighbours) = (one.bodies(), other.bodies());
     let mut all = (0..bodies.len())
         .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));
     all.find_map(|(member, its_member)| {
-        if overlap(&bodies[member], &neighbours[its_member], slack) {
-            return Some(too_close(id(one, member), id(other, its_member)));
+        let (first, second) = (id(one, member), id(other, its_member));
+        if bodies[member].overlaps(&neighbours[its_member], slack) {
+            let (first, second) = (first.min(second), first.max(second));
+            return Some(StartFault::NotApart(first, second));
         }
         (one.site_of(member) == other.site_of(its_member))
-            .then(|| StartFault::SharedCell(id(one, member), id(other, its_member)))
+            .then_some(StartFault::SharedCell(first, second))
     })
 }
 
@@ -212,10 +210,9 @@ fn schedule(
         for (waiting, first) in [(one, other), (other, one)] {
             for phase in Phase::ALL {
                 let swept = groups[waiting].swept(phase);
-                let meets = |rectangles: &[Rectangle]| {
-                    swept
-                        .iter()
-                        .any(|body| rectangles.iter().any(|rest| overlap(body, rest, slack)))
+                let meets = |shapes: &[Shape]| {
+                    let mut bodies = swept.iter();
+                    bodies.any(|body| shapes.iter().any(|rest| body.overlaps(rest, slack)))
                 };
                 let mut earlier = [Phase::Column, Phase::Turn, Phase::Regroup]
                     .into_iter()

@@ -16,7 +16,8 @@ pub(super) fn aligners(groups: &[Group], lattice: &Lattice, arena: &Arena) -> Ve
     let mut sweeping = vec![Vec::new(); arena.area()];
     for (index, group) in groups.iter().enumerate() {
         for phase in Phase::ALL {
-            for (low, high) in group.swept(phase) {
+            for shape in group.swept(phase) {
+                let (low, high) = shape.bounds();
                 for cell in arena.cells_between(lattice.covered(low, high)) {
                     if sweeping[cell].last() != Some(&index) {
                         sweeping[cell].push(index);

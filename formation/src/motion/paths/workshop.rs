@@ -3,9 +3,10 @@
 use std::collections::BTreeSet;
 
 use super::field::NO_UNIT;
-use super::group::{Group, Phase};
+use super::group::{Group, Phase, Rectangle};
 use super::lattice::{Arena, Lattice, Site, Time, bounds};
-use super::result::{Area, MotionError, MotionRequest, StartFault};
+use super::result::{MotionError, MotionRequest, StartFault};
+use super::shape::Shape;
 use super::start::align;
 use super::turning::quarters;
 use super::units::Unit;
@@ -92,7 +93,9 @@ impl<'a> Workshop<'a> {
                 .collect()
         };
         let tolerance = request.parameters.tolerance;
-        let groups = align(problem, &lattice, tolerance, whole).map_err(MotionError::Starts)?;
+        let is_open = |rectangle: &Rectangle| request.is_open(rectangle);
+        let groups = align(problem, &lattice, tolerance, whole, is_open);
+        let groups = groups.map_err(MotionError::Starts)?;
         let mut group_of = vec![0; problem.modules().len()];
         let mut starts = vec![(0, 0); problem.modules().len()];
         for (index, group) in groups.iter().enumerate() {
@@ -135,21 +138,11 @@ impl<'a> Workshop<'a> {
     /// taken may be closed.
     fn check_cover(&self) -> Result<(), MotionError> {
         let problem = self.request.problem;
-        let meets = |(low, high): ((i64, i64), (i64, i64))| {
-            let inside = |area: &Area| {
-                let (from, to) = area.corners();
-                low.0 < to.0 && from.0 < high.0 && low.1 < to.1 && from.1 < high.1
-            };
-            self.request.obstacles.iter().any(inside)
-                || self.request.walls.iter().any(|walls| {
-                    let (from, to) = walls.corners();
-                    low.0 < from.0 || low.1 < from.1 || high.0 > to.0 || high.1 > to.1
-                })
-        };
         let mut covered = BTreeSet::new();
         for group in &self.groups {
             let swept = Phase::ALL.into_iter().flat_map(|phase| group.swept(phase));
-            let reaches = swept.into_iter().any(meets);
+            let is_open = |shape: Shape| self.request.is_open(&shape.bounds());
+            let reaches = !swept.into_iter().all(is_open);
             for &module in &group.modules {
                 if reaches || self.is_closed(self.starts[module]) {
                     covered.insert(problem.modules()[module].id);
