@@ -194,6 +194,33 @@ fn starts_that_are_too_close_are_named() {
     assert!(motion(&problem, &outcome, &[], MotionParameters::default()).is_ok());
 }
 
+/// Such as a module that restarts with a pose of its own, away from the modules that it is docked to.
+#[test]
+fn modules_that_report_docks_over_a_distance_are_no_rigid_block() {
+    let singles = row(
+        &[(0.0, 0.0), (1.0, 0.0)],
+        &[(5.0, 5.0, 0.0), (8.1, 5.0, 0.0)],
+    );
+    let modules = singles.modules().iter().map(|module| PlanningModule {
+        links: BTreeSet::from([ModuleId(3 - module.id.0)]),
+        ..module.clone()
+    });
+    let modules = modules.collect();
+    let problem =
+        PlanningProblem::new(Arc::clone(singles.target()), *singles.parameters(), modules);
+    let problem = Arc::new(problem.unwrap());
+    let outcome = plan(Arc::clone(&problem));
+    let planned = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
+    assert_sound(&problem, &outcome, &planned);
+    let first = planned.units.iter().flat_map(|unit| unit.steps.first());
+    assert!(first.clone().count() > 0);
+    assert!(
+        first.clone().all(|step| step.kind == StepKind::Regroup),
+        "{:?}",
+        first.collect::<Vec<_>>()
+    );
+}
+
 #[test]
 fn a_target_off_the_lattice_is_named() {
     let problem = row(

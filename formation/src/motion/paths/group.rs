@@ -1,5 +1,7 @@
 //! Groups: modules that are docked to each other at the start and come onto the lattice as one body.
 
+use std::collections::BTreeSet;
+
 use super::fit::Measured;
 use super::lattice::{Lattice, Site, Time, nearest_to_all, point, reach};
 use super::shape::Shape;
@@ -122,7 +124,7 @@ pub(super) fn square(middle: Point) -> Rectangle {
 
 impl Group {
     /// The group of some modules; `spots` gives the pose of the spot of each module that the whole group moves to as
-    /// one unit. None if the modules stand off a common lattice.
+    /// one unit. None if the modules stand off a common lattice, or where they cannot be docked to each other.
     pub fn of(
         problem: &PlanningProblem,
         modules: Vec<usize>,
@@ -151,6 +153,9 @@ impl Group {
             }
             cells.push(site);
             offsets.push(offset);
+        }
+        if !is_in_one_piece(&cells) {
+            return None;
         }
         let (middle, reach) = centre_of(&cells);
         let mut centre = point(&all[modules[middle]].pose);
@@ -328,6 +333,19 @@ fn centre_of(cells: &[Site]) -> (usize, i64) {
     let square = i128::from(reach) * i128::from(HALF) * i128::from(HALF);
     let radius = i64::try_from(square.isqrt() + 1).unwrap_or(i64::MAX);
     (member, radius)
+}
+
+/// Whether each of some cells is reached from the first by neighbours.
+fn is_in_one_piece(cells: &[Site]) -> bool {
+    let mut left: BTreeSet<Site> = cells.iter().copied().collect();
+    let mut found: Vec<Site> = cells.first().copied().into_iter().collect();
+    while let Some(site) = found.pop() {
+        if left.remove(&site) {
+            let neighbours = [(1, 0), (0, 1), (-1, 0), (0, -1)];
+            found.extend(neighbours.map(|(right, up)| (site.0 + right, site.1 + up)));
+        }
+    }
+    left.is_empty()
 }
 
 /// The quarter turns, beyond those to the nearest axes, that bring a group into the layout of its spots.
