@@ -118,12 +118,12 @@ fn one_after_another(motion: &MotionPlan) -> f64 {
     steps.sum::<usize>() as f64
 }
 
-/// The value that this share of all values does not exceed.
+/// The value below which this share of all values lies, between two of them by their distance to it: the median of an even
+/// number of values is the mean of the middle two.
 fn share(values: &mut [f64], share: f64) -> f64 {
     values.sort_unstable_by(f64::total_cmp);
-    let last = values.len().saturating_sub(1);
-    values
-        .get((last as f64 * share).ceil() as usize)
-        .copied()
-        .unwrap_or(f64::NAN)
+    let at = values.len().saturating_sub(1) as f64 * share;
+    let value = |index: f64| values.get(index as usize).copied().unwrap_or(f64::NAN);
+    let (below, above) = (value(at.floor()), value(at.ceil()));
+    below + (above - below) * at.fract()
 }

@@ -12,10 +12,12 @@ import time
 import rclpy
 from formation_msgs.action import FormConfiguration
 from formation_msgs.msg import (
+    Edge,
     Eviction,
     Heartbeat,
     ModuleStates,
     Roster,
+    Spot,
     SpotClaim,
     TargetConfiguration,
     Verdict,
@@ -62,19 +64,18 @@ class Lab(Node):
             if topics is TOPICS:
                 self.wait(lambda name=name: name in self.received, f"first sample of {name}", since)
 
-    def form(self, scenario, modules, cancel=False):
+    def form(self, goal, cancel=False):
         client = ActionClient(self, FormConfiguration, "form_configuration")
         since = time.monotonic()
         self.wait(client.server_is_ready, "action server", since)
         time.sleep(0.2)
         since = time.monotonic()
-        goal = FormConfiguration.Goal(scenario=scenario, expected_modules=modules)
         self.feedback = 0
         sent = client.send_goal_async(goal, feedback_callback=self.count_feedback)
-        self.wait(sent.done, f"goal {scenario}", since)
+        self.wait(sent.done, f"goal {goal.scenario or goal.target.name}", since)
         handle = sent.result()
         if not handle.accepted:
-            print(json.dumps({"did": "refused", "scenario": scenario}), flush=True)
+            print(json.dumps({"did": "refused", "scenario": goal.scenario}), flush=True)
             return
         ended = handle.get_result_async()
         if cancel:
@@ -102,21 +103,35 @@ class Lab(Node):
         return answer.result()
 
 
+def square():
+    """A target of the laboratory's own: three rows of three spots."""
+    spots = [Spot(id=1 + 3 * row + column, x=float(column), y=float(row)) for row in range(3) for column in range(3)]
+    right = [Edge(first=1 + 3 * row + column, second=2 + 3 * row + column) for row in range(3) for column in range(2)]
+    above = [Edge(first=spot, second=spot + 3) for spot in range(1, 7)]
+    return TargetConfiguration(name="square", spots=spots, edges=right + above)
+
+
 def main():
     namespace, agent, modules = sys.argv[1], sys.argv[2], int(sys.argv[3])
     rclpy.init()
     lab = Lab(namespace)
-    lab.form("singletons_10", modules)
+    lab.form(FormConfiguration.Goal(scenario="singletons_10", expected_modules=modules))
     lab.subscribe(TOPICS)
     lab.subscribe(SILENT)
+    publishers = lab.get_publishers_info_by_topic("module_states")
+    hashes = sorted({str(publisher.topic_type_hash) for publisher in publishers})
+    print(json.dumps({"did": "type hashes", "found": hashes}), flush=True)
     status = lab.call(QueryStatus, "query_status", QueryStatus.Request(include_waiting=True))
     print(json.dumps({"did": "status", "target": status.target, "settled": status.progress.settled}), flush=True)
     for rejoin in (False, True):
         request = RetireModule.Request(module_id=3, rejoin=rejoin)
         answer = lab.call(RetireModule, f"{agent}/retire_module", request)
         print(json.dumps({"did": "rejoin" if rejoin else "retire", "success": answer.success}), flush=True)
-    lab.form("no_such_scenario", modules)
-    lab.form("undersupply", modules, cancel=True)
+    lab.form(FormConfiguration.Goal(target=square(), expected_modules=modules))
+    status = lab.call(QueryStatus, "query_status", QueryStatus.Request())
+    print(json.dumps({"did": "own status", "target": status.target, "settled": status.progress.settled}), flush=True)
+    lab.form(FormConfiguration.Goal(scenario="no_such_scenario", expected_modules=modules))
+    lab.form(FormConfiguration.Goal(scenario="undersupply", expected_modules=modules), cancel=True)
     rclpy.shutdown()
 
 
