@@ -15,6 +15,7 @@ mod explorer;
 mod faults;
 mod forming;
 mod majority_model;
+mod measured_poses;
 mod mutations;
 mod observed;
 mod paths;
