@@ -20,7 +20,7 @@ singletons: [{id: 1, x: 3.0, y: 9.0}, {id: 2, x: 0.0, y: 0.0}]
 
 /// Module 2 measures another pose while the roster is on its way to it, within the least time between two published poses.
 #[test]
-fn a_pose_that_is_measured_anew_is_no_contradiction_of_a_roster() {
+fn a_pose_that_is_measured_again_is_no_contradiction_of_a_roster() {
     let problem = Scenario::from_yaml(PAIR).unwrap().problem().clone();
     let mut agents: Vec<Agent> = problem
         .modules()

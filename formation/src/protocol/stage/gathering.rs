@@ -31,7 +31,7 @@ pub(in crate::protocol) struct Gathering {
     /// The target that the gathering is for, unless another is announced meanwhile: the members freeze with pins for this one.
     target: Digest,
     role: Role,
-    /// The poses that this module announced since it froze, the latest last. A pose that stands still is measured anew, so
+    /// The poses that this module announced since it froze, the latest last. A pose that stands still is measured again, so
     /// the roster may list any of them.
     announced: VecDeque<Pose>,
     /// The claims of members that received the roster earlier than this module.
