@@ -1,12 +1,15 @@
-//! Processes die, and their robots stay where they are.
+//! Processes die or stop for a while, and their robots stay where they are.
 
 use std::collections::BTreeSet;
 use std::thread;
 use std::time::{Duration, Instant};
 
 use formation_tests::{Domain, Fleet, Running, Signal, Timing, overlaps};
+use tempfile::TempDir;
 
 use super::{PATIENCE, SPARES};
+
+const TRACE: &str = "trace.jsonl";
 
 #[test]
 fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
@@ -83,15 +86,38 @@ singletons:
   - {id: 8, x: 10, y: 9}
 ";
 
+/// A verifier that writes down where the modules are.
+struct Observer {
+    process: Running,
+    directory: TempDir,
+}
+
+impl Observer {
+    fn start(domain: &str) -> Self {
+        let directory = tempfile::tempdir().unwrap();
+        let trace = directory.path().join(TRACE);
+        let options = ["--keep-watching", "--time-limit-s", "600", "--trace"];
+        let options = [&options[..], &[trace.to_str().unwrap()]].concat();
+        let process = Running::start("verifier", domain, &options);
+        Self { process, directory }
+    }
+
+    fn assert_no_contact(self) {
+        // It may not have judged yet, as it waits longer than the quick timing of the modules.
+        let _ = self.process.stop();
+        let trace = std::fs::read_to_string(self.directory.path().join(TRACE)).unwrap();
+        assert_ne!(trace, "");
+        let mut overlaps = overlaps(&trace);
+        overlaps.retain(|overlap| overlap.depth > 0.01);
+        assert_eq!(overlaps, [], "{trace}");
+    }
+}
+
 #[test]
 fn two_that_die_on_their_way_and_one_that_stops_for_a_while_are_not_touched() {
     let domain = &*Domain::for_processes(11);
     let mut fleet = Fleet::new("crossing", CROSSING, domain, Timing::Quick);
-    let directory = tempfile::tempdir().unwrap();
-    let trace = directory.path().join("trace.jsonl");
-    let options = ["--keep-watching", "--time-limit-s", "600", "--trace"];
-    let options = [&options[..], &[trace.to_str().unwrap()]].concat();
-    let observer = Running::start("verifier", domain, &options);
+    let observer = Observer::start(domain);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let mut marks = fleet.marks();
@@ -121,10 +147,41 @@ fn two_that_die_on_their_way_and_one_that_stops_for_a_while_are_not_touched() {
     let rests = rests.unwrap_or_else(|last| panic!("{last:?}\n{}", fleet.story()));
     assert_eq!(rests.violations, [""; 0]);
     assert!(!rests.assignments.is_empty(), "{rests:?}");
-    // It may not have judged yet, as it waits longer than the quick timing of the modules.
-    let _ = observer.stop();
-    let trace = std::fs::read_to_string(trace).unwrap();
-    let mut overlaps = overlaps(&trace);
-    overlaps.retain(|overlap| overlap.depth > 0.01);
-    assert_eq!(overlaps, [], "{trace}");
+    observer.assert_no_contact();
+}
+
+/// One process stops in mid-motion for longer than the lease and for less than the suspicion: all others on their way halt,
+/// and go on when it is back.
+#[test]
+fn all_halt_when_one_is_silent_beyond_the_lease_and_then_go_on() {
+    let domain = &*Domain::for_processes(11);
+    let mut fleet = Fleet::new("lapse", CROSSING, domain, Timing::Usual);
+    let observer = Observer::start(domain);
+    let judge = fleet.judge(None);
+    let _announcer = fleet.announce(None);
+    let marks = fleet.marks();
+    for module in fleet.modules().to_vec() {
+        // A step of the path takes two seconds, and each of the four goes several of them.
+        fleet.start_at_speed(module, 0.5);
+    }
+    let silent = fleet.wait_for_any(&marks, "moving to", PATIENCE);
+    let silent = silent.unwrap_or_else(|| panic!("{}", fleet.story()));
+    thread::sleep(Duration::from_millis(1_000));
+    fleet.agent(silent).signal(Signal::STOP);
+    let is_on_its_way = |&module: &u32| {
+        let lines = fleet.agent(module).log_since(0);
+        module != silent && lines.iter().any(|line| line.text.contains("moving to"))
+    };
+    let others: Vec<u32> = fleet.living().into_iter().filter(is_on_its_way).collect();
+    assert!(!others.is_empty(), "{}", fleet.story());
+    for other in others {
+        let halted = fleet
+            .agent(other)
+            .wait_for_log(0, "halted: agreement of modules", PATIENCE);
+        assert!(halted.is_some(), "module {other}:\n{}", fleet.story());
+    }
+    let back = Instant::now();
+    fleet.agent(silent).signal(Signal::CONT);
+    fleet.wait_until_whole(&judge, back, PATIENCE);
+    observer.assert_no_contact();
 }
