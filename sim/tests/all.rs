@@ -15,7 +15,6 @@ mod explorer;
 mod faults;
 mod forming;
 mod majority_model;
-mod measured_poses;
 mod mutations;
 mod observed;
 mod paths;

@@ -94,8 +94,8 @@ impl Agent {
     /// Plans on a roster, or stands aside if it does not list this module.
     fn follow(&mut self, roster: Arc<Roster>) -> Result<(), Refusal> {
         let epoch = Some(roster.epoch);
-        let is_of_this_epoch = self.stage.epoch() == epoch;
-        if is_of_this_epoch && !matches!(self.stage, Stage::Gathering(_)) {
+        let is_frozen = self.stage.epoch() == epoch && matches!(self.stage, Stage::Gathering(_));
+        if self.stage.epoch() == epoch && !is_frozen {
             return Ok(());
         }
         let own = self.context.module();
@@ -108,7 +108,7 @@ impl Agent {
                 self.begin_turns(roster);
                 return Ok(());
             }
-            self.check_own_entry(&roster, mine)?;
+            self.check_own_entry(&roster, mine, is_frozen)?;
         }
         self.check_target(&roster)?;
         let memory = self.judge_quorum(&roster)?;
@@ -133,7 +133,12 @@ impl Agent {
     }
 
     /// Checks that a roster lists this run as it announced itself.
-    fn check_own_entry(&mut self, roster: &Roster, mine: &RosterMember) -> Result<(), Refusal> {
+    fn check_own_entry(
+        &mut self,
+        roster: &Roster,
+        mine: &RosterMember,
+        is_frozen: bool,
+    ) -> Result<(), Refusal> {
         let own = self.context.own.run.incarnation;
         if mine.incarnation > own {
             // The others have let a later run of this module take its place.
@@ -155,15 +160,7 @@ impl Agent {
             announced.module.pin = mine.module.pin;
         }
         announced.service = mine.service;
-        // It may have measured another pose since.
-        announced.module.pose = mine.module.pose;
-        let has_announced = match &self.stage {
-            Stage::Gathering(gathering) => {
-                gathering.epoch == roster.epoch && gathering.has_announced(&mine.module.pose)
-            }
-            _ => false,
-        };
-        if has_announced && *mine == announced {
+        if is_frozen && *mine == announced {
             Ok(())
         } else {
             Err(Refusal::BadRoster)

@@ -1,11 +1,11 @@
 //! Gathering: the members halt and freeze, and the convener collects their states into a roster.
 
-use std::collections::{BTreeSet, VecDeque};
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState, PlanningModule, Pose,
+    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState, PlanningModule,
     Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, Voter, digest,
 };
 
@@ -17,10 +17,6 @@ use super::claims::EarlyClaims;
 use super::planning::Planning;
 use super::{Stage, Step};
 
-/// The greatest number of announced poses that are kept, the latest ones. At one in `pose_interval_s` these are of the last
-/// seconds, and a convener closes a roster with states that are younger.
-const ANNOUNCED_MAX: usize = 16;
-
 /// An epoch whose members are being gathered.
 #[derive(Clone, Hash)]
 pub(in crate::protocol) struct Gathering {
@@ -31,9 +27,6 @@ pub(in crate::protocol) struct Gathering {
     /// The target that the gathering is for, unless another is announced meanwhile: the members freeze with pins for this one.
     target: Digest,
     role: Role,
-    /// The poses that this module announced since it froze, the latest last. A pose that stands still is measured again, so
-    /// the roster may list any of them.
-    announced: VecDeque<Pose>,
     /// The claims of members that received the roster earlier than this module.
     pub claims: EarlyClaims,
 }
@@ -113,7 +106,6 @@ impl Gathering {
             waits_since: context.now,
             target,
             role,
-            announced: VecDeque::new(),
             claims: EarlyClaims::default(),
         }
     }
@@ -130,19 +122,7 @@ impl Gathering {
         }
     }
 
-    /// Whether this module announced a pose since it froze.
-    pub fn has_announced(&self, pose: &Pose) -> bool {
-        self.announced.contains(pose)
-    }
-
-    /// Adds to a state that is published now what a convener needs.
-    pub fn describe(&mut self, state: &mut ModuleState, context: &mut Context) {
-        if self.announced.back() != Some(&state.pose) {
-            self.announced.push_back(state.pose);
-            if self.announced.len() > ANNOUNCED_MAX {
-                self.announced.pop_front();
-            }
-        }
+    pub fn describe(&self, state: &mut ModuleState, context: &mut Context) {
         state.bodies = context.absent_bodies();
         state.spot = context.pin_for(self.target);
         state.quorum_bases = context.memory.quorum.bases();
