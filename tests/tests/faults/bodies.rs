@@ -1,6 +1,6 @@
 //! Processes die or stop for a while, and their robots stay where they are.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -19,8 +19,7 @@ fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
     let _announcer = fleet.announce(None);
     let marks = fleet.marks();
     fleet.start_all();
-    let moving = fleet.wait_for_any(&marks, "moving to", PATIENCE);
-    assert!(moving.is_some(), "{}", fleet.story());
+    let _ = first_to_move(&fleet, &marks);
     let began = Instant::now();
     let whole = fleet.wait_until_whole(&judge, began, PATIENCE);
     // Spot 2 joins the others, so its module lives on; the fifth module stands on no spot.
@@ -86,6 +85,12 @@ singletons:
   - {id: 8, x: 10, y: 9}
 ";
 
+/// A module that sets off after `marks`.
+fn first_to_move(fleet: &Fleet, marks: &BTreeMap<u32, usize>) -> u32 {
+    let moving = fleet.wait_for_any(marks, "moving to", PATIENCE);
+    moving.unwrap_or_else(|| panic!("{}", fleet.story()))
+}
+
 /// A verifier that writes down where the modules are.
 struct Observer {
     process: Running,
@@ -127,14 +132,12 @@ fn two_that_die_on_their_way_and_one_that_stops_for_a_while_are_not_touched() {
     }
     let mut died = Instant::now();
     for _ in 0..2 {
-        let moving = fleet.wait_for_any(&marks, "moving to", PATIENCE);
-        let moving = moving.unwrap_or_else(|| panic!("{}", fleet.story()));
+        let moving = first_to_move(&fleet, &marks);
         thread::sleep(Duration::from_millis(500));
         died = fleet.kill(moving);
         marks = fleet.marks();
     }
-    let stopped = fleet.wait_for_any(&marks, "moving to", PATIENCE);
-    let stopped = stopped.unwrap_or_else(|| panic!("{}", fleet.story()));
+    let stopped = first_to_move(&fleet, &marks);
     fleet.agent(stopped).signal(Signal::STOP);
     thread::sleep(Duration::from_secs(5));
     fleet.agent(stopped).signal(Signal::CONT);
@@ -164,9 +167,9 @@ fn all_halt_when_one_is_silent_beyond_the_lease_and_then_go_on() {
         // A step of the path takes two seconds, and each of the four goes several of them.
         fleet.start_at_speed(module, 0.5);
     }
-    let silent = fleet.wait_for_any(&marks, "moving to", PATIENCE);
-    let silent = silent.unwrap_or_else(|| panic!("{}", fleet.story()));
+    let silent = first_to_move(&fleet, &marks);
     thread::sleep(Duration::from_millis(1_000));
+    let marks = fleet.marks();
     fleet.agent(silent).signal(Signal::STOP);
     let is_on_its_way = |&module: &u32| {
         let lines = fleet.agent(module).log_since(0);
@@ -175,9 +178,11 @@ fn all_halt_when_one_is_silent_beyond_the_lease_and_then_go_on() {
     let others: Vec<u32> = fleet.living().into_iter().filter(is_on_its_way).collect();
     assert!(!others.is_empty(), "{}", fleet.story());
     for other in others {
-        let halted = fleet
-            .agent(other)
-            .wait_for_log(0, "halted: agreement of modules", PATIENCE);
+        let halted = fleet.agent(other).wait_for_log(
+            marks[&other],
+            "halted: agreement of modules",
+            PATIENCE,
+        );
         assert!(halted.is_some(), "module {other}:\n{}", fleet.story());
     }
     let back = Instant::now();
