@@ -65,8 +65,18 @@ impl Pose {
 
     /// The angle between the two headings in micro-radians, at most half a turn.
     pub fn heading_difference(&self, other: &Self) -> MicroUnits {
+        MicroUnits(self.turn_from(other).0.abs())
+    }
+
+    /// The turn in micro-radians from the other heading to this one, the shorter way round; counter-clockwise is positive.
+    #[must_use]
+    pub fn turn_from(&self, other: &Self) -> MicroUnits {
         let turn = (self.theta.0 - other.theta.0).rem_euclid(FULL_TURN);
-        MicroUnits(turn.min(FULL_TURN - turn))
+        MicroUnits(if turn > FULL_TURN / 2 {
+            turn - FULL_TURN
+        } else {
+            turn
+        })
     }
 
     /// The distance between the two positions, rounded down to whole micro-units.

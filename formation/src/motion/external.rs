@@ -1,6 +1,7 @@
 //! Motion by a driver outside the process, such as that of a real robot: goals and docking requests go out, poses and
 //! results come in, and every wait has a limit.
 
+mod rest;
 #[cfg(test)]
 mod tests;
 
@@ -12,6 +13,7 @@ use super::docking_queue::DockingQueue;
 use super::fault::DriveFault;
 use crate::model::{MicroUnits, ModuleId, Pose};
 use crate::protocol::{MotionGoal, MotionReport};
+use rest::Rest;
 
 /// The limits and tolerances for a driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -24,7 +26,8 @@ pub struct ExternalParameters {
     pub halt_limit: Duration,
     /// A module whose poses stay within the tolerances for this long stands still.
     pub still: Duration,
-    /// The distance from its goal at which a module has arrived, and by which a standing module can move unreported.
+    /// The distance from its goal at which a module has arrived, and by which a standing module, by the mean of its last poses,
+    /// can move unreported.
     pub position_tolerance: MicroUnits,
     /// The same for its heading, in micro-radians.
     pub heading_tolerance: MicroUnits,
@@ -78,8 +81,8 @@ pub struct ExternalDrive {
     pose: Pose,
     /// The time at which `pose` was received.
     received: Duration,
-    /// The pose last reported to the agent.
-    reported: Pose,
+    /// Where it was reported last, and measured since.
+    rest: Rest,
     state: State,
     docking: DockingQueue,
     commands: VecDeque<DriveCommand>,
@@ -95,7 +98,7 @@ impl ExternalDrive {
             parameters,
             pose,
             received: Duration::ZERO,
-            reported: pose,
+            rest: Rest::at(pose),
             state: State::Standing,
             docking: DockingQueue::new(parameters.docking_limit, first_request),
             commands: VecDeque::new(),
@@ -120,7 +123,7 @@ impl ExternalDrive {
     /// Stops sending goals; the halt is reported once the module stands still.
     pub fn halt(&mut self, now: Duration) {
         match self.state {
-            State::Standing => self.reports.push_back(MotionReport::Halted(self.pose)),
+            State::Standing => self.report(MotionReport::Halted(self.pose)),
             State::Travelling { .. } => {
                 self.state = State::Halting {
                     since: now,
@@ -143,8 +146,12 @@ impl ExternalDrive {
         self.pose = pose;
         self.received = now;
         match self.state {
-            State::Standing if self.is_near(&self.reported, &pose) => {}
-            State::Standing => self.report(MotionReport::Pose(pose)),
+            State::Standing => {
+                self.rest.measure(&pose);
+                if !self.is_near(&self.rest.reported, &self.rest.mean) {
+                    self.report(MotionReport::Pose(pose));
+                }
+            }
             State::Travelling { goal, .. } if self.is_near(&goal, &pose) => {
                 self.state = State::Standing;
                 self.report(MotionReport::Arrived { goal, pose });
@@ -246,7 +253,7 @@ impl ExternalDrive {
         | MotionReport::Arrived { pose, .. }
         | MotionReport::Halted(pose) = report
         {
-            self.reported = pose;
+            self.rest = Rest::at(pose);
         }
         self.reports.push_back(report);
     }

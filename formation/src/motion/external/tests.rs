@@ -69,6 +69,43 @@ fn goals_go_out_each_time_and_arrival_is_judged_by_the_pose() {
     assert_eq!(drive.poll_timeout(), None);
 }
 
+/// The agent would take each of them for a robot that somebody moved.
+#[test]
+fn poses_that_scatter_about_one_are_no_displacement_and_a_small_one_that_stays_is() {
+    let mut drive = drive();
+    let mut measure = |step: u64, x: f64, theta: f64| {
+        drive.handle_pose(at(step * 50), pose(x, theta));
+        reports(&mut drive)
+    };
+    for round in 0..20 {
+        let first = round * 4;
+        assert_eq!(measure(first, 0.012, -0.01), []);
+        assert_eq!(measure(first + 1, -0.015, 0.02), []);
+        assert_eq!(measure(first + 2, 0.025, 0.0), [], "once beyond 0.02");
+        assert_eq!(measure(first + 3, -0.01, -0.035), [], "once beyond 0.03");
+    }
+    let mut moved = (80..100).flat_map(|step| measure(step, 0.03, 0.0));
+    assert_eq!(moved.next(), Some(MotionReport::Pose(pose(0.03, 0.0))));
+    assert_eq!(moved.next(), None);
+}
+
+/// What the agent was told last is what later poses are compared with.
+#[test]
+fn a_halt_of_a_module_that_stands_reports_where_it_stands() {
+    let mut drive = drive();
+    drive.handle_pose(at(0), pose(0.015, 0.0));
+    drive.halt(at(50));
+    assert_eq!(
+        reports(&mut drive),
+        [MotionReport::Halted(pose(0.015, 0.0))]
+    );
+    // Within the tolerance of where it began, and not of where it was reported last.
+    for step in 0..20 {
+        drive.handle_pose(at(100 + step * 50), pose(-0.018, 0.0));
+    }
+    assert_eq!(reports(&mut drive), [MotionReport::Pose(pose(-0.018, 0.0))]);
+}
+
 #[test]
 fn headings_are_compared_across_the_full_turn() {
     let drive = drive();
