@@ -359,13 +359,16 @@ fn a_missing_module_is_named_and_nothing_hangs() {
     assert_eq!(judged.status, 1, "{}{}", judged.stdout, judged.stderr);
     let output = format!("{}{}", judged.stdout, judged.stderr);
     assert!(output.contains("FAILED"), "{output}");
-    let convener = agents.remove(0).stop();
+    // Whichever of them convened: module 1, unless it had to restart.
+    let logs: Vec<String> = agents
+        .into_iter()
+        .map(|agent| agent.stop().stderr)
+        .collect();
     assert!(
-        convener
-            .stderr
-            .contains("7 of 8 modules have gathered; absent: 3"),
+        logs.iter()
+            .any(|log| log.contains("7 of 8 modules have gathered; absent: 3")),
         "{}",
-        convener.stderr
+        logs.concat()
     );
 }
 

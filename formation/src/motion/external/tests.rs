@@ -69,7 +69,7 @@ fn goals_go_out_each_time_and_arrival_is_judged_by_the_pose() {
     assert_eq!(drive.poll_timeout(), None);
 }
 
-/// The agent would take each of them for a robot that somebody moved.
+/// The agent would take each report for a displacement by another.
 #[test]
 fn poses_that_scatter_about_one_are_no_displacement_and_a_small_one_that_stays_is() {
     let mut drive = drive();
@@ -89,7 +89,7 @@ fn poses_that_scatter_about_one_are_no_displacement_and_a_small_one_that_stays_i
     assert_eq!(moved.next(), None);
 }
 
-/// What the agent was told last is what later poses are compared with.
+/// Later poses are compared with the one that was reported last.
 #[test]
 fn a_halt_of_a_module_that_stands_reports_where_it_stands() {
     let mut drive = drive();
