@@ -134,6 +134,7 @@ def watched(formation, scenario, domain):
         "the map with settled modules": [r"\[\d\]\[\d\]"],
         "turns": [r"\d s +Turn 1: .* takes? spots? \d"],
         "motions": [r"\d s +.* sets? off"],
+        "the keys": [r"s stops all modules, r resumes"],
     }.items():
         check(terminal.showed(*parts), f"never shown: {what}")
     check(b"\x1b[30;48;5;74m" in terminal.raw, "nothing is in colour")

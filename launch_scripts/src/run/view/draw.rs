@@ -23,8 +23,14 @@ const WAITING_MAX: usize = 3;
 const LOG_MIN: usize = 2;
 
 /// Draws a run: its stages and numbers, which unit is next and which modules wait, a map, and the last steps; as much of
-/// it as fits.
-pub fn frame(watched: &Watched, elapsed: Duration, size: Size, style: Style) -> Vec<String> {
+/// it as fits, with a line of help last.
+pub fn frame(
+    watched: &Watched,
+    elapsed: Duration,
+    size: Size,
+    style: Style,
+    help: Option<&str>,
+) -> Vec<String> {
     // One column stays free, so that no terminal breaks a line.
     let columns = size.columns.saturating_sub(1).max(1);
     // One row stays free for the cursor.
@@ -49,6 +55,7 @@ pub fn frame(watched: &Watched, elapsed: Duration, size: Size, style: Style) -> 
             lines.push(format!("{time}{text}"));
         }
     }
+    lines.extend(help.map(|help| style.paint(help, Paint::Dim)));
     lines.truncate(rows);
     let tail = style.sign("…", if columns > 10 { "..." } else { "" });
     lines

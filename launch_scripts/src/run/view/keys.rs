@@ -8,7 +8,7 @@ use rustix::process::getpgrp;
 use rustix::termios::{LocalModes, OptionalActions, Termios, tcgetattr, tcgetpgrp, tcsetattr};
 
 /// What the last line of the view says of the keys.
-pub const HELP: &str = "s stops all modules, r lets them resume, Ctrl-C ends the run";
+pub const HELP: &str = "s stops all modules, r resumes, Ctrl-C ends";
 
 /// What a key asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -22,7 +22,7 @@ use canvas::Canvas;
 use draw::{Size, frame};
 pub use keys::Key;
 use keys::Keys;
-use style::{Paint, Style};
+use style::Style;
 use watched::Watched;
 
 /// The least time between two drawings.
@@ -124,10 +124,9 @@ impl View {
             columns: usize::from(columns),
             rows: usize::from(rows),
         };
-        let mut lines = frame(&self.watched, self.start.elapsed(), size, self.style);
-        if self.keys.is_some() && lines.len() + 1 < size.rows {
-            lines.push(self.style.paint(keys::HELP, Paint::Dim));
-        }
+        let help = self.keys.as_ref().map(|_| keys::HELP);
+        let elapsed = self.start.elapsed();
+        let lines = frame(&self.watched, elapsed, size, self.style, help);
         self.canvas.draw(&lines, size.columns);
     }
 

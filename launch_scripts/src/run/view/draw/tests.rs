@@ -6,6 +6,7 @@ use formation::model::{Epoch, ModuleId, ModulePhase, Pose, Scenario, SpotId};
 use formation::verify::Progress;
 use formation_report::course_of_plan;
 
+use super::super::keys::HELP;
 use super::*;
 use crate::checked_plan::CheckedPlan;
 
@@ -33,7 +34,7 @@ fn plan() -> Arc<CheckedPlan> {
 }
 
 fn drawn(watched: &Watched, size: Size) -> String {
-    frame(watched, Duration::from_millis(12_300), size, PLAIN).join("\n")
+    frame(watched, Duration::from_millis(12_300), size, PLAIN, None).join("\n")
 }
 
 /// A run that goes as planned, after this many of its entries.
@@ -177,7 +178,13 @@ fn no_frame_is_larger_than_its_terminal() {
     for columns in [1, 10, 39, 80, 300] {
         for rows in [1, 2, 7, 12, 24, 90] {
             let size = Size { columns, rows };
-            let lines = frame(&watched, Duration::from_secs(1), size, colourful);
+            let lines = frame(
+                &watched,
+                Duration::from_secs(1),
+                size,
+                colourful,
+                Some(HELP),
+            );
             assert!(lines.len() <= rows.max(1), "{size:?}");
             for line in &lines {
                 assert!(
@@ -203,9 +210,9 @@ fn colours_add_nothing_but_colour() {
     };
     for count in 0..=entries.len() {
         let watched = after(&plan, &entries, count);
-        let plain = frame(&watched, Duration::ZERO, LARGE, PLAIN);
+        let plain = frame(&watched, Duration::ZERO, LARGE, PLAIN, None);
         assert!(plain.iter().all(|line| !line.contains('\u{1b}')));
-        let stripped: Vec<String> = frame(&watched, Duration::ZERO, LARGE, colourful)
+        let stripped: Vec<String> = frame(&watched, Duration::ZERO, LARGE, colourful, None)
             .iter()
             .map(|line| strip_ansi_codes(line).into_owned())
             .collect();
