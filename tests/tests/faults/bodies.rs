@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Fleet, Running, Signal, Timing, overlaps};
+use formation_tests::{Domain, Fleet, Judged, Running, Signal, Timing, overlaps};
 use tempfile::TempDir;
 
 use super::{PATIENCE, SPARES};
