@@ -273,7 +273,13 @@ impl Fleet {
     /// Starts a verifier that keeps watching.
     #[must_use]
     pub fn judge(&self, network: Option<&Namespace>) -> Judge {
-        let silence = self.timing.suspicion().as_secs_f64().to_string();
+        self.judge_within(network, self.timing.suspicion())
+    }
+
+    /// The same, to which a member that is silent for `silence` does not count as live.
+    #[must_use]
+    pub fn judge_within(&self, network: Option<&Namespace>, silence: Duration) -> Judge {
+        let silence = silence.as_secs_f64().to_string();
         let arguments = [
             "--keep-watching",
             "--json",

@@ -359,17 +359,18 @@ fn a_missing_module_is_named_and_nothing_hangs() {
     assert_eq!(judged.status, 1, "{}{}", judged.stdout, judged.stderr);
     let output = format!("{}{}", judged.stdout, judged.stderr);
     assert!(output.contains("FAILED"), "{output}");
-    // Whichever of them convened: module 1, unless it had to restart.
     let logs: Vec<String> = agents
         .into_iter()
         .map(|agent| agent.stop().stderr)
         .collect();
-    assert!(
-        logs.iter()
-            .any(|log| log.contains("7 of 8 modules have gathered; absent: 3")),
-        "{}",
-        logs.concat()
-    );
+    // The first convenes, unless its DDS library locks itself up meanwhile.
+    let conveners = if logs[0].contains("has locked itself up") {
+        &logs[..]
+    } else {
+        &logs[..1]
+    };
+    let names_it = |log: &String| log.contains("7 of 8 modules have gathered; absent: 3");
+    assert!(conveners.iter().any(names_it), "{}", conveners.concat());
 }
 
 #[test]

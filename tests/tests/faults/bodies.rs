@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Fleet, Judged, Running, Signal, Timing, overlaps};
+use formation_tests::{Domain, Fleet, Line, Running, Signal, Timing, overlaps};
 use tempfile::TempDir;
 
 use super::{PATIENCE, SPARES};
@@ -187,8 +187,13 @@ fn all_halt_when_one_is_silent_beyond_the_lease_and_then_go_on() {
     }
     let back = Instant::now();
     fleet.agent(silent).signal(Signal::CONT);
-    // With or without it: if its DDS library has to join again, the others may form before it is among them.
-    let whole = judge.wait_until(back, PATIENCE, Judged::is_whole);
+    // All of them, unless the DDS library of the silent one has to join again: the others may form before that.
+    let living = fleet.living();
+    let rejoins = |line: &Line| line.text.contains("rejoining");
+    let whole = judge.wait_until(back, PATIENCE, |judged| {
+        let log = fleet.agent(silent).log_since(marks[&silent]);
+        judged.is_whole() && (judged.modules() == living || log.iter().any(rejoins))
+    });
     assert!(whole.is_ok(), "{}", fleet.story());
     observer.assert_no_contact();
 }
