@@ -230,6 +230,28 @@ impl Supervisor {
         }
     }
 
+    /// Lets time pass, and keeps what happens meanwhile for [`Self::next`]; `false` as soon as a signal asks the launcher to
+    /// end.
+    pub fn pause(&mut self, pause: Duration) -> bool {
+        let deadline = Instant::now() + pause;
+        let mut kept = VecDeque::new();
+        let is_to_go_on = loop {
+            match self.next(deadline) {
+                ProcessEvent::TimedOut => break true,
+                event => {
+                    let is_interrupted = matches!(event, ProcessEvent::Interrupted(_));
+                    kept.push_back(event);
+                    if is_interrupted {
+                        break false;
+                    }
+                }
+            }
+        };
+        kept.append(&mut self.pending);
+        self.pending = kept;
+        is_to_go_on
+    }
+
     fn take(&mut self, input: Input) {
         match input {
             Input::Line(process, Stream::Results, line) => {
@@ -345,6 +367,8 @@ fn spawn_thread(name: String, work: impl FnOnce() + Send + 'static) -> io::Resul
 mod tests {
     use std::path::PathBuf;
 
+    use signal_hook::consts::SIGTERM;
+
     use super::*;
 
     const PATIENCE: Duration = Duration::from_secs(30);
@@ -408,6 +432,36 @@ mod tests {
             ProcessEvent::TimedOut,
             "an exit is reported once"
         );
+    }
+
+    #[test]
+    fn what_happens_in_a_pause_is_reported_after_it_in_order() {
+        let (mut supervisor, process) = supervise("echo first; echo second; exit 5");
+        // Long enough for the process to end; what is asserted does not depend on it.
+        assert!(supervisor.pause(Duration::from_millis(300)));
+        for expected in ["first", "second"] {
+            assert_eq!(
+                next(&mut supervisor),
+                ProcessEvent::Line(process, expected.to_owned())
+            );
+        }
+        assert_eq!(next_exit(&mut supervisor), Some(5));
+    }
+
+    #[test]
+    fn a_signal_cuts_pauses_short_and_is_reported() {
+        let (mut supervisor, process) = supervise("echo first; sleep 60");
+        assert_eq!(
+            next(&mut supervisor),
+            ProcessEvent::Line(process, "first".to_owned())
+        );
+        supervisor.sender.send(Input::Signal(SIGTERM)).unwrap();
+        for _ in 0..2 {
+            let before = Instant::now();
+            assert!(!supervisor.pause(PATIENCE));
+            assert!(before.elapsed() < PATIENCE);
+        }
+        assert_eq!(next(&mut supervisor), ProcessEvent::Interrupted(SIGTERM));
     }
 
     #[test]
