@@ -1,5 +1,7 @@
 //! The modules that one process hosts: their agents, their drives, and what they publish together.
 
+mod handled_states;
+
 use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
@@ -22,6 +24,7 @@ use crate::drive::Drive;
 use crate::drivers::DriverMessage;
 use crate::journal::{Journal, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
+use handled_states::HandledStates;
 
 /// What the process has to publish.
 #[derive(Clone, Debug, PartialEq)]
@@ -82,6 +85,7 @@ pub(crate) struct Host {
     journal: Option<Journal>,
     /// Messages from other processes, and from hosted modules to each other, until the modules handle them together.
     arrived: Vec<Arrived>,
+    handled_states: HandledStates,
     outgoing: Vec<Outgoing>,
     /// What only observers need, until no hosted module plans: others wait for the claims.
     evictions: Vec<EvictionNotice>,
@@ -106,6 +110,7 @@ impl Host {
             plans: SharedPlans::default(),
             journal,
             arrived: Vec::new(),
+            handled_states: HandledStates::default(),
             outgoing: Vec::new(),
             evictions: Vec::new(),
         };
@@ -225,8 +230,14 @@ impl Host {
         modules.collect()
     }
 
-    /// Takes a message of another process, which every hosted module handles when time passes.
+    /// Takes a message of another process, which every hosted module handles when time passes, unless it is a state that came
+    /// before.
     pub(crate) fn take_message(&mut self, source: SourceId, message: Message) {
+        if let Message::ModuleState(state) = &message
+            && !self.handled_states.note(source, state)
+        {
+            return;
+        }
         self.arrived.push(Arrived {
             source,
             sender: None,

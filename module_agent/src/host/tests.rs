@@ -208,6 +208,37 @@ fn every_sample_lists_all_hosted_modules_and_no_state_is_skipped() {
 }
 
 #[test]
+fn a_state_that_came_before_is_not_handled_again() {
+    let (sender, _) = host(&[17]);
+    let said = run(&mut [sender], Duration::from_secs(1));
+    let states = states_of(&said);
+    let first = ModuleState::clone(&states[0][0]);
+    let changed = ModuleState {
+        sequence: first.sequence + 1,
+        ..first.clone()
+    };
+    let restarted = ModuleState {
+        incarnation: Incarnation(first.incarnation.0 + 1),
+        ..first.clone()
+    };
+    let (mut receiver, _) = host(&[4, 5]);
+    let mut is_handled = |source, state: &ModuleState| {
+        let before = receiver.arrived.len();
+        receiver.take_message(source, Message::ModuleState(Arc::new(state.clone())));
+        receiver.arrived.len() > before
+    };
+    assert!(is_handled(OTHER_PROCESS, &first));
+    assert!(!is_handled(OTHER_PROCESS, &first));
+    assert!(is_handled(OTHER_PROCESS, &changed));
+    assert!(!is_handled(OTHER_PROCESS, &first), "a later one came");
+    assert!(is_handled(OTHER_PROCESS, &restarted), "another run");
+    assert!(
+        is_handled(TARGET_PUBLISHER, &restarted),
+        "of another process, which agents refuse and report"
+    );
+}
+
+#[test]
 fn heartbeats_that_fall_due_together_share_a_sample() {
     let (host, _) = host(&[4, 5, 17]);
     let said = run(&mut [host], Duration::from_secs(5));
