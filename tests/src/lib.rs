@@ -10,6 +10,7 @@
 
 mod domain;
 mod fleet;
+mod hiroz;
 mod namespaces;
 mod parameter_file;
 mod peer;
@@ -24,6 +25,7 @@ mod transcript;
 
 pub use domain::Domain;
 pub use fleet::{Fleet, Judge, Judged, Timing};
+pub use hiroz::HirozPeer;
 pub use namespaces::{Namespace, Network, room_for_many_processes};
 pub use parameter_file::parameter_section;
 pub use peer::Peer;

@@ -22,6 +22,8 @@ pub enum Tool {
     Browser,
     /// The tools by which Debian packages are built.
     Debian,
+    /// The peer in `tests/hiroz_peer`.
+    Hiroz,
     /// The right to create network namespaces, and `ip` to connect them.
     Namespaces,
 }
@@ -34,6 +36,7 @@ impl Tool {
             Self::Tshark => "tshark",
             Self::Browser => "browser",
             Self::Debian => "debian",
+            Self::Hiroz => "hiroz",
             Self::Namespaces => "namespaces",
         }
     }
@@ -54,6 +57,9 @@ impl Tool {
                 "install it (Debian, Ubuntu: `apt-get install chromium chromium-driver`)"
             }
             Self::Debian => "install them (Debian, Ubuntu: `apt-get install dpkg-dev binutils`)",
+            Self::Hiroz => {
+                "build it: `cargo build --locked --manifest-path tests/hiroz_peer/Cargo.toml`"
+            }
             Self::Namespaces => {
                 "run the tests as root or allow user namespaces, with `unshare`, `nsenter` and `ip` installed \
                  (Debian, Ubuntu: `apt-get install util-linux iproute2`)"

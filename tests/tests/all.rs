@@ -30,4 +30,6 @@ mod visualiser;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 #[cfg(feature = "zenoh")]
+mod zenoh_hiroz;
+#[cfg(feature = "zenoh")]
 mod zenoh_security;

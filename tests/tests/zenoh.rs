@@ -15,7 +15,7 @@ use crate::formations::runs_as_planned;
 const PATIENCE: Duration = Duration::from_secs(60);
 
 /// What a formation with drivers and a visualiser publishes; the requests for docking come from whichever modules dock.
-const TOPICS: &[&str] = &[
+pub const TOPICS: &[&str] = &[
     "target",
     "module_states",
     "roster",
@@ -45,7 +45,7 @@ pub fn free_port() -> u16 {
 /// A router on a free port of loopback.
 pub struct Router {
     process: Running,
-    port: u16,
+    pub port: u16,
 }
 
 impl Router {
@@ -67,7 +67,7 @@ impl Router {
         format!("tcp/127.0.0.1:{}", self.port)
     }
 
-    fn run(&self, name: &str, domain: &str, arguments: &[&str]) -> Running {
+    pub fn run(&self, name: &str, domain: &str, arguments: &[&str]) -> Running {
         Running::start_over_zenoh(&[&self.endpoint()], name, domain, arguments)
     }
 }
@@ -115,8 +115,8 @@ fn every_shipped_scenario_is_allocated_as_planned() {
     assert!(scenarios >= 15, "{scenarios}");
 }
 
-/// What `tests/python/zenoh_lab.py` did: the fields of each thing by its name, in the order in which it printed them.
-fn deeds_of(said: impl BufRead) -> Vec<(String, Value)> {
+/// What `tests/python/zenoh_lab.py`, or the peer on hiroz, did: the fields of each thing by its name, in the order in which it printed them.
+pub fn deeds_of(said: impl BufRead) -> Vec<(String, Value)> {
     let lines = said.lines().map(|line| {
         let deed: Value = serde_json::from_str(&line.unwrap()).unwrap();
         (deed["did"].as_str().unwrap().to_owned(), deed)
