@@ -335,7 +335,8 @@ mod tests {
     #[test]
     fn a_router_that_does_not_start_is_reported() {
         let process = Command::new("false").spawn().unwrap();
-        let address = free_address().unwrap();
+        // A child that another test forks at this moment would still hold a port that was bound here.
+        let address = SocketAddr::from((Ipv4Addr::LOCALHOST, 1));
         let endpoint = format!("tcp/{address}");
         let mut router = Router { process, endpoint };
         let error = router.wait_until_ready(address).unwrap_err().to_string();
