@@ -58,11 +58,6 @@ impl Peer {
         }
     }
 
-    /// Whether it is this run, as this participant sends for it.
-    pub fn is_of(&self, run: ModuleRun, source: Option<SourceId>) -> bool {
-        (self.incarnation, self.source) == (run.incarnation, source)
-    }
-
     /// The module with the memory that counts towards majorities, as its latest heartbeat shows it.
     pub fn voter(&self, module: ModuleId) -> Voter {
         let run = ModuleRun {

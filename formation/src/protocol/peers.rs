@@ -31,13 +31,6 @@ pub(super) struct Liveness {
     pub bugs: Bugs,
 }
 
-impl Liveness {
-    /// Whether the incarnation of a run can be true.
-    fn is_plausible(&self, run: ModuleRun) -> bool {
-        run.incarnation.0 <= self.latest_stamp
-    }
-}
-
 /// What a heartbeat changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum HeartbeatNews {
@@ -220,11 +213,12 @@ impl Peers {
         run: ModuleRun,
         source: Option<SourceId>,
     ) -> Result<&mut Peer, Refusal> {
-        if !liveness.is_plausible(run) {
+        if run.incarnation.0 > liveness.latest_stamp {
             return Err(Refusal::ImplausibleIncarnation);
         }
         let known = self.peers.get(&run.module);
-        let is_known = known.is_some_and(|peer| peer.is_of(run, source));
+        let is_known =
+            known.is_some_and(|peer| peer.incarnation == run.incarnation && peer.source == source);
         let kept = if is_known {
             None
         } else {
@@ -264,11 +258,7 @@ impl Peers {
             incarnation: heartbeat.incarnation,
         };
         let now = liveness.now;
-        // Most heartbeats are of runs that are known, and there are as many in a formation as pairs of modules.
-        let peer = match self.peers.get_mut(&run.module) {
-            Some(peer) if peer.is_of(run, source) && liveness.is_plausible(run) => peer,
-            _ => self.admit(liveness, run, source)?,
-        };
+        let peer = self.admit(liveness, run, source)?;
         let known = peer.heartbeat;
         if known.is_some_and(|known| known.sequence >= heartbeat.sequence) {
             return Ok(HeartbeatNews::Old);

@@ -235,21 +235,18 @@ impl Supervisor {
     pub fn pause(&mut self, pause: Duration) -> bool {
         let deadline = Instant::now() + pause;
         let mut kept = VecDeque::new();
-        let is_to_go_on = loop {
-            match self.next(deadline) {
-                ProcessEvent::TimedOut => break true,
-                event => {
-                    let is_interrupted = matches!(event, ProcessEvent::Interrupted(_));
-                    kept.push_back(event);
-                    if is_interrupted {
-                        break false;
-                    }
-                }
+        let mut is_interrupted = false;
+        // A process that writes without end must not prolong it.
+        while !is_interrupted && Instant::now() < deadline {
+            let event = self.next(deadline);
+            is_interrupted = matches!(event, ProcessEvent::Interrupted(_));
+            if event != ProcessEvent::TimedOut {
+                kept.push_back(event);
             }
-        };
+        }
         kept.append(&mut self.pending);
         self.pending = kept;
-        is_to_go_on
+        !is_interrupted
     }
 
     fn take(&mut self, input: Input) {

@@ -11,7 +11,8 @@ use formation::protocol::SourceId;
 /// A process of one module sends each state once, so agents rely on no repetition.
 #[derive(Debug, Default)]
 pub(super) struct HandledStates {
-    last: BTreeMap<ModuleId, (SourceId, Incarnation, u64)>,
+    /// The run and the process that sent it, and its sequence number.
+    last: BTreeMap<ModuleId, ((SourceId, Incarnation), u64)>,
 }
 
 impl HandledStates {
@@ -23,14 +24,11 @@ impl HandledStates {
         }
         let run = (source, state.incarnation);
         let known = self.last.get(&state.module);
-        let came_before = known.is_some_and(|&(source, incarnation, sequence)| {
-            (source, incarnation) == run && sequence >= state.sequence
-        });
-        if !came_before {
-            let (source, incarnation) = run;
-            self.last
-                .insert(state.module, (source, incarnation, state.sequence));
+        let is_new =
+            known.is_none_or(|&(known, sequence)| known != run || sequence < state.sequence);
+        if is_new {
+            self.last.insert(state.module, (run, state.sequence));
         }
-        !came_before
+        is_new
     }
 }
