@@ -30,6 +30,8 @@ mod visualiser;
 #[cfg(feature = "zenoh")]
 mod zenoh;
 #[cfg(feature = "zenoh")]
+mod zenoh_deeds;
+#[cfg(feature = "zenoh")]
 mod zenoh_hiroz;
 #[cfg(feature = "zenoh")]
 mod zenoh_security;

@@ -1,40 +1,16 @@
 //! Formations over Zenoh, and a peer on it that we did not write.
 
 use std::fs;
-use std::io::{BufRead, BufReader};
 use std::net::TcpListener;
-use std::path::Path;
 use std::process::Stdio;
 use std::time::Duration;
 
 use formation_tests::{Domain, Python, Running, scenario_path};
-use serde_json::{Value, json};
 
 use crate::formations::runs_as_planned;
+use crate::zenoh_deeds::Deeds;
 
 const PATIENCE: Duration = Duration::from_secs(60);
-
-/// What a formation with drivers and a visualiser publishes; the requests for docking come from whichever modules dock.
-pub const TOPICS: &[&str] = &[
-    "target",
-    "module_states",
-    "roster",
-    "claims",
-    "evictions",
-    "heartbeats",
-    "commands",
-    "verdict",
-    "markers",
-    "/tf",
-    "/tf_static",
-    "/rosout",
-    "/diagnostics",
-    "/parameter_events",
-    "form_configuration/_action/feedback",
-    "form_configuration/_action/status",
-    "module_1/goal_pose",
-    "module_1/path",
-];
 
 /// A port of loopback that no program uses.
 pub fn free_port() -> u16 {
@@ -115,105 +91,16 @@ fn every_shipped_scenario_is_allocated_as_planned() {
     assert!(scenarios >= 15, "{scenarios}");
 }
 
-/// What `tests/python/zenoh_lab.py`, or the peer on hiroz, did: the fields of each thing by its name, in the order in which it printed them.
-pub fn deeds_of(said: impl BufRead) -> Vec<(String, Value)> {
-    let lines = said.lines().map(|line| {
-        let deed: Value = serde_json::from_str(&line.unwrap()).unwrap();
-        (deed["did"].as_str().unwrap().to_owned(), deed)
-    });
-    lines.collect()
-}
-
 #[test]
 fn a_client_that_others_wrote_uses_every_topic_service_and_the_action() {
     let Some(python) = Python::with_zenoh() else {
         return;
     };
-    let domain = &*Domain::for_processes(7);
-    let router = Router::start(domain);
-    let path = scenario_path("singletons_10");
-    let path = path.to_str().unwrap();
-    let port = router.port.to_string();
-    let arguments = [port.as_str(), domain, "/formation", path, "module_10"];
-    let mut lab = python.start("tests/python/zenoh_lab.py", &arguments, Stdio::inherit());
-    let mut said = BufReader::new(lab.stdout.take().unwrap());
-    let mut first = String::new();
-    said.read_line(&mut first).unwrap();
-    assert!(first.contains("connected"), "{first}");
-    let agent = |more: &[&str]| {
-        let arguments = [&["--scenario", path], more].concat();
-        router.run("module_agent", domain, &arguments)
-    };
-    let folder = Path::new(path).parent().unwrap().to_str().unwrap();
-    let _programs = [
-        router.run("verifier", domain, &["--scenario", path, "--keep-watching"]),
-        router.run("target_publisher", domain, &["--scenario-folder", folder]),
-        router.run("visualiser", domain, &[]),
-        agent(&["--modules", "1-5", "--motion", "external"]),
-        agent(&[
-            "--modules",
-            "6-9",
-            "--motion",
-            "external",
-            "--pose-source",
-            "odom",
-        ]),
-        agent(&["--modules", "10", "--speed", "4"]),
-    ];
-    let deeds = deeds_of(said);
-    assert!(lab.wait().unwrap().success(), "{deeds:?}");
-    let deed = |name: &str| {
-        let found = deeds.iter().find(|(did, _)| did == name);
-        &found.unwrap_or_else(|| panic!("no {name} in {deeds:?}")).1
-    };
-    let (succeeded, complete) = (4, 1);
-    assert_eq!(deed("goal")["accepted"], true);
-    assert_eq!(deed("result")["status"], succeeded, "{deeds:?}");
-    assert_eq!(deed("result")["outcome"], complete, "{deeds:?}");
-    assert_eq!(deed("query_status")["settled"], 10);
-    assert_eq!(deed("get_parameters")["values"], json!([0.5, 10.0]));
-    let double = 3;
-    assert_eq!(
-        deed("get_parameter_types")["types"],
-        json!([double, double])
-    );
-    let names = json!(["heartbeat_s", "stuck_s"]);
-    assert_eq!(deed("describe_parameters")["names"], names);
-    let listed = deed("list_parameters")["names"].as_array().unwrap();
-    assert!(
-        names
-            .as_array()
-            .unwrap()
-            .iter()
-            .all(|name| listed.contains(name))
-    );
-    for name in ["set_parameters", "set_parameters_atomically"] {
-        assert_eq!(deed(name)["successful"], json!([true]), "{name}");
-    }
-    for name in [
-        "stop",
-        "resume",
-        "add_module",
-        "retire_module",
-        "remove_module",
-        "withdraw_target",
-    ] {
-        assert_eq!(deed(name)["success"], true, "{name} in {deeds:?}");
-    }
-    assert_eq!(deed("verdict")["outcome"], complete, "of its own target");
-    let cancelled = 5;
-    assert_eq!(deed("cancel")["goals"], 1);
-    assert_eq!(deed("cancel")["status"], cancelled);
-    deed("command");
-    assert!(deed("late")["message"].is_string());
-    let received = deed("received")["topics"].as_object().unwrap();
-    for topic in TOPICS {
-        assert!(received.contains_key(*topic), "{topic} in {received:?}");
-    }
-    assert!(
-        received.keys().any(|topic| topic.ends_with("/docking")),
-        "{received:?}"
-    );
+    let deeds = Deeds::of_peer(|arguments| {
+        python.start("tests/python/zenoh_lab.py", arguments, Stdio::inherit())
+    });
+    deeds.assert_complete(&[]);
+    assert!(deeds.of("late")["message"].is_string());
     for (topic, kind) in [
         (
             "/formation/module_states",
@@ -225,11 +112,11 @@ fn a_client_that_others_wrote_uses_every_topic_service_and_the_action() {
             "formation_msgs/action/FormConfiguration_FeedbackMessage",
         ),
     ] {
-        assert_eq!(deed("topics")["types"][topic][0], kind);
+        assert_eq!(deeds.of("topics")["types"][topic][0], kind);
     }
     let service = "/formation/modules_1_to_5/set_parameters";
     let kind = "rcl_interfaces/srv/SetParameters";
-    assert_eq!(deed("services")["types"][service][0], kind);
+    assert_eq!(deeds.of("services")["types"][service][0], kind);
 }
 
 #[test]

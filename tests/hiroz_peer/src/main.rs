@@ -215,11 +215,15 @@ async fn use_parameters(peer: &Peer, node: &str) -> Result<()> {
     let types: Vec<u8> = types.into_iter().map(ParameterType::into).collect();
     did("get_parameter_types", json!({"types": types}));
     let described = timeout(LIMIT, client.describe(&names)).await??;
-    let described: Vec<_> = described
+    let names: Vec<&str> = described.iter().map(|one| one.name.as_str()).collect();
+    let texts: Vec<&str> = described
         .iter()
-        .map(|one| (&one.name, &one.description))
+        .map(|one| one.description.as_str())
         .collect();
-    did("describe_parameters", json!({"names_and_texts": described}));
+    did(
+        "describe_parameters",
+        json!({"names": names, "texts": texts}),
+    );
     for (name, value) in [
         ("set_parameters", 11.0),
         ("set_parameters_atomically", 12.0),
