@@ -436,19 +436,9 @@ impl Acting {
             context.mark_state_changed();
             send_goal(goal, context);
         }
-        if let Some(lapse) = self.next_lapse(context) {
-            context.wake_at(lapse);
+        if let Some(until) = self.held.in_force_until() {
+            context.wake_at(until + Duration::from_millis(1));
         }
-    }
-
-    /// When the oldest heartbeat of a member becomes older than the lease, unless a newer one comes.
-    fn next_lapse(&self, context: &Context) -> Option<Duration> {
-        let margin = Duration::from_millis(1);
-        let members = context.peers.along(&self.held.members);
-        members
-            .filter_map(|(_, _, peer)| peer?.age(context.now))
-            .map(|age| context.now + context.parameters.lease.saturating_sub(age) + margin)
-            .min()
     }
 
     /// Docks to the settled neighbours, and has settled when it is docked to all that are placed before it.

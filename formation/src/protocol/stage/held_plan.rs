@@ -379,6 +379,11 @@ impl HeldPlan {
         lagging
     }
 
+    /// Until when no member was lagging as [`Self::lagging_now`] found it, even if no further heartbeat comes.
+    pub(super) fn in_force_until(&self) -> Option<Duration> {
+        Some(self.in_force.as_ref()?.until)
+    }
+
     /// When the oldest of the members' latest heartbeats exceeds the lease.
     fn end_of_lease(&self, context: &Context) -> Duration {
         let members = context.peers.along(&self.members);
