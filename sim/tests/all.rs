@@ -14,6 +14,7 @@ mod exploration;
 mod explorer;
 mod faults;
 mod forming;
+mod lapse;
 mod majority_model;
 mod mutations;
 mod observed;

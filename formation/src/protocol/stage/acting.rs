@@ -437,7 +437,8 @@ impl Acting {
             send_goal(goal, context);
         }
         if let Some(until) = self.held.in_force_until() {
-            context.wake_at(until + Duration::from_millis(1));
+            let margin = Duration::from_millis(1);
+            context.wake_at(until + margin);
         }
     }
 

@@ -1,0 +1,114 @@
+//! A module that moves halts as soon as the latest heartbeat of another member exceeds the lease, and not with its own next one.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation::model::{Incarnation, Message, ModuleId, Scenario, TargetAnnouncement};
+use formation::protocol::{Agent, AgentParameters, Identity, Input, MotionReport, Output};
+
+const SCENARIO: &str = "
+target: {spots: [{id: 1, x: 50.0, y: 0.0}, {id: 2, x: 51.0, y: 0.0}], edges: [[1, 2]]}
+singletons: [{id: 4, x: 0.0, y: 0.0}, {id: 9, x: 0.0, y: 3.0}]
+";
+
+/// Two modules whose messages take no time, and which never arrive.
+struct Pair {
+    agents: [Agent; 2],
+    now: Duration,
+    /// When each sent its latest heartbeat.
+    heartbeats: [Duration; 2],
+    moving: [bool; 2],
+}
+
+impl Pair {
+    fn new() -> Self {
+        let scenario = Scenario::from_yaml(SCENARIO).unwrap();
+        let problem = scenario.problem();
+        let agent = |index: usize| {
+            let module = &problem.modules()[index];
+            let identity = Identity {
+                store: None,
+                module: module.id,
+                incarnation: Incarnation(1),
+                pose: module.pose,
+                links: module.links.clone(),
+                configuration: None,
+                leader: None,
+            };
+            Agent::new(identity, AgentParameters::default(), Duration::ZERO)
+        };
+        let mut pair = Self {
+            agents: [agent(0), agent(1)],
+            now: Duration::ZERO,
+            heartbeats: [Duration::ZERO; 2],
+            moving: [false; 2],
+        };
+        let target = Arc::new(TargetAnnouncement {
+            expected_modules: Some(2),
+            founders: vec![ModuleId(4), ModuleId(9)],
+            ..TargetAnnouncement::new(problem, 1)
+        });
+        for index in 0..2 {
+            let target = Message::Target(Arc::clone(&target));
+            pair.pass(index, message(target), &[0, 1]);
+        }
+        pair
+    }
+
+    /// Passes an input to one of those that are awake, and what it says to the other, if that is awake.
+    fn pass(&mut self, index: usize, input: Input, awake: &[usize]) {
+        if !awake.contains(&index) {
+            return;
+        }
+        self.agents[index].handle(self.now, input);
+        while let Some(output) = self.agents[index].poll_output() {
+            match output {
+                Output::Publish(said) => {
+                    if let Message::Heartbeat(_) = said {
+                        self.heartbeats[index] = self.now;
+                    }
+                    self.pass(1 - index, message(said), awake);
+                }
+                Output::Move(_) => self.moving[index] = true,
+                Output::Halt => {
+                    self.moving[index] = false;
+                    let pose = self.agents[index].pose();
+                    self.agents[index].handle(self.now, Input::Motion(MotionReport::Halted(pose)));
+                }
+                _ => {}
+            }
+        }
+    }
+
+    fn until(&mut self, awake: &[usize], is_there: impl Fn(&Self) -> bool) {
+        while !is_there(self) {
+            let due = |&index: &usize| self.agents[index].poll_timeout();
+            let due = awake.iter().map(due).min().unwrap();
+            self.now = due.max(self.now + Duration::from_micros(1));
+            assert!(self.now < Duration::from_secs(60), "nothing happens");
+            for &index in awake {
+                if self.agents[index].poll_timeout() <= self.now {
+                    self.pass(index, Input::Timeout, awake);
+                }
+            }
+        }
+    }
+}
+
+fn message(message: Message) -> Input {
+    let source = None;
+    Input::Message { source, message }
+}
+
+#[test]
+fn a_moving_module_halts_as_soon_as_another_is_silent_for_longer_than_the_lease() {
+    let mut pair = Pair::new();
+    pair.until(&[0, 1], |pair| pair.moving.contains(&true));
+    let mover = pair.moving.iter().position(|&moves| moves).unwrap();
+    let silent_since = pair.heartbeats[1 - mover];
+    pair.until(&[mover], |pair| !pair.moving[mover]);
+    let lapse = silent_since + AgentParameters::default().lease;
+    assert!(pair.now > lapse, "agreement held until {lapse:?}");
+    let margin = Duration::from_millis(1);
+    assert!(pair.now <= lapse + margin, "{:?}, {lapse:?}", pair.now);
+}
