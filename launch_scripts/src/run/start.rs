@@ -25,10 +25,10 @@ use crate::arguments::{ON, RunArguments};
 /// 0.7 s for 17 and 1.6 s for 25 with them, 0.6 s and 1.1 s without, but 7.1 s for 40 against 3.4 s.
 const PARAMETER_SERVICES_PROCESSES_MAX: usize = 25;
 
-/// Over DDS, the pause before the start of a process of modules, for each ordered pair of those that run. While a process is discovered,
-/// each of the others sends heartbeats of its reliable writers to all others, so that their number grows with the pairs. When
-/// they are more than the processors handle, they are lost and have to be sent again. 50 processes that start at once on two
-/// cores join after 13.4 s, and at this pace after 9.0 s, in the median of ten runs each.
+/// Over DDS, the pause before the start of a process of modules, for each ordered pair of those that run. While a process is
+/// discovered, each of the others sends heartbeats of its reliable writers to all others, so that their number grows with the
+/// pairs. When they are more than the processors handle, they are lost and have to be sent again. 50 processes that start at once
+/// on two cores join after 13.4 s, and at this pace after 9.0 s, in the median of ten runs each.
 const START_PAUSE_PER_PAIR: Duration = Duration::from_micros(100);
 
 /// A recorder records the own topics of at most this many modules.
