@@ -11,6 +11,7 @@ use tempfile::TempDir;
 use crate::namespaces::Namespace;
 use crate::programs::Running;
 use crate::scenario_file::ScenarioFile;
+use crate::transcript::Line;
 
 /// How long the agents wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -308,14 +309,21 @@ impl Fleet {
         }
     }
 
-    /// Waits until all spots are filled by living modules, as the verifier judges it after `since`.
+    /// Waits until all spots are filled and all living modules are members, as the verifier judges it after `since`.
+    ///
+    /// Only a module that had to join the graph again, as its DDS library did not start, may be left out: the others may
+    /// have filled all spots by then, and open no epoch for a spare (rule E7).
     ///
     /// # Panics
     /// If that is not the case within `limit`; the message has the logs.
     pub fn wait_until_whole(&self, judge: &Judge, since: Instant, limit: Duration) -> Judged {
         let living = self.living();
         judge.wait_until(since, limit, |judged| {
-            judged.is_whole() && judged.modules() == living
+            let members = judged.modules();
+            let mut left_out = living.difference(&members);
+            judged.is_whole()
+                && members.is_subset(&living)
+                && left_out.all(|&module| self.has_joined_again(module))
         })
         .unwrap_or_else(|last| {
             panic!(
@@ -323,6 +331,13 @@ impl Fleet {
                 self.story()
             )
         })
+    }
+
+    /// Whether a module's process has joined the graph more than once.
+    fn has_joined_again(&self, module: u32) -> bool {
+        let log = self.agent(module).log_since(0);
+        let joins = |line: &&Line| line.text.contains("joined the ROS 2 graph");
+        log.iter().filter(joins).count() > 1
     }
 
     /// The last lines of every living module's log.

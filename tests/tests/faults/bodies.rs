@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Fleet, Line, Running, Signal, Timing, overlaps};
+use formation_tests::{Domain, Fleet, Running, Signal, Timing, overlaps};
 use tempfile::TempDir;
 
 use super::{PATIENCE, SPARES};
@@ -187,13 +187,6 @@ fn all_halt_when_one_is_silent_beyond_the_lease_and_then_go_on() {
     }
     let back = Instant::now();
     fleet.agent(silent).signal(Signal::CONT);
-    // All of them, unless the DDS library of the silent one has to join again: the others may form before that.
-    let living = fleet.living();
-    let rejoins = |line: &Line| line.text.contains("rejoining");
-    let whole = judge.wait_until(back, PATIENCE, |judged| {
-        let log = fleet.agent(silent).log_since(marks[&silent]);
-        judged.is_whole() && (judged.modules() == living || log.iter().any(rejoins))
-    });
-    assert!(whole.is_ok(), "{}", fleet.story());
+    fleet.wait_until_whole(&judge, back, PATIENCE);
     observer.assert_no_contact();
 }

@@ -1,8 +1,8 @@
 //! Processes are killed at moments drawn from a seed, and by the part that they play.
 //!
 //! Recovery is the time from a kill to the first verdict that the formation is whole again: COMPLETE, without a violation,
-//! and judged on a roster of exactly the living. The bodies of killed modules are reported as removed, as those of simulated
-//! robots vanish with their processes.
+//! and judged on a roster of the living. The bodies of killed modules are reported as removed, as those of simulated robots
+//! vanish with their processes.
 
 use std::collections::BTreeMap;
 use std::fmt;
