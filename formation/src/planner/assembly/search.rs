@@ -32,7 +32,8 @@ pub(super) fn search(
 ) -> Result<Option<Vec<usize>>, BudgetSpent> {
     let mut search = Search::new(ground, base, corridors, root);
     let mut frames: Vec<Frame> = Vec::new();
-    let mut seen: BTreeSet<FixedBitSet> = BTreeSet::new();
+    // As words, because slices are compared faster than sets.
+    let mut seen: BTreeSet<Vec<usize>> = BTreeSet::new();
     let mut steps: u64 = 0;
     // At the top frame, the spots of this rank and above have been tried.
     let mut below = usize::MAX;
@@ -42,7 +43,7 @@ pub(super) fn search(
             return Err(BudgetSpent);
         }
         let candidates = search.candidates();
-        let is_new = |spot: &usize| !seen.contains(&search.left_without(*spot));
+        let is_new = |spot: &usize| !seen.contains(search.left_without(*spot).as_slice());
         let forced = candidates
             .iter()
             .copied()
@@ -61,7 +62,7 @@ pub(super) fn search(
                 unit_before: search.open_unit,
             });
             search.remove(spot);
-            seen.insert(search.left.clone());
+            seen.insert(search.left.as_slice().to_vec());
             below = usize::MAX;
         } else if let Some(frame) = frames.pop() {
             search.restore(&frame);
