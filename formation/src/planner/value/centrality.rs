@@ -52,41 +52,23 @@ fn ratio(part: usize, whole: usize) -> MicroUnits {
     MicroUnits(i64::try_from(rounded).unwrap_or(MICRO_PER_UNIT))
 }
 
-/// A number of paths.
-trait Count: Copy + Default {
-    const ONE: Self;
-
-    fn plus(self, other: Self) -> Self;
-
-    /// The ratio of this number to a larger or equal one.
-    fn share_of(self, whole: Self) -> f64;
-}
-
-/// Exact enough up to [`RADIX`].
-impl Count for f64 {
-    const ONE: Self = 1.0;
-
-    fn plus(self, other: Self) -> Self {
-        self + other
-    }
-
-    fn share_of(self, whole: Self) -> f64 {
-        self / whole
-    }
-}
-
-/// A number of paths beyond the range of a float, `mantissa * RADIX^exponent`. Up to [`RADIX`] it has the same bits as the
-/// float.
+/// A number of paths, `mantissa * RADIX^exponent`, because there can be more than a float holds. Up to [`RADIX`] it has the
+/// same bits as the float.
 #[derive(Clone, Copy, Debug, Default)]
-struct LargeCount {
+struct PathCount {
     mantissa: f64,
     exponent: u32,
 }
 
-/// The base of the exponent of a [`LargeCount`].
+/// The base of the exponent of a [`PathCount`].
 const RADIX: f64 = 1.0e100;
 
-impl LargeCount {
+impl PathCount {
+    const ONE: Self = Self {
+        mantissa: 1.0,
+        exponent: 0,
+    };
+
     /// The mantissa of this number for a larger or equal exponent.
     fn mantissa_under(self, exponent: u32) -> f64 {
         match exponent - self.exponent {
@@ -95,13 +77,6 @@ impl LargeCount {
             _ => 0.0,
         }
     }
-}
-
-impl Count for LargeCount {
-    const ONE: Self = Self {
-        mantissa: 1.0,
-        exponent: 0,
-    };
 
     fn plus(self, other: Self) -> Self {
         let exponent = self.exponent.max(other.exponent);
@@ -116,6 +91,7 @@ impl Count for LargeCount {
         }
     }
 
+    /// The ratio of this number to a larger or equal one.
     fn share_of(self, whole: Self) -> f64 {
         self.mantissa_under(whole.exponent) / whole.mantissa
     }
@@ -125,19 +101,10 @@ impl Count for LargeCount {
 fn general_betweenness(topology: &Topology) -> Vec<MicroUnits> {
     let node_count = topology.node_count();
     let mut total = vec![0.0_f64; node_count];
-    let mut search = ShortestPaths::<f64>::new(node_count);
-    let mut large_search = None;
+    let mut search = ShortestPaths::new(node_count);
     for source in 0..node_count {
         search.run(topology, source);
-        let is_exact = search.nodes.iter().all(|node| node.paths <= RADIX);
-        if is_exact {
-            search.accumulate(topology, source, &mut total);
-        } else {
-            let search =
-                large_search.get_or_insert_with(|| ShortestPaths::<LargeCount>::new(node_count));
-            search.run(topology, source);
-            search.accumulate(topology, source, &mut total);
-        }
+        search.accumulate(topology, source, &mut total);
     }
     let other_nodes = (node_count - 1) as f64;
     // Every pair of ends has been counted from both ends.
@@ -150,21 +117,21 @@ fn general_betweenness(topology: &Topology) -> Vec<MicroUnits> {
 
 /// What a search knows of one node; together, because the search reads them together.
 #[derive(Clone, Copy, Debug)]
-struct Reached<C> {
+struct Reached {
     /// The number of shortest paths to the node.
-    paths: C,
+    paths: PathCount,
     dependency: f64,
     distance: u32,
 }
 
 /// All shortest paths from one source.
-struct ShortestPaths<C> {
+struct ShortestPaths {
     /// The nodes by distance from the source.
     order: Vec<usize>,
-    nodes: Vec<Reached<C>>,
+    nodes: Vec<Reached>,
 }
 
-impl<C: Count> ShortestPaths<C> {
+impl ShortestPaths {
     fn new(node_count: usize) -> Self {
         Self {
             order: Vec::with_capacity(node_count),
@@ -172,9 +139,9 @@ impl<C: Count> ShortestPaths<C> {
         }
     }
 
-    fn not_reached() -> Reached<C> {
+    fn not_reached() -> Reached {
         Reached {
-            paths: C::default(),
+            paths: PathCount::default(),
             dependency: 0.0,
             distance: u32::MAX,
         }
@@ -184,7 +151,7 @@ impl<C: Count> ShortestPaths<C> {
         self.order.clear();
         self.nodes.fill(Self::not_reached());
         self.nodes[source].distance = 0;
-        self.nodes[source].paths = C::ONE;
+        self.nodes[source].paths = PathCount::ONE;
         self.order.push(source);
         let mut next = 0;
         while let Some(&node) = self.order.get(next) {
@@ -268,7 +235,7 @@ mod tests {
     }
 
     #[test]
-    fn both_kinds_of_counts_give_the_same_bits() {
+    fn counts_within_the_range_of_a_float_have_its_bits() {
         let side = 9;
         let along = (0..side * side).filter(|node| node % side + 1 < side);
         let across = (0..side * (side - 1)).map(|node| (node, node + side));
@@ -283,17 +250,27 @@ mod tests {
         edges.sort_unstable();
         edges.dedup();
         let graph = Topology::new(side * side, &edges);
-        let mut plain = ShortestPaths::<f64>::new(graph.node_count());
-        let mut large = ShortestPaths::<LargeCount>::new(graph.node_count());
-        let (mut total, mut large_total) = (vec![0.0; side * side], vec![0.0; side * side]);
+        let mut search = ShortestPaths::new(graph.node_count());
         for source in 0..graph.node_count() {
-            plain.run(&graph, source);
-            plain.accumulate(&graph, source, &mut total);
-            large.run(&graph, source);
-            large.accumulate(&graph, source, &mut large_total);
+            search.run(&graph, source);
+            // The same sums of floats, from the nearest nodes on.
+            let mut plain = vec![0.0_f64; graph.node_count()];
+            plain[source] = 1.0;
+            for &node in &search.order {
+                let farther = search.nodes[node].distance + 1;
+                for &neighbour in graph.neighbours(node) {
+                    if search.nodes[neighbour].distance == farther {
+                        plain[neighbour] += plain[node];
+                    }
+                }
+            }
+            for (count, plain) in search.nodes.iter().zip(&plain) {
+                assert_eq!(count.paths.exponent, 0);
+                assert_eq!(count.paths.mantissa.to_bits(), plain.to_bits());
+                let share = PathCount::ONE.share_of(count.paths);
+                assert_eq!(share.to_bits(), (1.0 / plain).to_bits());
+            }
         }
-        let bits = |sums: &[f64]| sums.iter().map(|sum| sum.to_bits()).collect::<Vec<_>>();
-        assert_eq!(bits(&total), bits(&large_total));
     }
 
     #[test]
@@ -311,7 +288,7 @@ mod tests {
             ]);
         }
         let chain = Topology::new(3 * rings + 1, &edges);
-        let mut search = ShortestPaths::<LargeCount>::new(chain.node_count());
+        let mut search = ShortestPaths::new(chain.node_count());
         let mut total = vec![0.0; chain.node_count()];
         search.run(&chain, 0);
         search.accumulate(&chain, 0, &mut total);
