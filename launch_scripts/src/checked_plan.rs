@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use formation::model::text::{counted, listed_in_full};
+use formation::model::text::{counted, joined, listed_in_full};
 use formation::model::{Assignment, Decision, PlanningProblem, Scenario, SpotId};
 use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Planning, Statistics};
@@ -71,10 +71,9 @@ impl CheckedPlan {
             .map(|(_, decision)| decision.clone())
             .collect();
         check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
-            let named: Vec<String> = violations.iter().map(ToString::to_string).collect();
+            let violations = joined(violations, "; ");
             Failure::Failed(anyhow!(
-                "the plan does not keep its guarantees: {}",
-                named.join("; ")
+                "the plan does not keep its guarantees: {violations}"
             ))
         })?;
         let (motion, plan) = PlannedMotion::of(&problem, outcome.plan, &[]);

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use formation::event_log::Step;
-use formation::model::text::counted;
+use formation::model::text::{counted, joined};
 use formation::model::{ModuleId, SpotId};
 use formation::planner::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
 use ros_runtime::exit::Failure;
@@ -57,16 +57,11 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
     let module = ModuleId(module);
     let explanation = Explanation::of(&plan.problem, &plan.outcome, module);
     let Some(explanation) = explanation else {
-        let known = plan
-            .problem
-            .modules()
-            .iter()
-            .map(|module| module.id.0.to_string());
-        let known: Vec<String> = known.collect();
+        let known = plan.problem.modules().iter().map(|module| module.id.0);
         return Err(Failure::bad_input(format!(
             "{}: there is no {module}; the modules are {}",
             path.display(),
-            known.join(", ")
+            joined(known, ", ")
         )));
     };
     let member = plan.problem.module(module);

@@ -6,6 +6,7 @@ use anyhow::anyhow;
 use formation::generate::{
     Apart, GenerateError, GeneratorParameters, Grouping, generate, set_apart,
 };
+use formation::model::text::joined;
 use formation::model::{RawModule, RawScenario};
 use ros_runtime::exit::Failure;
 
@@ -89,11 +90,8 @@ fn placed(id: u32, x: f64, y: f64, theta: f64) -> String {
 }
 
 fn pairs(edges: &[[u32; 2]]) -> String {
-    let pairs: Vec<String> = edges
-        .iter()
-        .map(|[one, other]| format!("[{one}, {other}]"))
-        .collect();
-    format!("[{}]", pairs.join(", "))
+    let pairs = edges.iter().map(|[one, other]| format!("[{one}, {other}]"));
+    format!("[{}]", joined(pairs, ", "))
 }
 
 /// A plain word as it is; anything else as JSON writes it, which YAML understands.

@@ -1,6 +1,7 @@
 //! `formation stop`, `resume` and `remove`: commands to the modules of a running formation.
 
 use anyhow::{Context, anyhow};
+use formation::model::text::joined;
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
@@ -14,8 +15,7 @@ pub const RESUME: &str = "--resume";
 
 /// The option by which the target publisher reports bodies as removed.
 pub fn removal(modules: &[u32]) -> Vec<String> {
-    let modules: Vec<String> = modules.iter().map(u32::to_string).collect();
-    vec!["--remove-module".to_owned(), modules.join(",")]
+    vec!["--remove-module".to_owned(), joined(modules, ",")]
 }
 
 /// Has a target publisher give a command, which ends once the modules show it.

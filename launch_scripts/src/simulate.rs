@@ -8,7 +8,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use formation::event_log::milliseconds;
-use formation::model::text::counted;
+use formation::model::text::{counted, joined};
 use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ros_runtime::exit::Failure;
@@ -159,14 +159,10 @@ impl Figures {
             Some([least, most]) => format!("{least} to {most} modules"),
             None => "no modules".to_owned(),
         };
-        let kinds: Vec<String> = self
-            .violations
-            .iter()
-            .map(|(kind, count)| format!("{kind} {count}"))
-            .collect();
-        let violations = match kinds.as_slice() {
-            [] => "none".to_owned(),
-            kinds => kinds.join(", "),
+        let kinds = self.violations.iter();
+        let violations = match self.violations.is_empty() {
+            true => "none".to_owned(),
+            false => joined(kinds.map(|(kind, count)| format!("{kind} {count}")), ", "),
         };
         let from = if faults == "none" {
             "start"

@@ -1,9 +1,18 @@
 //! Identifiers and numbers as people read them; every program uses these words.
 
+use std::fmt::Display;
+
 use crate::model::Identifier;
 
 /// Longer lists are cut in sentences.
 const NAMES_MAX: usize = 10;
+
+/// The texts of some items, with a separator between each two.
+#[must_use]
+pub fn joined(items: impl IntoIterator<Item = impl Display>, separator: &str) -> String {
+    let texts: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
+    texts.join(separator)
+}
 
 /// A number with its noun, in the plural where English requires it: `1 module`, `3 modules`.
 #[must_use]
@@ -44,14 +53,11 @@ pub fn ranges<I: Identifier>(ids: impl IntoIterator<Item = I>) -> String {
             _ => ranges.push((id, id)),
         }
     }
-    let written: Vec<String> = ranges
-        .into_iter()
-        .map(|(first, last)| match first == last {
-            true => first.to_string(),
-            false => format!("{first}-{last}"),
-        })
-        .collect();
-    written.join(",")
+    let written = ranges.into_iter().map(|(first, last)| match first == last {
+        true => first.to_string(),
+        false => format!("{first}-{last}"),
+    });
+    joined(written, ",")
 }
 
 fn plural(noun: &str, count: usize) -> String {

@@ -11,6 +11,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use async_channel::bounded;
+use formation::model::text::joined;
 use formation_node::find_sessions;
 use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::{DiscoveryRange, Domain, Environment};
@@ -68,12 +69,8 @@ impl fmt::Display for Occupant {
         match self {
             Self::Run(holder) => write!(formatter, "a {holder}"),
             Self::Sessions(sessions) => {
-                let numbers: Vec<String> = sessions.iter().map(u64::to_string).collect();
-                write!(
-                    formatter,
-                    "a formation of session {}",
-                    numbers.join(" and of session ")
-                )
+                let sessions = joined(sessions, " and of session ");
+                write!(formatter, "a formation of session {sessions}")
             }
         }
     }

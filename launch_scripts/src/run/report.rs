@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use anyhow::anyhow;
 use formation::event_log::milliseconds;
-use formation::model::text::listed_in_full;
+use formation::model::text::{joined, listed_in_full};
 use formation::model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
 use formation::motion::WorldReport;
 use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
@@ -358,8 +358,8 @@ impl RunReport {
         {
             let missing = self.missing.iter().flatten();
             let reasons = self.violations.iter().chain(missing).cloned();
-            let reasons: Vec<String> = self.time_was_up().into_iter().chain(reasons).collect();
-            return failed(format!("the formation failed: {}", reasons.join("; ")));
+            let reasons = joined(self.time_was_up().into_iter().chain(reasons), "; ");
+            return failed(format!("the formation failed: {reasons}"));
         }
         // The offline plan is made for all modules. With fewer, its spots still have to be filled.
         let filled = match self.verdict {

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use async_channel::{Receiver, Sender, bounded};
 use formation::event_log::{POSE_INTERVAL, Recorder};
+use formation::model::text::joined;
 use formation::model::{Epoch, Message, ModuleSize, PlanningProblem, RosterMessage};
 use formation::verify::{Observer, ObserverParameters, Progress};
 use formation_msgs::Verdict;
@@ -90,15 +91,14 @@ fn chosen(
         "domain {} and namespace {}",
         environment.domain, settings.namespace
     );
-    let numbers: Vec<String> = found.keys().map(u64::to_string).collect();
+    let numbers = joined(found.keys(), ", ");
     let mut chosen = found
         .into_iter()
         .filter(|&(session, _)| named.is_none_or(|named| session == u64::from(named)));
     match (chosen.next(), chosen.next()) {
         (Some(only), None) => Ok(only),
         (Some(_), Some(_)) => Err(Failure::bad_input(format!(
-            "{place} have formations of the sessions {}; choose one with --session",
-            numbers.join(", ")
+            "{place} have formations of the sessions {numbers}; choose one with --session"
         ))),
         (None, _) if numbers.is_empty() => Err(Failure::failed(format!(
             "no formation sent a message within {} s in {place}, range {}; --domain and ROS_NAMESPACE say where it is, and \
@@ -107,8 +107,7 @@ fn chosen(
             environment.range
         ))),
         (None, _) => Err(Failure::bad_input(format!(
-            "{place} have no formation of that session, but of {}",
-            numbers.join(", ")
+            "{place} have no formation of that session, but of {numbers}"
         ))),
     }
 }

@@ -7,6 +7,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use formation::model::text::joined;
 use formation::model::{
     Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Service, SpotId,
     TargetAnnouncement, Voter,
@@ -261,26 +262,21 @@ impl Monitor {
                     (ViolationKind::Hole, detail)
                 }
                 Part::Unfinished => {
-                    let phases: Vec<String> = modules
+                    let phases = modules
                         .iter()
                         .filter_map(|&module| Some((module, self.heartbeat(cluster, module)?)))
                         .map(|(module, heartbeat)| {
                             let epoch = heartbeat.epoch.map(|epoch| epoch.number);
                             format!("{} {:?} in {epoch:?}", module.0, heartbeat.phase)
-                        })
-                        .collect();
-                    (ViolationKind::NoEnd, phases.join(", "))
+                        });
+                    (ViolationKind::NoEnd, joined(phases, ", "))
                 }
             };
             self.violate(cluster.now(), kind, detail);
         }
         if formed.len() > 1 && !self.is_refounded(cluster, &formed) {
-            let named: Vec<String> = formed.iter().map(ToString::to_string).collect();
-            self.violate(
-                cluster.now(),
-                ViolationKind::TwoFormations,
-                named.join(" and "),
-            );
+            let named = joined(&formed, " and ");
+            self.violate(cluster.now(), ViolationKind::TwoFormations, named);
         }
     }
 }
@@ -305,8 +301,7 @@ fn may_found(
 }
 
 fn listed(modules: &BTreeSet<ModuleId>) -> String {
-    let ids: Vec<String> = modules.iter().map(|module| module.0.to_string()).collect();
-    ids.join(", ")
+    joined(modules.iter().map(|module| module.0), ", ")
 }
 
 fn knows_target(cluster: &Cluster, module: ModuleId) -> bool {

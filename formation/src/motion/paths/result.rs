@@ -5,6 +5,7 @@ use thiserror::Error;
 use super::group::{Rectangle, overlap};
 use super::turning::rotated;
 pub use crate::model::Area;
+use crate::model::text::joined;
 use crate::model::{MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId};
 
 impl Area {
@@ -397,15 +398,13 @@ fn first_listed<T: std::fmt::Display>(entries: &[T]) -> String {
     if more.is_empty() {
         return listed(first);
     }
-    let first: Vec<String> = first.iter().map(ToString::to_string).collect();
-    format!("{} and {} more", first.join(", "), more.len())
+    format!("{} and {} more", joined(first, ", "), more.len())
 }
 
 fn listed<T: std::fmt::Display>(entries: &[T]) -> String {
-    let entries: Vec<String> = entries.iter().map(ToString::to_string).collect();
     match entries.split_last() {
-        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", rest.join(", ")),
-        Some((last, _)) => last.clone(),
+        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", joined(rest, ", ")),
+        Some((last, _)) => last.to_string(),
         None => "nothing".to_owned(),
     }
 }

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use ::console::truncate_str;
+use formation::model::text::joined;
 use formation::model::{FormationStage, ModuleId};
 use ros_runtime::exit::one_line;
 
@@ -91,16 +92,15 @@ fn stages(watched: &Watched, style: Style) -> String {
         Some(stage) => return format!("  {}", style.paint(&stage.to_string(), Paint::Bold)),
         None => return format!("  {}", style.paint("starting", Paint::Bold)),
     };
-    let parts: Vec<String> = FormationStage::ALL[1..]
+    let parts = FormationStage::ALL[1..]
         .iter()
         .map(|stage| match stage.cmp(&now) {
             std::cmp::Ordering::Less => stage.to_string(),
             // Brackets mark the stage where there is no bold.
             std::cmp::Ordering::Equal => style.paint(&format!("[{stage}]"), Paint::Bold),
             std::cmp::Ordering::Greater => style.paint(&stage.to_string(), Paint::Dim),
-        })
-        .collect();
-    format!("  {}", parts.join(style.sign(" → ", " > ")))
+        });
+    format!("  {}", joined(parts, style.sign(" → ", " > ")))
 }
 
 /// Three bars: joined, with a spot, settled.
