@@ -7,6 +7,7 @@
 use std::fmt::{self, Display, Write as _};
 use std::time::Duration;
 
+use formation::model::text::joined;
 use formation::model::{
     AssemblyWarning, BlockedSpot, BodyReport, Epoch, Message, ModuleId, Roster, RosterMember,
     RosterMessage, Service, SpotClaim, SpotId, Whereabouts,
@@ -129,17 +130,21 @@ impl Entry {
         }
     }
 
+    fn spots(self, spots: &[SpotId]) -> Self {
+        self.with("spots", list(spots.iter().map(|spot| spot.0)))
+    }
+
     fn millis(self, key: &str, duration: Duration) -> Self {
         self.with(key, duration.as_millis())
     }
 }
 
 fn list(items: impl IntoIterator<Item = impl Display>) -> String {
-    let items: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
-    if items.is_empty() {
+    let text = joined(items, ",");
+    if text.is_empty() {
         "none".to_owned()
     } else {
-        items.join(",")
+        text
     }
 }
 
@@ -292,13 +297,9 @@ fn noted(event: &Event) -> Entry {
         Event::MotionFailed(spot) => Entry::of("motion_failed").spot("spot", *spot),
         Event::Retired => Entry::of("retired"),
         Event::Rejoined => Entry::of("rejoined"),
-        Event::SpotsLeftOpen(spots) => {
-            Entry::of("spots_left_open").with("spots", list(spots.iter().map(|spot| spot.0)))
-        }
+        Event::SpotsLeftOpen(spots) => Entry::of("spots_left_open").spots(spots),
         Event::SpotsBlocked(blocked) => blocked_spots(Entry::of("spots_blocked"), blocked),
-        Event::SpotsCutOff(spots) => {
-            Entry::of("spots_cut_off").with("spots", list(spots.iter().map(|spot| spot.0)))
-        }
+        Event::SpotsCutOff(spots) => Entry::of("spots_cut_off").spots(spots),
         Event::MakingRoom => Entry::of("making_room"),
         Event::BodyRemoved(module) => Entry::of("body_removed").module(*module),
         Event::RunRemoved => Entry::of("run_removed"),
@@ -327,10 +328,7 @@ fn blocked_spots(entry: Entry, blocked: &[BlockedSpot]) -> Entry {
 /// The sides come in the order of their digests, which is no part of the event.
 fn plans_differ<'a>(sides: impl Iterator<Item = &'a Vec<ModuleId>>) -> Entry {
     let mut sides: Vec<String> = sides
-        .map(|modules| {
-            let names: Vec<String> = modules.iter().map(|one| one.0.to_string()).collect();
-            names.join("+")
-        })
+        .map(|modules| joined(modules.iter().map(|one| one.0), "+"))
         .collect();
     sides.sort_unstable();
     Entry::of("plans_differ").with("sides", list(sides))
@@ -347,35 +345,25 @@ fn acting_order(warning: AssemblyWarning) -> Entry {
 }
 
 fn because(entry: Entry, reason: &EpochReason) -> Entry {
-    let (kind, modules) = match reason {
-        EpochReason::NewTarget => ("new_target", None),
-        EpochReason::DigestMismatch => ("digest_mismatch", None),
-        EpochReason::Silent(modules) => ("silent", Some(modules.clone())),
-        EpochReason::Restarted(modules) => ("restarted", Some(modules.clone())),
-        EpochReason::Newcomers(modules) => ("newcomers", Some(modules.clone())),
-        EpochReason::Stuck(modules) => ("stuck", Some(modules.clone())),
-        EpochReason::MembersAhead(modules) => ("members_ahead", Some(modules.clone())),
-        EpochReason::BodiesUnlisted(modules) => ("bodies_unlisted", Some(modules.clone())),
-        EpochReason::SpotsBlocked(blocked) => {
-            return blocked_spots(entry.with("reason", "spots_blocked"), blocked);
-        }
-        EpochReason::SpotsFreed(spots) => {
-            let entry = entry.with("reason", "spots_freed");
-            return entry.with("spots", list(spots.iter().map(|spot| spot.0)));
-        }
-        EpochReason::ConvenerSilent(module) => ("convener_silent", Some(vec![*module])),
+    let of = |kind: &str| entry.with("reason", kind);
+    match reason {
+        EpochReason::NewTarget => of("new_target"),
+        EpochReason::DigestMismatch => of("digest_mismatch"),
+        EpochReason::Silent(modules) => of("silent").modules("modules", modules),
+        EpochReason::Restarted(modules) => of("restarted").modules("modules", modules),
+        EpochReason::Newcomers(modules) => of("newcomers").modules("modules", modules),
+        EpochReason::Stuck(modules) => of("stuck").modules("modules", modules),
+        EpochReason::MembersAhead(modules) => of("members_ahead").modules("modules", modules),
+        EpochReason::BodiesUnlisted(modules) => of("bodies_unlisted").modules("modules", modules),
+        EpochReason::SpotsBlocked(blocked) => blocked_spots(of("spots_blocked"), blocked),
+        EpochReason::SpotsFreed(spots) => of("spots_freed").spots(spots),
+        EpochReason::ConvenerSilent(module) => of("convener_silent").modules("modules", &[*module]),
         EpochReason::OutOfService(modules) => {
-            let entry = entry.with("reason", "out_of_service");
             let named = modules
                 .iter()
                 .map(|(module, service)| format!("{}({})", module.0, service_text(*service)));
-            return entry.with("modules", list(named));
+            of("out_of_service").with("modules", list(named))
         }
-    };
-    let entry = entry.with("reason", kind);
-    match modules {
-        Some(modules) => entry.modules("modules", &modules),
-        None => entry,
     }
 }
 
