@@ -1,8 +1,10 @@
 //! Events that are worth a line in a log, and their wording.
 
-use std::fmt;
 use std::time::Duration;
 
+use thiserror::Error;
+
+use crate::model::text::joined;
 use crate::model::{AssemblyWarning, BlockedSpot, Digest, Epoch, ModuleId, Service, SpotId};
 
 use crate::motion::paths::{MotionError, StartFault};
@@ -21,13 +23,16 @@ pub enum Severity {
 }
 
 /// Something worth a line in a log. The subject is the agent that emits it.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Event {
     /// It convenes an epoch.
+    #[error("convened {0}: {1}")]
     Convened(Epoch, EpochReason),
     /// It has halted for an epoch.
+    #[error("halted for {0}")]
     Gathered(Epoch),
     /// It has a roster and plans.
+    #[error("planning {epoch} with {members} modules")]
     PlanningBegun {
         /// The epoch.
         epoch: Epoch,
@@ -35,6 +40,7 @@ pub enum Event {
         members: usize,
     },
     /// Every turn is applied.
+    #[error("planned {epoch} in {turns} turns and {} ms, digest {digest}", elapsed.as_millis())]
     Planned {
         /// The epoch.
         epoch: Epoch,
@@ -46,16 +52,22 @@ pub enum Event {
         elapsed: Duration,
     },
     /// It still computes its plan after the time for which the other members wait for it.
+    #[error("still computes the plan of {0} after plan_limit_s: the others leave it out")]
     PlanOverdue(Epoch),
     /// All members show the same digest.
+    #[error("all members agree on {0}")]
     Agreed(Epoch),
     /// It starts to move to its spot.
+    #[error("moving to {0}")]
     MotionBegun(SpotId),
     /// It stands on its spot and is docked.
+    #[error("settled on {0}")]
     Settled(SpotId),
     /// It has no spot.
+    #[error("has no spot and stands by")]
     Spare,
     /// It lost a spot to another module.
+    #[error("left {from} to {by}")]
     Evicted {
         /// The module that took the spot.
         by: ModuleId,
@@ -63,6 +75,7 @@ pub enum Event {
         from: SpotId,
     },
     /// A message was refused.
+    #[error("refused a message{}: {reason}", of_sender(*module))]
     Refused {
         /// The module that the message names as its sender, if any.
         module: Option<ModuleId>,
@@ -70,6 +83,7 @@ pub enum Event {
         reason: Refusal,
     },
     /// A gathering ended, or continues, without all modules.
+    #[error("{gathered} {}modules have gathered{}", of_expected(*expected), absentees(absent))]
     Missing {
         /// The number of modules that the target announcement expects.
         expected: Option<u32>,
@@ -79,6 +93,7 @@ pub enum Event {
         absent: Vec<ModuleId>,
     },
     /// Too few modules are within reach to decide anything.
+    #[error("waiting for a quorum: {present} of {basis} modules are within reach")]
     WaitingForQuorum {
         /// The number of modules of the basis within reach.
         present: usize,
@@ -86,10 +101,13 @@ pub enum Event {
         basis: usize,
     },
     /// No agreement: these members do not show the same digest yet.
+    #[error("no agreement yet from modules {}", ids(.0))]
     WaitingForAgreement(Vec<ModuleId>),
     /// Its unit waits for these modules to settle.
+    #[error("waiting for modules {} to settle", ids(.0))]
     WaitingFor(Vec<ModuleId>),
     /// Another member shows another digest for the same epoch.
+    #[error("{module} holds another plan: its digest is {theirs}, ours {ours}")]
     DigestMismatch {
         /// The other member.
         module: ModuleId,
@@ -99,298 +117,153 @@ pub enum Event {
         ours: Digest,
     },
     /// Another epoch has not helped: these members hold these plans, and no module moves.
+    #[error("plan digests differ in two consecutive epochs; not moving: {}", sides(.0))]
     PlansDiffer(Vec<(Digest, Vec<ModuleId>)>),
     /// Another process runs under the same module identifier.
+    #[error(
+        "a second process runs as {0}: it is refused until the first has been silent for suspicion_s"
+    )]
     DuplicateModule(ModuleId),
     /// It halted because agreement lapsed; it continues when all members show agreement again.
+    #[error("halted: agreement of modules {} lapsed", ids(.0))]
     AgreementLapsed(Vec<ModuleId>),
     /// It did not reach its spot in time.
+    #[error("did not {} within motion_limit_s", aim(*.0))]
     MotionOverdue(Option<SpotId>),
     /// Its drive or ports failed, while it moved to this spot if it was moving; it takes no spot any more.
+    #[error("{}its drive or docking ports failed; it takes no spot until it receives the command to rejoin", unreached(*.0))]
     MotionFailed(Option<SpotId>),
     /// No path without contact begins where it stands, and the target forbids straight lines: it takes no spot any more.
+    #[error(
+        "cannot move from where it stands: {0}; it takes no spot until it receives the command to rejoin"
+    )]
     InvalidStart(StartFault),
     /// It received the command to leave the formation.
+    #[error("retired: it leaves the formation")]
     Retired,
     /// It takes part again.
+    #[error("takes part again")]
     Rejoined,
     /// These spots stay open, as there are too few modules that could take them. Emitted by the convener.
+    #[error("too few modules: spots {} stay open", spot_ids(.0))]
     SpotsLeftOpen(Vec<SpotId>),
     /// Bodies of modules that take no part cover these spots, which stay open. Emitted by the convener.
+    #[error("{}", joined(.0, "; "))]
     SpotsBlocked(Vec<BlockedSpot>),
     /// These spots stay open, as blocked ones separate them from the rest. Emitted by the convener.
+    #[error("blocked spots cut off spots {}, which stay open", spot_ids(.0))]
     SpotsCutOff(Vec<SpotId>),
     /// It has no spot, stands on one that another module takes, and moves off it.
+    #[error("moving off a spot that another module takes")]
     MakingRoom,
     /// It received the report that the body of this module was removed.
+    #[error("the body of {0} was reported as removed")]
     BodyRemoved(ModuleId),
     /// This run of its module was reported as removed; it takes no part until its process restarts.
+    #[error("this run was reported as removed: it takes no part until its process restarts")]
     RunRemoved,
     /// All modules stand still on command, until they are resumed.
+    #[error("stopped on command: no module moves until resumed")]
     Stopped,
     /// The modules may move again, on command.
+    #[error("resumed on command")]
     Resumed,
     /// There are no paths without contact, for this reason: modules move in straight lines.
+    #[error("moves in straight lines, which is not collision-free: {0}")]
     NoPaths(MotionError),
     /// There are no paths without contact, and the target forbids straight lines: no module moves.
+    #[error("does not move: {0}")]
     NotMoving(MotionError),
     /// The plan's acting order has a flaw.
+    #[error("acting order: {0}")]
     AssemblyWarning(AssemblyWarning),
     /// The target was withdrawn; modules stay where they are.
+    #[error("the target was withdrawn")]
     TargetWithdrawn,
 }
 
 /// Why an epoch is opened.
-#[derive(Clone, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum EpochReason {
     /// There is a target and no plan for it.
+    #[error("there is a target and no plan for it")]
     NewTarget,
     /// Members have been silent for longer than `suspicion_s`.
+    #[error("silent for longer than suspicion_s: {}", ids(.0))]
     Silent(Vec<ModuleId>),
     /// Members have restarted.
+    #[error("restarted: {}", ids(.0))]
     Restarted(Vec<ModuleId>),
     /// Modules without a spot could fill open spots.
+    #[error("available for open spots: {}", ids(.0))]
     Newcomers(Vec<ModuleId>),
     /// Members make no progress.
+    #[error("no progress: {}", ids(.0))]
     Stuck(Vec<ModuleId>),
     /// Members have entered a later epoch than this module.
+    #[error("in a later epoch: {}", ids(.0))]
     MembersAhead(Vec<ModuleId>),
     /// A roster opened spots that the bodies of these modules cover.
+    #[error("the roster lacks bodies: {}", ids(.0))]
     BodiesUnlisted(Vec<ModuleId>),
     /// Bodies cover spots that the plan is still to fill.
+    #[error("{}", joined(.0, "; "))]
     SpotsBlocked(Vec<BlockedSpot>),
     /// Bodies no longer cover these spots.
+    #[error("no body blocks these spots any more: {}", spot_ids(.0))]
     SpotsFreed(Vec<SpotId>),
     /// Members no longer take spots.
+    #[error("out of service: {}", with_services(.0))]
     OutOfService(Vec<(ModuleId, Service)>),
     /// Members hold different plans.
+    #[error("members hold different plans")]
     DigestMismatch,
     /// The convener of the last gathering never published a roster.
+    #[error("{0} convened and published no roster")]
     ConvenerSilent(ModuleId),
 }
 
-/// Numbers, separated by commas.
-fn listed(numbers: impl Iterator<Item = u32>) -> String {
-    let texts: Vec<String> = numbers.map(|number| number.to_string()).collect();
-    texts.join(", ")
-}
-
-fn sentences(blocked: &[BlockedSpot]) -> String {
-    let sentences: Vec<String> = blocked.iter().map(BlockedSpot::to_string).collect();
-    sentences.join("; ")
-}
-
 fn ids(modules: &[ModuleId]) -> String {
-    listed(modules.iter().map(|module| module.0))
+    joined(modules.iter().map(|module| module.0), ", ")
 }
 
-impl fmt::Display for EpochReason {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::NewTarget => write!(formatter, "there is a target and no plan for it"),
-            Self::Silent(modules) => {
-                write!(
-                    formatter,
-                    "silent for longer than suspicion_s: {}",
-                    ids(modules)
-                )
-            }
-            Self::Restarted(modules) => write!(formatter, "restarted: {}", ids(modules)),
-            Self::Newcomers(modules) => {
-                write!(formatter, "available for open spots: {}", ids(modules))
-            }
-            Self::Stuck(modules) => write!(formatter, "no progress: {}", ids(modules)),
-            Self::MembersAhead(modules) => {
-                write!(formatter, "in a later epoch: {}", ids(modules))
-            }
-            Self::BodiesUnlisted(modules) => {
-                write!(formatter, "the roster lacks bodies: {}", ids(modules))
-            }
-            Self::SpotsBlocked(blocked) => formatter.write_str(&sentences(blocked)),
-            Self::SpotsFreed(spots) => {
-                let spots = listed(spots.iter().map(|spot| spot.0));
-                write!(formatter, "no body blocks these spots any more: {spots}")
-            }
-            Self::OutOfService(modules) => {
-                let named: Vec<String> = modules
-                    .iter()
-                    .map(|(module, service)| format!("{} ({service})", module.0))
-                    .collect();
-                write!(formatter, "out of service: {}", named.join(", "))
-            }
-            Self::DigestMismatch => write!(formatter, "members hold different plans"),
-            Self::ConvenerSilent(module) => {
-                write!(formatter, "{module} convened and published no roster")
-            }
-        }
+fn spot_ids(spots: &[SpotId]) -> String {
+    joined(spots.iter().map(|spot| spot.0), ", ")
+}
+
+fn with_services(modules: &[(ModuleId, Service)]) -> String {
+    let named = modules.iter();
+    let named = named.map(|(module, service)| format!("{} ({service})", module.0));
+    joined(named, ", ")
+}
+
+fn of_sender(module: Option<ModuleId>) -> String {
+    module.map_or_else(String::new, |module| format!(" of {module}"))
+}
+
+fn of_expected(expected: Option<u32>) -> String {
+    expected.map_or_else(String::new, |expected| format!("of {expected} "))
+}
+
+fn absentees(absent: &[ModuleId]) -> String {
+    match absent {
+        [] => String::new(),
+        absent => format!("; absent: {}", ids(absent)),
     }
 }
 
-impl fmt::Display for Event {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        match self {
-            Self::Convened(epoch, reason) => write!(formatter, "convened {epoch}: {reason}"),
-            Self::Gathered(epoch) => write!(formatter, "halted for {epoch}"),
-            Self::PlanningBegun { epoch, members } => {
-                write!(formatter, "planning {epoch} with {members} modules")
-            }
-            Self::Planned {
-                epoch,
-                digest,
-                turns,
-                elapsed,
-            } => {
-                let millis = elapsed.as_millis();
-                write!(
-                    formatter,
-                    "planned {epoch} in {turns} turns and {millis} ms, digest {digest}"
-                )
-            }
-            Self::PlanOverdue(epoch) => write!(
-                formatter,
-                "still computes the plan of {epoch} after plan_limit_s: the others leave it out"
-            ),
-            Self::Agreed(epoch) => write!(formatter, "all members agree on {epoch}"),
-            Self::MotionBegun(spot) => write!(formatter, "moving to {spot}"),
-            Self::Settled(spot) => write!(formatter, "settled on {spot}"),
-            Self::Spare => write!(formatter, "has no spot and stands by"),
-            Self::Evicted { by, from } => write!(formatter, "left {from} to {by}"),
-            Self::Refused { module, reason } => write_refused(formatter, *module, *reason),
-            Self::Missing {
-                expected,
-                gathered,
-                absent,
-            } => write_missing(formatter, *expected, *gathered, absent),
-            Self::WaitingForQuorum { present, basis } => write!(
-                formatter,
-                "waiting for a quorum: {present} of {basis} modules are within reach"
-            ),
-            Self::WaitingForAgreement(modules) => {
-                write!(formatter, "no agreement yet from modules {}", ids(modules))
-            }
-            Self::WaitingFor(modules) => {
-                write!(formatter, "waiting for modules {} to settle", ids(modules))
-            }
-            Self::DigestMismatch {
-                module,
-                theirs,
-                ours,
-            } => write!(
-                formatter,
-                "{module} holds another plan: its digest is {theirs}, ours {ours}"
-            ),
-            Self::PlansDiffer(sides) => write_sides(formatter, sides),
-            Self::DuplicateModule(module) => write!(
-                formatter,
-                "a second process runs as {module}: it is refused until the first has been silent for suspicion_s"
-            ),
-            Self::AgreementLapsed(modules) => {
-                let modules = ids(modules);
-                write!(formatter, "halted: agreement of modules {modules} lapsed")
-            }
-            Self::MotionOverdue(Some(spot)) => {
-                write!(formatter, "did not reach {spot} within motion_limit_s")
-            }
-            Self::MotionOverdue(None) => {
-                write!(formatter, "did not make way within motion_limit_s")
-            }
-            Self::NoPaths(error) => write!(
-                formatter,
-                "moves in straight lines, which is not collision-free: {error}"
-            ),
-            Self::NotMoving(error) => write!(formatter, "does not move: {error}"),
-            Self::MotionFailed(spot) => write_motion_failed(formatter, *spot),
-            Self::InvalidStart(fault) => write!(
-                formatter,
-                "cannot move from where it stands: {fault}; it takes no spot until it receives the command to rejoin"
-            ),
-            Self::Retired => write!(formatter, "retired: it leaves the formation"),
-            Self::Rejoined => write!(formatter, "takes part again"),
-            Self::SpotsLeftOpen(spots) => write_open(formatter, spots),
-            Self::SpotsBlocked(blocked) => formatter.write_str(&sentences(blocked)),
-            Self::SpotsCutOff(spots) => {
-                let spots = listed(spots.iter().map(|spot| spot.0));
-                write!(
-                    formatter,
-                    "blocked spots cut off spots {spots}, which stay open"
-                )
-            }
-            Self::MakingRoom => write!(formatter, "moving off a spot that another module takes"),
-            Self::BodyRemoved(module) => {
-                write!(formatter, "the body of {module} was reported as removed")
-            }
-            Self::RunRemoved => write!(
-                formatter,
-                "this run was reported as removed: it takes no part until its process restarts"
-            ),
-            Self::Stopped => write!(
-                formatter,
-                "stopped on command: no module moves until resumed"
-            ),
-            Self::Resumed => write!(formatter, "resumed on command"),
-            Self::AssemblyWarning(warning) => write!(formatter, "acting order: {warning}"),
-            Self::TargetWithdrawn => write!(formatter, "the target was withdrawn"),
-        }
-    }
+fn sides(sides: &[(Digest, Vec<ModuleId>)]) -> String {
+    let named = sides.iter();
+    let named = named.map(|(digest, modules)| format!("{digest} held by {}", ids(modules)));
+    joined(named, "; ")
 }
 
-fn write_refused(
-    formatter: &mut fmt::Formatter<'_>,
-    module: Option<ModuleId>,
-    reason: Refusal,
-) -> fmt::Result {
-    match module {
-        Some(module) => write!(formatter, "refused a message of {module}: {reason}"),
-        None => write!(formatter, "refused a message: {reason}"),
-    }
+fn aim(spot: Option<SpotId>) -> String {
+    spot.map_or_else(|| "make way".to_owned(), |spot| format!("reach {spot}"))
 }
 
-fn write_open(formatter: &mut fmt::Formatter<'_>, spots: &[SpotId]) -> fmt::Result {
-    let spots = listed(spots.iter().map(|spot| spot.0));
-    write!(formatter, "too few modules: spots {spots} stay open")
-}
-
-fn write_missing(
-    formatter: &mut fmt::Formatter<'_>,
-    expected: Option<u32>,
-    gathered: usize,
-    absent: &[ModuleId],
-) -> fmt::Result {
-    write!(formatter, "{gathered} ")?;
-    if let Some(expected) = expected {
-        write!(formatter, "of {expected} ")?;
-    }
-    write!(formatter, "modules have gathered")?;
-    if absent.is_empty() {
-        Ok(())
-    } else {
-        write!(formatter, "; absent: {}", ids(absent))
-    }
-}
-
-fn write_sides(
-    formatter: &mut fmt::Formatter<'_>,
-    sides: &[(Digest, Vec<ModuleId>)],
-) -> fmt::Result {
-    let named: Vec<String> = sides
-        .iter()
-        .map(|(digest, modules)| format!("{digest} held by {}", ids(modules)))
-        .collect();
-    write!(
-        formatter,
-        "plan digests differ in two consecutive epochs; not moving: {}",
-        named.join("; ")
-    )
-}
-
-fn write_motion_failed(formatter: &mut fmt::Formatter<'_>, spot: Option<SpotId>) -> fmt::Result {
-    if let Some(spot) = spot {
-        write!(formatter, "cannot reach {spot}: ")?;
-    }
-    write!(
-        formatter,
-        "its drive or docking ports failed; it takes no spot until it receives the command to rejoin"
-    )
+fn unreached(spot: Option<SpotId>) -> String {
+    spot.map_or_else(String::new, |spot| format!("cannot reach {spot}: "))
 }
 
 impl Event {
