@@ -71,10 +71,7 @@ pub struct BodyReport {
 impl BodyReport {
     /// The run that it is about.
     pub fn run(&self) -> ModuleRun {
-        ModuleRun {
-            module: self.module,
-            incarnation: self.incarnation,
-        }
+        self.module.run(self.incarnation)
     }
 
     /// Orders reports on one module: a later run supersedes an earlier one, and a removal everything else of its run.

@@ -74,6 +74,17 @@ pub struct ModuleRun {
     pub incarnation: Incarnation,
 }
 
+impl ModuleId {
+    /// The run of this module's process that this start began.
+    #[must_use]
+    pub const fn run(self, incarnation: Incarnation) -> ModuleRun {
+        ModuleRun {
+            module: self,
+            incarnation,
+        }
+    }
+}
+
 /// A durable store of one module, drawn at random when the store is created empty.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]

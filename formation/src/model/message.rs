@@ -233,10 +233,7 @@ impl ModuleState {
     /// The module with the memory that counts towards majorities.
     #[must_use]
     pub fn voter(&self) -> Voter {
-        let run = ModuleRun {
-            module: self.module,
-            incarnation: self.incarnation,
-        };
+        let run = self.module.run(self.incarnation);
         Voter::new(run, self.store)
     }
 }
@@ -263,10 +260,7 @@ impl RosterMember {
 
     /// The module with the run of its process.
     pub fn run(&self) -> ModuleRun {
-        ModuleRun {
-            module: self.module.id,
-            incarnation: self.incarnation,
-        }
+        self.module.id.run(self.incarnation)
     }
 
     /// The module with the memory that counts towards majorities.

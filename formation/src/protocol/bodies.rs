@@ -165,10 +165,7 @@ impl Context {
         let Some(peer) = self.peers.get(module) else {
             return;
         };
-        let run = ModuleRun {
-            module,
-            incarnation: peer.incarnation,
-        };
+        let run = module.run(peer.incarnation);
         if self.bodies.is_removed(run) {
             self.peers.exclude(module, Duration::MAX);
         }
@@ -469,10 +466,7 @@ impl Agent {
         let peer = context.peers.get(module).map(|peer| peer.incarnation);
         let body = context.bodies.known.get(&module);
         let incarnation = peer.max(body.map(|body| body.incarnation))?;
-        Some(ModuleRun {
-            module,
-            incarnation,
-        })
+        Some(module.run(incarnation))
     }
 }
 

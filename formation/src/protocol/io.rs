@@ -38,10 +38,7 @@ impl Identity {
     /// The module and this run of its process.
     #[must_use]
     pub fn run(&self) -> ModuleRun {
-        ModuleRun {
-            module: self.module,
-            incarnation: self.incarnation,
-        }
+        self.module.run(self.incarnation)
     }
 
     /// The module with the memory that counts towards majorities.

@@ -59,8 +59,8 @@ pub use quorum::QUORUM_BASES_MAX;
 pub use refusal::{Refusal, RefusalCounts};
 
 use crate::model::{
-    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Plan, Pose,
-    Service, SpotClaim, TargetAnnouncement,
+    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleState, Plan, Pose, Service,
+    SpotClaim, TargetAnnouncement,
 };
 
 use context::Context;
@@ -459,10 +459,7 @@ impl Agent {
     }
 
     fn check_claim(&self, source: Option<SourceId>, claim: &SpotClaim) -> Result<(), Refusal> {
-        let run = ModuleRun {
-            module: claim.claimant,
-            incarnation: claim.incarnation,
-        };
+        let run = claim.claimant.run(claim.incarnation);
         self.context.peers.check_source(run, source)?;
         if claim.claimant == self.module() {
             return Err(Refusal::WrongSource);

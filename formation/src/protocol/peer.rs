@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::model::{Epoch, Heartbeat, Incarnation, ModuleId, ModuleRun, ModuleState, Voter};
+use crate::model::{Epoch, Heartbeat, Incarnation, ModuleId, ModuleState, Voter};
 
 use super::io::SourceId;
 
@@ -60,10 +60,7 @@ impl Peer {
 
     /// The module with the memory that counts towards majorities, as its latest heartbeat shows it.
     pub fn voter(&self, module: ModuleId) -> Voter {
-        let run = ModuleRun {
-            module,
-            incarnation: self.incarnation,
-        };
+        let run = module.run(self.incarnation);
         Voter::new(run, self.heartbeat.and_then(|heartbeat| heartbeat.store))
     }
 

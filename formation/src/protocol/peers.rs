@@ -253,10 +253,7 @@ impl Peers {
         heartbeat: Heartbeat,
         source: Option<SourceId>,
     ) -> Result<HeartbeatNews, Refusal> {
-        let run = ModuleRun {
-            module: heartbeat.module,
-            incarnation: heartbeat.incarnation,
-        };
+        let run = heartbeat.module.run(heartbeat.incarnation);
         let now = liveness.now;
         let peer = self.admit(liveness, run, source)?;
         let known = peer.heartbeat;
@@ -298,10 +295,7 @@ impl Peers {
         state: Arc<ModuleState>,
         source: Option<SourceId>,
     ) -> Result<bool, Refusal> {
-        let run = ModuleRun {
-            module: state.module,
-            incarnation: state.incarnation,
-        };
+        let run = state.module.run(state.incarnation);
         let peer = match self.admit(liveness, run, source) {
             Ok(peer) => peer,
             Err(refusal) => {

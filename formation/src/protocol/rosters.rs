@@ -3,9 +3,7 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use crate::model::{
-    ModuleId, ModuleRun, Roster, RosterMember, RosterMessage, Service, Voter, digest,
-};
+use crate::model::{ModuleId, Roster, RosterMember, RosterMessage, Service, Voter, digest};
 
 use super::Agent;
 use super::io::SourceId;
@@ -40,10 +38,7 @@ impl Agent {
         let Some(convener) = self.context.peers.get(epoch.convener) else {
             return self.keep_early_roster(source, message);
         };
-        let run = ModuleRun {
-            module: epoch.convener,
-            incarnation: convener.incarnation,
-        };
+        let run = epoch.convener.run(convener.incarnation);
         let convener = Some(epoch.convener);
         if let Err(refusal) = self.context.peers.check_source(run, source) {
             self.keep_early_roster(source, message);

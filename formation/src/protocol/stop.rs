@@ -5,7 +5,7 @@
 //! it says to stop, epochs are opened and plans are made as ever, and no module moves. A module that receives no heartbeat
 //! of a member halts within the lease in any case.
 
-use crate::model::{ModuleRun, Removal, Stop};
+use crate::model::{Removal, Stop};
 
 use super::Agent;
 use super::event::Event;
@@ -36,10 +36,7 @@ impl Agent {
     /// Handles the report that a body was taken away.
     pub(super) fn handle_removal_report(&mut self, removal: Removal) {
         let run = match removal.incarnation {
-            Some(incarnation) => Some(ModuleRun {
-                module: removal.module,
-                incarnation,
-            }),
+            Some(incarnation) => Some(removal.module.run(incarnation)),
             // No run of this module is later than its own, which is not gone.
             None => self.latest_run_of(removal.module),
         };

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Incarnation, Message, ModuleId, ModuleRun};
+use formation::model::{Incarnation, Message, ModuleId};
 use formation::motion::SimulatedDrive;
 use formation::protocol::{ComputedPlan, Input, MotionReport, Output, PlanJob, SourceId};
 
@@ -104,10 +104,7 @@ impl Cluster {
         }
         if has_store {
             let stored = self.stores.get(&module);
-            let run = ModuleRun {
-                module,
-                incarnation,
-            };
+            let run = module.run(incarnation);
             let seen = stored.map(|stored| stored.seen.clone());
             self.sightings.insert(run, seen.unwrap_or_default());
             agent = agent.restored(stored.map(|stored| stored.state.clone()));
@@ -243,10 +240,7 @@ impl Cluster {
                 }
                 Output::Persist { number, state } => {
                     let incarnation = process.incarnation;
-                    let run = ModuleRun {
-                        module,
-                        incarnation,
-                    };
+                    let run = module.run(incarnation);
                     let seen = self.sightings.get(&run).cloned().unwrap_or_default();
                     let state = *state;
                     process.writing.push_back((number, Stored { state, seen }));

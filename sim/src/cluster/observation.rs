@@ -81,10 +81,7 @@ impl Cluster {
     #[must_use]
     pub fn run_of(&self, module: ModuleId) -> Option<ModuleRun> {
         let incarnation = self.processes.get(&module)?.incarnation;
-        Some(ModuleRun {
-            module,
-            incarnation,
-        })
+        Some(module.run(incarnation))
     }
 
     /// A running module with the memory that counts towards majorities.

@@ -180,10 +180,7 @@ impl Monitor {
 
     fn observe_heartbeat(&mut self, at: Duration, heartbeat: &Heartbeat) {
         let module = heartbeat.module;
-        let run = ModuleRun {
-            module,
-            incarnation: heartbeat.incarnation,
-        };
+        let run = module.run(heartbeat.incarnation);
         let before = self
             .latest
             .entry(run)
@@ -207,10 +204,7 @@ impl Monitor {
     }
 
     fn observe_state(&mut self, at: Duration, state: &Arc<ModuleState>, cluster: &Cluster) {
-        let run = ModuleRun {
-            module: state.module,
-            incarnation: state.incarnation,
-        };
+        let run = state.module.run(state.incarnation);
         let latest = self.latest.entry(run).or_default();
         latest.state = Some(Arc::clone(state));
         if state.steps_done.is_some() {

@@ -347,10 +347,7 @@ impl EpochRecord {
 
     /// Keeps the content of a state. Returns false if there are too many runs.
     pub(super) fn handle_state(&mut self, now: Duration, state: &ModuleState) -> bool {
-        let run = ModuleRun {
-            module: state.module,
-            incarnation: state.incarnation,
-        };
+        let run = state.module.run(state.incarnation);
         let act = entry_within(&mut self.acts, run, RUNS_IN_EPOCH_MAX);
         act.map(|act| act.handle(now, state)).is_some()
     }
@@ -360,10 +357,7 @@ impl EpochRecord {
         let Some(digest) = heartbeat.digest else {
             return true;
         };
-        let run = ModuleRun {
-            module: heartbeat.module,
-            incarnation: heartbeat.incarnation,
-        };
+        let run = heartbeat.module.run(heartbeat.incarnation);
         let Some(shown) = entry_within(&mut self.shown, run, RUNS_IN_EPOCH_MAX) else {
             return false;
         };
