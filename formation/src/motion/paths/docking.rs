@@ -4,7 +4,7 @@ use super::field::{Failure, Field, NO_UNIT, Stop};
 use super::lattice::Site;
 use super::make_way::Bans;
 use super::order::Order;
-use super::route::{Errand, STEP};
+use super::route::STEP;
 use super::units::Node;
 
 /// What each cell that another unit holds adds to the cost of the path to a unit's spots.
@@ -160,12 +160,7 @@ pub(super) fn route_to(
     goal: Node,
 ) -> Result<Option<Vec<Node>>, Stop> {
     let (arena, body) = (field.arena, &field.units[unit]);
-    let errand = Errand {
-        arena,
-        unit: body,
-        from: field.place(unit),
-        folds: true,
-    };
+    let errand = field.errand(unit, true);
     let (standing, solid) = (&field.standing, &field.solid);
     let cost = |cell: usize| {
         let other = standing[cell];

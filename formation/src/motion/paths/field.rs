@@ -172,15 +172,20 @@ impl<'a> Field<'a> {
         Ok(true)
     }
 
+    /// A search for a route from the last place of a unit, which may fold if `folds`.
+    pub fn errand(&self, unit: usize, folds: bool) -> Errand<'a> {
+        Errand {
+            arena: self.arena,
+            unit: &self.units[unit],
+            from: self.place(unit),
+            folds,
+        }
+    }
+
     /// The shortest route past all last places, each step after all holds of its cells by others.
     fn serial_path(&mut self, unit: usize, goal: Node, dock_after: Time) -> Option<Vec<Entry>> {
         let (arena, body) = (self.arena, &self.units[unit]);
-        let errand = Errand {
-            arena,
-            unit: body,
-            from: self.place(unit),
-            folds: true,
-        };
+        let errand = self.errand(unit, true);
         let mut time = self.since(unit);
         let (standing, solid) = (&self.standing, &self.solid);
         let is_free = |cell: usize| {

@@ -1,7 +1,6 @@
 //! Making way: a unit that stands where another has to pass is shifted or moved off.
 
 use super::field::{Field, NO_UNIT, Stop};
-use super::route::Errand;
 use super::units::Node;
 
 /// What standing singles add to the cost of a chain through their cells.
@@ -49,12 +48,7 @@ impl Field<'_> {
 
     /// Moves a hole to a single: from it to the nearest free cell, each single moves to where the next one stood.
     fn shift_chain(&mut self, unit: usize, bans: &Bans) -> Result<bool, Stop> {
-        let errand = Errand {
-            arena: self.arena,
-            unit: &self.units[unit],
-            from: self.place(unit),
-            folds: false,
-        };
+        let errand = self.errand(unit, false);
         let (standing, solid, units) = (&self.standing, &self.solid, self.units);
         let cost = |cell: usize| match standing[cell] {
             _ if solid[cell] => None,
@@ -82,12 +76,7 @@ impl Field<'_> {
     /// Moves a unit in its present layout to free cells that are not banned, after those in its way made way.
     fn relocate(&mut self, unit: usize, bans: &Bans, depth: usize) -> Result<bool, Stop> {
         let (arena, body, from) = (self.arena, &self.units[unit], self.place(unit));
-        let errand = Errand {
-            arena,
-            unit: body,
-            from,
-            folds: false,
-        };
+        let errand = self.errand(unit, false);
         let (standing, solid) = (&self.standing, &self.solid);
         let cost = |cell: usize| match standing[cell] {
             _ if solid[cell] => None,
