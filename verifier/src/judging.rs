@@ -9,9 +9,7 @@ use formation::verify::ObserverParameters;
 use formation_node::micro_units;
 use formation_node::scenario::read_own_scenario;
 use ros_runtime::exit::Failure;
-use ros_runtime::parameters::{
-    ParameterValue, Range, Tunable, Tunables, Tuned, ValueType, as_number, seconds,
-};
+use ros_runtime::parameters::{Tunable, Tunables, Tuned, milliseconds, seconds};
 use ros_runtime::settings::Settings;
 
 /// How a formation is judged.
@@ -71,7 +69,7 @@ impl Tunables for Judging {
             ),
             fixed(Tunable::new(
                 "clock_error_ms",
-                milliseconds(),
+                milliseconds(60_000.0),
                 |own: &mut Self| &mut own.0.clock_error,
                 "The greatest difference between the clocks of two processes of modules, in milliseconds",
             )),
@@ -83,18 +81,6 @@ impl Tunables for Judging {
             .option_only(),
         ]
     }
-}
-
-/// A time of at most a minute.
-fn milliseconds() -> ValueType<Duration> {
-    let range = Range::Double {
-        from: 0.0,
-        to: 60_000.0,
-    };
-    let write = |time: &Duration| ParameterValue::Double(time.as_secs_f64() * 1_000.0);
-    ValueType::new("MILLISECONDS", range, write, |value| {
-        Duration::try_from_secs_f64(as_number(value)? / 1_000.0).ok()
-    })
 }
 
 /// How a formation is judged, and which modules take part in it.

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use formation_node::PoseSource;
 use ros_runtime::parameters::{
-    ParameterValue, Range, Tunable, Tunables, ValueType, as_number, choice, number,
+    ParameterValue, Range, Tunable, Tunables, ValueType, choice, milliseconds, number,
 };
 
 use crate::drive::DriveKind;
@@ -130,7 +130,7 @@ impl WorldOptions {
             ),
             Tunable::new(
                 "world.delay_ms",
-                milliseconds(),
+                milliseconds(5_000.0),
                 |own: &mut Self| &mut own.delay,
                 "How late poses are published, in milliseconds",
             ),
@@ -164,18 +164,6 @@ fn seed() -> ValueType<u32> {
     ValueType::new("NUMBER", range, write, |value| match value {
         ParameterValue::Integer(seed) => u32::try_from(*seed).ok(),
         _ => None,
-    })
-}
-
-/// A time of at most 5 seconds.
-fn milliseconds() -> ValueType<Duration> {
-    let range = Range::Double {
-        from: 0.0,
-        to: 5_000.0,
-    };
-    let write = |time: &Duration| ParameterValue::Double(time.as_secs_f64() * 1_000.0);
-    ValueType::new("MILLISECONDS", range, write, |value| {
-        Duration::try_from_secs_f64(as_number(value)? / 1_000.0).ok()
     })
 }
 

@@ -17,6 +17,6 @@ pub use ros2_client::ParameterValue;
 pub(crate) use services::{ParameterRequest, serve};
 pub use store::{ParameterError, Parameters, Values};
 pub use tunable::{
-    Tunable, Tunables, Tuned, ValueType, as_number, choice, number, seconds, switch, text,
-    whole_number,
+    Tunable, Tunables, Tuned, ValueType, as_number, choice, milliseconds, number, seconds, switch,
+    text, whole_number,
 };

@@ -88,6 +88,14 @@ pub fn seconds_in(from: f64, to: f64) -> ValueType<Duration> {
     }
 }
 
+/// A time in milliseconds, from 0 to `to`.
+#[must_use]
+pub fn milliseconds(to: f64) -> ValueType<Duration> {
+    let write = |time: &Duration| ParameterValue::Double(time.as_secs_f64() * 1_000.0);
+    let read = |value: &_| Duration::try_from_secs_f64(as_number(value)? / 1_000.0).ok();
+    ValueType::new("MILLISECONDS", Range::Double { from: 0.0, to }, write, read)
+}
+
 /// A whole number from 0 to `to`, of which 0 stands for none.
 #[must_use]
 pub fn whole_number(to: u32) -> ValueType<Option<u32>> {
