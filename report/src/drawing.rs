@@ -47,7 +47,7 @@ pub(crate) fn rectangle(class: &str, width: f64, height: f64) -> Element {
 /// The ground with its grid, without anything on it.
 pub(crate) fn ground(frame: &Frame, (left, top): (f64, f64)) -> Element {
     Element::group("ground")
-        .with("transform", format!("translate({left} {top})"))
+        .with("transform", translate(left, top))
         .containing(rectangle("floor", frame.width, frame.height))
         .containing(grid(frame))
 }
@@ -211,14 +211,7 @@ pub(crate) fn module_at(frame: &Frame, module: &Module, pose: &Pose) -> Element 
     };
     let mut drawn = Element::group(class)
         .with("data-module", module.id.0)
-        .with(
-            "transform",
-            format!(
-                "translate({} {})",
-                Short(frame.x(pose)),
-                Short(frame.y(pose))
-            ),
-        )
+        .with("transform", translate(frame.x(pose), frame.y(pose)))
         .containing(body(side, &look, Frame::turn(pose)));
     if let Some(label) = label(side, module.id.0) {
         drawn.push(label.with("fill", look.ink).with("stroke", look.fill));
@@ -260,13 +253,13 @@ fn square(side: f64) -> Element {
     Element::new("rect").lengths([("x", half), ("y", half), ("width", side), ("height", side)])
 }
 
+/// A transformation that moves the origin.
+pub(crate) fn translate(x: f64, y: f64) -> String {
+    format!("translate({} {})", Short(x), Short(y))
+}
+
 fn placed(x: f64, y: f64, turn: f64) -> String {
-    format!(
-        "translate({} {}) rotate({})",
-        Short(x),
-        Short(y),
-        Short(turn)
-    )
+    format!("{} rotate({})", translate(x, y), Short(turn))
 }
 
 /// A number in the middle of a square, as large as possible; `None` if it would not be legible.

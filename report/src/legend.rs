@@ -2,8 +2,8 @@
 
 use formation::model::text::counted;
 
-use crate::drawing::{self, body};
-use crate::element::{Element, Short};
+use crate::drawing::{self, body, translate};
+use crate::element::Element;
 use crate::frame::Frame;
 use crate::palette::{Look, look};
 use crate::subject::Subject;
@@ -98,9 +98,7 @@ pub(crate) fn draw(entries: &[Entry], frame: &Frame, width: f64) -> (Element, f6
     for (index, entry) in entries.iter().enumerate() {
         let x = (index % columns) as f64 * widest;
         let y = row(index / columns);
-        group.push(
-            drawn(entry.mark).with("transform", format!("translate({} {})", Short(x), Short(y))),
-        );
+        group.push(drawn(entry.mark).with("transform", translate(x, y)));
         group.push(text(x + SIGN, y, &entry.text));
     }
     let rows = entries.len().div_ceil(columns);

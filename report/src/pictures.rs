@@ -3,7 +3,7 @@
 use formation::model::Pose;
 use formation::model::text::counted;
 
-use crate::drawing::{self, BELOW, LEFT};
+use crate::drawing::{self, BELOW, LEFT, translate};
 use crate::element::{Element, Short};
 use crate::frame::Frame;
 use crate::legend::{self, Entry, Mark};
@@ -150,11 +150,11 @@ fn on_paper(
         baseline += LINE_HEIGHT;
         text("subtitle", baseline, line)
     });
-    let lowered = format!("translate(0 {})", Short(added));
+    let lowered = translate(0.0, added);
     let ground = Element::group("lowered")
         .with("transform", lowered)
         .containing(ground);
-    let legend_place = format!("translate({} {})", legend::INSET, Short(legend_top));
+    let legend_place = translate(legend::INSET, legend_top);
     let mut root = Element::new("svg")
         .with("xmlns", "http://www.w3.org/2000/svg")
         .with("viewBox", format!("0 0 {} {}", Short(width), Short(height)))

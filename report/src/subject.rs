@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use formation::model::{
-    self, Area, ConfigurationId, MicroUnits, ModuleId, PlanningModule, PlanningProblem, Pose,
-    SpotId, Surroundings,
+    self, ConfigurationId, MicroUnits, ModuleId, PlanningModule, PlanningProblem, Pose, SpotId,
+    Surroundings,
 };
 use formation::planner::PlanOutcome;
 
@@ -146,15 +146,10 @@ impl Subject {
             .ok()
     }
 
-    /// The obstacles, then the walls if there are any.
-    pub(crate) fn areas(&self) -> impl Iterator<Item = Area> {
-        let (obstacles, arena) = (self.surroundings.obstacles(), self.surroundings.arena());
-        obstacles.iter().copied().chain(arena)
-    }
-
     /// The corners of obstacles and walls, which pictures show in full.
     pub(crate) fn corners(&self) -> impl Iterator<Item = Pose> {
-        self.areas().flat_map(|area| {
+        let (obstacles, arena) = (self.surroundings.obstacles(), self.surroundings.arena());
+        obstacles.iter().copied().chain(arena).flat_map(|area| {
             let theta = MicroUnits::ZERO;
             [area.low, area.high].map(|(x, y)| Pose { x, y, theta })
         })
