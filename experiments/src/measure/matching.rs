@@ -1,6 +1,6 @@
 //! The time to find where one configuration fits into one target.
 
-use formation::model::{PlanningProblem, Topology};
+use formation::model::PlanningProblem;
 use formation::planner::assignment::Instance;
 use formation::planner::baseline::paper_candidates;
 use formation::planner::placement::{MatchingInput, common_subtree};
@@ -31,17 +31,15 @@ pub struct MatchingMeasurement {
 /// Searches for the place of the only configuration of a problem in its target.
 pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> MatchingMeasurement {
     let instance = Instance::new(Arc::clone(problem), Arc::clone(problem.target()));
-    let links = &instance.links;
-    let nodes: Vec<usize> = (0..links.node_count()).collect();
-    let configuration: Topology = links.induced_by(&nodes);
+    let configuration = &instance.links;
     let target = instance.target.topology();
     let utilities = &instance.utilities;
     let input = MatchingInput {
-        configuration: &configuration,
+        configuration,
         target,
         weight: |node, spot| Some(utilities.of(node, spot)),
     };
-    let candidates_of = || paper_candidates(&configuration, target, |spot| utilities.value(spot));
+    let candidates_of = || paper_candidates(configuration, target, |spot| utilities.value(spot));
     let ours_us = least_us(timings, || {
         std::hint::black_box(common_subtree::solve(&input));
     });
