@@ -2,6 +2,7 @@
 
 use std::time::Duration;
 
+use formation::model::text::joined;
 use formation::model::{
     MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleSize, NO_ID, PoseError,
     Service as InService,
@@ -102,12 +103,10 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
     let module = ModuleId(request.module_id);
     let Some((service, phase)) = host.status_of(module) else {
         let hosted = host.modules();
-        let hosted = hosted
-            .iter()
-            .map(|(identity, _)| identity.module.0.to_string());
+        let hosted = hosted.iter().map(|(identity, _)| identity.module.0);
         return Err(format!(
             "{module} is not hosted by this process, which hosts {}",
-            hosted.collect::<Vec<_>>().join(", ")
+            joined(hosted, ", ")
         ));
     };
     let command = if request.rejoin {
