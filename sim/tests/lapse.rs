@@ -3,8 +3,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Incarnation, Message, ModuleId, Scenario, TargetAnnouncement};
-use formation::protocol::{Agent, AgentParameters, Identity, Input, MotionReport, Output};
+use formation::model::{Message, ModuleId, TargetAnnouncement};
+use formation::protocol::{Agent, AgentParameters, Input, MotionReport, Output};
+
+use crate::support::{agent, scenario};
 
 const SCENARIO: &str = "
 target: {spots: [{id: 1, x: 50.0, y: 0.0}, {id: 2, x: 51.0, y: 0.0}], edges: [[1, 2]]}
@@ -22,23 +24,9 @@ struct Pair {
 
 impl Pair {
     fn new() -> Self {
-        let scenario = Scenario::from_yaml(SCENARIO).unwrap();
-        let problem = scenario.problem();
-        let agent = |index: usize| {
-            let module = &problem.modules()[index];
-            let identity = Identity {
-                store: None,
-                module: module.id,
-                incarnation: Incarnation(1),
-                pose: module.pose,
-                links: module.links.clone(),
-                configuration: None,
-                leader: None,
-            };
-            Agent::new(identity, AgentParameters::default(), Duration::ZERO)
-        };
+        let problem = scenario(SCENARIO);
         let mut pair = Self {
-            agents: [agent(0), agent(1)],
+            agents: [0, 1].map(|index: usize| agent(&problem.modules()[index])),
             now: Duration::ZERO,
             heartbeats: [Duration::ZERO; 2],
             moving: [false; 2],
@@ -46,7 +34,7 @@ impl Pair {
         let target = Arc::new(TargetAnnouncement {
             expected_modules: Some(2),
             founders: vec![ModuleId(4), ModuleId(9)],
-            ..TargetAnnouncement::new(problem, 1)
+            ..TargetAnnouncement::new(&problem, 1)
         });
         for index in 0..2 {
             let target = Message::Target(Arc::clone(&target));

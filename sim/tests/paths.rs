@@ -6,15 +6,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::generate::Apart;
-use formation::model::{Incarnation, Message, Scenario, TargetAnnouncement};
-use formation::protocol::{
-    Agent, AgentParameters, Identity, Input, MotionReport, Mutation, Output,
-};
+use formation::model::{Message, Scenario, TargetAnnouncement};
+use formation::protocol::{Agent, Input, MotionReport, Mutation, Output};
 use formation_sim::{
     AgentFactory, CampaignParameters, Ending, FaultKind, ViolationKind, run_seeds,
 };
 
-use crate::support::{run_all, scenario};
+use crate::support::{agent, run_all, scenario};
 
 /// The number of seeds of each kind.
 fn seeds() -> u64 {
@@ -177,17 +175,7 @@ target: {spots: [{id: 1, x: 4, y: 0}], edges: []}
 singletons: [{id: 1, x: 0, y: 0}]
 ",
     );
-    let module = &problem.modules()[0];
-    let identity = Identity {
-        store: None,
-        module: module.id,
-        incarnation: Incarnation(1),
-        pose: module.pose,
-        links: module.links.clone(),
-        configuration: module.configuration,
-        leader: module.leader,
-    };
-    let mut agent = Agent::new(identity, AgentParameters::default(), Duration::ZERO);
+    let mut agent = agent(&problem.modules()[0]);
     let target = Message::Target(Arc::new(TargetAnnouncement {
         expected_modules: Some(1),
         ..TargetAnnouncement::new(&problem, 1)

@@ -6,9 +6,10 @@ use std::time::Duration;
 
 use formation::generate::{GeneratorParameters, Grouping, generate};
 use formation::model::{
-    Message, ModuleId, ModulePhase, PlanningProblem, Roster, RosterMessage, Scenario, SpotId,
+    Incarnation, Message, ModuleId, ModulePhase, PlanningModule, PlanningProblem, Roster,
+    RosterMessage, Scenario, SpotId,
 };
-use formation::protocol::Event;
+use formation::protocol::{Agent, AgentParameters, Event, Identity};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, Observation, RunReport, run_seed,
     run_seeds,
@@ -22,6 +23,20 @@ pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> Pla
 
 pub fn scenario(yaml: &str) -> PlanningProblem {
     Scenario::from_yaml(yaml).unwrap().problem().clone()
+}
+
+/// The agent of a module of a scenario, which starts without a store.
+pub fn agent(module: &PlanningModule) -> Agent {
+    let identity = Identity {
+        store: None,
+        module: module.id,
+        incarnation: Incarnation(1),
+        pose: module.pose,
+        links: module.links.clone(),
+        configuration: module.configuration,
+        leader: module.leader,
+    };
+    Agent::new(identity, AgentParameters::default(), Duration::ZERO)
 }
 
 /// A cluster and all events in it.
