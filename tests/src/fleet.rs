@@ -11,7 +11,6 @@ use tempfile::TempDir;
 use crate::namespaces::Namespace;
 use crate::programs::Running;
 use crate::scenario_file::ScenarioFile;
-use crate::transcript::Line;
 
 /// How long the agents wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -311,8 +310,8 @@ impl Fleet {
 
     /// Waits until all spots are filled and all living modules are members, as the verifier judges it after `since`.
     ///
-    /// Only a module that had to join the graph again, as its DDS library did not start, may be left out: the others may
-    /// have filled all spots by then, and open no epoch for a spare (rule E7).
+    /// Only a module that joins the graph again after `since`, as its DDS library locked itself up or no longer receives, may
+    /// be left out: the others may have filled all spots by then, and open no epoch for a spare (rule E7).
     ///
     /// # Panics
     /// If that is not the case within `limit`; the message has the logs.
@@ -323,7 +322,7 @@ impl Fleet {
             let mut left_out = living.difference(&members);
             judged.is_whole()
                 && members.is_subset(&living)
-                && left_out.all(|&module| self.has_joined_again(module))
+                && left_out.all(|&module| self.joins_again(module, since))
         })
         .unwrap_or_else(|last| {
             panic!(
@@ -333,11 +332,12 @@ impl Fleet {
         })
     }
 
-    /// Whether a module's process has joined the graph more than once.
-    fn has_joined_again(&self, module: u32) -> bool {
+    /// Whether a module's process had to join the graph again after a time.
+    fn joins_again(&self, module: u32, since: Instant) -> bool {
         let log = self.agent(module).log_since(0);
-        let joins = |line: &&Line| line.text.contains("joined the ROS 2 graph");
-        log.iter().filter(joins).count() > 1
+        let reasons = ["locked itself up; restarting", "; rejoining"];
+        let mut lines = log.iter().filter(|line| line.at >= since);
+        lines.any(|line| reasons.iter().any(|reason| line.text.contains(reason)))
     }
 
     /// The last lines of every living module's log.
