@@ -9,7 +9,6 @@ use formation::model::ModuleSize;
 use formation_msgs::{Heartbeat, InSession, SessionId, TargetConfiguration};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::parameters::{ParameterError, Values};
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 
@@ -83,9 +82,5 @@ impl Node for Finder {
 
     fn due(&self) -> Option<Instant> {
         Some(self.until)
-    }
-
-    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
-        Ok(())
     }
 }

@@ -14,7 +14,6 @@ use ros_runtime::arguments::Resource;
 use ros_runtime::diagnostics::{DiagnosticLevel, Report};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::parameters::{ParameterError, Values};
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 use ros_runtime::topic::Topic;
@@ -164,10 +163,6 @@ impl Node for Recorder<'_> {
 
     fn due(&self) -> Option<Instant> {
         None
-    }
-
-    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
-        Ok(())
     }
 
     fn reports(&self) -> Vec<Report> {

@@ -25,11 +25,13 @@ pub trait Node {
     /// When [`Self::advance`] has something to do next, if no input comes.
     fn due(&self) -> Option<Instant>;
 
-    /// Uses these values of its parameters from now on.
+    /// Uses these values of its parameters from now on; by default it has none that can change at run time.
     ///
     /// # Errors
     /// The values exclude each other; the node then keeps those that it has.
-    fn set_parameters(&mut self, values: &Values) -> Result<(), ParameterError>;
+    fn set_parameters(&mut self, _values: &Values) -> Result<(), ParameterError> {
+        Ok(())
+    }
 
     /// The status of the parts of the node, for `/diagnostics`; the topic statistics are added to it.
     fn reports(&self) -> Vec<Report> {

@@ -18,7 +18,6 @@ use formation_node::topics;
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::parameters::{ParameterError, Values};
 use ros_runtime::session::{Session, SessionError};
 use ros_runtime::settings::Settings;
 
@@ -249,10 +248,6 @@ impl Node for Operator {
 
     fn due(&self) -> Option<Instant> {
         Some(self.due)
-    }
-
-    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
-        Ok(())
     }
 }
 

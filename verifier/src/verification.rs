@@ -13,7 +13,7 @@ use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::parameters::Tunables;
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 use ros_runtime::topic_statistics::{RefusalKind, SharedStatistics, TopicStatistics};
@@ -224,11 +224,6 @@ impl Node for Verifier<'_> {
             Phase::Lingering(until) => Some(until),
             Phase::Over => None,
         }
-    }
-
-    /// How a formation is judged is fixed when observation begins.
-    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
-        Ok(())
     }
 }
 

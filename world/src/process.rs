@@ -15,7 +15,7 @@ use formation_node::{PoseSource, stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::parameters::Tunables;
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 
@@ -209,11 +209,6 @@ impl Node for WorldNode<'_> {
 
     fn due(&self) -> Option<Instant> {
         Some(self.advanced + INTERVAL)
-    }
-
-    /// The world is set up with its parameters.
-    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
-        Ok(())
     }
 }
 

@@ -21,7 +21,6 @@ use ros_runtime::exit::{Failure, stop_requested};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::middleware::Middleware;
 use ros_runtime::node::Node;
-use ros_runtime::parameters::{ParameterError, Values};
 use ros_runtime::service_mapping::RMW_IMPLEMENTATION;
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
@@ -260,10 +259,6 @@ impl Node for Watcher<'_> {
     fn due(&self) -> Option<Instant> {
         let dues = [self.look_at, self.display.due(), Some(self.silent_at())];
         dues.into_iter().flatten().min()
-    }
-
-    fn set_parameters(&mut self, _: &Values) -> Result<(), ParameterError> {
-        Ok(())
     }
 }
 
