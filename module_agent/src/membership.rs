@@ -9,7 +9,7 @@ use formation::model::{
 };
 use formation::protocol::Command;
 use formation_msgs::{
-    AddModuleRequest, AddModuleResponse, RetireModuleRequest, RetireModuleResponse, bounds,
+    AddModuleRequest, AddModuleResponse, RetireModuleRequest, RetireModuleResponse,
 };
 use ros_runtime::service::{Call, Service};
 
@@ -35,27 +35,20 @@ impl MembershipRequest {
     pub(crate) fn carry_out(self, host: &mut Host, size: ModuleSize, now: Duration) {
         match self {
             Self::Add(Call { request, reply }) => {
-                let (success, message) = answer(request.module_id, add(host, size, now, request));
-                host.answer(move || reply(AddModuleResponse { success, message }));
+                let outcome = logged(request.module_id, add(host, size, now, request));
+                host.answer(move || reply(outcome.into()));
             }
             Self::Retire(Call { request, reply }) => {
-                let (success, message) = answer(request.module_id, retire(host, now, request));
-                host.answer(move || reply(RetireModuleResponse { success, message }));
+                let outcome = logged(request.module_id, retire(host, now, request));
+                host.answer(move || reply(outcome.into()));
             }
         }
     }
 }
 
-fn answer(module: u32, outcome: Result<String, String>) -> (bool, String) {
-    if let Err(reason) = &outcome {
-        tracing::warn!(module, "refused a request: {reason}");
-    }
-    let success = outcome.is_ok();
-    let message = outcome.unwrap_or_else(|reason| reason);
-    (
-        success,
-        bounds::shortened(message, bounds::ANSWER_BYTES_MAX),
-    )
+/// The same outcome; a refusal is logged.
+fn logged(module: u32, outcome: Result<String, String>) -> Result<String, String> {
+    outcome.inspect_err(|reason| tracing::warn!(module, "refused a request: {reason}"))
 }
 
 /// Hosts one more module, which is docked to none and listens before it takes part. Says what will happen, or why nothing

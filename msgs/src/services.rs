@@ -4,6 +4,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use crate::bounds::{ANSWER_BYTES_MAX, shortened};
 use crate::progress::Progress;
 
 /// The request of `QueryStatus.srv`.
@@ -29,14 +30,6 @@ pub struct WithdrawTargetRequest {
     pub revision: u64,
 }
 
-/// The response of `WithdrawTarget.srv`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename = "WithdrawTarget_Response")]
-pub struct WithdrawTargetResponse {
-    pub success: bool,
-    pub message: String,
-}
-
 /// The request of `AddModule.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize)]
 #[serde(rename = "AddModule_Request")]
@@ -47,14 +40,6 @@ pub struct AddModuleRequest {
     pub theta: f64,
 }
 
-/// The response of `AddModule.srv`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename = "AddModule_Response")]
-pub struct AddModuleResponse {
-    pub success: bool,
-    pub message: String,
-}
-
 /// The request of `RemoveModule.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "RemoveModule_Request")]
@@ -63,27 +48,11 @@ pub struct RemoveModuleRequest {
     pub incarnation: u64,
 }
 
-/// The response of `RemoveModule.srv`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename = "RemoveModule_Response")]
-pub struct RemoveModuleResponse {
-    pub success: bool,
-    pub message: String,
-}
-
 /// The request of `StopFormation.srv`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename = "StopFormation_Request")]
 pub struct StopFormationRequest {
     pub resume: bool,
-}
-
-/// The response of `StopFormation.srv`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename = "StopFormation_Response")]
-pub struct StopFormationResponse {
-    pub success: bool,
-    pub message: String,
 }
 
 /// The request of `RetireModule.srv`.
@@ -94,10 +63,38 @@ pub struct RetireModuleRequest {
     pub rejoin: bool,
 }
 
-/// The response of `RetireModule.srv`.
-#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename = "RetireModule_Response")]
-pub struct RetireModuleResponse {
-    pub success: bool,
-    pub message: String,
+/// The responses that tell people what will happen, or why nothing does.
+macro_rules! answers {
+    ($($(#[$documentation:meta])* $response:ident = $name:literal;)+) => {$(
+        $(#[$documentation])*
+        #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+        #[serde(rename = $name)]
+        pub struct $response {
+            pub success: bool,
+            pub message: String,
+        }
+
+        impl From<Result<String, String>> for $response {
+            /// A longer message is cut to its bound.
+            fn from(outcome: Result<String, String>) -> Self {
+                Self {
+                    success: outcome.is_ok(),
+                    message: shortened(outcome.unwrap_or_else(|reason| reason), ANSWER_BYTES_MAX),
+                }
+            }
+        }
+    )+};
+}
+
+answers! {
+    /// The response of `WithdrawTarget.srv`.
+    WithdrawTargetResponse = "WithdrawTarget_Response";
+    /// The response of `AddModule.srv`.
+    AddModuleResponse = "AddModule_Response";
+    /// The response of `RemoveModule.srv`.
+    RemoveModuleResponse = "RemoveModule_Response";
+    /// The response of `StopFormation.srv`.
+    StopFormationResponse = "StopFormation_Response";
+    /// The response of `RetireModule.srv`.
+    RetireModuleResponse = "RetireModule_Response";
 }

@@ -7,8 +7,7 @@ use std::time::{Duration, Instant};
 use async_channel::Receiver;
 use formation::model::{ModuleSize, TargetAnnouncement};
 use formation_msgs::{
-    InSession, OperatorCommand, RemoveModuleRequest, RemoveModuleResponse, SessionId,
-    StopFormationResponse, TargetConfiguration, WithdrawTargetResponse, bounds,
+    InSession, OperatorCommand, RemoveModuleRequest, SessionId, TargetConfiguration,
 };
 use formation_node::messages::{Received, module_size_of, session_of};
 use formation_node::{stamp, topics};
@@ -151,15 +150,11 @@ impl Node for Announcer<'_> {
                 let outcome = status.withdraw(now, stamp::revision(), request.revision);
                 // The answer must be true when it is sent.
                 self.publish_target();
-                let success = outcome.is_ok();
-                let message = outcome.unwrap_or_else(|reason| reason);
-                let message = bounds::shortened(message, bounds::ANSWER_BYTES_MAX);
-                reply(WithdrawTargetResponse { success, message });
+                reply(outcome.into());
             }
             Input::StopFormation(Call { request, reply }) => {
                 let outcome = self.commander.stop(!request.resume);
-                let (success, message) = self.answer_command(outcome);
-                reply(StopFormationResponse { success, message });
+                reply(outcome.inspect(|_| self.publish_commands()).into());
             }
             Input::RemoveModule(Call { request, reply }) => {
                 let RemoveModuleRequest {
@@ -167,8 +162,7 @@ impl Node for Announcer<'_> {
                     incarnation,
                 } = request;
                 let outcome = self.commander.remove(module_id, incarnation);
-                let (success, message) = self.answer_command(outcome);
-                reply(RemoveModuleResponse { success, message });
+                reply(outcome.inspect(|_| self.publish_commands()).into());
             }
             Input::Action(request) => self.handle_action(now, request),
         }
@@ -236,17 +230,6 @@ impl Announcer<'_> {
         if let Some(commands) = &self.commands {
             commands.publish(self.commander.sample().in_session(self.session));
         }
-    }
-
-    /// Publishes the commands, unless the new one was refused; the answer to its client.
-    fn answer_command(&self, outcome: Result<String, String>) -> (bool, String) {
-        let success = outcome.is_ok();
-        if success {
-            self.publish_commands();
-        }
-        let message = outcome.unwrap_or_else(|reason| reason);
-        let message = bounds::shortened(message, bounds::ANSWER_BYTES_MAX);
-        (success, message)
     }
 
     /// Publishes what the process has to announce, unless it has done so.
