@@ -6,9 +6,7 @@ use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::model::{ModuleSize, TargetAnnouncement};
-use formation_msgs::{
-    InSession, OperatorCommand, RemoveModuleRequest, SessionId, TargetConfiguration,
-};
+use formation_msgs::{InSession, OperatorCommand, SessionId, TargetConfiguration};
 use formation_node::messages::{Received, module_size_of, session_of};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
@@ -157,11 +155,8 @@ impl Node for Announcer<'_> {
                 reply(outcome.inspect(|_| self.publish_commands()).into());
             }
             Input::RemoveModule(Call { request, reply }) => {
-                let RemoveModuleRequest {
-                    module_id,
-                    incarnation,
-                } = request;
-                let outcome = self.commander.remove(module_id, incarnation);
+                let (module, run) = (request.module_id, request.incarnation);
+                let outcome = self.commander.remove(module, run);
                 reply(outcome.inspect(|_| self.publish_commands()).into());
             }
             Input::Action(request) => self.handle_action(now, request),
