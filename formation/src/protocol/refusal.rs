@@ -3,13 +3,17 @@
 use std::collections::BTreeMap;
 use std::fmt;
 
+use thiserror::Error;
+
+use crate::model::text::joined;
+
 /// Declares the kinds of refusals, each with its name in counters and its text in logs.
 macro_rules! refusals {
     ($($(#[$documentation:meta])* $kind:ident = $name:literal: $text:literal,)*) => {
         /// Why a message was refused.
-        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+        #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Error)]
         pub enum Refusal {
-            $($(#[$documentation])* $kind,)*
+            $($(#[$documentation])* #[error($text)] $kind,)*
         }
 
         impl Refusal {
@@ -19,14 +23,6 @@ macro_rules! refusals {
                 match self {
                     $(Self::$kind => $name,)*
                 }
-            }
-        }
-
-        impl fmt::Display for Refusal {
-            fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-                formatter.write_str(match self {
-                    $(Self::$kind => $text,)*
-                })
             }
         }
     };
@@ -111,10 +107,8 @@ impl RefusalCounts {
 
 impl fmt::Display for RefusalCounts {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        for (index, (refusal, count)) in self.iter().enumerate() {
-            let separator = if index > 0 { ", " } else { "" };
-            write!(formatter, "{separator}{} {count}", refusal.name())?;
-        }
-        Ok(())
+        let counts = self.iter();
+        let counts = counts.map(|(refusal, count)| format!("{} {count}", refusal.name()));
+        formatter.write_str(&joined(counts, ", "))
     }
 }
