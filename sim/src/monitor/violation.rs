@@ -1,75 +1,69 @@
 //! The invariants, by the name of their violation.
 
-use std::fmt;
 use std::time::Duration;
 
+use thiserror::Error;
+
 /// An invariant that was violated.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Error)]
 pub enum ViolationKind {
     /// Two modules settled on one spot of one plan.
+    #[error("two modules on one spot")]
     TwoModulesOnOneSpot,
     /// A module settled on a spot on which another one stands, or stands by there without a spot, whatever their plans.
+    #[error("two bodies on one spot")]
     TwoBodiesOnOneSpot,
     /// A module settled on two spots of one plan.
+    #[error("one module on two spots")]
     OneModuleOnTwoSpots,
     /// A module began to move before every member had shown the same digest.
+    #[error("motion without agreement")]
     MotionWithoutAgreement,
     /// A module began to move before the lease had passed since the last member showed the digest.
+    #[error("motion before the lease")]
     MotionBeforeLease,
     /// A module moved long after a member had left the epoch.
+    #[error("motion on a stale plan")]
     MotionOnStalePlan,
     /// Two modules moved on different plans at the same time.
+    #[error("two plans in motion")]
     TwoPlansInMotion,
     /// A claim evicted a module that belongs to a configuration, or is pinned.
+    #[error("configuration member evicted")]
     ConfigurationMemberEvicted,
     /// Two rosters were published for one epoch.
+    #[error("two rosters for one epoch")]
     TwoRostersForOneEpoch,
     /// After the faults stopped, the modules neither formed nor waited for a quorum.
+    #[error("no end")]
     NoEnd,
     /// They formed, but did not fill exactly the spots that there were modules for.
+    #[error("hole")]
     Hole,
     /// A module returned to an epoch that it had left.
+    #[error("epoch went back")]
     EpochWentBack,
     /// Two modules of different units moved at the same time, on one plan.
+    #[error("two units in motion")]
     TwoUnitsInMotion,
     /// While modules moved along paths, the bodies of two that were not docked to each other overlapped.
+    #[error("bodies overlap")]
     BodiesOverlap,
     /// A module that had settled for a target froze for it without a pin.
+    #[error("pin forgotten")]
     PinForgotten,
     /// A module plans or agrees with another pose than the roster lists.
+    #[error("not where frozen")]
     NotWhereFrozen,
     /// The modules of a quorum are live and reach each other, and still wait for one.
+    #[error("quorum denied")]
     QuorumDenied,
     /// A module reports that it has settled, and does not stand on its spot.
+    #[error("settled elsewhere")]
     SettledElsewhere,
     /// Two groups that cannot reach each other both hold a formation.
+    #[error("two formations")]
     TwoFormations,
-}
-
-impl fmt::Display for ViolationKind {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::TwoModulesOnOneSpot => "two modules on one spot",
-            Self::TwoBodiesOnOneSpot => "two bodies on one spot",
-            Self::OneModuleOnTwoSpots => "one module on two spots",
-            Self::MotionWithoutAgreement => "motion without agreement",
-            Self::MotionBeforeLease => "motion before the lease",
-            Self::MotionOnStalePlan => "motion on a stale plan",
-            Self::TwoPlansInMotion => "two plans in motion",
-            Self::ConfigurationMemberEvicted => "configuration member evicted",
-            Self::TwoRostersForOneEpoch => "two rosters for one epoch",
-            Self::NoEnd => "no end",
-            Self::Hole => "hole",
-            Self::EpochWentBack => "epoch went back",
-            Self::TwoUnitsInMotion => "two units in motion",
-            Self::BodiesOverlap => "bodies overlap",
-            Self::PinForgotten => "pin forgotten",
-            Self::NotWhereFrozen => "not where frozen",
-            Self::QuorumDenied => "quorum denied",
-            Self::SettledElsewhere => "settled elsewhere",
-            Self::TwoFormations => "two formations",
-        })
-    }
 }
 
 /// One violation of an invariant.
