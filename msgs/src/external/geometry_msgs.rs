@@ -89,12 +89,7 @@ pub struct TransformStamped {
 impl Default for Quaternion {
     /// No rotation.
     fn default() -> Self {
-        Self {
-            x: 0.0,
-            y: 0.0,
-            z: 0.0,
-            w: 1.0,
-        }
+        Self::from_yaw(0.0)
     }
 }
 
@@ -102,13 +97,9 @@ impl Quaternion {
     /// A turn about the vertical axis, in radians counter-clockwise.
     #[must_use]
     pub fn from_yaw(yaw: f64) -> Self {
+        let (x, y) = (0.0, 0.0);
         let (z, w) = (yaw / 2.0).sin_cos();
-        Self {
-            x: 0.0,
-            y: 0.0,
-            z,
-            w,
-        }
+        Self { x, y, z, w }
     }
 
     /// The turn about the vertical axis in radians, from -pi to pi, whatever its length.
@@ -134,14 +125,11 @@ impl Transform {
     /// The transform to a pose of the core, in metres.
     #[must_use]
     pub fn new(pose: &model::Pose, size: ModuleSize) -> Self {
-        let Pose {
-            position: Point { x, y, z },
-            orientation: rotation,
-        } = Pose::new(pose, size);
-        let translation = Vector3 { x, y, z };
+        let pose = Pose::new(pose, size);
+        let Point { x, y, z } = pose.position;
         Self {
-            translation,
-            rotation,
+            translation: Vector3 { x, y, z },
+            rotation: pose.orientation,
         }
     }
 }
