@@ -56,11 +56,11 @@ impl EvictionRecord {
     pub const NONE: u32 = NONE;
 }
 
-impl From<&model::SpotSelection> for SpotSelection {
-    fn from(selection: &model::SpotSelection) -> Self {
+impl SpotSelection {
+    pub(crate) fn new(spot: SpotId, module: ModuleId) -> Self {
         Self {
-            spot_id: selection.spot.0,
-            module_id: selection.module.0,
+            spot_id: spot.0,
+            module_id: module.0,
         }
     }
 }
@@ -122,7 +122,7 @@ impl From<&model::SpotClaim> for SpotClaim {
             selections: decision
                 .selections
                 .iter()
-                .map(SpotSelection::from)
+                .map(|pair| SpotSelection::new(pair.spot, pair.module))
                 .collect(),
             evictions: decision
                 .evictions

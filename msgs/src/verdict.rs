@@ -60,18 +60,12 @@ impl From<&verify::Verdict> for Verdict {
             unassigned_modules: verdict.unassigned.iter().map(|module| module.0).collect(),
             assignments: placed
                 .into_iter()
-                .map(|(spot, module)| SpotSelection {
-                    spot_id: spot.0,
-                    module_id: module.0,
-                })
+                .map(|(spot, module)| SpotSelection::new(spot, module))
                 .collect(),
             blocked_spots: verdict
                 .blocked_spots
                 .iter()
-                .map(|blocked| SpotSelection {
-                    spot_id: blocked.spot.0,
-                    module_id: blocked.module.0,
-                })
+                .map(|blocked| SpotSelection::new(blocked.spot, blocked.module))
                 .collect(),
             collision_free: verdict.collision_risk.is_none(),
             collision_reason: verdict
