@@ -12,12 +12,8 @@ const LOOKS: u32 = 5;
 /// A header for data taken now.
 #[must_use]
 pub fn header(frame_id: &str) -> Header {
-    let now = since_epoch();
     Header {
-        stamp: Time {
-            sec: i32::try_from(now.as_secs()).unwrap_or(i32::MAX),
-            nanosec: now.subsec_nanos(),
-        },
+        stamp: since_epoch().into(),
         frame_id: frame_id.to_owned(),
     }
 }
