@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 use crate::bounds::{MODULES_MAX, PATH_NUMBERS_MAX};
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::Epoch;
-use crate::error::Fault;
 
 /// See `Body.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -81,9 +80,7 @@ impl Body {
                 Self::WHEREABOUTS_REMOVED => Whereabouts::Removed,
                 value => {
                     let known = "SEEN 1, ON_THE_WAY 2, HALTED 3, REMOVED 4";
-                    let value = value.into();
-                    let fault = Fault::UnknownValue { value, known };
-                    return Err(FieldError::new("whereabouts", fault));
+                    return Err(FieldError::unknown("whereabouts", value, known));
                 }
             },
         })

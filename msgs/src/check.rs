@@ -29,6 +29,12 @@ impl FieldError {
         Self::new(field, Fault::Contradiction(reason))
     }
 
+    /// A number stands for nothing that is known.
+    pub(crate) fn unknown(field: &str, value: impl Into<i64>, known: &'static str) -> Self {
+        let value = value.into();
+        Self::new(field, Fault::UnknownValue { value, known })
+    }
+
     /// The same fault, seen from the message that holds `outer`.
     pub(crate) fn within(mut self, outer: impl fmt::Display) -> Self {
         self.field = if self.field.is_empty() {

@@ -38,9 +38,7 @@ macro_rules! enumeration {
                         stringify!($first_name), " ", $first_number
                         $(, ", ", stringify!($name), " ", $number)*
                     );
-                    let value = value.into();
-                    let fault = $crate::error::Fault::UnknownValue { value, known };
-                    Err($crate::check::FieldError::new($field, fault))
+                    Err($crate::check::FieldError::unknown($field, value, known))
                 }
             }
         }

@@ -15,7 +15,6 @@ use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
-use crate::error::Fault;
 use crate::module_state::{service_from_wire, service_to_wire};
 use crate::session::PROTOCOL_VERSION;
 use crate::standard::Duration;
@@ -152,11 +151,7 @@ impl Roster {
         match self.stage {
             Self::STAGE_GATHER => self.gather(),
             Self::STAGE_PLAN => self.plan(size),
-            value => {
-                let (value, known) = (value.into(), "GATHER 1, PLAN 2");
-                let fault = Fault::UnknownValue { value, known };
-                Err(FieldError::new("stage", fault))
-            }
+            value => Err(FieldError::unknown("stage", value, "GATHER 1, PLAN 2")),
         }
     }
 

@@ -12,7 +12,6 @@ use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError};
-use crate::error::Fault;
 use crate::session::PROTOCOL_VERSION;
 use crate::standard::Header;
 
@@ -94,7 +93,7 @@ impl Default for TargetConfiguration {
             module_size: ModuleSize::METRE.metres(),
             body_width: 0.0,
             obstacles: Vec::new(),
-            arena: Area::NONE,
+            arena: Area::default(),
         }
     }
 }
@@ -162,9 +161,8 @@ impl PlannerParameters {
                 Ok(d_max) => Some(d_max),
                 Err(_) if self.d_max == Self::D_MAX_UNBOUNDED => None,
                 Err(_) => {
-                    let (value, known) = (self.d_max.into(), "0 and above, and UNBOUNDED -1");
-                    let fault = Fault::UnknownValue { value, known };
-                    return Err(FieldError::new("d_max", fault));
+                    let known = "0 and above, and UNBOUNDED -1";
+                    return Err(FieldError::unknown("d_max", self.d_max, known));
                 }
             },
             exact_finish: self.exact_finish,
@@ -184,13 +182,6 @@ impl PlannerParameters {
 }
 
 impl Area {
-    const NONE: Self = Self {
-        x: 0.0,
-        y: 0.0,
-        width: 0.0,
-        height: 0.0,
-    };
-
     fn new(area: &model::Area, size: ModuleSize) -> Self {
         let raw = area.to_raw();
         let [x, y, width, height] =
@@ -236,12 +227,9 @@ impl TargetConfiguration {
     /// An announced target, as it goes out. The header's stamp stays zero, for the sender to fill.
     #[must_use]
     pub fn new(announcement: &TargetAnnouncement, size: ModuleSize) -> Self {
-        let raw = announcement.target.as_ref().map(|target| target.to_raw());
-        let surroundings = announcement
-            .target
-            .as_ref()
-            .map(|target| target.surroundings());
-        let withdrawn = raw.is_none();
+        let target = announcement.target.as_deref();
+        let raw = target.map(Target::to_raw);
+        let surroundings = target.map(Target::surroundings);
         let (frame_id, spots, edges) =
             raw.map_or_else(Default::default, |raw| (raw.frame_id, raw.spots, raw.edges));
         Self {
@@ -253,7 +241,7 @@ impl TargetConfiguration {
             session: 0,
             revision: announcement.revision,
             name: announcement.name.clone(),
-            withdrawn,
+            withdrawn: target.is_none(),
             expected_modules: announcement.expected_modules.unwrap_or(0),
             founders: announcement.founders.iter().map(|id| id.0).collect(),
             spots: spots_in_metres(spots, size),
@@ -270,7 +258,7 @@ impl TargetConfiguration {
             }),
             arena: surroundings
                 .and_then(Surroundings::arena)
-                .map_or(Area::NONE, |area| Area::new(&area, size)),
+                .map_or_else(Area::default, |area| Area::new(&area, size)),
         }
     }
 
@@ -288,7 +276,7 @@ impl TargetConfiguration {
             .planner
             .validated()
             .map_err(|error| error.within("planner"))?;
-        let has_obstacles = !self.obstacles.is_empty() || self.arena != Area::NONE;
+        let has_obstacles = !self.obstacles.is_empty() || self.has_arena();
         if has_obstacles && parameters.motion == MotionMode::Straight {
             let reason = "straight lines would lead through obstacles and walls";
             return Err(FieldError::contradiction("planner.motion", reason));
@@ -316,6 +304,11 @@ impl TargetConfiguration {
 }
 
 impl TargetConfiguration {
+    /// An area without extent at the origin stands for none.
+    fn has_arena(&self) -> bool {
+        self.arena != Area::default()
+    }
+
     fn validated_target(&self, size: ModuleSize) -> Checked<Target> {
         let in_units = |&Spot { id, x, y, theta }: &Spot| RawSpot {
             id,
@@ -337,7 +330,7 @@ impl TargetConfiguration {
                 .iter()
                 .map(|area| area.in_units(size))
                 .collect(),
-            arena: (self.arena != Area::NONE).then(|| self.arena.in_units(size)),
+            arena: self.has_arena().then(|| self.arena.in_units(size)),
         });
         let refused = |error| FieldError::new("", error);
         let target = Target::try_from(raw).map_err(refused)?;
