@@ -136,8 +136,8 @@ impl Scenario {
         let names: Vec<String> = spots.iter().map(|spot| spot.id.to_string()).collect();
         let placed = placed("target", spots.iter().map(|spot| ('o', spot.pose)), &names)?;
         let ids: Vec<u32> = spots.iter().map(|spot| spot.id.0).collect();
-        let edges: Vec<(usize, usize)> = target.topology().edges().to_vec();
-        let mut text = section("target", &placed, &edges, &ids, &names)?;
+        let edges = target.topology().edges();
+        let mut text = section("target", &placed, edges, &ids, &names)?;
 
         let modules = problem.modules();
         let mut letters = ('A'..='Z').cycle();
@@ -157,18 +157,8 @@ impl Scenario {
             .zip(modules.iter().map(|module| module.pose));
         let placed = self::placed("modules", poses, &names)?;
         let ids: Vec<u32> = modules.iter().map(|module| module.id.0).collect();
-        let position = |id| modules.iter().position(|module| module.id == id);
-        let links: Vec<(usize, usize)> = modules
-            .iter()
-            .enumerate()
-            .flat_map(|(one, module)| {
-                let others = module.links.iter().filter_map(|&link| position(link));
-                others
-                    .map(move |other| (one, other))
-                    .filter(|(one, other)| one < other)
-            })
-            .collect();
-        text.push_str(&section("modules", &placed, &links, &ids, &names)?);
+        let links = problem.links();
+        text.push_str(&section("modules", &placed, links.edges(), &ids, &names)?);
         Ok(text)
     }
 }
