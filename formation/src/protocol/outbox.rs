@@ -235,12 +235,7 @@ impl Hash for Outbox {
             states,
         } = self;
         (wake, heartbeats, states).hash(state);
-        let waiting = durable.waiting.len();
-        (
-            &durable.given,
-            durable.given_count - durable.held_count,
-            waiting,
-        )
-            .hash(state);
+        let unheld = durable.given_count - durable.held_count;
+        (&durable.given, unheld, durable.waiting.len()).hash(state);
     }
 }
