@@ -48,10 +48,8 @@ pub enum Display {
 impl Display {
     /// Begins to show a run that is to go as planned, and takes orders by keys.
     pub fn start(name: &str, plan: &Arc<CheckedPlan>) -> Self {
-        let mut display = View::on_terminal(name, true).map_or_else(
-            || Self::Lines(LineThrottle::default()),
-            |view| Self::View(Box::new(view)),
-        );
+        let throttle = LineThrottle::new(LINE_INTERVAL, false);
+        let mut display = Self::on_terminal(name, true, throttle);
         display.set_plan(Arc::clone(plan));
         display.refresh();
         display
@@ -59,10 +57,14 @@ impl Display {
 
     /// Begins to show a formation that another process runs.
     pub fn watch() -> Self {
-        View::on_terminal("", false).map_or_else(
-            || Self::Lines(LineThrottle::repeating(WATCH_INTERVAL)),
-            |view| Self::View(Box::new(view)),
-        )
+        Self::on_terminal("", false, LineThrottle::new(WATCH_INTERVAL, true))
+    }
+
+    fn on_terminal(name: &str, has_keys: bool, elsewhere: LineThrottle) -> Self {
+        match View::on_terminal(name, has_keys) {
+            Some(view) => Self::View(Box::new(view)),
+            None => Self::Lines(elsewhere),
+        }
     }
 
     /// Names what is shown.
@@ -163,22 +165,12 @@ pub struct LineThrottle {
     last: Option<(Progress, Instant)>,
 }
 
-impl Default for LineThrottle {
-    fn default() -> Self {
-        Self {
-            interval: LINE_INTERVAL,
-            repeats: false,
-            last: None,
-        }
-    }
-}
-
 impl LineThrottle {
-    /// Has a line repeat after each interval.
-    pub fn repeating(interval: Duration) -> Self {
+    /// With `repeats`, the last line repeats after each interval.
+    pub fn new(interval: Duration, repeats: bool) -> Self {
         Self {
             interval,
-            repeats: true,
+            repeats,
             last: None,
         }
     }
@@ -249,7 +241,7 @@ mod tests {
     fn plain_lines_come_once_a_phase_and_then_at_most_once_a_second() {
         let start = Instant::now();
         let after = |millis| start + Duration::from_millis(millis);
-        let mut throttle = LineThrottle::default();
+        let mut throttle = LineThrottle::new(LINE_INTERVAL, false);
         assert!(throttle.lets_pass(&planning(1), after(0)));
         assert!(!throttle.lets_pass(&planning(2), after(500)));
         assert!(throttle.lets_pass(&planning(3), after(1_000)));
@@ -266,7 +258,7 @@ mod tests {
     fn the_line_of_a_formation_that_is_watched_repeats() {
         let start = Instant::now();
         let after = |seconds| start + Duration::from_secs(seconds);
-        let mut throttle = LineThrottle::repeating(WATCH_INTERVAL);
+        let mut throttle = LineThrottle::new(WATCH_INTERVAL, true);
         assert_eq!(throttle.due(), None);
         assert!(throttle.lets_pass(&planning(1), after(0)));
         assert!(!throttle.lets_pass(&planning(2), after(9)));

@@ -359,7 +359,7 @@ mod tests {
             modules: 2,
             start,
             deadline: start + Duration::from_secs(seconds),
-            display: &mut Display::Lines(LineThrottle::default()),
+            display: &mut Display::Lines(LineThrottle::new(Duration::from_secs(1), false)),
             observed: Observed::default(),
             orders: Orders {
                 command: Box::new(|_| Command::new("true")),

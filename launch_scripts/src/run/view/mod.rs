@@ -118,12 +118,7 @@ impl View {
     pub fn draw(&mut self) {
         self.drawn = Instant::now();
         self.is_stale = false;
-        // The usual size, where the terminal does not report one.
-        let (rows, columns) = self.terminal.size_checked().unwrap_or((24, 80));
-        let size = Size {
-            columns: usize::from(columns),
-            rows: usize::from(rows),
-        };
+        let size = self.size();
         let help = self.keys.as_ref().map(|_| keys::HELP);
         let elapsed = self.start.elapsed();
         let lines = frame(&self.watched, elapsed, size, self.style, help);
@@ -137,20 +132,23 @@ impl View {
 
     /// Clears the view, lets `write` use the terminal, and draws the view again.
     pub fn suspend(&mut self, write: impl FnOnce()) {
-        self.canvas.clear(self.columns());
+        self.canvas.clear(self.size().columns);
         write();
         self.draw();
     }
 
     /// Leaves the terminal as if nothing had been drawn.
     pub fn finish(&mut self) {
-        self.canvas.clear(self.columns());
+        self.canvas.clear(self.size().columns);
     }
 
-    fn columns(&self) -> usize {
-        self.terminal
-            .size_checked()
-            .map_or(80, |(_, columns)| usize::from(columns))
+    /// The size of the terminal; the usual one, where it does not report any.
+    fn size(&self) -> Size {
+        let (rows, columns) = self.terminal.size_checked().unwrap_or((24, 80));
+        Size {
+            columns: columns.into(),
+            rows: rows.into(),
+        }
     }
 }
 
