@@ -18,7 +18,6 @@ use super::run_loop::{Judgement, Observed};
 use crate::checked_plan::{CheckedPlan, PlanReport};
 use crate::table::aligned;
 
-/// How a run whose modules may have run into each other is marked.
 /// More differences from the plan are counted only.
 const DIFFERENCES_MAX: usize = 8;
 
