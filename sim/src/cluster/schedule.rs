@@ -1,7 +1,6 @@
 //! What happens next, in the order of time.
 
-use std::cmp::Reverse;
-use std::collections::BinaryHeap;
+use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -36,52 +35,25 @@ pub(super) struct Delivery {
 pub(super) struct Schedule {
     pub(super) now: Duration,
     order: u64,
-    queue: BinaryHeap<Reverse<Scheduled>>,
+    /// By time, and in the order in which they were added. Boxed, as the queue moves its elements, and a message is large.
+    queue: BTreeMap<(Duration, u64), Box<Happening>>,
 }
 
 impl Schedule {
     pub(super) fn add(&mut self, at: Duration, happening: Happening) {
         self.order += 1;
-        self.queue.push(Reverse(Scheduled {
-            at,
-            order: self.order,
-            happening: Box::new(happening),
-        }));
+        self.queue.insert((at, self.order), Box::new(happening));
     }
 
     /// Advances to the next happening, or to `limit` if none is left before it.
     pub(super) fn next(&mut self, limit: Duration) -> Option<Happening> {
-        let next = self.queue.peek().filter(|Reverse(next)| next.at <= limit);
-        if next.is_none() {
+        let next = self.queue.first_entry();
+        let Some(next) = next.filter(|next| next.key().0 <= limit) else {
             self.now = self.now.max(limit);
             return None;
-        }
-        let Reverse(next) = self.queue.pop()?;
-        self.now = next.at;
-        Some(*next.happening)
-    }
-}
-
-struct Scheduled {
-    at: Duration,
-    order: u64,
-    /// Boxed, as the queue moves its elements, and a message is large.
-    happening: Box<Happening>,
-}
-
-impl PartialEq for Scheduled {
-    fn eq(&self, other: &Self) -> bool {
-        (self.at, self.order) == (other.at, other.order)
-    }
-}
-impl Eq for Scheduled {}
-impl PartialOrd for Scheduled {
-    fn partial_cmp(&self, other: &Self) -> Option<std::cmp::Ordering> {
-        Some(self.cmp(other))
-    }
-}
-impl Ord for Scheduled {
-    fn cmp(&self, other: &Self) -> std::cmp::Ordering {
-        (self.at, self.order).cmp(&(other.at, other.order))
+        };
+        let ((at, _), happening) = next.remove_entry();
+        self.now = at;
+        Some(*happening)
     }
 }
