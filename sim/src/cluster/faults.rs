@@ -65,13 +65,8 @@ impl Cluster {
         for reader in readers {
             if reader != claim.claimant && self.random.below(2) == 0 {
                 let message = Message::Claim(Arc::clone(&forged));
-                self.input(
-                    reader,
-                    Input::Message {
-                        source: None,
-                        message,
-                    },
-                );
+                let source = None;
+                self.input(reader, Input::Message { source, message });
             }
         }
     }
