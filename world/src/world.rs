@@ -132,15 +132,10 @@ impl World {
             return;
         };
         let known = robot.attempt.as_ref();
-        match known.filter(|known| known.request == request) {
-            Some(Attempt {
-                stage: AttemptStage::Trying(_),
-                ..
-            }) => {}
-            Some(Attempt {
-                stage: AttemptStage::Done,
-                ..
-            }) => self.answer(module, request.request, Ok(())),
+        let known = known.filter(|known| known.request == request);
+        match known.map(|known| known.stage) {
+            Some(AttemptStage::Trying(_)) => {}
+            Some(AttemptStage::Done) => self.answer(module, request.request, Ok(())),
             _ => {
                 let stage = AttemptStage::Trying(now);
                 robot.begin(Attempt { request, stage });
