@@ -22,7 +22,7 @@ const COMMON: [(&str, &str); 3] = [
 /// A session is a client of a router on this machine. A client has one link, so that a hundred processes have a hundred;
 /// a hundred peers, which `rmw_zenoh_cpp` makes of them, would have 4,950. A sample for which the link has no room is dropped
 /// after 10 ms, in microseconds here: longer than the default of 1 ms, as there may be more processes than processors.
-const SESSION: [(&str, &str); 4] = [
+pub(super) const SESSION: [(&str, &str); 4] = [
     ("mode", "\"client\""),
     ("connect/endpoints", "[\"tcp/localhost:7447\"]"),
     (
@@ -36,29 +36,17 @@ const SESSION: [(&str, &str); 4] = [
 ];
 
 /// A router listens on the port of `rmw_zenohd`.
-const ROUTER: [(&str, &str); 3] = [
+pub(super) const ROUTER: [(&str, &str); 3] = [
     ("mode", "\"router\""),
     ("listen/endpoints", "[\"tcp/[::]:7447\"]"),
     ("scouting/delay", "0"),
 ];
 
-/// The settings of a session, for a file.
+/// The settings of a session or a router with these defaults, for a file.
 ///
 /// # Errors
 /// A default is no JSON.
-pub(super) fn session_defaults() -> Result<Value, String> {
-    as_value(&SESSION)
-}
-
-/// The settings of a router, for a file.
-///
-/// # Errors
-/// A default is no JSON.
-pub(super) fn router_defaults() -> Result<Value, String> {
-    as_value(&ROUTER)
-}
-
-fn as_value(defaults: &[(&str, &str)]) -> Result<Value, String> {
+pub(super) fn settings(defaults: &[(&str, &str)]) -> Result<Value, String> {
     let mut settings = Value::Null;
     for (key, value) in COMMON.iter().chain(defaults) {
         let value = serde_json::from_str(value).map_err(|error| format!("{key}: {error}"))?;

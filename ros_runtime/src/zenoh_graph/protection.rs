@@ -49,7 +49,7 @@ pub struct Rights {
 /// # Errors
 /// Zenoh refuses a value.
 pub fn session_file(credentials: Credentials<'_>, routers: &[String]) -> Result<String, String> {
-    let mut settings = configuration::session_defaults()?;
+    let mut settings = configuration::settings(&configuration::SESSION)?;
     set(&mut settings, "connect/endpoints", json!(routers));
     set(&mut settings, "transport/link/protocols", json!([TLS]));
     let secrets = with_credentials(credentials, &["connect"]);
@@ -69,7 +69,7 @@ pub fn router_file(
     router: &str,
     rights: &[Rights],
 ) -> Result<String, String> {
-    let mut settings = configuration::router_defaults()?;
+    let mut settings = configuration::settings(&configuration::ROUTER)?;
     set(&mut settings, "listen/endpoints", json!([listen]));
     set(&mut settings, "transport/link/protocols", json!([TLS]));
     let secrets = with_credentials(credentials, &["listen", "connect"]);
