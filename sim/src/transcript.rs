@@ -43,10 +43,6 @@ impl Display for TranscriptLine {
 pub struct Transcript(Vec<TranscriptLine>);
 
 impl Transcript {
-    pub(crate) const fn new() -> Self {
-        Self(Vec::new())
-    }
-
     /// The events in order.
     #[must_use]
     pub fn lines(&self) -> &[TranscriptLine] {

@@ -144,14 +144,13 @@ impl Cluster {
 
     /// Keeps a transcript of the run from now on.
     pub fn keep_transcript(&mut self) {
-        self.record.transcript = Some(Transcript::default());
+        self.record.keeps_transcript = true;
     }
 
     /// The transcript so far; empty unless one is kept.
     #[must_use]
     pub fn transcript(&self) -> &Transcript {
-        static EMPTY: Transcript = Transcript::new();
-        self.record.transcript.as_ref().unwrap_or(&EMPTY)
+        &self.record.transcript
     }
 
     /// The time in the cluster.

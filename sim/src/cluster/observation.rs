@@ -53,7 +53,8 @@ pub enum Observation {
 #[derive(Default)]
 pub(super) struct Record {
     pub(super) observations: Vec<(Duration, Observation)>,
-    pub(super) transcript: Option<Transcript>,
+    pub(super) keeps_transcript: bool,
+    pub(super) transcript: Transcript,
 }
 
 impl Cluster {
@@ -214,8 +215,8 @@ impl Cluster {
 
     pub(super) fn observe(&mut self, observation: Observation) {
         let now = self.now();
-        if let Some(transcript) = &mut self.record.transcript {
-            transcript.add(now, &observation);
+        if self.record.keeps_transcript {
+            self.record.transcript.add(now, &observation);
         }
         self.record.observations.push((now, observation));
     }
