@@ -187,11 +187,7 @@ pub(crate) fn target(
         let (x, y) = (frame.x(&spot.pose), frame.y(&spot.pose));
         let mut drawn = Element::group(class_of(spot))
             .with("data-spot", spot.id.0)
-            .containing(
-                square(side)
-                    .with("transform", placed(x, y, Frame::turn(&spot.pose)))
-                    .with("rx", Short(side * 0.18)),
-            );
+            .containing(square(side).with("transform", placed(x, y, Frame::turn(&spot.pose))));
         if let Some(label) = label(side, spot.id.0) {
             drawn.push(label.lengths([("x", x), ("y", y)]));
         }
@@ -222,16 +218,11 @@ pub(crate) fn module_at(frame: &Frame, module: &Module, pose: &Pose) -> Element 
 /// A module's square with the mark of its heading, around the origin.
 pub(crate) fn body(side: f64, look: &Look, turn: f64) -> Element {
     let mut body = Element::group("body").with("transform", format!("rotate({})", Short(turn)));
-    body.push(
-        square(side)
-            .with("rx", Short(side * 0.18))
-            .with("fill", look.fill),
-    );
+    body.push(square(side).with("fill", look.fill));
     if let Some(pattern) = look.pattern {
         body.push(
             square(side)
                 .with("class", "pattern")
-                .with("rx", Short(side * 0.18))
                 .with("fill", format!("url(#{pattern})")),
         );
     }
@@ -248,9 +239,12 @@ pub(crate) fn body(side: f64, look: &Look, turn: f64) -> Element {
     body
 }
 
+/// A square around the origin, with round corners.
 fn square(side: f64) -> Element {
     let half = -side / 2.0;
-    Element::new("rect").lengths([("x", half), ("y", half), ("width", side), ("height", side)])
+    Element::new("rect")
+        .lengths([("x", half), ("y", half), ("width", side), ("height", side)])
+        .with("rx", Short(side * 0.18))
 }
 
 /// A transformation that moves the origin.
