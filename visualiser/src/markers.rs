@@ -2,9 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{
-    BODY_WIDTH, ModuleId, ModulePhase, ModuleSize, Pose, RawArea, Surroundings,
-};
+use formation::model::{BODY_WIDTH, ModuleId, ModulePhase, ModuleSize, Pose, Surroundings};
 use formation_msgs::Header;
 use formation_msgs::external::geometry_msgs::{self, Point, Vector3};
 use formation_msgs::external::std_msgs::ColorRGBA;
@@ -150,14 +148,9 @@ impl Picture<'_> {
     /// A block for each obstacle, and a line along the walls.
     fn draw_surroundings(&mut self, surroundings: &Surroundings) {
         for (id, obstacle) in (0..).zip(surroundings.obstacles()) {
-            let RawArea {
-                x,
-                y,
-                width,
-                height,
-            } = obstacle.to_raw();
+            let area = obstacle.to_raw();
             let mut pose = geometry_msgs::Pose::default();
-            (pose.position.x, pose.position.y) = (x, y);
+            (pose.position.x, pose.position.y) = (area.x, area.y);
             pose.position.z = MODULE_HEIGHT / 2.0;
             self.add(
                 "obstacles",
@@ -165,7 +158,7 @@ impl Picture<'_> {
                 Marker {
                     r#type: Marker::CUBE,
                     pose,
-                    scale: scale(width, height, MODULE_HEIGHT),
+                    scale: scale(area.width, area.height, MODULE_HEIGHT),
                     color: DARK_GREY,
                     ..Marker::default()
                 },
