@@ -42,13 +42,11 @@ pub(super) const OVER_TIME: Figure = Figure {
     kinds: &[Kind::Talk],
     keys: "",
     rows: |settings| {
-        let group = |contender| full_size(settings, contender);
-        let groups = PAPER_AND_OURS.into_iter().map(group);
-        let row = |group| Row {
+        let row = |contender| Row {
             keys: Vec::new(),
-            group,
+            group: full_size(settings, contender),
         };
-        groups.map(row).collect()
+        PAPER_AND_OURS.map(row).into()
     },
     columns: &[],
     tables: |figure, data| vec![(figure.name, each_claim(data))],
