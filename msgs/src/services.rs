@@ -63,7 +63,7 @@ pub struct RetireModuleRequest {
     pub rejoin: bool,
 }
 
-/// The responses that tell people what will happen, or why nothing does.
+/// The responses that say what will happen, or why nothing does.
 macro_rules! answers {
     ($($(#[$documentation:meta])* $response:ident = $name:literal;)+) => {$(
         $(#[$documentation])*
