@@ -155,8 +155,8 @@ impl Node for Announcer<'_> {
                 reply(outcome.inspect(|_| self.publish_commands()).into());
             }
             Input::RemoveModule(Call { request, reply }) => {
-                let (module, run) = (request.module_id, request.incarnation);
-                let outcome = self.commander.remove(module, run);
+                let commander = &mut self.commander;
+                let outcome = commander.remove(request.module_id, request.incarnation);
                 reply(outcome.inspect(|_| self.publish_commands()).into());
             }
             Input::Action(request) => self.handle_action(now, request),
