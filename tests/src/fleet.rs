@@ -56,6 +56,9 @@ impl Timing {
     }
 }
 
+/// The nodes have no services, as discovery takes longer with more endpoints. Other tests have nodes with services.
+const NO_SERVICES: [&str; 3] = ["--ros-args", "-p", "start_parameter_services:=false"];
+
 /// Agents on one domain.
 pub struct Fleet {
     domain: String,
@@ -156,6 +159,7 @@ impl Fleet {
         if let Some(stores) = &self.stores {
             arguments.extend(["--state-dir", stores.path().to_str().unwrap()]);
         }
+        arguments.extend(NO_SERVICES);
         let agent = self.started(network, program, &arguments);
         let earlier = self.agents.insert(module, agent);
         assert!(earlier.is_none(), "module {module} runs already");
