@@ -3,6 +3,7 @@
 //! A word counts wherever it stands as a whole word, also within an identifier (`hear_state`, `TargetInlet`), and a phrase
 //! also across the end of a line. A word that is written with a capital here counts only so: it is the name of a type.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use super::files::{self, TextFile};
@@ -174,25 +175,40 @@ fn begin_with(words: &[Word<'_>], phrase: &str) -> bool {
     })
 }
 
+/// A phrase of the table, and what to write instead.
+type Replaced = (&'static str, &'static str);
+
+/// The phrases of the table by their first word in small letters, as most words of a text begin none.
+fn by_first_word() -> BTreeMap<String, Vec<Replaced>> {
+    let mut phrases: BTreeMap<String, Vec<Replaced>> = BTreeMap::new();
+    for (alternatives, instead) in WORDS {
+        for phrase in alternatives.split('|') {
+            let first = phrase.split(' ').next().unwrap().to_ascii_lowercase();
+            phrases.entry(first).or_default().push((phrase, instead));
+        }
+    }
+    phrases
+}
+
 /// The phrases of the table that a file contains, each with its line and what to write instead.
-fn findings(file: &TextFile) -> Vec<(usize, &'static str, &'static str)> {
+fn findings(
+    file: &TextFile,
+    table: &BTreeMap<String, Vec<Replaced>>,
+) -> Vec<(usize, &'static str, &'static str)> {
     let mut text = file.text.clone();
     for (name, _) in KEPT {
         text = text.replace(name, "");
     }
     let words = words(&text);
     let mut found = Vec::new();
-    for at in 0..words.len() {
-        for (phrases, instead) in WORDS {
-            let phrase = phrases
-                .split('|')
-                .find(|phrase| begin_with(&words[at..], phrase));
-            let Some(phrase) = phrase else { continue };
+    for (at, word) in words.iter().enumerate() {
+        let first = word.text.to_ascii_lowercase();
+        for &(phrase, instead) in table.get(&first).into_iter().flatten() {
             let is_allowed = ALLOWED
                 .iter()
                 .any(|(path, word, _)| file.path.starts_with(path) && *word == phrase);
-            if !is_allowed {
-                found.push((words[at].line, phrase, *instead));
+            if begin_with(&words[at..], phrase) && !is_allowed {
+                found.push((word.line, phrase, instead));
             }
         }
     }
@@ -202,8 +218,9 @@ fn findings(file: &TextFile) -> Vec<(usize, &'static str, &'static str)> {
 #[test]
 fn words_that_the_glossary_replaces_are_not_used() {
     let mut report = String::new();
+    let table = by_first_word();
     for file in files::all().iter().filter(|file| !file.is_in(SELF)) {
-        for (line, phrase, instead) in findings(file) {
+        for (line, phrase, instead) in findings(file, &table) {
             writeln!(report, "{}:{line}: \"{phrase}\": {instead}", file.path).unwrap();
         }
     }
@@ -239,7 +256,7 @@ fn words_are_found_in_identifiers_and_across_lines() {
         text: "fn hear_state(inlet: &TargetInlet) {}\n/// Halted for\n/// want of power; it heartbeats.\n"
             .to_owned(),
     };
-    let found: Vec<(usize, &str)> = findings(&file)
+    let found: Vec<(usize, &str)> = findings(&file, &by_first_word())
         .into_iter()
         .map(|(line, phrase, _)| (line, phrase))
         .collect();
