@@ -10,7 +10,6 @@ mod explain;
 mod generate;
 mod joining;
 mod motion;
-mod order;
 mod plan;
 #[cfg(feature = "recordings")]
 mod recorded;
@@ -35,6 +34,7 @@ use ros_runtime::exit::{STATUS_DONE, conclude};
 #[cfg(feature = "zenoh")]
 use crate::arguments::SecurityCommand;
 use crate::arguments::{Arguments, Command};
+use crate::run::order;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {

@@ -4,8 +4,11 @@ use std::collections::VecDeque;
 use std::time::Duration;
 
 use formation::model::ModuleId;
-use formation::motion::{DockingAction, DriveCommand, DriveFault, ExternalDrive, SimulatedDrive};
-use formation::protocol::{Identity, MotionGoal, MotionReport};
+use formation::motion::{
+    DockingAction, DriveCommand, DriveFault, ExternalDrive, MotionGoal, MotionReport,
+    SimulatedDrive,
+};
+use formation::protocol::Identity;
 
 use crate::arguments::{Motion, MotionMode};
 use crate::drivers::DriverMessage;

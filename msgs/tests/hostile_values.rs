@@ -18,9 +18,8 @@ use crate::common::codec::{self, Codec, read};
 use crate::common::hostile::Writer;
 use formation::generate::Random;
 use formation::model::{Incarnation, Message, ModuleId, ModuleSize, Pose};
-use formation::protocol::{
-    Agent, AgentParameters, Identity, Input, MotionReport, Output, SourceId,
-};
+use formation::motion::MotionReport;
+use formation::protocol::{Agent, AgentParameters, Identity, Input, Output, SourceId};
 use formation::verify::{Observer, ObserverParameters};
 use formation_msgs as wire;
 use formation_msgs::IntoCore;

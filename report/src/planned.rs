@@ -9,10 +9,10 @@ use formation::model::{
     ActingUnit, Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem, Pose,
     SpotId,
 };
+use formation::motion::MotionGoal;
 use formation::motion::paths::{Step, StepKind, UnitMotion};
 use formation::motion::{PlannedMotion, SimulatedDrive};
 use formation::planner::PlanOutcome;
-use formation::protocol::MotionGoal;
 
 /// Into how many straight parts an arc is divided.
 const ARC_PARTS: u32 = 6;

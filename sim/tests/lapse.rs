@@ -4,7 +4,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{Message, ModuleId, TargetAnnouncement};
-use formation::protocol::{Agent, AgentParameters, Input, MotionReport, Output};
+use formation::motion::MotionReport;
+use formation::protocol::{Agent, AgentParameters, Input, Output};
 
 use crate::support::{agent, scenario};
 

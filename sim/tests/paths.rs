@@ -7,7 +7,8 @@ use std::time::Duration;
 
 use formation::generate::Apart;
 use formation::model::{Message, Scenario, TargetAnnouncement};
-use formation::protocol::{Agent, Input, MotionReport, Mutation, Output};
+use formation::motion::MotionReport;
+use formation::protocol::{Agent, Input, Mutation, Output};
 use formation_sim::{
     AgentFactory, CampaignParameters, Ending, FaultKind, ViolationKind, run_seeds,
 };

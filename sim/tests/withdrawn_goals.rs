@@ -10,9 +10,8 @@ use formation::model::{
     Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Pose, Scenario,
     SpotId, Stop, TargetAnnouncement,
 };
-use formation::protocol::{
-    Agent, AgentParameters, Identity, Input, MotionReport, Mutation, Output, SourceId,
-};
+use formation::motion::MotionReport;
+use formation::protocol::{Agent, AgentParameters, Identity, Input, Mutation, Output, SourceId};
 
 /// One module by itself, on the clock of the test.
 struct Alone {

@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use super::docking::{DockingAction, DockingRequest, DockingResult};
 use super::fault::DriveFault;
+use super::goal::MotionReport;
 use crate::model::ModuleId;
-use crate::protocol::MotionReport;
 
 /// The interval at which an unanswered request is repeated: drivers can join late, and messages can be lost.
 const REPEAT_AFTER: Duration = Duration::from_millis(500);

@@ -11,8 +11,8 @@ use std::time::Duration;
 use super::docking::{DockingAction, DockingRequest, DockingResult};
 use super::docking_queue::DockingQueue;
 use super::fault::DriveFault;
+use super::goal::{MotionGoal, MotionReport};
 use crate::model::{MicroUnits, ModuleId, Pose};
-use crate::protocol::{MotionGoal, MotionReport};
 use rest::Rest;
 
 /// The limits and tolerances for a driver.

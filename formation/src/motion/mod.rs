@@ -4,6 +4,7 @@ mod docking;
 mod docking_queue;
 mod external;
 mod fault;
+mod goal;
 pub mod paths;
 mod planned;
 mod world_report;
@@ -11,13 +12,13 @@ mod world_report;
 pub use docking::{DockingAction, DockingRequest, DockingResult};
 pub use external::{DriveCommand, ExternalDrive, ExternalParameters};
 pub use fault::DriveFault;
+pub use goal::{MotionGoal, MotionReport};
 pub use planned::PlannedMotion;
 pub use world_report::WorldReport;
 
 use std::time::Duration;
 
 use crate::model::Pose;
-use crate::protocol::{MotionGoal, MotionReport};
 
 /// A simulated drive. Like a real one it needs its goal repeated: after `patience` without a repetition it halts.
 #[derive(Clone, Debug)]

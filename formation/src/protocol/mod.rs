@@ -50,7 +50,7 @@ use std::time::Duration;
 
 pub use durable::DurableState;
 pub use event::{EpochReason, Event, Severity};
-pub use io::{Command, Identity, Input, MotionGoal, MotionReport, Output, SourceId};
+pub use io::{Command, Identity, Input, Output, SourceId};
 #[cfg(feature = "mutations")]
 pub use mutation::Mutation;
 pub use parameters::{AgentParameters, ParametersError};

@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use crate::model::{ModuleId, ModulePhase, Service};
+use crate::motion::MotionReport;
 
 use super::Agent;
 use super::event::Event;
-use super::io::{Command, MotionReport};
+use super::io::Command;
 use super::stage::Stage;
 
 impl Agent {

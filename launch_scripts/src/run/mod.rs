@@ -5,6 +5,7 @@ mod display;
 mod domain;
 mod memory;
 mod network;
+pub mod order;
 mod page;
 mod processes;
 mod programs;

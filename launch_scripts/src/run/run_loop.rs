@@ -10,11 +10,11 @@ use formation::motion::WorldReport;
 use formation::verify::{AgreementReport, Outcome, Progress, ReportLine, VerdictReport};
 
 use super::display::Display;
+use super::order;
 use super::recording::Recording;
 use super::roles::{Death, Deaths, ProcessRoles};
 use super::supervisor::{Output, ProcessEvent, ProcessId, Supervisor};
 use super::view::Key;
-use crate::order;
 
 /// After its verdict, the verifier stays for this long, so that subscribers of its topic receive the verdict.
 const LINGER: Duration = Duration::from_millis(500);

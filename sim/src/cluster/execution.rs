@@ -5,8 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{Incarnation, Message, ModuleId};
+use formation::motion::MotionReport;
 use formation::motion::SimulatedDrive;
-use formation::protocol::{ComputedPlan, Input, MotionReport, Output, PlanJob, SourceId};
+use formation::protocol::{ComputedPlan, Input, Output, PlanJob, SourceId};
 
 use super::schedule::{Delivery, Happening};
 use super::{Cluster, Observation};

@@ -6,7 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{Incarnation, Message, ModuleId, Pose};
-use formation::protocol::{Identity, Input, MotionReport, Output, SourceId};
+use formation::motion::MotionReport;
+use formation::protocol::{Identity, Input, Output, SourceId};
 
 use super::world::{Actor, Agenda, World, hash_of, id};
 use super::{Explorer, MODULES, Step, Trail};

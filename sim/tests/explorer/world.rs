@@ -9,7 +9,8 @@ use std::time::Duration;
 use formation::model::{
     Heartbeat, Incarnation, Message, ModuleId, ModuleState, Pose, RosterMessage,
 };
-use formation::protocol::{Agent, MotionGoal};
+use formation::motion::MotionGoal;
+use formation::protocol::Agent;
 
 use super::evidence::{Evidence, PlanKey};
 use super::{Bound, MODULES, Step, Trail};

@@ -7,11 +7,12 @@ use std::time::Duration;
 use crate::model::{
     DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId, digest,
 };
+use crate::motion::MotionGoal;
 
 use super::super::body::SettledOn;
 use super::super::context::Context;
 use super::super::event::Event;
-use super::super::io::{MotionGoal, Output};
+use super::super::io::Output;
 use super::held_plan::Place;
 use super::invalid_start::fault_of;
 use super::on_paths::Advance;

@@ -10,12 +10,11 @@ use crate::model::{
     ModulePhase, ModuleState, Plan, Polyline, Pose, Roster, Service, SpotId, Whereabouts,
 };
 
-use crate::motion::PlannedMotion;
 use crate::motion::paths::MotionError;
+use crate::motion::{MotionGoal, PlannedMotion};
 
 use super::super::context::Context;
 use super::super::event::Event;
-use super::super::io::MotionGoal;
 use super::super::peer::Peer;
 use super::super::peers::{Peers, Shown};
 use super::route::{HeldMotion, PathPlace};

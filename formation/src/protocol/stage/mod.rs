@@ -16,6 +16,7 @@ use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
 use crate::model::{Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim};
+use crate::motion::MotionGoal;
 
 pub(super) use acting::Acting;
 pub(super) use agreeing::Agreeing;
@@ -178,7 +179,7 @@ impl Stage {
     }
 
     /// The goal that is published again with each heartbeat, if the module may move.
-    pub fn repeated_goal(&self, context: &Context) -> Option<super::MotionGoal> {
+    pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
         match self {
             Self::Acting(acting) => acting.repeated_goal(context),
             _ => None,

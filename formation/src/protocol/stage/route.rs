@@ -4,10 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, Pose, Roster};
-use crate::motion::PlannedMotion;
 use crate::motion::paths::{ModuleMotion, StepKind, UnitMotion};
+use crate::motion::{MotionGoal, PlannedMotion};
 
-use super::super::io::MotionGoal;
 use super::aside;
 
 /// The unit of a module in the paths of a plan, and the module's own path.

@@ -5,8 +5,8 @@ use formation::model::text::joined;
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
+use super::{Programs, environment_of_runs};
 use crate::arguments::OrderArguments;
-use crate::run::{Programs, environment_of_runs};
 
 /// The option by which the target publisher orders all modules to stop.
 pub const STOP: &str = "--stop";
