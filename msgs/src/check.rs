@@ -7,7 +7,6 @@ use formation::model::{Digest, Epoch, MicroUnits, ModuleId, ModuleSize, NO_ID, P
 
 use crate::bounds::{COORDINATE_LIMIT_MICRO, LINKS_MAX, NAME_BYTES_MAX};
 use crate::error::{Fault, MessageError};
-use crate::session::PROTOCOL_VERSION;
 
 /// A fault and the path of its field, while the topic is not yet known.
 #[derive(Debug)]
@@ -199,6 +198,9 @@ pub(crate) fn entries<R, T>(
         .map(|(index, entry)| validate(entry).map_err(|error| error.within_entry(field, index)))
         .collect()
 }
+
+/// The version of the protocol that this library speaks. It rises when modules of two builds could not agree on a plan.
+pub const PROTOCOL_VERSION: u32 = 4;
 
 /// The version of the protocol of a message.
 pub(crate) fn version(version: u32) -> Checked<()> {

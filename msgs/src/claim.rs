@@ -7,10 +7,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::NONE;
 use crate::bounds::{MODULES_MAX, SPOTS_MAX};
-use crate::check::{self, Checked, FieldError};
+use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
 use crate::epoch::Epoch;
 use crate::error::Fault;
-use crate::session::PROTOCOL_VERSION;
 
 /// See `SpotSelection.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

@@ -7,11 +7,10 @@ use formation::model::{Incarnation, ModuleId, ModuleSize};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
-use crate::check::{self, Checked, FieldError};
+use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
 use crate::epoch::{Epoch, store, store_to_wire};
 use crate::module_state::{phase_from_wire, phase_to_wire};
 use crate::operator::Stop;
-use crate::session::PROTOCOL_VERSION;
 use crate::standard::Duration;
 
 /// See `ModuleHeartbeat.msg`.

@@ -106,6 +106,7 @@ mod verdict;
 use formation::{model, motion};
 
 pub use body::Body;
+pub use check::PROTOCOL_VERSION;
 pub use claim::{Eviction, EvictionRecord, SpotClaim, SpotSelection};
 pub use docking::{DockingRequest, DockingResult};
 pub use driver_pose::DriverPose;
@@ -125,7 +126,7 @@ pub use services::{
     RemoveModuleRequest, RemoveModuleResponse, RetireModuleRequest, RetireModuleResponse,
     StopFormationRequest, StopFormationResponse, WithdrawTargetRequest, WithdrawTargetResponse,
 };
-pub use session::{InSession, PROTOCOL_VERSION, SessionId};
+pub use session::{InSession, SessionId};
 pub use standard::{Duration, Header, Time};
 pub use target::{Area, Edge, PlannerParameters, Spot, TargetConfiguration};
 pub use verdict::Verdict;

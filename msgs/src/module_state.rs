@@ -13,9 +13,8 @@ use serde::{Deserialize, Serialize};
 use crate::NONE;
 use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
-use crate::check::{self, Checked, FieldError};
+use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
-use crate::session::PROTOCOL_VERSION;
 use crate::standard::{Header, Time};
 
 /// See `CausalMark.msg`.

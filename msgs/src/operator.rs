@@ -4,8 +4,7 @@ use formation::model::{self, Incarnation, Message, ModuleId};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
-use crate::check::{self, Checked};
-use crate::session::PROTOCOL_VERSION;
+use crate::check::{self, Checked, PROTOCOL_VERSION};
 
 /// See `Stop.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]

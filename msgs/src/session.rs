@@ -11,9 +11,6 @@ use crate::operator::OperatorCommand;
 use crate::roster::Roster;
 use crate::target::TargetConfiguration;
 
-/// The version of the protocol that this library speaks. It rises when modules of two builds could not agree on a plan.
-pub const PROTOCOL_VERSION: u32 = 4;
-
 /// Distinguishes formations that follow each other, or stand side by side, on one domain. The programs of one formation have the
 /// same; messages of another session change nothing.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]

@@ -11,8 +11,7 @@ use formation::model::{
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
-use crate::check::{self, Checked, FieldError};
-use crate::session::PROTOCOL_VERSION;
+use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
 use crate::standard::Header;
 
 /// See `Spot.msg`.

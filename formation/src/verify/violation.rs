@@ -7,6 +7,9 @@ use thiserror::Error;
 use super::observer::CollisionRisk;
 use crate::model::{Digest, Epoch, MicroUnits, ModuleId, ModulePhase, SpotId};
 
+/// The greatest number of violations that are listed.
+pub(super) const VIOLATIONS_MAX: usize = 256;
+
 /// A guarantee that was broken. The message of each variant describes it and names the modules and spots concerned.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Error)]
 #[expect(missing_docs, reason = "the message of each variant describes it")]

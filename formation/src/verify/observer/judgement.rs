@@ -7,11 +7,10 @@ use super::claims::Claimed;
 use super::end_state::EndState;
 use super::observation::Observer;
 use super::order::Acts;
-use super::received::VIOLATIONS_MAX;
 use super::record::PlannedEpoch;
 use super::verdict::{Counts, Outcome, Timings, Verdict};
 use crate::model::{ModuleId, SpotId};
-use crate::verify::{Missing, Violation};
+use crate::verify::violation::{Missing, VIOLATIONS_MAX, Violation};
 
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.

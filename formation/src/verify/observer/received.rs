@@ -14,10 +14,8 @@ use crate::model::{
     Epoch, Incarnation, MODULES_MAX, Message, MicroUnits, ModuleId, ModuleState, Pose,
     RosterMessage, TargetAnnouncement,
 };
-use crate::verify::Violation;
+use crate::verify::violation::{VIOLATIONS_MAX, Violation};
 
-/// The greatest number of violations that are listed.
-pub(super) const VIOLATIONS_MAX: usize = 256;
 /// The greatest number of epochs that are kept.
 const EPOCHS_MAX: usize = 64;
 

@@ -17,9 +17,8 @@ use std::time::Duration;
 
 use self::track::{Added, Segment, StepEnd, Track};
 use super::parameters::ObserverParameters;
-use super::received::VIOLATIONS_MAX;
 use crate::model::{BODY_WIDTH, Epoch, MODULES_MAX, MicroUnits, ModuleId, ModuleState, Target};
-use crate::verify::Violation;
+use crate::verify::violation::{VIOLATIONS_MAX, Violation};
 
 /// The greatest number of contacts that wait for the next state of a module that stands.
 const SUSPICIONS_MAX: usize = 1_024;
