@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Simulates SEEDS runs of 5 to 40 modules with mixed faults and SEEDS of 2 to 12 with hostile ones, then searches all schedules
-# of three modules up to a larger bound than the test command uses, and runs what that command leaves out because it takes
-# minutes: storms of restarts, the larger model of majorities, the seeds that show each deliberate bug, motion plans of many
-# sizes, and their stops.
+# Simulates SEEDS runs of 5 to 40 modules with mixed faults, and SEEDS of 2 to 12 each with hostile ones and with churn, then
+# searches all schedules of three modules up to a larger bound than the test command uses, and runs what that command leaves
+# out because it takes minutes: storms of restarts, the larger model of majorities, the seeds that show each deliberate bug,
+# motion plans of many sizes, and their stops.
 # Usage: tests/soak_simulation.sh [SEEDS], 10000 by default; the exit status is 1 if any run violates a promise.
 set -euo pipefail
 repository="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
@@ -13,6 +13,7 @@ cargo build --release --quiet -p launch_scripts
 status=0
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 5-40 --faults mixed || status=1
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 2-12 --faults hostile || status=1
+nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 2-12 --faults churn || status=1
 FORMATION_EXPLORE=large nice -n 5 cargo test --release --quiet -p formation_sim --test all -- exploration:: --nocapture || status=1
 nice -n 5 cargo test --release --quiet -p formation_sim --test all -- --ignored stores:: majority_model:: mutations:: --nocapture || status=1
 nice -n 5 cargo test --release --quiet -p formation --test all -- --ignored motion_ --nocapture || status=1

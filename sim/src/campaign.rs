@@ -36,7 +36,7 @@ pub struct CampaignParameters {
     /// If set, the modules of drawn scenarios start apart, in a field of this width in hundredths of the square root of their
     /// number, so that they can move along paths.
     pub apart: Option<(Apart, u32)>,
-    /// The time from the start within which faults occur.
+    /// The time from the start within which faults occur; churn takes four times as long.
     pub fault_span: Duration,
     /// The time after the last fault within which a run must end.
     pub patience: Duration,
@@ -155,7 +155,9 @@ fn cluster_parameters(faults: FaultKind) -> ClusterParameters {
     ClusterParameters {
         agent: agent_parameters(),
         network: match faults {
-            FaultKind::Mixed | FaultKind::Hostile | FaultKind::Storm => NetworkParameters::rough(),
+            FaultKind::Mixed | FaultKind::Hostile | FaultKind::Storm | FaultKind::Churn => {
+                NetworkParameters::rough()
+            }
             _ => defaults.network,
         },
         drift_ppm_max: match faults {
@@ -187,9 +189,11 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     let mut memory = Random::from_seed(seed ^ MEMORY_SEED);
     let drawn = memory.below(2) == 0;
     let stores = parameters.stores.unwrap_or(drawn);
+    // docs/fault_model.md excepts restarts without stores if the founders are not named, and churn consists of them.
+    let always_named = stores || parameters.faults == FaultKind::Churn;
     let cluster_parameters = ClusterParameters {
         stores,
-        names_founders: stores || memory.below(2) == 0,
+        names_founders: always_named || memory.below(2) == 0,
         plan_time_max: parameters.plan_time_max,
         ..cluster_parameters(parameters.faults)
     };
@@ -309,6 +313,7 @@ impl MonitoredRun<'_> {
             }
             Fault::StartLate(_) => {}
             Fault::ForgeClaims => cluster.forge_claims(),
+            Fault::ForgeRoster => cluster.forge_roster(),
             Fault::Withdraw => announce(cluster, None),
             Fault::Announce(seed) => {
                 let target = match seed {

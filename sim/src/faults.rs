@@ -1,5 +1,6 @@
 //! The faults of a run and their times, drawn from its seed.
 
+mod churn;
 mod hostile;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -35,11 +36,14 @@ pub enum FaultKind {
     /// All modules are stopped by command and resumed, once or twice; in some stops a process restarts, so that a new epoch
     /// begins.
     Stops,
+    /// Modules crash and restart one by one while the network changes, slowly enough for the rest to agree in between, so that
+    /// majorities are handed on; in some runs a stranger publishes rosters.
+    Churn,
 }
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const NAMED: [(&'static str, Self); 7] = [
+    pub const NAMED: [(&'static str, Self); 8] = [
         ("none", Self::None),
         ("crash", Self::Crash),
         ("partition", Self::Partition),
@@ -47,6 +51,7 @@ impl FaultKind {
         ("hostile", Self::Hostile),
         ("storm", Self::Storm),
         ("stops", Self::Stops),
+        ("churn", Self::Churn),
     ];
 }
 
@@ -111,6 +116,8 @@ pub enum Fault {
     },
     /// A participant that is not a module forges claims from now on.
     ForgeClaims,
+    /// A participant that is not a module publishes a roster, the quorum bases of which it invented.
+    ForgeRoster,
     /// The target is withdrawn.
     Withdraw,
     /// A target is announced: the scenario's own, or one drawn from a seed.
@@ -167,6 +174,7 @@ pub fn draw(
         FaultKind::Hostile => drawing.hostile(),
         FaultKind::Storm => drawing.storm(),
         FaultKind::Stops => drawing.stops(),
+        FaultKind::Churn => drawing.churn(),
     }
     drawing.faults.sort_by_key(|fault| fault.at);
     drawing.removals();

@@ -400,6 +400,7 @@ fn fault_entry(fault: &Fault) -> Entry {
         })
         .module(*module),
         Fault::ForgeClaims => Entry::of("forge_claims"),
+        Fault::ForgeRoster => Entry::of("forge_roster"),
         Fault::Withdraw => Entry::of("withdraw"),
         Fault::Announce(_) => Entry::of("announce"),
     }

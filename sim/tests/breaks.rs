@@ -9,8 +9,7 @@ use std::time::Duration;
 use crate::support::{Trial, drawn, hold_a_plan, ids};
 use formation::generate::Grouping;
 use formation::model::{
-    Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, QuorumBasis, Roster,
-    RosterMessage, TargetAnnouncement, Voter, VoterMemory,
+    Incarnation, Message, ModuleId, ModulePhase, ModuleRun, TargetAnnouncement,
 };
 use formation::protocol::{Agent, Event, Mutation, Refusal};
 use formation_sim::{
@@ -192,60 +191,18 @@ fn a_roster_for_other_times_is_refused() {
     assert!(trial.noted.iter().any(is_refused));
 }
 
-fn stranger_heartbeat(
-    module: u32,
-    incarnation: u64,
-    sequence: u64,
-    epoch: Option<Epoch>,
-) -> Message {
-    Message::Heartbeat(Heartbeat {
-        module: ModuleId(module),
+/// A stranger sends a heartbeat as this run of the fifth module.
+fn squat(trial: &mut Trial, incarnation: u64, sequence: u64) {
+    let run = ModuleRun {
+        module: ModuleId(5),
         incarnation: Incarnation(incarnation),
-        store: None,
-        sequence,
-        uptime: Duration::from_secs(sequence),
-        epoch,
-        digest: None,
-        digest_since: 0,
-        applied_turns: 0,
-        steps_done: 0,
-        phase: ModulePhase::Listening,
-        stop: formation::model::Stop::default(),
-    })
+    };
+    trial.cluster.forge_heartbeat(run, sequence, None);
 }
 
-/// A stranger shows an epoch and publishes a roster whose quorum bases consist of modules that do not exist.
-fn inject_invented_basis(trial: &mut Trial) {
-    let epoch = Epoch {
-        number: trial.newest_epoch() + 5,
-        convener: ModuleId(99),
-    };
-    trial
-        .cluster
-        .inject(&stranger_heartbeat(99, 1, 1, Some(epoch)));
-    let invented = |agreed| QuorumBasis {
-        epoch: Epoch {
-            number: epoch.number - 1,
-            convener: ModuleId(98),
-        },
-        agreed,
-        members: (100..105)
-            .map(|id| Voter {
-                module: ModuleId(id),
-                memory: VoterMemory::Volatile(Incarnation(1)),
-            })
-            .collect(),
-    };
-    let last = trial.rosters.last().unwrap();
-    let roster = Roster {
-        epoch,
-        quorum_bases: vec![invented(true)],
-        members: Vec::new(),
-        ..Roster::clone(last)
-    };
-    trial
-        .cluster
-        .inject(&Message::Roster(RosterMessage::Plan(Arc::new(roster))));
+/// A stranger publishes a roster whose quorum basis consists of modules that do not exist, and another epoch is needed.
+fn forge_roster_and_crash(trial: &mut Trial) {
+    trial.cluster.forge_roster();
     trial.run_for(Duration::from_secs(10));
     trial.cluster.crash(ModuleId(5));
 }
@@ -253,14 +210,14 @@ fn inject_invented_basis(trial: &mut Trial) {
 #[test]
 fn a_roster_of_a_stranger_teaches_no_quorum_basis() {
     let mut trial = five(3);
-    inject_invented_basis(&mut trial);
+    forge_roster_and_crash(&mut trial);
     until_formed_by(&mut trial, &[1, 2, 3, 4]);
 }
 
 #[test]
 fn learning_before_judging_lets_a_stranger_stop_all_later_epochs() {
     let mut trial = five_with(Some(Mutation::LearnUnjudged), 3);
-    inject_invented_basis(&mut trial);
+    forge_roster_and_crash(&mut trial);
     trial.run_for(Duration::from_secs(300));
     assert_eq!(trial.in_phase(ModulePhase::WaitingForQuorum).len(), 4);
 }
@@ -275,9 +232,7 @@ fn a_squatter_keeps_a_module_out_only_while_it_sends() {
         .start_late(ModuleId(5), Duration::from_secs(20));
     trial.run_for(Duration::from_secs(3));
     for sequence in 1..=4 {
-        trial
-            .cluster
-            .inject(&stranger_heartbeat(5, 1 << 63, sequence, None));
+        squat(&mut trial, 1 << 63, sequence);
         trial.run_for(Duration::from_millis(500));
     }
     trial.run_for(Duration::from_secs(180));
@@ -293,8 +248,7 @@ fn a_module_that_starts_under_a_silent_squatter_takes_part_again() {
         trial.cluster.remove(ModuleId(5));
         until_formed_by(&mut trial, &[1, 2, 3, 4]);
         for sequence in 1..=4 {
-            let forged = stranger_heartbeat(5, 1 << 40, sequence, None);
-            trial.cluster.inject(&forged);
+            squat(&mut trial, 1 << 40, sequence);
             trial.run_for(Duration::from_millis(250));
         }
         trial.cluster.restart(ModuleId(5));

@@ -64,25 +64,46 @@ fn run(mutation: Option<Mutation>, seed: u64) -> RunReport {
     run_seed(&parameters, seed).unwrap()
 }
 
-/// Bugs that hostile faults find in small formations: each with the number of modules, a seed, and the violation.
-const FOUND_IN_SMALL_FORMATIONS: [(Mutation, usize, u64, ViolationKind); 2] = [
+/// Bugs that small formations show: each with the faults, the number of modules, a seed, and the violation.
+const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, usize, u64, ViolationKind); 4] = [
     (
         Mutation::ExcludeMembersAhead,
+        FaultKind::Hostile,
         3,
         7_135_134,
         ViolationKind::NoEnd,
     ),
     (
         Mutation::ForgetPinBeforeGoal,
+        FaultKind::Hostile,
         2,
         10_034_893,
         ViolationKind::PinForgotten,
     ),
+    (
+        Mutation::CountAllBack,
+        FaultKind::Churn,
+        5,
+        5_739,
+        ViolationKind::TwoFormations,
+    ),
+    (
+        Mutation::LearnUnjudged,
+        FaultKind::Churn,
+        3,
+        26,
+        ViolationKind::QuorumDenied,
+    ),
 ];
 
-fn small(mutation: Option<Mutation>, modules: usize, seed: u64) -> Vec<Violation> {
+fn small(
+    mutation: Option<Mutation>,
+    faults: FaultKind,
+    modules: usize,
+    seed: u64,
+) -> Vec<Violation> {
     let parameters = CampaignParameters {
-        faults: FaultKind::Hostile,
+        faults,
         modules_min: modules,
         modules_max: modules,
         agents: agents(mutation),
@@ -93,8 +114,8 @@ fn small(mutation: Option<Mutation>, modules: usize, seed: u64) -> Vec<Violation
 
 #[test]
 fn every_bug_of_small_formations_is_found() {
-    for (mutation, modules, seed, kind) in FOUND_IN_SMALL_FORMATIONS {
-        let found = |mutation| small(mutation, modules, seed);
+    for (mutation, faults, modules, seed, kind) in FOUND_IN_SMALL_FORMATIONS {
+        let found = |mutation| small(mutation, faults, modules, seed);
         let with_bug = found(Some(mutation));
         assert!(
             with_bug.iter().any(|violation| violation.kind == kind),
@@ -155,8 +176,8 @@ fn find_seeds() {
         }
         assert!(hits > 0, "no seed shows {mutation:?}");
     }
-    for (mutation, modules, first, kind) in FOUND_IN_SMALL_FORMATIONS {
-        let search = |mutation, seed| small(mutation, modules, seed);
+    for (mutation, faults, modules, first, kind) in FOUND_IN_SMALL_FORMATIONS {
+        let search = |mutation, seed| small(mutation, faults, modules, seed);
         let mut seeds = first..first + 20_000;
         let found = seeds.find(|&seed| {
             let with_bug = search(Some(mutation), seed);

@@ -77,7 +77,8 @@ pub enum ParametersError {
 
 impl AgentParameters {
     /// The times that all members of a roster must have in common.
-    pub(super) fn timing(&self) -> Timing {
+    #[must_use]
+    pub fn timing(&self) -> Timing {
         Timing {
             heartbeat: self.heartbeat,
             suspicion: self.suspicion,

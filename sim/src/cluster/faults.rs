@@ -4,7 +4,10 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Decision, Message, ModuleId, SpotClaim, Stop};
+use formation::model::{
+    Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun,
+    QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, Voter, VoterMemory,
+};
 use formation::protocol::{Command, Identity, Input, SourceId};
 
 use super::schedule::Happening;
@@ -69,6 +72,65 @@ impl Cluster {
                 self.input(reader, Input::Message { source, message });
             }
         }
+    }
+
+    /// A participant that is no module shows an epoch later than all others, and publishes a roster for it with a quorum basis
+    /// of modules that do not exist. Nothing happens before a target is announced.
+    pub fn forge_roster(&mut self) {
+        let Some(target) = self.announcement.as_deref().cloned() else {
+            return;
+        };
+        let running = self.running();
+        let epochs = running.iter().filter_map(|&one| self.standing(one)?.epoch);
+        let newest = epochs.map(|epoch| epoch.number).max().unwrap_or_default();
+        let invented = |back: u32| ModuleId(u32::MAX - back);
+        let epoch = |ahead| Epoch {
+            number: newest + ahead,
+            convener: invented(0),
+        };
+        let incarnation = Incarnation(1);
+        let members = (1..=5).rev().map(|back| Voter {
+            module: invented(back),
+            memory: VoterMemory::Volatile(incarnation),
+        });
+        let roster = Roster {
+            epoch: epoch(5),
+            target,
+            members: Vec::new(),
+            quorum_bases: vec![QuorumBasis {
+                epoch: epoch(4),
+                agreed: true,
+                members: members.collect(),
+            }],
+            timing: self.parameters.agent.timing(),
+            bodies: Vec::new(),
+        };
+        let stranger = ModuleRun {
+            module: invented(0),
+            incarnation,
+        };
+        let sequence = u64::try_from(self.now().as_millis()).unwrap_or(u64::MAX);
+        self.forge_heartbeat(stranger, sequence, Some(roster.epoch));
+        self.inject(&Message::Roster(RosterMessage::Plan(Arc::new(roster))));
+        self.note(Fault::ForgeRoster);
+    }
+
+    /// A participant that is no module sends a heartbeat as this run, which takes part in nothing yet.
+    pub fn forge_heartbeat(&mut self, run: ModuleRun, sequence: u64, epoch: Option<Epoch>) {
+        self.inject(&Message::Heartbeat(Heartbeat {
+            module: run.module,
+            incarnation: run.incarnation,
+            store: None,
+            sequence,
+            uptime: Duration::from_secs(sequence),
+            epoch,
+            digest: None,
+            digest_since: 0,
+            applied_turns: 0,
+            steps_done: 0,
+            phase: ModulePhase::Listening,
+            stop: Stop::default(),
+        }));
     }
 
     /// Delivers a message to every module at once, from a participant that is no module.

@@ -51,14 +51,18 @@ impl Monitor {
             .is_some_and(|state| state.service == Service::Active)
     }
 
-    /// The modules that can reach each other. Of those that are cut off from the publisher, one that listens and has not received the
-    /// target since it started takes no part in anything.
+    /// The modules that can reach each other. Of those that are cut off from the publisher, one that has not received the target
+    /// since it started takes no part in anything, unless a roster brought it.
     fn groups(&self, cluster: &Cluster) -> Vec<BTreeSet<ModuleId>> {
         let takes_part = |&module: &ModuleId| {
             let heartbeat = self.heartbeat(cluster, module);
-            let is_started =
-                heartbeat.is_some_and(|heartbeat| heartbeat.phase != ModulePhase::Listening);
-            is_started || knows_target(cluster, module)
+            let has_roster = heartbeat.is_some_and(|heartbeat| {
+                !matches!(
+                    heartbeat.phase,
+                    ModulePhase::Listening | ModulePhase::Gathered
+                )
+            });
+            has_roster || knows_target(cluster, module)
         };
         let mut groups = cluster.parts();
         for cut_off in groups.iter_mut().skip(1) {
