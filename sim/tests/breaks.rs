@@ -171,6 +171,12 @@ fn a_pin_is_not_lost_to_a_plan_for_a_former_target() {
     }
 }
 
+/// The module crashes a tenth of a unit away from the spot on which it had settled.
+#[test]
+fn a_pin_does_not_outlive_the_process_of_a_module_that_has_set_off() {
+    assert_eq!(violations(FaultKind::Churn, 6, 8_249), [""; 0]);
+}
+
 /// The third module has a shorter lease than the others.
 #[test]
 fn a_roster_for_other_times_is_refused() {

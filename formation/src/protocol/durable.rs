@@ -160,9 +160,11 @@ impl Agent {
             founders: context.memory.founders.clone(),
             quorum_bases: context.memory.quorum.bases(),
             service: context.body.service,
+            // A module that sets off leaves its spot once this is stored.
             settled_on: context
                 .body
                 .settled_on
+                .filter(|_| !context.body.moving)
                 .map(|settled| (settled.spot, settled.target)),
             pose: context.body.pose,
             links: context.body.links.clone(),
