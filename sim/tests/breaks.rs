@@ -171,6 +171,12 @@ fn a_pin_is_not_lost_to_a_plan_for_a_former_target() {
     }
 }
 
+/// The members have excluded one that was stuck, and agree with it a little later.
+#[test]
+fn an_exclusion_ends_when_its_module_agrees() {
+    assert_eq!(violations(FaultKind::Churn, 7, 2_307), [""; 0]);
+}
+
 /// The module crashes a tenth of a unit away from the spot on which it had settled.
 #[test]
 fn a_pin_does_not_outlive_the_process_of_a_module_that_has_set_off() {

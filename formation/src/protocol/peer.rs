@@ -113,6 +113,7 @@ impl Peer {
     pub fn note_agreement(&mut self) {
         self.rosters_without_agreement = 0;
         self.unwanted_until = Duration::ZERO;
+        self.excluded_until = Duration::ZERO;
     }
 
     /// The members of a roster have agreed without it: if rosters with it did not agree before, no epoch is opened for it for
