@@ -171,10 +171,25 @@ fn a_pin_is_not_lost_to_a_plan_for_a_former_target() {
     }
 }
 
+/// The module knows of a roster from the history of a member, and the members are in later epochs, which lack a quorum.
+#[test]
+fn an_outsider_of_an_epoch_that_is_over_waits_with_the_members() {
+    assert_eq!(violations(FaultKind::Churn, 4, 11_675), [""; 0]);
+}
+
 /// The members have excluded one that was stuck, and agree with it a little later.
 #[test]
 fn an_exclusion_ends_when_its_module_agrees() {
     assert_eq!(violations(FaultKind::Churn, 7, 2_307), [""; 0]);
+}
+
+/// The module followed a call to an epoch that came to nothing, or refused a roster that lacked a majority which it knew of.
+#[test]
+fn a_module_that_waits_for_a_quorum_is_called_by_those_that_formed_without_it() {
+    for (modules, seed) in [(4, 13_842), (6, 8_613), (7, 7_308), (7, 9_238), (7, 11_331)] {
+        let found = violations(FaultKind::Churn, modules, seed);
+        assert_eq!(found, [""; 0], "seed {seed}");
+    }
 }
 
 /// The module crashes a tenth of a unit away from the spot on which it had settled.

@@ -63,6 +63,19 @@ fn hostile_faults_leave_no_hole() {
     run_all(&parameters, 0..seeds() / 10);
 }
 
+#[test]
+fn churn_leaves_no_hole_and_no_module_alone() {
+    for modules_max in [4, 9] {
+        let parameters = CampaignParameters {
+            faults: FaultKind::Churn,
+            modules_min: 2,
+            modules_max,
+            ..CampaignParameters::default()
+        };
+        run_all(&parameters, 0..seeds());
+    }
+}
+
 /// Seeds with a goal of the instant in which its sender leaves the plan, and with an outsider that reaches only a later run of
 /// a member: the goal is withdrawn, and the outsider reports that it waits for a quorum.
 #[test]

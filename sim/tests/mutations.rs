@@ -70,7 +70,7 @@ const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, usize, u64, ViolationKin
         Mutation::ExcludeMembersAhead,
         FaultKind::Hostile,
         3,
-        7_135_134,
+        7_115_419,
         ViolationKind::NoEnd,
     ),
     (

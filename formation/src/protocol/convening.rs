@@ -84,11 +84,7 @@ impl Stage {
             // The others leave this module out; were it to convene, it would list itself again.
             return None;
         }
-        let is_ahead = |module: &ModuleId| {
-            let peer = context.peers.get(*module);
-            peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
-        };
-        let ahead: Vec<ModuleId> = stuck.iter().copied().filter(is_ahead).collect();
+        let ahead = ahead_of(roster, stuck.iter().copied(), context);
         if !ahead.is_empty() && !context.bugs.exclude_members_ahead() {
             // They make progress, without this module. Were they excluded, this module would lack them for a quorum.
             return Some(EpochReason::MembersAhead(ahead));
@@ -110,7 +106,10 @@ impl Stage {
         if is_calm {
             return None;
         }
-        let newcomers = wanted_newcomers(roster, context);
+        let mut newcomers = wanted_newcomers(roster, context);
+        if newcomers.is_empty() {
+            newcomers = strays(roster, context);
+        }
         if newcomers.is_empty() {
             context.peers.note_calm(context.liveness(), judged);
             return None;
@@ -147,6 +146,14 @@ fn judge_members(
     if let Some(reason) = missing_members(roster, context) {
         return Err(Some(reason));
     }
+    if is_outside {
+        let members = roster.members.iter().map(|member| member.module.id);
+        let ahead = ahead_of(roster, members, context);
+        if !ahead.is_empty() {
+            // They wait for a quorum in a later epoch: this one is over.
+            return Err(Some(EpochReason::MembersAhead(ahead)));
+        }
+    }
     let leaving = leaving(roster, context);
     if leaving.is_empty() {
         return Ok(());
@@ -154,6 +161,19 @@ fn judge_members(
     let live = context.live_voters();
     let some_is_active = live.iter().any(|voter| context.is_active(voter.module));
     Err(some_is_active.then_some(EpochReason::OutOfService(leaving)))
+}
+
+/// Those of some members that show a later epoch than that of the roster.
+fn ahead_of(
+    roster: &Roster,
+    members: impl Iterator<Item = ModuleId>,
+    context: &Context,
+) -> Vec<ModuleId> {
+    let is_ahead = |module: &ModuleId| {
+        let peer = context.peers.get(*module);
+        peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
+    };
+    members.filter(is_ahead).collect()
 }
 
 /// The members other than this module.
@@ -233,6 +253,20 @@ fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
         newcomers.clear();
     }
     newcomers
+}
+
+/// The live modules outside the roster that know its epoch, or a later one, and wait for a quorum: they know of a majority that
+/// the members do not need, and learn in a gathering only that it no longer counts.
+fn strays(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+    let waits = |module: ModuleId| {
+        let heartbeat = context.peers.heartbeat(module);
+        heartbeat.is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
+    };
+    let live = context.live_voters().into_iter().map(|voter| voter.module);
+    live.filter(|&module| roster.member(module).is_none() && waits(module))
+        .filter(|&module| follows(module, roster.epoch, context))
+        .filter(|&module| context.peers.is_wanted(context.now, module))
+        .collect()
 }
 
 /// Whether a module knows this epoch. A module that receives the members' messages follows them to their epoch; one that does

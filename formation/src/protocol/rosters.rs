@@ -62,6 +62,12 @@ impl Agent {
             }
             RosterMessage::Plan(roster) => {
                 if let Err(refusal) = self.follow(roster) {
+                    if refusal == Refusal::NoQuorum && self.context.shortfall.is_some() {
+                        // It shows the epoch that it could not follow, so that the members of that call it to the next one.
+                        self.leave_epoch();
+                        self.context.memory.note_epoch(epoch);
+                        self.stage = Stage::Listening(Some(epoch));
+                    }
                     self.context.refuse(convener, refusal);
                 }
             }
