@@ -109,7 +109,7 @@ impl Cluster {
             module: invented(0),
             incarnation,
         };
-        let sequence = u64::try_from(self.now().as_millis()).unwrap_or(u64::MAX);
+        let sequence = self.now().as_secs();
         self.forge_heartbeat(stranger, sequence, Some(roster.epoch));
         self.inject(&Message::Roster(RosterMessage::Plan(Arc::new(roster))));
         self.note(Fault::ForgeRoster);
