@@ -192,6 +192,12 @@ fn a_module_that_waits_for_a_quorum_is_called_by_those_that_formed_without_it() 
     }
 }
 
+/// Bodies block all spots for the only module with a quorum, and a stranger's roster has led the modules of two bodies astray.
+#[test]
+fn modules_in_later_epochs_are_called_by_one_that_finds_all_spots_blocked() {
+    assert_eq!(violations(FaultKind::Churn, 7, 1_009_019), [""; 0]);
+}
+
 /// The module crashes a tenth of a unit away from the spot on which it had settled.
 #[test]
 fn a_pin_does_not_outlive_the_process_of_a_module_that_has_set_off() {

@@ -189,11 +189,17 @@ impl Gathering {
         self.close(&frozen, context)
     }
 
-    /// The live modules that show a later epoch.
-    fn modules_ahead(&self, context: &Context) -> Vec<ModuleId> {
+    /// Waits for more modules, as no roster can be made of those that have frozen. Live modules that show a later epoch do not
+    /// come back to this one, so they are called to another.
+    fn wait_for_others(self, announcement: &TargetAnnouncement, context: &mut Context) -> Step {
         let live = context.peers.live(context.liveness());
         let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
-        ahead.map(|(module, _)| module).collect()
+        let ahead: Vec<ModuleId> = ahead.map(|(module, _)| module).collect();
+        if ahead.is_empty() {
+            return Step::Stay(Stage::Gathering(self));
+        }
+        let next = Self::convene(context, announcement, EpochReason::MembersAhead(ahead));
+        Step::Enter(Stage::Gathering(next))
     }
 
     /// Publishes the roster, unless it lacks a quorum or the target has changed.
@@ -219,32 +225,25 @@ impl Gathering {
             context.shortfall_of(&context.memory, &voters, announcement.expected_modules);
         context.set_shortfall(shortfall);
         if shortfall.is_some() {
-            let ahead = self.modules_ahead(context);
             let live = context.live_voters();
             let expected = announcement.expected_modules;
-            if !ahead.is_empty()
-                && context
-                    .shortfall_of(&context.memory, &live, expected)
-                    .is_none()
-            {
-                // They are in an epoch that this module cannot follow, and do not come back to this one.
-                let reason = EpochReason::MembersAhead(ahead);
-                let next = Self::convene(context, &announcement, reason);
-                return Step::Enter(Stage::Gathering(next));
+            let lacks_live = context.shortfall_of(&context.memory, &live, expected);
+            if lacks_live.is_none() {
+                return self.wait_for_others(&announcement, context);
             }
             // The members stay frozen, and the gathering continues when more modules are within reach.
             return Step::Stay(Stage::Gathering(self));
         }
         // Judged after the quorum: a group without one waits for it, even if nothing could be planned.
         if !some_is_active {
-            return Step::Stay(Stage::Gathering(self));
+            return self.wait_for_others(&announcement, context);
         }
         let Some(open) = roster.open_target() else {
             // Bodies block every spot. The state of this module lists them.
             if context.report_blocked(roster.blocked_spots()) {
                 context.mark_state_changed();
             }
-            return Step::Stay(Stage::Gathering(self));
+            return self.wait_for_others(&announcement, context);
         };
         if self.target != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {
             // Another target was announced since. The members froze with pins for the former one, and have to announce
