@@ -354,11 +354,12 @@ impl Monitor {
     }
 }
 
-/// A module stands on a spot that is this near, and its heading that of the spot to within as much.
+/// A module stands on a spot that is this near along each axis, and its heading that of the spot to within as much.
 const ON_SPOT: MicroUnits = MicroUnits(2_000);
 
 fn stands_on(pose: &Pose, spot: &Pose) -> bool {
-    pose.distance_to(spot) <= ON_SPOT && pose.heading_difference(spot) <= ON_SPOT
+    let is_near = |one: MicroUnits, other: MicroUnits| (one.0 - other.0).abs() <= ON_SPOT.0;
+    is_near(pose.x, spot.x) && is_near(pose.y, spot.y) && pose.heading_difference(spot) <= ON_SPOT
 }
 
 /// The active members that no claim may evict: those with a pin, and those of a configuration.
