@@ -1,4 +1,4 @@
-//! Actions as values, and serving them: ROS 2 makes an action of three services and two topics.
+//! Actions as values: ROS 2 makes an action of three services and two topics.
 
 use std::marker::PhantomData;
 
@@ -12,16 +12,14 @@ use ros2_client::builtin_interfaces::Time;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use crate::arguments::Resource;
 use crate::publisher_queue::{PublisherQueue, Sink};
 use crate::service::{Carried, RequestId};
-use crate::session::{Session, SessionError};
 use crate::topic::Quality;
 
 /// An action whose goals are `G`, whose results are `R`, and whose feedback is `F`.
 #[derive(Debug)]
 pub struct Action<G, R, F> {
-    name: &'static str,
+    pub(crate) name: &'static str,
     package: &'static str,
     type_name: &'static str,
     types: PhantomData<fn(G) -> (R, F)>,
@@ -80,10 +78,10 @@ pub(crate) type OpenedAction<G, R, F> = (
 
 /// Answers the clients of an action, and publishes on its goals.
 pub struct ActionServer<R: ActionData, F: ActionData> {
-    goal: Answer<SendGoalResponse>,
-    cancellation: Answer<CancelGoalResponse>,
-    result: Answer<GetResultResponse<Carried<R>>>,
-    feedback: PublisherQueue<FeedbackMessage<Carried<F>>>,
+    pub(crate) goal: Answer<SendGoalResponse>,
+    pub(crate) cancellation: Answer<CancelGoalResponse>,
+    pub(crate) result: Answer<GetResultResponse<Carried<R>>>,
+    pub(crate) feedback: PublisherQueue<FeedbackMessage<Carried<F>>>,
     /// The states of all goals.
     pub status: PublisherQueue<GoalStatusArray>,
 }
@@ -122,25 +120,3 @@ pub type ServedAction<G, R, F> = (
 pub(crate) const FEEDBACK: Quality = Quality::ReliableVolatile { depth: 10 };
 /// The quality that ROS 2 gives to the states of goals.
 pub(crate) const STATUS: Quality = Quality::TransientLocal { depth: 1 };
-
-impl Session {
-    /// Serves an action.
-    ///
-    /// # Errors
-    /// The name cannot be used, or the library refuses.
-    pub fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
-        &mut self,
-        action: &Action<G, R, F>,
-    ) -> Result<ServedAction<G, R, F>, SessionError> {
-        let name = self.resolve(Resource::Service, action.name)?;
-        let (endpoints, requests) = self.graph.serve_action(action, &name)?;
-        let server = ActionServer {
-            goal: endpoints.goal,
-            cancellation: endpoints.cancellation,
-            result: endpoints.result,
-            feedback: self.queue("feedback", FEEDBACK, endpoints.feedback),
-            status: self.queue("status", STATUS, endpoints.status),
-        };
-        Ok((server, requests))
-    }
-}

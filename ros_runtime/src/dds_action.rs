@@ -20,7 +20,7 @@ use crate::action::{
 use crate::dds_graph::DdsGraph;
 use crate::dds_service::{Clients, answerable, poll_request, service_qos};
 use crate::service::{Carried, RequestId};
-use crate::session::{SessionError, library_name};
+use crate::session_error::{SessionError, library_name};
 
 type Library<G, R, F> = ros2_client::ActionServer<Carried<G>, Carried<R>, Carried<F>>;
 

@@ -25,9 +25,9 @@ use crate::parameters::Parameters;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::{RawSample, Undecoded};
 use crate::service_mapping::ServiceMapping;
-use crate::session::{ParticipantId, SessionError, bad_name, library_name};
+use crate::session_error::{SessionError, bad_name, library_name};
 use crate::stamp::nanoseconds_since_epoch;
-use crate::subscription::Taken;
+use crate::subscription::{ParticipantId, Taken};
 use crate::topic::Topic;
 
 /// A process's place in the ROS 2 graph over DDS.

@@ -18,7 +18,7 @@ use serde::de::DeserializeOwned;
 use crate::dds_graph::DdsGraph;
 use crate::matched_readers::MatchedReaders;
 use crate::service::{Call, Carried, Reply, RequestId, Service, WAITING_MAX};
-use crate::session::{SessionError, library_name};
+use crate::session_error::{SessionError, library_name};
 
 /// A client whose subscription to replies is not discovered within this is answered all the same.
 const CLIENT_WAIT: Duration = Duration::from_secs(1);

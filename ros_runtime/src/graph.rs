@@ -15,9 +15,9 @@ use crate::raw_sample::RawSample;
 use crate::security::DDS_SHORTFALL;
 use crate::service::{Call, Service};
 use crate::service_mapping::ServiceMapping;
-use crate::session::{ParticipantId, SessionError};
+use crate::session_error::SessionError;
 use crate::settings::Settings;
-use crate::subscription::Taken;
+use crate::subscription::{ParticipantId, Taken};
 use crate::topic::Topic;
 #[cfg(feature = "zenoh")]
 use crate::zenoh_graph::ZenohGraph;

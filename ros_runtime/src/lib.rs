@@ -38,6 +38,7 @@ pub mod security;
 pub mod service;
 pub mod service_mapping;
 pub mod session;
+mod session_error;
 pub mod settings;
 pub mod stamp;
 mod subscription;

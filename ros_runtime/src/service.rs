@@ -1,19 +1,15 @@
-//! Services as values, and serving them in the way that the client's middleware expects.
+//! Services as values.
 
 use std::marker::PhantomData;
 
-use futures::stream::LocalBoxStream;
 use ros2_client::RmwRequestId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use crate::arguments::Resource;
-use crate::session::{Session, SessionError};
-
 /// A service that takes `Q` and answers `A`.
 #[derive(Debug)]
 pub struct Service<Q, A> {
-    name: &'static str,
+    pub(crate) name: &'static str,
     package: &'static str,
     type_name: &'static str,
     types: PhantomData<fn(Q) -> A>,
@@ -60,21 +56,3 @@ impl<T: Serialize + DeserializeOwned> ros2_client::Message for Carried<T> {}
 
 /// How many requests of one service can wait to be answered.
 pub(crate) const WAITING_MAX: usize = 16;
-
-impl Session {
-    /// Serves a service: the stream of the requests that decode.
-    ///
-    /// # Errors
-    /// The name cannot be used, or the library refuses.
-    pub fn serve<Q, A>(
-        &mut self,
-        service: &Service<Q, A>,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
-    where
-        Q: Serialize + DeserializeOwned + Clone + 'static,
-        A: Serialize + DeserializeOwned + 'static,
-    {
-        let name = self.resolve(Resource::Service, service.name)?;
-        self.graph.serve(service, &name)
-    }
-}

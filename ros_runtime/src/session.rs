@@ -3,20 +3,28 @@
 use std::cell::RefCell;
 use std::rc::{Rc, Weak};
 
-use ros2_client::{Name, ParameterValue};
+use futures::stream::LocalBoxStream;
+use ros2_client::ParameterValue;
 use serde::Serialize;
-use thiserror::Error;
+use serde::de::DeserializeOwned;
 
+use crate::action::{Action, ActionData, ActionServer, FEEDBACK, STATUS, ServedAction};
 use crate::arguments::{NodeIdentity, RemapRules, Resource};
-use crate::exit::Failure;
 use crate::graph::Graph;
 use crate::logging;
-use crate::parameters::{NodeParameters, ParameterError, Parameters, Tunables};
+use crate::parameters::{NodeParameters, Parameters, Tunables};
 use crate::publisher_queue::{Flush, PublisherQueue, Sink};
+use crate::raw_sample::RawSample;
 use crate::rosout::LogLines;
+use crate::service::{Call, Service};
+use crate::session_error::bad_name;
 use crate::settings::Settings;
+use crate::subscription::accepted;
 use crate::topic::{Quality, Topic};
 use crate::topic_statistics::SharedStatistics;
+
+pub use crate::session_error::SessionError;
+pub use crate::subscription::ParticipantId;
 
 /// A process's place in the ROS 2 graph.
 ///
@@ -30,41 +38,6 @@ pub struct Session {
     pub(crate) log: Option<LogLines>,
     statistics: SharedStatistics,
     queues: Vec<Weak<RefCell<dyn Flush>>>,
-}
-
-/// A process as its samples name it: over DDS the prefix of its endpoints' identifiers, over Zenoh its session.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub struct ParticipantId(pub u128);
-
-/// Why a process could not join the ROS 2 graph, or had to leave it.
-#[derive(Debug, Error)]
-pub enum SessionError {
-    /// A name, a parameter or the network of the machine cannot be used.
-    #[error("{0}")]
-    BadInput(String),
-    /// The DDS library refused, or the node cannot do its work.
-    #[error("{0}")]
-    Failed(String),
-    /// The DDS library has ended its threads, as it does when the process was stopped and continues.
-    #[error(
-        "the DDS library no longer receives, as happens when a process is stopped and continues"
-    )]
-    NotReceiving,
-}
-
-impl From<ParameterError> for SessionError {
-    fn from(error: ParameterError) -> Self {
-        Self::BadInput(error.to_string())
-    }
-}
-
-impl From<SessionError> for Failure {
-    fn from(error: SessionError) -> Self {
-        match error {
-            SessionError::BadInput(_) => Self::BadInput(error.into()),
-            SessionError::Failed(_) | SessionError::NotReceiving => Self::Failed(error.into()),
-        }
-    }
 }
 
 impl Session {
@@ -134,6 +107,76 @@ impl Session {
         Ok(self.queue(topic.name(), topic.quality(), sink))
     }
 
+    /// Subscribes a topic: every sample of other participants that decodes and that `convert` accepts. Samples
+    /// that are refused are counted and logged.
+    ///
+    /// # Errors
+    /// The name cannot be used, or the library refuses.
+    pub fn subscription<M: DeserializeOwned + 'static, T: 'static>(
+        &mut self,
+        topic: &Topic<M>,
+        convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
+    ) -> Result<LocalBoxStream<'static, T>, SessionError> {
+        let name = self.resolve(Resource::Topic, &topic.path())?;
+        let samples = self.graph.subscription(topic, &name)?;
+        let (own, statistics) = (self.participant(), self.statistics());
+        Ok(accepted(samples, own, topic.name(), statistics, convert))
+    }
+
+    /// Subscribes a topic without decoding its samples, those that do not decode included.
+    ///
+    /// Over DDS, tools list the subscription without its node: the library registers with a node only the subscriptions
+    /// that decode.
+    ///
+    /// # Errors
+    /// The name cannot be used, or the library refuses.
+    pub fn raw_subscription<M: 'static>(
+        &mut self,
+        topic: &Topic<M>,
+    ) -> Result<LocalBoxStream<'static, RawSample>, SessionError> {
+        let name = self.resolve(Resource::Topic, &topic.path())?;
+        let samples = self.graph.raw_subscription(topic, &name)?;
+        let (own, statistics) = (self.participant(), self.statistics());
+        let convert = |_, sample| Ok(sample);
+        Ok(accepted(samples, own, topic.name(), statistics, convert))
+    }
+
+    /// Serves a service: the stream of the requests that decode.
+    ///
+    /// # Errors
+    /// The name cannot be used, or the library refuses.
+    pub fn serve<Q, A>(
+        &mut self,
+        service: &Service<Q, A>,
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    where
+        Q: Serialize + DeserializeOwned + Clone + 'static,
+        A: Serialize + DeserializeOwned + 'static,
+    {
+        let name = self.resolve(Resource::Service, service.name)?;
+        self.graph.serve(service, &name)
+    }
+
+    /// Serves an action.
+    ///
+    /// # Errors
+    /// The name cannot be used, or the library refuses.
+    pub fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
+        &mut self,
+        action: &Action<G, R, F>,
+    ) -> Result<ServedAction<G, R, F>, SessionError> {
+        let name = self.resolve(Resource::Service, action.name)?;
+        let (endpoints, requests) = self.graph.serve_action(action, &name)?;
+        let server = ActionServer {
+            goal: endpoints.goal,
+            cancellation: endpoints.cancellation,
+            result: endpoints.result,
+            feedback: self.queue("feedback", FEEDBACK, endpoints.feedback),
+            status: self.queue("status", STATUS, endpoints.status),
+        };
+        Ok((server, requests))
+    }
+
     /// A queue in front of `sink`, which the event loop offers its waiting samples again.
     pub(crate) fn queue<M: 'static>(
         &mut self,
@@ -184,14 +227,4 @@ pub fn rejoining<T>(
             end => return end,
         }
     }
-}
-
-/// A fully qualified name, for the library.
-pub(crate) fn library_name(name: &str) -> Result<Name, SessionError> {
-    Name::parse(name).map_err(|error| bad_name(name, &error))
-}
-
-pub(crate) fn bad_name(name: &str, reason: &dyn ToString) -> SessionError {
-    let reason = reason.to_string();
-    SessionError::BadInput(format!("`{name}` cannot be used in a ROS 2 name: {reason}"))
 }

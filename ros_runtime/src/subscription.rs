@@ -4,13 +4,12 @@ use std::future::ready;
 
 use futures::StreamExt;
 use futures::stream::LocalBoxStream;
-use serde::de::DeserializeOwned;
 
-use crate::arguments::Resource;
-use crate::raw_sample::RawSample;
-use crate::session::{ParticipantId, Session, SessionError};
-use crate::topic::Topic;
-use crate::topic_statistics::{RefusalKind, TopicStatistics};
+use crate::topic_statistics::{RefusalKind, SharedStatistics, TopicStatistics};
+
+/// A process as its samples name it: over DDS the prefix of its endpoints' identifiers, over Zenoh its session.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct ParticipantId(pub u128);
 
 /// What a middleware takes from a topic.
 pub(crate) enum Taken<M> {
@@ -23,52 +22,19 @@ pub(crate) enum Taken<M> {
     Lost(u64),
 }
 
-impl Session {
-    /// Subscribes a topic: every sample of other participants that decodes and that `convert` accepts. Samples
-    /// that are refused are counted and logged.
-    ///
-    /// # Errors
-    /// The name cannot be used, or the library refuses.
-    pub fn subscription<M: DeserializeOwned + 'static, T: 'static>(
-        &mut self,
-        topic: &Topic<M>,
-        convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
-    ) -> Result<LocalBoxStream<'static, T>, SessionError> {
-        let name = self.resolve(Resource::Topic, &topic.path())?;
-        let samples = self.graph.subscription(topic, &name)?;
-        Ok(self.accepted(samples, topic.name(), convert))
-    }
-
-    /// Subscribes a topic without decoding its samples, those that do not decode included.
-    ///
-    /// Over DDS, tools list the subscription without its node: the library registers with a node only the subscriptions
-    /// that decode.
-    ///
-    /// # Errors
-    /// The name cannot be used, or the library refuses.
-    pub fn raw_subscription<M: 'static>(
-        &mut self,
-        topic: &Topic<M>,
-    ) -> Result<LocalBoxStream<'static, RawSample>, SessionError> {
-        let name = self.resolve(Resource::Topic, &topic.path())?;
-        let samples = self.graph.raw_subscription(topic, &name)?;
-        Ok(self.accepted(samples, topic.name(), |_, sample| Ok(sample)))
-    }
-
-    /// The samples that `convert` accepts; the others are counted.
-    fn accepted<M: 'static, T: 'static>(
-        &self,
-        samples: LocalBoxStream<'static, Taken<M>>,
-        topic: &'static str,
-        mut convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
-    ) -> LocalBoxStream<'static, T> {
-        let (own, statistics) = (self.participant(), self.statistics());
-        let accepted = samples.filter_map(move |taken| {
-            let mut statistics = statistics.borrow_mut();
-            ready(accept(taken, own, topic, &mut statistics, &mut convert))
-        });
-        accepted.boxed_local()
-    }
+/// The samples that `convert` accepts; the others are counted.
+pub(crate) fn accepted<M: 'static, T: 'static>(
+    samples: LocalBoxStream<'static, Taken<M>>,
+    own: ParticipantId,
+    topic: &'static str,
+    statistics: SharedStatistics,
+    mut convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
+) -> LocalBoxStream<'static, T> {
+    let accepted = samples.filter_map(move |taken| {
+        let mut statistics = statistics.borrow_mut();
+        ready(accept(taken, own, topic, &mut statistics, &mut convert))
+    });
+    accepted.boxed_local()
 }
 
 /// Converts and counts a sample, or the reason why it does not decode; ignores those of the process's own participant.

@@ -15,7 +15,7 @@ use crate::action::{
     Action, ActionData, ActionEndpoints, ActionRequest, Answer, FEEDBACK, OpenedAction, STATUS,
 };
 use crate::service::{Carried, Reply, RequestId};
-use crate::session::SessionError;
+use crate::session_error::SessionError;
 
 /// How many requests to one service of an action can wait for their answers: more than goals can have.
 const UNANSWERED_MAX: usize = 4_096;

@@ -29,9 +29,9 @@ use crate::cdr;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::RawSample;
 use crate::service::{Call, Reply, RequestId, Service, WAITING_MAX};
-use crate::session::{ParticipantId, SessionError};
+use crate::session_error::SessionError;
 use crate::stamp::{nanoseconds_since_epoch, since_epoch};
-use crate::subscription::Taken;
+use crate::subscription::{ParticipantId, Taken};
 use crate::topic::{Quality, Topic};
 
 /// A publisher of a latched topic reports at most this often how many samples it has sent, so that a subscription notices

@@ -29,8 +29,9 @@ use zenoh::{Config, Session, Wait};
 
 use crate::arguments::NodeIdentity;
 use crate::publisher_queue::Sink;
-use crate::session::{ParticipantId, SessionError};
+use crate::session_error::SessionError;
 use crate::settings::Settings;
+use crate::subscription::ParticipantId;
 use crate::topic::{Quality, Topic};
 use crate::type_hash::Interfaces;
 use endpoints::{CachedTopic, Writer};

@@ -11,7 +11,7 @@ use zenoh::Config;
 use super::configuration;
 use super::names::mangled;
 use crate::security::Security;
-use crate::session::SessionError;
+use crate::session_error::SessionError;
 
 /// The only protocol of protected links.
 const TLS: &str = "tls";

@@ -5,7 +5,7 @@ use zenoh::{Session, Wait};
 pub use super::refusals::log as log_refusals;
 use super::{configuration, failed, protection};
 use crate::security::Security;
-use crate::session::SessionError;
+use crate::session_error::SessionError;
 
 /// A router, which routes between all processes that connect to it until it is stopped or dropped.
 pub struct Router {
