@@ -8,15 +8,17 @@ mod cluster;
 mod faults;
 mod monitor;
 mod network;
+mod observation;
 mod process;
 mod sweep;
 mod transcript;
 
 pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};
-pub use cluster::{Cluster, ClusterParameters, Observation, Standing};
+pub use cluster::{Cluster, ClusterParameters, Standing};
 pub use faults::{Fault, FaultKind, ScheduledFault};
 pub use monitor::{Violation, ViolationKind, blocks_all, room};
 pub use network::NetworkParameters;
+pub use observation::Observation;
 pub use process::AgentFactory;
 pub use sweep::run_seeds;
 pub use transcript::{Transcript, TranscriptLine};

@@ -14,8 +14,8 @@ use formation::model::{
 };
 use formation::protocol::{Command, EpochReason, Event};
 
-use crate::cluster::Observation;
 use crate::faults::Fault;
+use crate::observation::Observation;
 
 /// One event of a transcript.
 #[derive(Clone, Debug, PartialEq, Eq)]

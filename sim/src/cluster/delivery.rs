@@ -6,9 +6,10 @@ use std::sync::Arc;
 use formation::model::{Message, ModuleId};
 use formation::protocol::SourceId;
 
+use super::Cluster;
 use super::schedule::{Delivery, Happening};
-use super::{Cluster, Observation};
 use crate::network::{Channel, Network, Participant, Topic};
+use crate::observation::Observation;
 
 /// The network and the samples that were written.
 pub(super) struct Transport {

@@ -9,9 +9,10 @@ use formation::motion::MotionReport;
 use formation::motion::SimulatedDrive;
 use formation::protocol::{ComputedPlan, Input, Output, PlanJob, SourceId};
 
+use super::Cluster;
 use super::schedule::{Delivery, Happening};
-use super::{Cluster, Observation};
 use crate::network::duration_below;
+use crate::observation::Observation;
 use crate::process::{Clock, Inbox, Process, Stored};
 
 fn message_of(input: Input) -> Option<(Option<SourceId>, Message)> {

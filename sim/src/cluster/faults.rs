@@ -10,9 +10,10 @@ use formation::model::{
 };
 use formation::protocol::{Command, Identity, Input, SourceId};
 
+use super::Cluster;
 use super::schedule::Happening;
-use super::{Cluster, Observation};
 use crate::faults::Fault;
+use crate::observation::Observation;
 
 impl Cluster {
     /// Lets a module's process start no earlier than `at`; for calls before the first step.

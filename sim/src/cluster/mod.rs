@@ -3,7 +3,7 @@
 mod delivery;
 mod execution;
 mod faults;
-mod observation;
+mod observer;
 mod schedule;
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,11 +18,12 @@ use formation::model::{
 use formation::protocol::{AgentParameters, Identity};
 
 use delivery::Transport;
-use observation::Record;
-pub use observation::{Observation, Standing};
+use observer::Record;
+pub use observer::Standing;
 use schedule::{Happening, Schedule};
 
 use crate::network::{Network, NetworkParameters, Participant, Topic, duration_below};
+use crate::observation::Observation;
 use crate::process::{AgentFactory, Process, Stored};
 use crate::transcript::Transcript;
 

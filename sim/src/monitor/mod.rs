@@ -23,7 +23,8 @@ pub use bodies::{blocks_all, room};
 use contact::Bodies;
 pub use violation::{Violation, ViolationKind};
 
-use crate::cluster::{Cluster, Observation};
+use crate::cluster::Cluster;
+use crate::observation::Observation;
 
 struct KnownRoster {
     roster: Arc<Roster>,

@@ -1,18 +1,16 @@
 //! What an observer sees of a cluster.
 
 use std::collections::BTreeSet;
-use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Digest, Epoch, Message, ModuleId, ModulePhase, ModuleRun, Pose, SpotId, TargetAnnouncement,
-    Voter,
+    Digest, Epoch, ModuleId, ModulePhase, ModuleRun, Pose, SpotId, TargetAnnouncement, Voter,
 };
-use formation::protocol::{Agent, Event};
+use formation::protocol::Agent;
 
 use super::Cluster;
-use crate::faults::Fault;
 use crate::network::Participant;
+use crate::observation::Observation;
 use crate::transcript::Transcript;
 
 /// The state of one module, as an observer sees it that can look into every process.
@@ -30,23 +28,6 @@ pub struct Standing {
     pub moving: bool,
     /// The pose of its drive.
     pub pose: Pose,
-}
-
-/// An event, for transcripts and checks.
-#[derive(Clone, Debug)]
-pub enum Observation {
-    /// A module published a message.
-    Published(ModuleId, Message),
-    /// An agent noted an event.
-    Noted(ModuleId, Event),
-    /// A drive received a goal of this plan. Its module may have left the plan by the time this is read.
-    SetOff(ModuleId, Option<(Epoch, Digest)>),
-    /// A drive stands or moves here. Between two of these it moves evenly.
-    Stands(ModuleId, Pose),
-    /// The publisher of the target announced this.
-    Announced(Arc<TargetAnnouncement>),
-    /// A fault occurred, or ended.
-    Fault(Fault),
 }
 
 /// What an observer has seen.

@@ -1,0 +1,25 @@
+//! What happens in a cluster, for transcripts and checks.
+
+use std::sync::Arc;
+
+use formation::model::{Digest, Epoch, Message, ModuleId, Pose, TargetAnnouncement};
+use formation::protocol::Event;
+
+use crate::faults::Fault;
+
+/// An event, for transcripts and checks.
+#[derive(Clone, Debug)]
+pub enum Observation {
+    /// A module published a message.
+    Published(ModuleId, Message),
+    /// An agent noted an event.
+    Noted(ModuleId, Event),
+    /// A drive received a goal of this plan. Its module may have left the plan by the time this is read.
+    SetOff(ModuleId, Option<(Epoch, Digest)>),
+    /// A drive stands or moves here. Between two of these it moves evenly.
+    Stands(ModuleId, Pose),
+    /// The publisher of the target announced this.
+    Announced(Arc<TargetAnnouncement>),
+    /// A fault occurred, or ended.
+    Fault(Fault),
+}
