@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::model::{Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service};
+use crate::model::{
+    Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service, SpotId,
+};
 
 use super::Agent;
 use super::context::Context;
@@ -100,7 +102,11 @@ impl Stage {
         if has_mismatch && context.memory.mismatches <= 1 {
             return Some(EpochReason::DigestMismatch);
         }
-        if let Some(reason) = context.doubt_bodies(roster, self.held_plan()) {
+        let held = self.held_plan();
+        let is_to_fill = |spot: SpotId, context: &Context| {
+            held.is_some_and(|held| held.is_to_fill(spot, context))
+        };
+        if let Some(reason) = context.doubt_bodies(roster, is_to_fill) {
             return Some(reason);
         }
         if is_calm {

@@ -23,6 +23,7 @@ mod convening;
 mod durable;
 mod event;
 mod io;
+mod member_bodies;
 mod memory;
 mod motion;
 mod mutation;
@@ -41,6 +42,7 @@ mod snapshot;
 mod stage;
 mod stop;
 mod succession;
+mod write_ahead;
 
 use std::collections::BTreeSet;
 #[cfg(feature = "mutations")]

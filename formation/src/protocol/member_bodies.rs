@@ -1,0 +1,137 @@
+//! What an agent records of the bodies of others: when it leaves an epoch, for its store, and as they show themselves.
+
+use crate::model::{
+    BodyReport, ModuleId, ModuleRun, ModuleState, Pose, Roster, RosterMember, Whereabouts, body,
+};
+
+use super::Agent;
+use super::context::Context;
+use super::event::Event;
+use super::peers::Peers;
+use super::stage::{HeldPlan, Stage};
+
+impl Agent {
+    /// Records, before an epoch is left, where its other members stand or may be on their way.
+    pub(super) fn remember_members(&mut self) {
+        for report in self.member_reports(self.stage.has_acted()) {
+            self.context.bodies.note(report);
+        }
+    }
+
+    /// Where the other members of the present roster stand or may be on their way, now that this module has `acted` or not.
+    fn member_reports(&self, has_acted: bool) -> Vec<BodyReport> {
+        let mut reports = Vec::new();
+        let Some(roster) = self.stage.roster() else {
+            return reports;
+        };
+        let is_outside = matches!(self.stage, Stage::Outsider(_));
+        let held = self.stage.held_plan();
+        let own = self.context.module();
+        let places = held.map(HeldPlan::places).unwrap_or_default();
+        for member in &roster.members {
+            let module = member.module.id;
+            if module == own {
+                continue;
+            }
+            let (pose, sequence) = seen_in(roster, member, &self.context.peers);
+            let whereabouts = match held {
+                _ if is_outside => Whereabouts::Seen(pose),
+                Some(held) => {
+                    let place = places.get(&module).copied();
+                    held.whereabouts((module, place), pose, has_acted, &self.context.peers)
+                }
+                None => Whereabouts::Halted(pose),
+            };
+            reports.push(BodyReport {
+                module,
+                incarnation: member.incarnation,
+                epoch: Some(roster.epoch),
+                sequence,
+                whereabouts,
+            });
+        }
+        reports
+    }
+
+    /// What the store holds of the bodies of others: where each may be until the next write, which comes before this module
+    /// acts on another plan. A member may act meanwhile, so each may be on its way to the goal that the plan gives it.
+    pub(super) fn bodies_to_store(&self) -> Vec<BodyReport> {
+        let mut bodies = self.context.bodies.clone();
+        for state in self.context.peers.states() {
+            bodies.note_state(state);
+        }
+        for report in self.member_reports(true) {
+            bodies.note(report);
+        }
+        bodies.reports(|_| true)
+    }
+
+    /// Takes over the bodies that the store of this module holds.
+    pub(super) fn restore_bodies(&mut self, stored: &[BodyReport]) {
+        if self.context.bugs.forget_stored_bodies() {
+            return;
+        }
+        for report in stored {
+            self.context.bodies.note(report.clone());
+        }
+    }
+
+    /// Records where a module shows itself that is no member of the present roster. Members are recorded when their epoch is
+    /// left.
+    pub(super) fn note_body(&mut self, module: ModuleId) {
+        let roster = self.stage.roster();
+        let is_member = roster.is_some_and(|roster| body::lists(&roster.members, module));
+        let Context { bodies, peers, .. } = &mut self.context;
+        if let Some(state) = peers.state(module).filter(|_| !is_member) {
+            bodies.note_state(state);
+        }
+    }
+
+    /// Records where a module of another session shows itself. Its epochs are not those of this session.
+    pub(super) fn handle_other_session_state(&mut self, state: &ModuleState) {
+        let report = BodyReport {
+            module: state.module,
+            incarnation: state.incarnation,
+            epoch: None,
+            sequence: state.sequence,
+            whereabouts: Whereabouts::Seen(state.pose),
+        };
+        self.context.learn_body(&report);
+    }
+
+    /// The body of a module was taken away: by that report, it stands nowhere any more.
+    pub(super) fn handle_removal(&mut self, run: ModuleRun) {
+        let before = self.context.bodies.removals();
+        self.context.learn_body(&BodyReport {
+            module: run.module,
+            incarnation: run.incarnation,
+            epoch: None,
+            sequence: 0,
+            whereabouts: Whereabouts::Removed,
+        });
+        // Reports repeat, for modules that are discovered late.
+        if self.context.bodies.removals() > before {
+            self.context.emit(Event::BodyRemoved(run.module));
+        }
+    }
+
+    /// The latest run of another module from which this one received a message, or whose body it knows.
+    #[must_use]
+    pub fn latest_run_of(&self, module: ModuleId) -> Option<ModuleRun> {
+        let context = &self.context;
+        let peer = context.peers.get(module).map(|peer| peer.incarnation);
+        let body = context.bodies.get(module);
+        let incarnation = peer.max(body.map(|body| body.incarnation))?;
+        Some(module.run(incarnation))
+    }
+}
+
+/// Where a member was last seen in the epoch of a roster, and the sequence number of the state that showed it.
+fn seen_in(roster: &Roster, member: &RosterMember, peers: &Peers) -> (Pose, u64) {
+    let state = peers.state(member.module.id).filter(|state| {
+        state.incarnation == member.incarnation && state.epoch == Some(roster.epoch)
+    });
+    state.map_or((member.module.pose, 0), |state| {
+        (state.pose, state.sequence)
+    })
+}
