@@ -8,9 +8,8 @@ use std::sync::{Condvar, Mutex, OnceLock, PoisonError};
 
 use crate::programs::target_directory;
 
-/// How many processes the tests may have at the same time. They mostly wait for time-outs, so that 24 leave a part of two
-/// cores idle.
-const PLACES: u32 = 24;
+/// How many processes the tests may have at the same time. They mostly wait for time-outs.
+const PLACES: u32 = 36;
 
 /// The domains whose ports lie below the ephemeral ports of Linux, without domain 0, the default of every program.
 const DOMAINS: u32 = 100;
@@ -84,18 +83,17 @@ static TAKEN: Mutex<u32> = Mutex::new(0);
 static RETURNED: Condvar = Condvar::new();
 
 impl Places {
-    /// Waits until this number of places is free. Tests take their places in the order in which they ask.
+    /// Waits until this number of places is free. A test that needs many does not hold up those that need few: it has room at
+    /// the latest when no other test is left.
     fn take(count: u32) -> Self {
         // A test of another test program has no places here; one such program runs at a time.
         static PROGRAM: OnceLock<File> = OnceLock::new();
-        static TURN: Mutex<()> = Mutex::new(());
         PROGRAM.get_or_init(|| {
             let lock = File::create(target_directory().join("process_tests.lock")).unwrap();
             lock.lock().unwrap();
             lock
         });
         let count = count.min(PLACES);
-        let _turn = TURN.lock().unwrap_or_else(PoisonError::into_inner);
         let taken = TAKEN.lock().unwrap_or_else(PoisonError::into_inner);
         let has_no_room = |taken: &mut u32| *taken + count > PLACES;
         let free = RETURNED.wait_while(taken, has_no_room);
