@@ -45,6 +45,8 @@ need_tools() {
     cargo --version
     # Everything is compiled at most once in a gate, so what incremental builds keep would only cost time.
     export CARGO_INCREMENTAL=0
+    # A failed assertion names its line without debug information; only backtraces need it.
+    export CARGO_PROFILE_DEV_DEBUG=false
 }
 
 # require_tools NAMES: no test may be skipped for lack of these, nor for lack of network namespaces where the machine creates them.
