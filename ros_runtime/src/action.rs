@@ -1,7 +1,5 @@
 //! Actions as values: ROS 2 makes an action of three services and two topics.
 
-use std::marker::PhantomData;
-
 use futures::stream::LocalBoxStream;
 use ros2_client::action::{
     CancelGoalResponse, FeedbackMessage, GetResultResponse, GoalId, GoalInfo, GoalStatusEnum,
@@ -13,35 +11,11 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use crate::publisher_queue::{PublisherQueue, Sink};
-use crate::service::{Carried, RequestId};
+use crate::service::{Carried, RequestId, Served};
 use crate::topic::Quality;
 
 /// An action whose goals are `G`, whose results are `R`, and whose feedback is `F`.
-#[derive(Debug)]
-pub struct Action<G, R, F> {
-    pub(crate) name: &'static str,
-    package: &'static str,
-    type_name: &'static str,
-    types: PhantomData<fn(G) -> (R, F)>,
-}
-
-impl<G, R, F> Action<G, R, F> {
-    /// An action of type `package/action/type_name`, whose name is expanded and remapped like that of a service.
-    #[must_use]
-    pub const fn new(name: &'static str, package: &'static str, type_name: &'static str) -> Self {
-        Self {
-            name,
-            package,
-            type_name,
-            types: PhantomData,
-        }
-    }
-
-    /// The package of the type, and the type in it.
-    pub(crate) fn type_name(&self) -> (&'static str, &'static str) {
-        (self.package, self.type_name)
-    }
-}
+pub type Action<G, R, F> = Served<fn(G) -> (R, F)>;
 
 /// A request of a client of an action, which the [`ActionServer`] answers.
 pub enum ActionRequest<G> {

@@ -6,17 +6,21 @@ use ros2_client::RmwRequestId;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-/// A service that takes `Q` and answers `A`.
+/// A service or an action, in which data of the types in `T` travels.
 #[derive(Debug)]
-pub struct Service<Q, A> {
+pub struct Served<T> {
     pub(crate) name: &'static str,
     package: &'static str,
     type_name: &'static str,
-    types: PhantomData<fn(Q) -> A>,
+    types: PhantomData<T>,
 }
 
-impl<Q, A> Service<Q, A> {
-    /// A service of type `package/srv/type_name`, whose name is expanded and remapped like every name.
+/// A service that takes `Q` and answers `A`.
+pub type Service<Q, A> = Served<fn(Q) -> A>;
+
+impl<T> Served<T> {
+    /// A service of type `package/srv/type_name`, or an action of type `package/action/type_name`, whose name is expanded
+    /// and remapped like every name.
     #[must_use]
     pub const fn new(name: &'static str, package: &'static str, type_name: &'static str) -> Self {
         Self {
