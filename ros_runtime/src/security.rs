@@ -1,7 +1,7 @@
 //! Whether the messages of a process must be protected, as ROS 2 has it asked for.
 
 use crate::environment::wrong;
-use crate::words::{Words, by_words};
+use crate::words::Words;
 
 /// Whether security is asked for.
 const ENABLE: &str = "ROS_SECURITY_ENABLE";
@@ -24,19 +24,13 @@ pub enum Security {
     Enforced,
 }
 
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-enum Strategy {
-    #[default]
-    Permissive,
-    Enforce,
+/// The values of `ROS_SECURITY_STRATEGY`, of which [`Self::Off`] is none.
+impl Words for Security {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("Permissive", Self::Permissive),
+        ("Enforce", Self::Enforced),
+    ];
 }
-
-impl Words for Strategy {
-    const WORDS: &'static [(&'static str, Self)] =
-        &[("Permissive", Self::Permissive), ("Enforce", Self::Enforce)];
-}
-
-by_words!(Strategy);
 
 impl Security {
     /// Reads `ROS_SECURITY_ENABLE` and `ROS_SECURITY_STRATEGY`, which is `Permissive` by default. ROS 2 takes every value but
@@ -48,18 +42,13 @@ impl Security {
     pub fn resolve(variable: impl Fn(&str) -> Option<String>) -> Result<Self, String> {
         let set = |name| variable(name).filter(|value| !value.trim().is_empty());
         let strategy = match set(STRATEGY) {
-            Some(text) => text
-                .parse()
-                .map_err(|reason: String| wrong(STRATEGY, &reason))?,
-            None => Strategy::default(),
+            Some(text) => Self::from_word(&text).map_err(|reason| wrong(STRATEGY, &reason))?,
+            None => Self::Permissive,
         };
         match set(ENABLE).as_deref().map(str::trim) {
             None => Ok(Self::Off),
             Some(text) if text.eq_ignore_ascii_case("false") => Ok(Self::Off),
-            Some(text) if text.eq_ignore_ascii_case("true") => Ok(match strategy {
-                Strategy::Permissive => Self::Permissive,
-                Strategy::Enforce => Self::Enforced,
-            }),
+            Some(text) if text.eq_ignore_ascii_case("true") => Ok(strategy),
             Some(other) => Err(wrong(
                 ENABLE,
                 &format!("must be true or false, got `{other}`"),
