@@ -32,25 +32,18 @@ pub(crate) trait Flush {
 
 impl<M> Flush for Queue<M> {
     fn flush(&mut self) -> bool {
-        self.offer();
-        !self.waiting.is_empty()
-    }
-}
-
-impl<M> Queue<M> {
-    /// Offers waiting samples until one finds no room.
-    fn offer(&mut self) {
         while let Some(sample) = self.waiting.pop_front() {
             let mut statistics = self.statistics.borrow_mut();
             match (self.sink)(sample) {
                 Ok(()) => statistics.on(self.topic).sent += 1,
                 Err(WriteError::WouldBlock { data }) => {
                     self.waiting.push_front(data);
-                    return;
+                    return true;
                 }
                 Err(error) => statistics.lose(self.topic, &error),
             }
         }
+        false
     }
 }
 
@@ -93,8 +86,7 @@ impl<M: 'static> PublisherQueue<M> {
             }
         }
         queue.waiting.push_back(sample);
-        queue.offer();
-        if !queue.waiting.is_empty() {
+        if queue.flush() {
             queue.statistics.borrow_mut().on(topic).delayed += 1;
         }
     }
