@@ -77,7 +77,7 @@ impl NodeInterfaces {
                         .map_err(|error| error.to_string())
                 };
                 for (name, value) in request.answer(&mut session.parameters, apply) {
-                    session.announce_parameter(name, value);
+                    session.graph.announce_parameter(name, value);
                 }
                 let period = session.node_parameters().diagnostics_period;
                 if period != self.period {

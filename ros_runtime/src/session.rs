@@ -4,7 +4,6 @@ use std::cell::RefCell;
 use std::rc::{Rc, Weak};
 
 use futures::stream::LocalBoxStream;
-use ros2_client::ParameterValue;
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
@@ -206,11 +205,6 @@ impl Session {
     pub fn resolve(&self, resource: Resource, name: &str) -> Result<String, SessionError> {
         let resolved = self.remaps.resolve(resource, name, &self.identity);
         resolved.map_err(|reason| bad_name(name, &reason))
-    }
-
-    /// Publishes a changed parameter on `/parameter_events`.
-    pub(crate) fn announce_parameter(&mut self, name: &str, value: ParameterValue) {
-        self.graph.announce_parameter(name, value);
     }
 }
 
