@@ -1,8 +1,9 @@
 //! Samples as they are on the wire, for programs that store them.
 
+use std::convert::Infallible;
+
 use rustdds::RepresentationIdentifier;
 use rustdds::no_key::{Decode, DefaultDecoder, DeserializerAdapter};
-use thiserror::Error;
 
 /// A sample as it is on the wire.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -26,17 +27,13 @@ pub(crate) struct Undecoded;
 #[derive(Clone)]
 pub(crate) struct Copying;
 
-/// Copying a payload cannot fail.
-#[derive(Debug, Error)]
-pub(crate) enum Never {}
-
 const ENCODINGS: [RepresentationIdentifier; 2] = [
     RepresentationIdentifier::CDR_LE,
     RepresentationIdentifier::CDR_BE,
 ];
 
 impl DeserializerAdapter<Vec<u8>> for Undecoded {
-    type Error = Never;
+    type Error = Infallible;
     type Decoded = Vec<u8>;
 
     fn supported_encodings() -> &'static [RepresentationIdentifier] {
@@ -54,13 +51,13 @@ impl DefaultDecoder<Vec<u8>> for Undecoded {
 }
 
 impl<'de> Decode<'de, Vec<u8>> for Copying {
-    type Error = Never;
+    type Error = Infallible;
 
     fn decode_bytes(
         self,
         payload: &'de [u8],
         encoding: RepresentationIdentifier,
-    ) -> Result<Vec<u8>, Never> {
+    ) -> Result<Vec<u8>, Infallible> {
         // The library strips the header, whose last two bytes are options without a meaning for CDR.
         let mut bytes = encoding.to_bytes().to_vec();
         bytes.extend([0, 0]);
