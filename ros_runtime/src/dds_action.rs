@@ -18,7 +18,7 @@ use crate::action::{
     Action, ActionData, ActionEndpoints, ActionRequest, FEEDBACK, OpenedAction, STATUS,
 };
 use crate::dds_graph::DdsGraph;
-use crate::dds_service::{Clients, answerable, poll_request, service_qos};
+use crate::dds_service::{Clients, SERVICE, answerable, poll_request};
 use crate::service::{Carried, RequestId};
 use crate::session_error::{SessionError, library_name};
 
@@ -36,9 +36,9 @@ impl DdsGraph {
         let type_name = ActionTypeName::new(package, type_name);
         let mapping = self.service_mapping.library();
         let qos = ActionServerQosPolicies {
-            goal_service: service_qos(),
-            result_service: service_qos(),
-            cancel_service: service_qos(),
+            goal_service: SERVICE.publisher_qos(),
+            result_service: SERVICE.publisher_qos(),
+            cancel_service: SERVICE.publisher_qos(),
             feedback_publisher: FEEDBACK.publisher_qos(),
             status_publisher: STATUS.publisher_qos(),
         };

@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 use async_io::Timer;
 use futures::stream::{LocalBoxStream, poll_fn};
 use futures::{Stream, StreamExt};
-use ros2_client::qos::{History, QosProfile, Reliability, WhenFull};
 use ros2_client::{ReadResult, Server, ServiceTypeName, WriteResult};
 use rustdds::{DomainParticipant, RTPSEntity};
 use serde::Serialize;
@@ -19,6 +18,7 @@ use crate::dds_graph::DdsGraph;
 use crate::matched_readers::MatchedReaders;
 use crate::service::{Call, Carried, Reply, RequestId, Service, WAITING_MAX};
 use crate::session_error::{SessionError, library_name};
+use crate::topic::Quality;
 
 /// A client whose subscription to replies is not discovered within this is answered all the same.
 const CLIENT_WAIT: Duration = Duration::from_secs(1);
@@ -46,9 +46,10 @@ impl DdsGraph {
         let (package, type_name) = service.type_name();
         let type_name = ServiceTypeName::new(package, type_name);
         let mapping = self.service_mapping.library();
-        let server: Server<Carried<Q>, Carried<A>> = self
-            .create(&format!("serve `{name}`"), |node| {
-                node.create_server(mapping, &parsed, &type_name, service_qos(), service_qos())
+        let server: Server<Carried<Q>, Carried<A>> =
+            self.create(&format!("serve `{name}`"), |node| {
+                let quality = || SERVICE.publisher_qos();
+                node.create_server(mapping, &parsed, &type_name, quality(), quality())
             })?;
         let server = Rc::new(server);
         let clients = Clients::of(self, name);
@@ -187,12 +188,5 @@ pub(crate) fn answerable<Q: 'static>(
         .boxed_local()
 }
 
-/// The quality of service that ROS 2 gives to services.
-pub(crate) fn service_qos() -> QosProfile {
-    QosProfile::publisher_default()
-        // The event loop must never wait inside the library.
-        .reliability(Reliability::Reliable {
-            when_full: WhenFull::Fail,
-        })
-        .history(History::KeepLast { depth: 10 })
-}
+/// The quality that ROS 2 gives to services.
+pub(crate) const SERVICE: Quality = Quality::ReliableVolatile { depth: 10 };
