@@ -36,10 +36,8 @@ impl Interfaces {
     /// # Errors
     /// Names the line that is no field of an interface.
     pub fn with(more: &[Interface]) -> Result<Self, String> {
-        let standard = STANDARD.split("\n== ").skip(1).map(|section| {
-            let (name, text) = section.split_once('\n').unwrap_or((section, ""));
-            (name, text)
-        });
+        let standard = STANDARD.split("\n== ").skip(1);
+        let standard = standard.map(|section| section.split_once('\n').unwrap_or((section, "")));
         let texts: BTreeMap<_, _> = standard.chain(more.iter().copied()).collect();
         let mut descriptions = BTreeMap::new();
         for (name, text) in &texts {
