@@ -71,7 +71,7 @@ impl<S: Subscriber> Layer<S> for RosoutLayer {
             stamp: Time::now(),
             level: level(*metadata.level()),
             name: String::new(),
-            msg: text.joined(),
+            msg: shortened(text.message + &text.fields, MESSAGE_BYTES_MAX),
             file: metadata.file().unwrap_or_default().to_owned(),
             function: metadata.target().to_owned(),
             line: metadata.line().unwrap_or_default(),
@@ -96,12 +96,6 @@ fn level(level: Level) -> u8 {
 struct Text {
     message: String,
     fields: String,
-}
-
-impl Text {
-    fn joined(self) -> String {
-        shortened(self.message + &self.fields, MESSAGE_BYTES_MAX)
-    }
 }
 
 impl Visit for Text {
