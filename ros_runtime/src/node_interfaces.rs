@@ -2,6 +2,7 @@
 
 use std::time::{Duration, Instant};
 
+use ros2_client::builtin_interfaces::Time;
 use ros2_client::log::Log;
 
 use crate::diagnostics::{DiagnosticArray, Report};
@@ -111,7 +112,10 @@ impl NodeInterfaces {
         let statistics = session.statistics().borrow().report();
         let status = reports().into_iter().chain([statistics]);
         diagnostics.publish(DiagnosticArray {
-            header: Header::now(),
+            header: Header {
+                stamp: Time::now(),
+                frame_id: String::new(),
+            },
             status: status.map(|report| report.into_status(&node)).collect(),
         });
         Ok(())

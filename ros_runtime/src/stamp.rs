@@ -41,17 +41,6 @@ pub fn since_boot() -> Duration {
     )
 }
 
-impl Header {
-    /// A header for data taken now that has no frame.
-    #[must_use]
-    pub fn now() -> Self {
-        Self {
-            stamp: Time::now(),
-            frame_id: String::new(),
-        }
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use std::fs;
