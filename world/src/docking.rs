@@ -90,7 +90,7 @@ pub(crate) fn place_next_to(other: &Pose, module: &Pose) -> Pose {
 }
 
 /// The side of the other module, in that module's frame.
-fn side(relative: &Pose) -> Pose {
+pub(crate) fn side(relative: &Pose) -> Pose {
     let Vector { x, y } = relative.translation;
     let place = if x.abs() >= y.abs() {
         Vector::new(x.signum(), 0.0)
@@ -151,38 +151,17 @@ impl Links {
         self.links.contains_key(&key(one, other))
     }
 
-    /// Docks two modules as they stand to each other at the start.
-    pub fn hold(
-        &mut self,
-        one: usize,
-        other: usize,
-        placed: &[Placed],
-        physics: &mut PhysicsWorld,
-    ) {
-        let ends = key(one, other);
-        self.join(ends, relative(placed, ends, physics), placed, physics);
-    }
-
-    /// Docks two modules side to side.
+    /// Docks two modules. `rest` gives the place of the second module, as seen from the first, by where it is now.
     pub fn dock(
         &mut self,
         one: usize,
         other: usize,
         placed: &[Placed],
         physics: &mut PhysicsWorld,
+        rest: fn(&Pose) -> Pose,
     ) {
         let ends = key(one, other);
-        let rest = side(&relative(placed, ends, physics));
-        self.join(ends, rest, placed, physics);
-    }
-
-    fn join(
-        &mut self,
-        ends: (usize, usize),
-        rest: Pose,
-        placed: &[Placed],
-        physics: &mut PhysicsWorld,
-    ) {
+        let rest = rest(&relative(placed, ends, physics));
         let link = Link {
             rest,
             joint: Some(joint(placed, ends, &rest, physics)),

@@ -11,7 +11,9 @@ use rapier2d::math::{Pose, Real, Vector};
 use rapier2d::pipeline::{ActiveHooks, PhysicsWorld};
 
 use crate::contacts::{Contacts, DockedBodies, mark_of};
-use crate::docking::{Attempt, AttemptStage, Contact, Links, Placed, is_in_reach, place_next_to};
+use crate::docking::{
+    Attempt, AttemptStage, Contact, Links, Placed, is_in_reach, place_next_to, side,
+};
 use crate::options::WorldOptions;
 use crate::plane::{Deviation, deviation, from_core, real, to_core};
 use crate::robot::Robot;
@@ -106,7 +108,8 @@ impl World {
                 .iter()
                 .filter_map(|link| world.indices.get(link));
             for &other in others.filter(|&&other| other > index) {
-                world.links.hold(index, other, &placed, &mut world.physics);
+                let (links, physics) = (&mut world.links, &mut world.physics);
+                links.dock(index, other, &placed, physics, |now| *now);
             }
         }
         world
@@ -336,7 +339,8 @@ impl World {
             return AttemptStage::Failed;
         }
         let placed = self.placed();
-        self.links.dock(index, other, &placed, &mut self.physics);
+        self.links
+            .dock(index, other, &placed, &mut self.physics, side);
         AttemptStage::Done
     }
 }
