@@ -19,7 +19,7 @@ const ATTEMPT_MIN: Duration = Duration::from_millis(200);
 const ATTEMPT_MAX: Duration = Duration::from_millis(1_000);
 
 /// Within this a port finds the other one, and pulls its module there.
-const REACH: Deviation = Deviation {
+pub(crate) const REACH: Deviation = Deviation {
     distance: 0.3,
     angle: 0.5,
 };
@@ -101,11 +101,6 @@ pub(crate) fn side(relative: &Pose) -> Pose {
     Pose::from_parts(place, Rotation::new(quarters * FRAC_PI_2))
 }
 
-/// Whether the ports of two modules find each other.
-pub(crate) fn is_in_reach(off: Deviation) -> bool {
-    off.is_within(REACH)
-}
-
 /// Two docked modules.
 #[derive(Debug)]
 struct Link {
@@ -122,7 +117,7 @@ struct Link {
 pub(crate) struct Links {
     links: BTreeMap<(usize, usize), Link>,
     /// The lowest module of the docked body to which each module belongs.
-    bodies: Vec<usize>,
+    pub bodies: Vec<usize>,
     /// How often two docked modules began to fold.
     pub folds: u64,
 }
@@ -140,11 +135,6 @@ impl Links {
             bodies: (0..modules).collect(),
             ..Self::default()
         }
-    }
-
-    /// The lowest module of the docked body to which each module belongs.
-    pub fn bodies(&self) -> &[usize] {
-        &self.bodies
     }
 
     pub fn are_docked(&self, one: usize, other: usize) -> bool {

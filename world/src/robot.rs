@@ -3,13 +3,12 @@
 use std::time::Duration;
 
 use formation::model::ModuleId;
-use rapier2d::dynamics::{RigidBody, RigidBodyHandle};
+use rapier2d::dynamics::RigidBodyHandle;
 use rapier2d::math::{Pose, Vector};
 
 use crate::docking::Attempt;
 use crate::drive::{Drive, Twist};
 use crate::options::WorldOptions;
-use crate::plane::real;
 use crate::random::Random;
 
 /// A robot stops this long after the last goal; goals repeat every 0.5 s.
@@ -91,10 +90,5 @@ impl Robot {
         } else {
             Twist::default()
         }
-    }
-
-    /// Seeks the velocity for a time of `dt`.
-    pub fn act(&self, body: &mut RigidBody, wanted: Twist, dt: Duration) {
-        self.drive.act(body, wanted, real(dt.as_secs_f64()));
     }
 }

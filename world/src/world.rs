@@ -11,9 +11,7 @@ use rapier2d::math::{Pose, Real, Vector};
 use rapier2d::pipeline::{ActiveHooks, PhysicsWorld};
 
 use crate::contacts::{Contacts, DockedBodies, mark_of};
-use crate::docking::{
-    Attempt, AttemptStage, Contact, Links, Placed, is_in_reach, place_next_to, side,
-};
+use crate::docking::{Attempt, AttemptStage, Contact, Links, Placed, REACH, place_next_to, side};
 use crate::options::WorldOptions;
 use crate::plane::{Deviation, deviation, from_core, real, to_core};
 use crate::robot::Robot;
@@ -236,7 +234,7 @@ impl World {
         self.contacts
             .note_motions(&self.physics, bodies.into_iter());
         self.drive();
-        let docked = DockedBodies(self.links.bodies());
+        let docked = DockedBodies(&self.links.bodies);
         self.physics.step_with_events(&docked, &());
         self.contacts.count(now, &self.physics, &mut self.report);
     }
@@ -262,7 +260,8 @@ impl World {
             let port = self.port(index, &at);
             let robot = &mut self.robots[index];
             let wanted = robot.wanted(now, &at, port);
-            robot.act(&mut self.physics.bodies[robot.body], wanted, TICK);
+            let body = &mut self.physics.bodies[robot.body];
+            robot.drive.act(body, wanted, real(TICK.as_secs_f64()));
         }
     }
 
@@ -274,7 +273,7 @@ impl World {
         };
         let other = *self.indices.get(&attempt.request.other)?;
         let place = place_next_to(&self.pose(other), at);
-        is_in_reach(deviation(at, &place)).then_some(place)
+        deviation(at, &place).is_within(REACH).then_some(place)
     }
 
     /// Goes on with all attempts to dock and undock.
