@@ -14,7 +14,7 @@ use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
 
-use crate::visualisation::{Drawing, VisualiserProcess};
+use crate::visualisation::{Drawing, draw};
 
 /// Publishes what is on the formation's topics as markers and transforms, until it is asked to stop.
 ///
@@ -29,8 +29,7 @@ struct Arguments {
 
 impl Program for Arguments {
     fn run(self, settings: Settings, stop: &Receiver<()>) -> Result<u8, Failure> {
-        let drawing = self.drawing.0;
-        VisualiserProcess { settings, drawing }.run(stop)?;
+        draw(&settings, self.drawing.0, stop)?;
         Ok(STATUS_DONE)
     }
 }

@@ -74,27 +74,17 @@ impl Tunables for Drawing {
     }
 }
 
-/// A process that draws what is on the topics.
-pub(crate) struct VisualiserProcess {
-    /// Its place in the ROS 2 graph.
-    pub settings: Settings,
-    /// What it shows, and how often.
-    pub drawing: Drawing,
-}
-
-impl VisualiserProcess {
-    /// Draws until `stop` yields, then leaves the graph. When the DDS library no longer receives, it starts over with what
-    /// it receives then.
-    pub(crate) fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
-        rejoining(|| self.draw(stop))
-    }
-
-    fn draw(&self, stop: &Receiver<()>) -> Result<(), SessionError> {
-        let parameters = self
-            .settings
-            .declare(NODE_NAME, self.drawing.declarations())?;
-        let drawing = self.drawing.read(parameters.values())?;
-        let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
+/// Draws what is on the topics until `stop` yields, then leaves the graph. When the DDS library no longer receives, it starts
+/// over with what it receives then.
+pub(crate) fn draw(
+    settings: &Settings,
+    drawing: Drawing,
+    stop: &Receiver<()>,
+) -> Result<(), SessionError> {
+    rejoining(|| {
+        let parameters = settings.declare(NODE_NAME, drawing.declarations())?;
+        let drawing = drawing.read(parameters.values())?;
+        let mut session = Session::join(settings, NODE_NAME, parameters)?;
         let mut inputs = Inputs::default();
         for messages in subscribe_all(&mut session, 1)? {
             inputs.add(messages, |received| received);
@@ -111,7 +101,7 @@ impl VisualiserProcess {
             transformed: None,
         };
         session.run(&mut visualiser, inputs, stop)
-    }
+    })
 }
 
 struct Visualiser {
