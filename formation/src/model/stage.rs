@@ -40,14 +40,7 @@ impl FormationStage {
 
 impl fmt::Display for FormationStage {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::WaitingForTarget => "waiting for a target",
-            Self::Gathering => "gathering",
-            Self::Planning => "planning",
-            Self::Agreeing => "agreeing",
-            Self::Acting => "acting",
-            Self::Done => "done",
-        })
+        self.serialize(formatter)
     }
 }
 
