@@ -32,8 +32,8 @@ pub enum Whereabouts {
 }
 
 impl Whereabouts {
-    /// Within one epoch, a higher rank supersedes a lower one.
-    fn rank(&self) -> u8 {
+    /// Within one epoch, a higher rank supersedes a lower one. Digests contain the numbers.
+    pub(super) fn rank(&self) -> u8 {
         match self {
             Self::Seen(_) => 0,
             Self::OnTheWay(_) => 1,

@@ -6,7 +6,7 @@ use crate::motion::paths::MotionPlan;
 
 use crate::model::{
     Area, BodyReport, Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule,
-    PlanningProblem, Pose, Roster, Surroundings, Target, TargetAnnouncement, Whereabouts,
+    PlanningProblem, Pose, Roster, Surroundings, Target, TargetAnnouncement,
 };
 
 /// Feeds numbers to SHA-256 in a fixed layout. The length of every list precedes it, so that different inputs never have
@@ -139,12 +139,7 @@ fn put_bodies(canonical: &mut Canonical, bodies: &[BodyReport]) {
         canonical.number(body.epoch.map_or(0, |epoch| epoch.number));
         canonical.identifier(body.epoch.map(|epoch| epoch.convener.0));
         canonical.number(body.sequence);
-        canonical.number(match &body.whereabouts {
-            Whereabouts::Seen(_) => 0,
-            Whereabouts::OnTheWay(_) => 1,
-            Whereabouts::Halted(_) => 2,
-            Whereabouts::Removed => 3,
-        });
+        canonical.number(body.whereabouts.rank().into());
         let poses = body.whereabouts.poses();
         canonical.length(poses.len());
         for pose in poses {
