@@ -146,9 +146,7 @@ pub(crate) fn blocked_spots(
     if standing.is_empty() {
         return Vec::new();
     }
-    let active = members
-        .iter()
-        .filter(|member| member.service == Service::Active);
+    let active = RosterMember::active(members);
     let mut pins: Vec<SpotId> = active.filter_map(|member| member.module.pin).collect();
     pins.sort_unstable();
     let spots = target.spots().iter();
@@ -175,9 +173,7 @@ pub(crate) fn open_part(
     if blocked.is_empty() {
         return Some(Arc::clone(target));
     }
-    let active = members
-        .iter()
-        .filter(|member| member.service == Service::Active);
+    let active = RosterMember::active(members);
     let pins: Vec<usize> = active
         .clone()
         .filter_map(|member| target.position_of(member.module.pin?))

@@ -258,6 +258,13 @@ impl RosterMember {
         members.get(position.ok()?)
     }
 
+    /// Those of some members that take part in plans.
+    pub(crate) fn active(members: &[Self]) -> impl Iterator<Item = &Self> + Clone {
+        members
+            .iter()
+            .filter(|member| member.service == Service::Active)
+    }
+
     /// The module with the run of its process.
     pub fn run(&self) -> ModuleRun {
         self.module.id.run(self.incarnation)
@@ -331,9 +338,7 @@ impl Roster {
     /// The active members, ascending: a later roster must contain a majority of them. Members out of service have agreed to
     /// this roster, and so to counting no more.
     pub(crate) fn quorum_basis(&self) -> Vec<Voter> {
-        self.members
-            .iter()
-            .filter(|member| member.service == Service::Active)
+        RosterMember::active(&self.members)
             .map(RosterMember::voter)
             .collect()
     }
@@ -363,11 +368,7 @@ impl Roster {
         };
         let is_outside =
             |spot: SpotId| whole.position_of(spot).is_some() && target.position_of(spot).is_none();
-        let active = self
-            .members
-            .iter()
-            .filter(|member| member.service == Service::Active);
-        let modules = active.map(|member| {
+        let modules = RosterMember::active(&self.members).map(|member| {
             let mut module = member.module.clone();
             module.pin = module.pin.filter(|&spot| !is_outside(spot));
             module
