@@ -71,14 +71,16 @@ impl Polyline {
 
 /// Whether a body that keeps its heading goes on from `middle` to `to` in the direction in which it came from `from`.
 fn goes_on(from: &Pose, middle: &Pose, to: &Pose) -> bool {
-    let way = |from: &Pose, to: &Pose| {
-        let (x, y) = (to.x.0 - from.x.0, to.y.0 - from.y.0);
-        (i128::from(x), i128::from(y))
-    };
-    let (before, after) = (way(from, middle), way(middle, to));
+    let (before, after) = (offset(from, middle), offset(middle, to));
     let is_straight = before.0 * after.1 == before.1 * after.0;
     let is_ahead = before.0 * after.0 + before.1 * after.1 > 0;
     from.theta == middle.theta && middle.theta == to.theta && is_straight && is_ahead
+}
+
+/// The position of a pose as seen from another, wide enough for products.
+fn offset(from: &Pose, to: &Pose) -> (i128, i128) {
+    let along = |from: MicroUnits, to: MicroUnits| i128::from(to.0) - i128::from(from.0);
+    (along(from.x, to.x), along(from.y, to.y))
 }
 
 /// The lines between poses; one of no length if there is one pose.
@@ -113,13 +115,7 @@ pub(crate) fn distance(point: &Pose, poses: &[Pose]) -> Option<MicroUnits> {
 
 /// The distance of a point from the straight line between two others, rounded to whole micro-units.
 fn distance_to_line(point: &Pose, from: &Pose, to: &Pose) -> MicroUnits {
-    let along = |one: &Pose, other: &Pose| {
-        (
-            i128::from(other.x.0) - i128::from(one.x.0),
-            i128::from(other.y.0) - i128::from(one.y.0),
-        )
-    };
-    let (line, offset) = (along(from, to), along(from, point));
+    let (line, offset) = (offset(from, to), offset(from, point));
     let length = i128::from(from.distance_to(to).0);
     let progress = line.0 * offset.0 + line.1 * offset.1;
     if progress <= 0 || length == 0 {
