@@ -5,7 +5,7 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::{FieldError, RawConfiguration, RawModule, RawSpot};
+use crate::model::{FieldError, RawConfiguration, RawModule, RawSpot, Topology};
 
 /// Where a map lies in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -147,7 +147,8 @@ impl Map {
         };
         let mut configurations = Vec::new();
         let mut singles = Vec::new();
-        for part in self.parts() {
+        // In reading order.
+        for part in Topology::new(self.cells.len(), &self.docks).components() {
             if let [single] = part[..] {
                 singles.push(raw(single));
                 continue;
@@ -161,11 +162,6 @@ impl Map {
             });
         }
         Ok((configurations, singles))
-    }
-
-    /// What is docked together, in reading order.
-    fn parts(&self) -> Vec<Vec<usize>> {
-        crate::model::Topology::new(self.cells.len(), &self.docks).components()
     }
 }
 
