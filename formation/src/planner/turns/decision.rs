@@ -15,11 +15,8 @@ impl Planning {
             let unit = self.queue.next()?.clone();
             let mut result = TurnResult {
                 allocation: self.allocation.clone(),
-                evictions: Vec::new(),
-                blocks: Vec::new(),
-                detached: Vec::new(),
-                remainder: Vec::new(),
                 proven: true,
+                ..TurnResult::default()
             };
             match self.instance.problem.parameters().policy {
                 Policy::Exact => self.decide_exactly(&unit, &mut result),

@@ -3,7 +3,7 @@
 use crate::planner::assignment::{Allocation, Displacement};
 
 /// The effects of one turn that is computed but not applied.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct TurnResult {
     pub(super) allocation: Allocation,
     /// In the order in which they happen.
