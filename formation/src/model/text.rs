@@ -23,15 +23,27 @@ pub fn counted(count: usize, noun: &str) -> String {
 /// A list for a sentence: `module 3`, `modules 3, 4 and 7`, or `modules 1, 2, ... and 12 more` after ten numbers.
 #[must_use]
 pub fn listed<I: Identifier>(ids: impl IntoIterator<Item = I>) -> String {
-    let numbers: Vec<String> = ids.into_iter().map(|id| id.number().to_string()).collect();
-    let (shown, more) = numbers.split_at(numbers.len().min(NAMES_MAX));
-    let list = match (shown, more.len()) {
-        ([], _) => return format!("no {}", I::NOUN),
+    let numbers: Vec<u32> = ids.into_iter().map(Identifier::number).collect();
+    if numbers.is_empty() {
+        return format!("no {}", I::NOUN);
+    }
+    let noun = plural(I::NOUN, numbers.len());
+    format!("{noun} {}", enumerated(&numbers, NAMES_MAX))
+}
+
+/// A list of which at most `shown_max` items are shown: `3, 4 and 7`, or `1, 2 and 12 more`.
+pub(crate) fn enumerated(
+    items: impl IntoIterator<Item = impl Display>,
+    shown_max: usize,
+) -> String {
+    let texts: Vec<String> = items.into_iter().map(|item| item.to_string()).collect();
+    let (shown, more) = texts.split_at(texts.len().min(shown_max));
+    match (shown, more.len()) {
+        ([], _) => "nothing".to_owned(),
         ([most @ .., last], 0) if !most.is_empty() => format!("{} and {last}", most.join(", ")),
         (shown, 0) => shown.join(", "),
         (shown, more) => format!("{} and {more} more", shown.join(", ")),
-    };
-    format!("{} {list}", plural(I::NOUN, numbers.len()))
+    }
 }
 
 /// The complete list, however long: `module 3`, `modules 1-4, 7`.

@@ -1,11 +1,13 @@
 //! What the path planner takes and returns.
 
+use std::fmt::Display;
+
 use thiserror::Error;
 
 use super::group::{Rectangle, overlap};
 use super::turning::rotated;
 pub use crate::model::Area;
-use crate::model::text::joined;
+use crate::model::text::enumerated;
 use crate::model::{MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId};
 
 impl Area {
@@ -303,7 +305,7 @@ pub enum MotionError {
     #[error("target: {0} and {1} are joined but not on adjacent cells")]
     LongEdge(SpotId, SpotId),
     /// Some modules do not start in a way that lets them move without contact.
-    #[error("starts: {}", first_listed(.0))]
+    #[error("starts: {}", enumerated(.0, FAULTS_MAX))]
     Starts(Vec<StartFault>),
     /// An obstacle or a wall covers a spot.
     #[error("{0} lies on an obstacle or beyond the walls")]
@@ -378,10 +380,7 @@ pub enum Obstruction {
 fn spots_listed(spots: &[SpotId]) -> String {
     match spots {
         [spot] => spot.to_string(),
-        spots => {
-            let numbers: Vec<u32> = spots.iter().map(|spot| spot.0).collect();
-            format!("spots {}", listed(&numbers))
-        }
+        spots => format!("spots {}", listed(spots.iter().map(|spot| spot.0))),
     }
 }
 
@@ -392,21 +391,8 @@ fn cells(count: usize) -> String {
     }
 }
 
-/// The first entries of a list, and the number of the others.
-fn first_listed<T: std::fmt::Display>(entries: &[T]) -> String {
-    let (first, more) = entries.split_at(entries.len().min(FAULTS_MAX));
-    if more.is_empty() {
-        return listed(first);
-    }
-    format!("{} and {} more", joined(first, ", "), more.len())
-}
-
-fn listed<T: std::fmt::Display>(entries: &[T]) -> String {
-    match entries.split_last() {
-        Some((last, rest)) if !rest.is_empty() => format!("{} and {last}", joined(rest, ", ")),
-        Some((last, _)) => last.to_string(),
-        None => "nothing".to_owned(),
-    }
+fn listed(entries: impl IntoIterator<Item = impl Display>) -> String {
+    enumerated(entries, usize::MAX)
 }
 
 #[cfg(test)]
