@@ -58,11 +58,15 @@ pub struct Assembly {
 }
 
 impl Assembly {
+    /// The modules and their spots, in the order in which the spots are filled.
+    pub fn placements(&self) -> impl Iterator<Item = (ModuleId, SpotId)> + '_ {
+        let units = self.units.iter();
+        units.flat_map(|unit| unit.placements.iter().copied())
+    }
+
     /// The spots in the order in which they are filled.
     pub fn spots(&self) -> impl Iterator<Item = SpotId> + '_ {
-        self.units
-            .iter()
-            .flat_map(|unit| unit.placements.iter().map(|&(_, spot)| spot))
+        self.placements().map(|(_, spot)| spot)
     }
 
     /// The acting unit of each placed module.

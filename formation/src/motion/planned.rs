@@ -98,12 +98,7 @@ impl PlannedMotion {
 
 /// The plan with the units and the order of its motion.
 fn reordered(problem: &PlanningProblem, mut plan: Plan, motion: &MotionPlan) -> Plan {
-    let filled: Vec<(ModuleId, SpotId)> = plan
-        .assembly
-        .units
-        .iter()
-        .flat_map(|unit| unit.placements.iter().copied())
-        .collect();
+    let filled: Vec<(ModuleId, SpotId)> = plan.assembly.placements().collect();
     let unit_of = |unit: &UnitMotion| {
         let is_member = |module: ModuleId| unit.modules.iter().any(|one| one.module == module);
         let placements: Vec<_> = filled

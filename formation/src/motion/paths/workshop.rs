@@ -257,9 +257,8 @@ impl<'a> Workshop<'a> {
     fn ranks(&self, units: &[Unit]) -> Vec<Option<usize>> {
         let problem = self.request.problem;
         let mut rank_of = vec![usize::MAX; self.starts.len()];
-        let acting = self.request.plan.assembly.units.iter();
-        let placed = acting.flat_map(|unit| unit.placements.iter().map(|&(module, _)| module));
-        for (rank, module) in placed.enumerate() {
+        let placed = self.request.plan.assembly.placements();
+        for (rank, (module, _)) in placed.enumerate() {
             if let Some(module) = problem.position_of(module) {
                 rank_of[module] = rank;
             }
