@@ -4,10 +4,10 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 
-use formation::model::{Incarnation, ModuleId, Pose, Service};
+use formation::model::{Incarnation, ModuleId, Service};
 use formation::protocol::{DurableState, Identity};
-use formation_node::stamp;
 
+use crate::arguments::single_module;
 use crate::store::{Contents, Entry, Store};
 
 /// What waits until the store holds what was given to it.
@@ -76,7 +76,7 @@ impl Journal {
                     module = module.0,
                     "hosted again, as it was added by request"
                 );
-                modules.push((added_module(module, state.pose), state.service));
+                modules.push((single_module(module, state.pose), state.service));
             }
         }
         for (identity, _) in modules {
@@ -201,18 +201,5 @@ impl Journal {
             }
         }
         agents
-    }
-}
-
-/// A module that is added to the process by request.
-pub(crate) fn added_module(module: ModuleId, pose: Pose) -> Identity {
-    Identity {
-        module,
-        incarnation: stamp::incarnation(),
-        store: None,
-        pose,
-        links: [].into(),
-        configuration: None,
-        leader: None,
     }
 }

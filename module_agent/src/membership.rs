@@ -13,8 +13,8 @@ use formation_msgs::{
 };
 use ros_runtime::service::{Call, Service};
 
+use crate::arguments::single_module;
 use crate::host::Host;
-use crate::journal::added_module;
 
 /// The least distance between two modules: one unit, less the tolerance of a pose.
 const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
@@ -85,7 +85,7 @@ fn add(
             ));
         }
     }
-    host.add(now, added_module(module, pose))?;
+    host.add(now, single_module(module, pose))?;
     Ok(format!(
         "{module} listens, and then joins as a newcomer: a new plan gives it a spot if one is open, else it stands by"
     ))
@@ -145,7 +145,7 @@ mod tests {
 
     /// A process with module 4 at the origin.
     fn host(motion: &Motion) -> Host {
-        let identity = added_module(ModuleId(4), Pose::default());
+        let identity = single_module(ModuleId(4), Pose::default());
         let modules = [(identity, InService::Active)];
         let parameters = AgentParameters::default();
         let mut host = Host::new(SourceId(1), modules, parameters, motion, None);

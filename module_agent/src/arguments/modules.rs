@@ -130,17 +130,27 @@ impl ModuleArguments {
             .configuration
             .map(|id| identifier("--configuration", id).map(|ModuleId(id)| ConfigurationId(id)));
         Ok(Identity {
-            module,
-            incarnation: stamp::incarnation(),
-            store: None,
-            pose,
             links,
             configuration: configuration.transpose()?,
             leader: self
                 .leader
                 .map(|id| identifier("--leader", id))
                 .transpose()?,
+            ..single_module(module, pose)
         })
+    }
+}
+
+/// A module that begins a run at this pose, without a store and docked to none.
+pub(crate) fn single_module(module: ModuleId, pose: Pose) -> Identity {
+    Identity {
+        module,
+        incarnation: stamp::incarnation(),
+        store: None,
+        pose,
+        links: BTreeSet::new(),
+        configuration: None,
+        leader: None,
     }
 }
 
@@ -167,13 +177,10 @@ impl HostedModules {
                     .module(id)
                     .ok_or_else(|| format!("there is no {id} in this scenario"))?;
                 Ok(Identity {
-                    module: id,
-                    incarnation: stamp::incarnation(),
-                    store: None,
-                    pose: module.pose,
                     links: module.links.clone(),
                     configuration: module.configuration,
                     leader: module.leader,
+                    ..single_module(id, module.pose)
                 })
             })
             .collect::<Result<_, String>>()?;
