@@ -211,17 +211,6 @@ impl Area {
     }
 }
 
-/// The spots of a target in metres.
-fn spots_in_metres(spots: Vec<RawSpot>, size: ModuleSize) -> Vec<Spot> {
-    let in_metres = |RawSpot { id, x, y, theta }| Spot {
-        id,
-        x: size.scale_to_metres(x),
-        y: size.scale_to_metres(y),
-        theta,
-    };
-    spots.into_iter().map(in_metres).collect()
-}
-
 impl TargetConfiguration {
     /// An announced target, as it goes out. The header's stamp stays zero, for the sender to fill.
     #[must_use]
@@ -231,6 +220,12 @@ impl TargetConfiguration {
         let surroundings = target.map(Target::surroundings);
         let (frame_id, spots, edges) =
             raw.map_or_else(Default::default, |raw| (raw.frame_id, raw.spots, raw.edges));
+        let in_metres = |RawSpot { id, x, y, theta }| Spot {
+            id,
+            x: size.scale_to_metres(x),
+            y: size.scale_to_metres(y),
+            theta,
+        };
         Self {
             header: Header {
                 frame_id,
@@ -243,7 +238,7 @@ impl TargetConfiguration {
             withdrawn: target.is_none(),
             expected_modules: announcement.expected_modules.unwrap_or(0),
             founders: announcement.founders.iter().map(|id| id.0).collect(),
-            spots: spots_in_metres(spots, size),
+            spots: spots.into_iter().map(in_metres).collect(),
             edges: edges
                 .into_iter()
                 .map(|[first, second]| Edge { first, second })
