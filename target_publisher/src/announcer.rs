@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::{ModuleSize, TargetAnnouncement};
+use formation::model::TargetAnnouncement;
 use formation_msgs::{InSession, OperatorCommand, SessionId, TargetConfiguration};
 use formation_node::messages::{Received, module_size_of, session_of};
 use formation_node::{stamp, topics};
@@ -97,7 +97,6 @@ impl TargetPublisher {
             parameters,
             announced: None,
             session: session_of(&session),
-            module_size: module_size_of(&session),
             target,
             action,
         };
@@ -111,7 +110,6 @@ impl TargetPublisher {
 struct Announcer<'a> {
     start: Instant,
     session: SessionId,
-    module_size: ModuleSize,
     tracker: &'a mut GoalTracker<RequestId>,
     commander: &'a mut Commander,
     commands: Option<PublisherQueue<OperatorCommand>>,
@@ -236,7 +234,7 @@ impl Announcer<'_> {
             return;
         }
         self.announced = Some(own.revision);
-        let mut sample = TargetConfiguration::new(own, self.module_size);
+        let mut sample = TargetConfiguration::new(own, self.resolver.module_size);
         sample.header.stamp = stamp::header("").stamp;
         self.target.publish(sample.in_session(self.session));
         let (revision, name) = (own.revision, &own.name);
