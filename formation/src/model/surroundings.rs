@@ -213,16 +213,6 @@ impl Surroundings {
         }
         Ok(())
     }
-
-    /// The surroundings as they stand in files and messages.
-    #[must_use]
-    pub fn to_raw(&self) -> RawSurroundings {
-        RawSurroundings {
-            body_width: Some(self.body_width.to_units()),
-            obstacles: self.obstacles.iter().map(Area::to_raw).collect(),
-            arena: self.arena.as_ref().map(Area::to_raw),
-        }
-    }
 }
 
 #[cfg(test)]
