@@ -214,15 +214,11 @@ impl<Q> GoalTracker<Q> {
         if let Some((status, result)) = judge(&self.status, pursuit) {
             self.pursuit = None;
             tracing::info!("a goal has ended: {}", result.message);
-            self.conclude(goal, status, &result);
+            self.goal_states_are_new = true;
+            let waiting = self.goals.end(goal, status, result.clone()).into_iter();
+            let answers = waiting.map(|client| (client, status, result.clone()));
+            self.answers.extend(answers);
         }
-    }
-
-    fn conclude(&mut self, goal: GoalId, status: GoalStatusEnum, result: &FormConfigurationResult) {
-        self.goal_states_are_new = true;
-        let waiting = self.goals.end(goal, status, result.clone()).into_iter();
-        let answers = waiting.map(|client| (client, status, result.clone()));
-        self.answers.extend(answers);
     }
 }
 
