@@ -85,12 +85,6 @@ struct Supervised {
     reported: bool,
 }
 
-impl Supervised {
-    fn is_alive(&self) -> bool {
-        self.exit.is_none()
-    }
-}
-
 /// Owns all processes; dropping it kills those that still run.
 pub struct Supervisor {
     processes: Vec<Supervised>,
@@ -267,13 +261,14 @@ impl Supervisor {
         }
     }
 
+    fn alive(&mut self) -> impl Iterator<Item = &mut Supervised> {
+        let processes = self.processes.iter_mut();
+        processes.filter(|process| process.exit.is_none())
+    }
+
     /// Checks every process, as several may exit with one SIGCHLD.
     fn reap(&mut self) {
-        for process in self
-            .processes
-            .iter_mut()
-            .filter(|process| process.is_alive())
-        {
+        for process in self.alive() {
             if let Ok(Some(status)) = process.child.try_wait() {
                 process.exit = Some((status, Instant::now()));
             }
@@ -307,17 +302,13 @@ impl Supervisor {
     /// names. A signal to the launcher meanwhile cuts the waiting short.
     pub fn stop(&mut self, grace: Duration) -> Vec<String> {
         self.reap();
-        for process in self.processes.iter().filter(|process| process.is_alive()) {
+        for process in self.alive() {
             // The process was not waited for, so the number is still its own; if it just ended, this has no effect.
             let _ = kill_process(Pid::from_child(&process.child), Signal::TERM);
         }
         self.wait_for_all(Instant::now() + grace);
         let mut killed = Vec::new();
-        for process in self
-            .processes
-            .iter_mut()
-            .filter(|process| process.is_alive())
-        {
+        for process in self.alive() {
             if process.child.kill().is_ok() {
                 killed.push(process.name.clone());
             }
@@ -327,7 +318,7 @@ impl Supervisor {
     }
 
     fn wait_for_all(&mut self, deadline: Instant) {
-        while self.processes.iter().any(Supervised::is_alive) {
+        while self.alive().next().is_some() {
             if let ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) = self.next(deadline) {
                 break;
             }
@@ -338,11 +329,7 @@ impl Supervisor {
 impl Drop for Supervisor {
     fn drop(&mut self) {
         self.reap();
-        for process in self
-            .processes
-            .iter_mut()
-            .filter(|process| process.is_alive())
-        {
+        for process in self.alive() {
             if process.child.kill().is_ok() {
                 let _ = process.child.wait();
             }
