@@ -62,14 +62,9 @@ pub enum ProcessEvent {
     TimedOut,
 }
 
-#[derive(Clone, Copy, PartialEq, Eq)]
-enum Stream {
-    Results,
-    Errors,
-}
-
 enum Input {
-    Line(ProcessId, Stream, String),
+    Result(ProcessId, String),
+    Error(ProcessId, String),
     Closed(ProcessId),
     Signal(i32),
 }
@@ -152,10 +147,10 @@ impl Supervisor {
             reported: false,
         });
         if let Some(results) = results {
-            self.read(process, Stream::Results, results)?;
+            self.read(process, results, RESULT_BYTES_MAX, Input::Result)?;
         }
         if let Some(errors) = errors {
-            self.read(process, Stream::Errors, errors)?;
+            self.read(process, errors, LINE_BYTES_MAX, Input::Error)?;
         }
         Ok(process)
     }
@@ -163,19 +158,16 @@ impl Supervisor {
     fn read(
         &mut self,
         process: ProcessId,
-        stream: Stream,
         source: impl Read + Send + 'static,
+        bytes_max: u64,
+        input: fn(ProcessId, String) -> Input,
     ) -> io::Result<()> {
         let sender = self.sender.clone();
-        let bytes_max = match stream {
-            Stream::Results => RESULT_BYTES_MAX,
-            Stream::Errors => LINE_BYTES_MAX,
-        };
         spawn_thread(format!("reader {}", process.0), move || {
             let send = |input| sender.send(input).is_ok();
             // An error of the pipe ends the output; the exit status says the rest.
             let _ = for_each_line(BufReader::new(source), bytes_max, |line| {
-                send(Input::Line(process, stream, line))
+                send(input(process, line))
             });
             send(Input::Closed(process));
         })?;
@@ -245,10 +237,10 @@ impl Supervisor {
 
     fn take(&mut self, input: Input) {
         match input {
-            Input::Line(process, Stream::Results, line) => {
+            Input::Result(process, line) => {
                 self.pending.push_back(ProcessEvent::Line(process, line));
             }
-            Input::Line(process, Stream::Errors, line) => {
+            Input::Error(process, line) => {
                 let supervised = &mut self.processes[process.0];
                 if line.split_whitespace().nth(1) == Some(ERROR_LEVEL) {
                     supervised.errors.push(line.clone());
