@@ -9,7 +9,7 @@ use ros_runtime::exit::one_line;
 
 use super::map::map;
 use super::style::{FIRST_COLOUR, Paint, Style};
-use super::watched::{LOG_MAX, Waiting, Watched, numbers};
+use super::watched::{LOG_MAX, Watched, numbers};
 
 /// How large a terminal is.
 #[derive(Clone, Copy, Debug)]
@@ -151,18 +151,18 @@ fn waiting(watched: &Watched, style: Style) -> Vec<String> {
         return on_paths(&moving, &waiting, style);
     }
     let queue = watched.queue();
-    let Some((first, rest)) = queue.split_first() else {
+    let Some(first) = queue.first() else {
         let progress = watched.progress.as_ref();
         return match progress.map(|progress| progress.waiting_for.as_slice()) {
             None | Some([]) => Vec::new(),
             Some(modules) => vec![format!("  waiting for {}", numbers(modules))],
         };
     };
-    let ids = numbers(&first.modules);
-    let is_one = first.modules.len() == 1;
+    let ids = numbers(first);
+    let is_one = first.len() == 1;
     let now = match (watched.is_acting(), is_one) {
         (true, _) => {
-            let spots = numbers(&watched.spots_of(&first.modules));
+            let spots = numbers(&watched.spots_of(first));
             if is_one {
                 format!("{ids} goes to spot {spots}")
             } else {
@@ -173,18 +173,18 @@ fn waiting(watched: &Watched, style: Style) -> Vec<String> {
         (false, false) => format!("{ids} decide"),
     };
     let mut lines = vec![format!("  {}   {now}", style.paint("now", Paint::Bold))];
-    for (index, Waiting { modules, waits_for }) in rest.iter().take(WAITING_MAX).enumerate() {
+    for (index, pair) in queue.windows(2).take(WAITING_MAX).enumerate() {
         let label = if index == 0 { "next" } else { "then" };
-        let verb = if modules.len() == 1 { "waits" } else { "wait" };
+        let verb = if pair[1].len() == 1 { "waits" } else { "wait" };
         lines.push(format!(
             "  {}  {} {verb} for {}",
             style.paint(label, Paint::Dim),
-            numbers(modules),
-            numbers(waits_for)
+            numbers(&pair[1]),
+            numbers(&pair[0])
         ));
     }
-    let later = rest.iter().skip(WAITING_MAX);
-    let more: usize = later.map(|waiting| waiting.modules.len()).sum();
+    let later = queue.iter().skip(1 + WAITING_MAX);
+    let more: usize = later.map(Vec::len).sum();
     if more > 0 {
         let more = style.paint(&format!("and {more} more after them"), Paint::Dim);
         lines.push(format!("  {more}"));

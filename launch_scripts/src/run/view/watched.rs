@@ -28,15 +28,6 @@ pub enum SpotStatus {
     Filled(ModuleId),
 }
 
-/// A unit that is next, and the modules that come before it.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Waiting {
-    /// The modules of the unit.
-    pub modules: Vec<ModuleId>,
-    /// The modules for which they wait.
-    pub waits_for: Vec<ModuleId>,
-}
-
 /// A run as far as the verifier reported it.
 pub struct Watched {
     pub name: String,
@@ -110,9 +101,9 @@ impl Watched {
         }
     }
 
-    /// The units whose turn or motion in straight lines is still to come, in their order; empty where the run does not follow
-    /// the offline plan.
-    pub fn queue(&self) -> Vec<Waiting> {
+    /// The modules of the units whose turn or motion in straight lines is still to come. Each unit waits for the one before it.
+    /// Empty where the run does not follow the offline plan.
+    pub fn queue(&self) -> Vec<Vec<ModuleId>> {
         let followed = self.plan.as_ref();
         let Some(plan) = followed.filter(|plan| self.scene.epoch().is_some() && self.follows(plan))
         else {
@@ -121,7 +112,7 @@ impl Watched {
         let turns = &plan.outcome.decisions;
         let is_settled =
             |module: &ModuleId| self.scene.phase_of(*module) == Some(ModulePhase::Settled);
-        let units: Vec<Vec<ModuleId>> = if self.is_acting() {
+        if self.is_acting() {
             let units = plan.outcome.plan.assembly.units.iter();
             units
                 .map(|unit| {
@@ -136,15 +127,7 @@ impl Watched {
         } else {
             let left = turns.iter().skip(self.scene.decisions().len());
             left.map(|(turn, _)| turn.modules.clone()).collect()
-        };
-        let mut before = Vec::new();
-        units
-            .into_iter()
-            .map(|modules| Waiting {
-                waits_for: std::mem::replace(&mut before, modules.clone()),
-                modules,
-            })
-            .collect()
+        }
     }
 
     /// While modules move along paths, all at the same time: those that are on their way, and those that wait for others.
