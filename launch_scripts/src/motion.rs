@@ -14,17 +14,13 @@ pub enum MotionReport {
     /// Along paths without contact.
     Paths(Paths),
     /// In straight lines, or not at all.
-    Other(Other),
-}
-
-/// Motion that is not along paths.
-#[derive(Debug, Serialize)]
-pub struct Other {
-    /// `straight`, or `none` if the scenario demands paths.
-    mode: &'static str,
-    collision_free: bool,
-    /// Why there are no paths.
-    error: Option<String>,
+    Other {
+        /// `straight`, or `none` if the scenario demands paths.
+        mode: &'static str,
+        collision_free: bool,
+        /// Why there are no paths.
+        error: Option<String>,
+    },
 }
 
 /// Paths without contact; plan time counts steps.
@@ -63,12 +59,10 @@ struct ModulePath {
 impl MotionReport {
     /// What to print as JSON.
     pub fn of(motion: &PlannedMotion) -> Self {
-        let other = |mode, error: Option<String>| {
-            Self::Other(Other {
-                mode,
-                collision_free: false,
-                error,
-            })
+        let other = |mode, error: Option<String>| Self::Other {
+            mode,
+            collision_free: false,
+            error,
         };
         match motion {
             PlannedMotion::Paths(plan) => Self::Paths(Paths::of(plan)),
