@@ -46,7 +46,7 @@ pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let outcome = plan(Arc::new(problem.clone()));
     let subject = Subject::seen(&one_line(&name), problem, &outcome, &endings);
-    let summary = summary(&replay, problem, recording.left_out());
+    let summary = summary(&replay, problem, &recording);
     report.write_pictures(&subject, recording.entries(), &summary)?;
     console::result_line(&text(&replay, &summary, &directory))?;
     match &replay.file.damage {
@@ -75,7 +75,7 @@ fn settled(verdict: &Verdict) -> BTreeMap<ModuleId, SpotId> {
         .collect()
 }
 
-fn summary(replay: &Replay, problem: &PlanningProblem, left_out: usize) -> Summary {
+fn summary(replay: &Replay, problem: &PlanningProblem, recording: &Recording) -> Summary {
     let verdict = replay.verdict.as_ref();
     let (outcome, tone) = match verdict.and_then(judgement) {
         Some((Outcome::Failed, text)) => (text, Tone::Bad),
@@ -93,11 +93,7 @@ fn summary(replay: &Replay, problem: &PlanningProblem, left_out: usize) -> Summa
         }));
     }
     notes.extend(losses(replay));
-    notes.extend(
-        (left_out > 0).then(|| {
-            format!("{left_out} entries were left out of the film, as there were too many")
-        }),
-    );
+    notes.extend(recording.note());
     let mut facts = vec![
         Fact::new("modules", problem.modules().len()),
         Fact::new("spots", problem.target().spots().len()),

@@ -71,12 +71,7 @@ pub fn summary(
     ));
     let mut notes = plan.statistics.warnings.clone();
     notes.extend(report.into_iter().flat_map(RunReport::faults));
-    if recording.left_out() > 0 {
-        notes.push(format!(
-            "{} entries were left out of the film, as there were too many",
-            recording.left_out()
-        ));
-    }
+    notes.extend(recording.note());
     Summary {
         outcome: match result {
             Ok(report) => report.outcome_text(),

@@ -65,9 +65,12 @@ impl Recording {
             })
     }
 
-    /// How many entries there was no room for.
-    pub fn left_out(&self) -> usize {
-        self.left_out
+    /// That there was no room for some entries, if so.
+    pub fn note(&self) -> Option<String> {
+        let left_out = self.left_out;
+        (left_out > 0).then(|| {
+            format!("{left_out} entries were left out of the film, as there were too many")
+        })
     }
 }
 
@@ -93,11 +96,11 @@ mod tests {
             recording.keep(pose.clone());
         }
         assert_eq!(recording.entries().len(), ENTRIES_WITH_POSES_MAX);
-        assert_eq!(recording.left_out(), 5);
+        assert_eq!(recording.left_out, 5);
         for _ in 0..ENTRIES_MAX {
             recording.keep(epoch.clone());
         }
         assert_eq!(recording.entries().len(), ENTRIES_MAX);
-        assert_eq!(recording.left_out(), 5 + ENTRIES_WITH_POSES_MAX);
+        assert_eq!(recording.left_out, 5 + ENTRIES_WITH_POSES_MAX);
     }
 }
