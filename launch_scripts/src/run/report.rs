@@ -23,17 +23,13 @@ const DIFFERENCES_MAX: usize = 8;
 
 /// How a run ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
-#[serde(untagged)]
 pub enum RunOutcome {
-    /// With a verdict on the formation.
-    Judged(Outcome),
     /// All modules hold one plan, and none was to move.
-    #[serde(serialize_with = "agreed")]
+    #[serde(rename = "AGREED")]
     Agreed,
-}
-
-fn agreed<S: Serializer>(serializer: S) -> Result<S::Ok, S::Error> {
-    serializer.serialize_str("AGREED")
+    /// With a verdict on the formation.
+    #[serde(untagged)]
+    Judged(Outcome),
 }
 
 /// The plan and what the verifier observed, as `formation run --json` prints it.
@@ -226,7 +222,8 @@ impl RunReport {
         let blocked = self.blocked_spots.iter();
         lines.extend(blocked.map(|blocked| format!("blocked: {blocked}")));
         lines.extend(self.collision_note());
-        lines.extend(self.world_note());
+        let world = self.world.iter();
+        lines.extend(world.map(|world| format!("world: {world}")));
         lines.push(self.outcome_text());
         lines.join("\n")
     }
@@ -248,12 +245,6 @@ impl RunReport {
     fn collision_note(&self) -> Option<String> {
         let reason = self.collision_reason.as_ref();
         reason.map(|reason| format!("{NOT_COLLISION_FREE}: {reason}"))
-    }
-
-    /// What the physical world counted, if there was one.
-    fn world_note(&self) -> Option<String> {
-        let world = self.world.as_ref();
-        world.map(|world| format!("world: {world}"))
     }
 
     /// The verdict in one line.
