@@ -1,6 +1,6 @@
 //! The session of a run, and where its modules keep what they agreed on.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use anyhow::{Context, anyhow};
 use ros_runtime::exit::Failure;
@@ -11,8 +11,8 @@ use crate::console;
 
 /// The session of a run, and the directory of its stores.
 pub struct RunMemory {
-    session: u32,
-    directory: PathBuf,
+    pub session: u32,
+    pub directory: PathBuf,
     /// Deleted with this value; `None` if the user keeps the stores.
     _temporary: Option<TempDir>,
 }
@@ -52,15 +52,5 @@ impl RunMemory {
             directory,
             _temporary: temporary,
         })
-    }
-
-    /// The session.
-    pub fn session(&self) -> u32 {
-        self.session
-    }
-
-    /// The directory of the stores.
-    pub fn directory(&self) -> &Path {
-        &self.directory
     }
 }

@@ -99,7 +99,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .map(ReportDirectory::create)
         .transpose()?;
     let memory = RunMemory::prepare(arguments)?;
-    place.announce(memory.session());
+    place.announce(memory.session);
     // Ends after the processes, when all has been printed.
     let carrier = Carrier::start(middleware, arguments.security.as_deref())?;
     let start = Start {
@@ -115,7 +115,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
     let result =
         judgement.map(|judgement| RunReport::new(&plan, judgement, &observed, arguments.timeout));
-    let session = memory.session();
+    let session = memory.session;
     if let Some(directory) = directory {
         // What was observed of a run without a verdict may say why there is none.
         let report = result.as_ref();

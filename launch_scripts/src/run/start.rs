@@ -119,7 +119,7 @@ impl Start<'_> {
 
     /// Passes on the session of the run and the size of its modules, as the first parameters.
     fn join_session(&self, command: &mut Command) {
-        let session = format!("session:={}", self.memory.session());
+        let session = format!("session:={}", self.memory.session);
         let module_size = format!("module_size:={:?}", self.module_size.metres());
         command.args(["--ros-args", "-p", &session, "-p", &module_size]);
     }
@@ -170,7 +170,7 @@ impl Start<'_> {
     ) -> Result<BTreeMap<ProcessId, Vec<ModuleId>>, Failure> {
         let motion = &self.arguments.motion;
         let speed = motion.speed.to_string();
-        let state_dir = self.memory.directory().to_string_lossy();
+        let state_dir = self.memory.directory.to_string_lossy();
         let mut common = vec!["--state-dir", &state_dir];
         common.extend(["--speed", &speed, "--motion", motion.mode()]);
         let tolerances = motion.world.module_options();
