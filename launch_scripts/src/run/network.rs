@@ -20,6 +20,7 @@ use ros_runtime::middleware::Middleware;
 
 use super::domain::{self, Place};
 use super::processes::OTHER_PROCESSES;
+use super::router;
 use crate::arguments::{MODULES_PER_PROCESS_MAX, RunArguments};
 use crate::console;
 
@@ -113,9 +114,7 @@ pub fn prepare(
 /// # Errors
 /// Names the variable with a wrong value.
 pub fn environment_of_runs(domain: Option<Domain>) -> Result<Environment, Failure> {
-    environment(domain, |name| {
-        env::var_os(name).map(|value| value.to_string_lossy().into_owned())
-    })
+    environment(domain, router::variable)
 }
 
 /// As ROS 2 resolves them, but on loopback alone where no variable is set.
