@@ -5,7 +5,7 @@ use std::path::Path;
 use formation::event_log::Step;
 use formation::model::text::{counted, joined};
 use formation::model::{ModuleId, SpotId};
-use formation::planner::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
+use formation::planner::{ConcernedTurn, Explanation, TurnOutcome};
 use ros_runtime::exit::Failure;
 use serde::Serialize;
 
@@ -66,42 +66,30 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
     };
     let member = plan.problem.module(module);
     let configuration = member.and_then(|member| member.configuration);
-    if json {
-        return console::result_json(&ExplanationReport {
-            module,
-            configuration: configuration.map(|configuration| configuration.0),
-            spot: explanation.spot,
-            turns: explanation.turns.iter().map(TurnReport::of).collect(),
-            alternatives: (explanation.alternatives.iter())
-                .map(AlternativeReport::of)
-                .collect(),
-        });
+    if !json {
+        return console::result_line(&text(&explanation));
     }
-    console::result_line(&text(&explanation))
-}
-
-impl TurnReport {
-    fn of(turn: &ConcernedTurn) -> Self {
-        Self {
-            turn: turn.number,
-            claimant: turn.claimant,
-            outcome: turn.outcome,
-            text: sentence(turn),
-        }
-    }
-}
-
-impl AlternativeReport {
-    fn of(alternative: &Alternative) -> Self {
-        let holder = alternative.holder;
-        Self {
-            spot: alternative.spot,
-            utility: alternative.utility.to_units(),
-            holder: holder.map(|(holder, _)| holder),
-            holder_utility: holder.map(|(_, utility)| utility.to_units()),
-            loss: alternative.loss.to_units(),
-        }
-    }
+    let turns = explanation.turns.iter().map(|turn| TurnReport {
+        turn: turn.number,
+        claimant: turn.claimant,
+        outcome: turn.outcome,
+        text: sentence(turn),
+    });
+    let others = explanation.alternatives.iter();
+    let alternatives = others.map(|one| AlternativeReport {
+        spot: one.spot,
+        utility: one.utility.to_units(),
+        holder: one.holder.map(|(holder, _)| holder),
+        holder_utility: one.holder.map(|(_, utility)| utility.to_units()),
+        loss: one.loss.to_units(),
+    });
+    console::result_json(&ExplanationReport {
+        module,
+        configuration: configuration.map(|configuration| configuration.0),
+        spot: explanation.spot,
+        turns: turns.collect(),
+        alternatives: alternatives.collect(),
+    })
 }
 
 /// The decision of a turn, as in films.
