@@ -5,7 +5,7 @@ use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Digest, Epoch, Incarnation, Message, ModuleId, TargetAnnouncement};
+use formation::model::{Digest, Epoch, Message, ModuleId, ModuleRun, TargetAnnouncement};
 use formation::motion::SimulatedDrive;
 use formation::protocol::{Agent, AgentParameters, DurableState, Identity, Input};
 
@@ -126,7 +126,7 @@ pub(crate) struct Stored {
 /// One module's process: its agent, its drive, and its clock.
 pub(crate) struct Process {
     pub agent: Agent,
-    pub incarnation: Incarnation,
+    pub run: ModuleRun,
     pub clock: Clock,
     pub inbox: Inbox,
     pub timeout_at: Option<Duration>,

@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Incarnation, Message, ModuleId};
+use formation::model::{Message, ModuleId, ModuleRun};
 use formation::motion::MotionReport;
 use formation::motion::SimulatedDrive;
-use formation::protocol::{ComputedPlan, Input, Output, PlanJob, SourceId};
+use formation::protocol::{Input, Output, PlanJob, SourceId};
 
 use super::Cluster;
 use super::schedule::{Delivery, Happening};
@@ -31,15 +31,13 @@ impl Cluster {
         match self.schedule.next(limit) {
             Some(Happening::Start(module)) => self.start(module),
             Some(Happening::Deliver(delivery)) => self.deliver(delivery),
-            Some(Happening::Timeout(module, incarnation)) => self.time_out(module, incarnation),
-            Some(Happening::DriveTick(module, incarnation)) => {
-                self.tick_drive(module, incarnation);
-            }
-            Some(Happening::Persisted(module, incarnation, number)) => {
-                self.finish_writing(module, incarnation, number);
-            }
-            Some(Happening::Computed(module, incarnation, computed)) => {
-                self.hand_in(module, incarnation, computed);
+            Some(Happening::Timeout(run)) => self.time_out(run),
+            Some(Happening::DriveTick(run)) => self.tick_drive(run),
+            Some(Happening::Persisted(run, number)) => self.finish_writing(run, number),
+            Some(Happening::Computed(run, computed)) => {
+                if self.process_of(run).is_some() {
+                    self.input(run.module, Input::Computed(computed));
+                }
             }
             None => return false,
         }
@@ -70,11 +68,16 @@ impl Cluster {
         }
     }
 
-    fn time_out(&mut self, module: ModuleId, incarnation: Incarnation) {
-        let process = self.processes.get_mut(&module);
-        if let Some(process) = process.filter(|process| process.incarnation == incarnation) {
+    /// The process of a run, unless it has ended.
+    fn process_of(&mut self, run: ModuleRun) -> Option<&mut Process> {
+        let process = self.processes.get_mut(&run.module);
+        process.filter(|process| process.run == run)
+    }
+
+    fn time_out(&mut self, run: ModuleRun) {
+        if let Some(process) = self.process_of(run) {
             process.timeout_at = None;
-            self.input(module, Input::Timeout);
+            self.input(run.module, Input::Timeout);
         }
     }
 
@@ -99,20 +102,19 @@ impl Cluster {
         );
         let local = clock.local(self.now());
         let has_store = identity.store.is_some();
-        let incarnation = identity.incarnation;
+        let run = identity.run();
         let mut agent = self.agents.make(identity, self.parameters.agent, local);
         if self.parameters.plan_time_max.is_some() {
             agent = agent.with_plans_of_host();
         }
         if has_store {
             let stored = self.stores.get(&module);
-            let run = module.run(incarnation);
             let seen = stored.map(|stored| stored.seen.clone());
             self.sightings.insert(run, seen.unwrap_or_default());
             agent = agent.restored(stored.map(|stored| stored.state.clone()));
         }
         let process = Process {
-            incarnation,
+            run,
             agent,
             clock,
             inbox: Inbox::default(),
@@ -131,21 +133,14 @@ impl Cluster {
     }
 
     /// Computes a plan, which the agent gets when the time that this takes has passed.
-    fn compute(&mut self, module: ModuleId, incarnation: Incarnation, job: PlanJob) {
-        let given = self.plan_times.get(&module).copied();
+    fn compute(&mut self, run: ModuleRun, job: PlanJob) {
+        let given = self.plan_times.get(&run.module).copied();
         let time = given.unwrap_or_else(|| {
             let longest = self.parameters.plan_time_max.unwrap_or_default();
             duration_below(&mut self.random, longest)
         });
-        let computed = Happening::Computed(module, incarnation, Arc::new(job.run()));
+        let computed = Happening::Computed(run, Arc::new(job.run()));
         self.schedule.add(self.now() + time, computed);
-    }
-
-    fn hand_in(&mut self, module: ModuleId, incarnation: Incarnation, computed: Arc<ComputedPlan>) {
-        let process = self.processes.get(&module);
-        if process.is_some_and(|process| process.incarnation == incarnation) {
-            self.input(module, Input::Computed(computed));
-        }
     }
 
     fn draw_clock(&mut self) -> Clock {
@@ -203,9 +198,7 @@ impl Cluster {
         let at = due.max(held_until).max(now);
         if process.timeout_at.is_none_or(|scheduled| at < scheduled) {
             process.timeout_at = Some(at);
-            let incarnation = process.incarnation;
-            self.schedule
-                .add(at, Happening::Timeout(module, incarnation));
+            self.schedule.add(at, Happening::Timeout(process.run));
         }
     }
 
@@ -241,14 +234,12 @@ impl Cluster {
                     self.schedule_tick(module);
                 }
                 Output::Persist { number, state } => {
-                    let incarnation = process.incarnation;
-                    let run = module.run(incarnation);
+                    let run = process.run;
                     let seen = self.sightings.get(&run).cloned().unwrap_or_default();
                     let state = *state;
                     process.writing.push_back((number, Stored { state, seen }));
                     let at = now + Duration::from_micros(self.random.below(WRITE_US_MAX));
-                    self.schedule
-                        .add(at, Happening::Persisted(module, incarnation, number));
+                    self.schedule.add(at, Happening::Persisted(run, number));
                 }
                 Output::Halt => {
                     let report = process.drive.halt(local);
@@ -265,17 +256,17 @@ impl Cluster {
                     process.agent.handle(local, report);
                 }
                 Output::Compute(job) => {
-                    let incarnation = process.incarnation;
-                    self.compute(module, incarnation, job);
+                    let run = process.run;
+                    self.compute(run, job);
                 }
             }
         }
     }
 
     /// The store of a module holds what was given to it up to this number.
-    fn finish_writing(&mut self, module: ModuleId, incarnation: Incarnation, number: u64) {
-        let process = self.processes.get_mut(&module);
-        let Some(process) = process.filter(|process| process.incarnation == incarnation) else {
+    fn finish_writing(&mut self, run: ModuleRun, number: u64) {
+        let process = self.processes.get_mut(&run.module);
+        let Some(process) = process.filter(|process| process.run == run) else {
             return;
         };
         while process
@@ -284,28 +275,25 @@ impl Cluster {
             .is_some_and(|&(next, _)| next <= number)
         {
             if let Some((_, state)) = process.writing.pop_front() {
-                self.stores.insert(module, state);
+                self.stores.insert(run.module, state);
             }
         }
-        self.input(module, Input::Persisted(number));
+        self.input(run.module, Input::Persisted(number));
     }
 
-    fn tick_drive(&mut self, module: ModuleId, incarnation: Incarnation) {
+    fn tick_drive(&mut self, run: ModuleRun) {
         let now = self.now();
-        let Some(process) = self.processes.get_mut(&module) else {
+        let process = self.process_of(run);
+        let Some(process) = process.filter(|process| process.tick_at == Some(now)) else {
             return;
         };
-        if process.incarnation != incarnation || process.tick_at != Some(now) {
-            return;
-        }
         process.tick_at = None;
         let local = process.clock.local(now);
-        let report = process.drive.advance(local);
-        if let Some(report) = report {
+        if let Some(report) = process.drive.advance(local) {
             let pose = process.drive.pose();
-            self.observe(Observation::Stands(module, pose));
-            self.schedule_tick(module);
-            self.input(module, Input::Motion(report));
+            self.observe(Observation::Stands(run.module, pose));
+            self.schedule_tick(run.module);
+            self.input(run.module, Input::Motion(report));
         }
     }
 
@@ -322,7 +310,7 @@ impl Cluster {
         let at = now + left.min(self.parameters.drive_tick);
         if process.tick_at.is_none_or(|tick| at < tick) {
             process.tick_at = Some(at);
-            let tick = Happening::DriveTick(module, process.incarnation);
+            let tick = Happening::DriveTick(process.run);
             self.schedule.add(at, tick);
         }
     }

@@ -213,10 +213,9 @@ impl Cluster {
             return;
         };
         process.inbox.held_until = process.inbox.held_until.max(until);
-        let incarnation = process.incarnation;
+        let timeout = Happening::Timeout(process.run);
         self.note(Fault::Pause(module, span));
-        self.schedule
-            .add(until, Happening::Timeout(module, incarnation));
+        self.schedule.add(until, timeout);
     }
 
     /// Cuts these modules off from all others.

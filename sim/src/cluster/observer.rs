@@ -62,8 +62,7 @@ impl Cluster {
     /// The run of a module's process, if it is running.
     #[must_use]
     pub fn run_of(&self, module: ModuleId) -> Option<ModuleRun> {
-        let incarnation = self.processes.get(&module)?.incarnation;
-        Some(module.run(incarnation))
+        Some(self.processes.get(&module)?.run)
     }
 
     /// A running module with the memory that counts towards majorities.

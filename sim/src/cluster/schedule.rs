@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Incarnation, Message, ModuleId, ModuleRun};
+use formation::model::{Message, ModuleId, ModuleRun};
 use formation::protocol::{ComputedPlan, SourceId};
 
 use crate::network::Channel;
@@ -12,11 +12,11 @@ use crate::network::Channel;
 pub(super) enum Happening {
     Start(ModuleId),
     Deliver(Delivery),
-    Timeout(ModuleId, Incarnation),
-    DriveTick(ModuleId, Incarnation),
+    Timeout(ModuleRun),
+    DriveTick(ModuleRun),
     /// The store of a module holds its state of this number.
-    Persisted(ModuleId, Incarnation, u64),
-    Computed(ModuleId, Incarnation, Arc<ComputedPlan>),
+    Persisted(ModuleRun, u64),
+    Computed(ModuleRun, Arc<ComputedPlan>),
 }
 
 /// A message on its way to one reader.
