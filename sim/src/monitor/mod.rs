@@ -54,6 +54,7 @@ struct Latest {
 }
 
 /// Judges one run of a cluster.
+#[derive(Default)]
 pub(crate) struct Monitor {
     lease: Duration,
     /// The time beyond the lease that a heartbeat may take before motion on it counts as stale.
@@ -83,18 +84,7 @@ impl Monitor {
         Self {
             lease,
             margin,
-            rosters: BTreeMap::new(),
-            latest: BTreeMap::new(),
-            shown: BTreeMap::new(),
-            planned: BTreeSet::new(),
-            left: BTreeMap::new(),
-            settled_on: BTreeMap::new(),
-            holders: BTreeMap::new(),
-            spots: BTreeMap::new(),
-            assigned: BTreeMap::new(),
-            begun: BTreeSet::new(),
-            bodies: Bodies::default(),
-            violations: Vec::new(),
+            ..Self::default()
         }
     }
 
