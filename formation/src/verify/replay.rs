@@ -9,7 +9,7 @@ use super::violation::Violation;
 use crate::model::{Decision, ModuleId, PlanningProblem, Policy, SpotId, SpotSelection};
 
 /// The state after the turns replayed so far, and the violations of these turns.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, Default)]
 pub(super) struct Replay {
     /// The spot of each placed module.
     pub(super) spots: BTreeMap<ModuleId, SpotId>,
@@ -45,12 +45,7 @@ impl Replay {
                 .collect(),
             protected: spots.keys().copied().collect(),
             spots,
-            blocks: Vec::new(),
-            detached: BTreeSet::new(),
-            evictions: 0,
-            pairs: 0,
-            violations: Vec::new(),
-            unless_last: Vec::new(),
+            ..Self::default()
         }
     }
 
