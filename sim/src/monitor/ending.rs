@@ -228,28 +228,24 @@ impl Monitor {
 
     /// How the run has ended, if it has.
     pub fn ending(&self, cluster: &Cluster) -> Ending {
-        let mut formed = BTreeSet::new();
-        for modules in &self.groups(cluster) {
-            match self.part(cluster, modules) {
-                Part::Formed(epoch) => {
-                    formed.insert(epoch);
-                }
-                Part::Waiting if !self.surely_has_quorum(cluster, modules) => {}
-                Part::Idle => {}
-                Part::Waiting | Part::Hole { .. } | Part::Unfinished => return Ending::Neither,
-            }
-        }
-        match formed.len() {
-            0 => Ending::WaitingForQuorum,
-            1 => Ending::Formed,
-            _ if self.is_refounded(cluster, &formed) => Ending::Formed,
-            _ => Ending::Neither,
+        match self.end(cluster) {
+            (_, flaws) if !flaws.is_empty() => Ending::Neither,
+            (formed, _) if formed.is_empty() => Ending::WaitingForQuorum,
+            _ => Ending::Formed,
         }
     }
 
     /// Records what is wrong with the end of a run.
     pub fn judge_end(&mut self, cluster: &Cluster) {
+        for (kind, detail) in self.end(cluster).1 {
+            self.violate(cluster.now(), kind, detail);
+        }
+    }
+
+    /// The epochs of the formations, and what keeps this moment from being an end.
+    fn end(&self, cluster: &Cluster) -> (BTreeSet<Epoch>, Vec<(ViolationKind, String)>) {
         let mut formed = BTreeSet::new();
+        let mut flaws = Vec::new();
         for modules in &self.groups(cluster) {
             let (kind, detail) = match self.part(cluster, modules) {
                 Part::Formed(epoch) => {
@@ -257,8 +253,8 @@ impl Monitor {
                     continue;
                 }
                 Part::Waiting if self.surely_has_quorum(cluster, modules) => {
-                    let detail = format!("modules {}", listed(modules));
-                    (ViolationKind::QuorumDenied, detail)
+                    let listed = joined(modules.iter().map(|module| module.0), ", ");
+                    (ViolationKind::QuorumDenied, format!("modules {listed}"))
                 }
                 Part::Waiting | Part::Idle => continue,
                 Part::Hole { filled, wanted } => {
@@ -276,12 +272,12 @@ impl Monitor {
                     (ViolationKind::NoEnd, joined(phases, ", "))
                 }
             };
-            self.violate(cluster.now(), kind, detail);
+            flaws.push((kind, detail));
         }
         if formed.len() > 1 && !self.is_refounded(cluster, &formed) {
-            let named = joined(&formed, " and ");
-            self.violate(cluster.now(), ViolationKind::TwoFormations, named);
+            flaws.push((ViolationKind::TwoFormations, joined(&formed, " and ")));
         }
+        (formed, flaws)
     }
 }
 
@@ -302,10 +298,6 @@ fn may_found(
         .clone()
         .filter(|founder| cluster.has_store(**founder));
     present.count() == founders.len() || stored.count() * 2 > founders.len()
-}
-
-fn listed(modules: &BTreeSet<ModuleId>) -> String {
-    joined(modules.iter().map(|module| module.0), ", ")
 }
 
 fn knows_target(cluster: &Cluster, module: ModuleId) -> bool {
