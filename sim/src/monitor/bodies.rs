@@ -14,6 +14,7 @@ use formation::model::{
     Whereabouts,
 };
 
+use super::contact::nearest;
 use super::{Monitor, ViolationKind};
 use crate::cluster::Cluster;
 
@@ -195,14 +196,5 @@ fn is_on(body: &Pose, spot: &Pose) -> bool {
 /// Whether a point is nearer than half a module to the line between two others.
 fn is_near_line(point: &Pose, from: &Pose, to: &Pose) -> bool {
     let ((x, y), (from_x, from_y), (to_x, to_y)) = (units(point), units(from), units(to));
-    let (along_x, along_y) = (to_x - from_x, to_y - from_y);
-    let length = along_x.hypot(along_y);
-    let share = if length > 0.0 {
-        let dot = (x - from_x) * along_x + (y - from_y) * along_y;
-        (dot / (length * length)).clamp(0.0, 1.0)
-    } else {
-        0.0
-    };
-    let (off_x, off_y) = (x - from_x - share * along_x, y - from_y - share * along_y);
-    off_x.hypot(off_y) < HALF_WIDTH_UNITS
+    nearest((from_x - x, from_y - y), (to_x - x, to_y - y)) < HALF_WIDTH_UNITS
 }

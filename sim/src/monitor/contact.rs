@@ -286,7 +286,7 @@ fn within(before: f64, after: f64, width: f64) -> Option<(f64, f64)> {
 }
 
 /// The least distance from zero to a point that moves evenly.
-fn nearest(before: (f64, f64), after: (f64, f64)) -> f64 {
+pub(super) fn nearest(before: (f64, f64), after: (f64, f64)) -> f64 {
     let way = (after.0 - before.0, after.1 - before.1);
     let length = way.0 * way.0 + way.1 * way.1;
     let share = if length > 0.0 {
