@@ -15,7 +15,7 @@ use formation::model::{
 };
 
 use super::contact::nearest;
-use super::{Monitor, ViolationKind};
+use super::{Monitor, ViolationKind, member};
 use crate::cluster::Cluster;
 
 /// A body of any width stands on a spot if it is nearer to it than half the pitch of the lattice.
@@ -32,11 +32,8 @@ impl Monitor {
         if let Some((spot, pose)) = place {
             let others = cluster.modules().into_iter();
             let roster = state.epoch.and_then(|epoch| self.rosters.get(&epoch));
-            let is_pinned = roster.is_some_and(|known| {
-                let mut members = known.roster.members.iter();
-                members.any(|one| one.module.id == module && one.module.pin == Some(spot))
-            });
-            if is_pinned {
+            let own = roster.and_then(|known| member(&known.roster, module));
+            if own.is_some_and(|own| own.module.pin == Some(spot)) {
                 return;
             }
             let is_seen = |other| roster.is_some_and(|roster| roster.seen.contains(&other));
@@ -129,16 +126,13 @@ pub fn blocks_all<'a>(target: &Target, bodies: impl Iterator<Item = &'a BodyRepo
 /// which it lists, and those of members that cannot move. Pinned members stay, so with pins, spots connected to theirs count.
 #[must_use]
 pub fn room(roster: &Roster, target: &Target, active: usize) -> usize {
-    let is_member = |module: ModuleId| {
-        let mut members = roster.members.iter();
-        members.any(|member| member.module.id == module)
-    };
     let failed = roster
         .members
         .iter()
         .filter(|member| member.service == Service::MotionFailed)
         .map(|member| (member.module.pose, member.module.pose));
-    let absent = roster.bodies.iter().filter(|body| !is_member(body.module));
+    let absent = roster.bodies.iter();
+    let absent = absent.filter(|body| member(roster, body.module).is_none());
     let absent = absent.flat_map(|body| lines_of(&body.whereabouts));
     let lines: Vec<(Pose, Pose)> = failed.chain(absent).collect();
     let held: Vec<SpotId> = roster

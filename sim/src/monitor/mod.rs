@@ -154,12 +154,7 @@ impl Monitor {
             early: BTreeMap::new(),
         };
         // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
-        let run_of_convener = |roster: &Roster| {
-            let mut members = roster.members.iter();
-            members
-                .find(|member| member.module.id == convener)
-                .map(RosterMember::run)
-        };
+        let run_of_convener = |roster: &Roster| member(roster, convener).map(RosterMember::run);
         let earlier = self.rosters.insert(roster.epoch, known);
         if earlier
             .is_some_and(|earlier| run_of_convener(&earlier.roster) == run_of_convener(roster))
@@ -261,10 +256,8 @@ impl Monitor {
                 }
             }
             ModulePhase::Planning | ModulePhase::Agreeing => {
-                let frozen = roster.as_ref().and_then(|roster| {
-                    let mut members = roster.members.iter();
-                    members.find(|member| member.module.id == state.module)
-                });
+                let roster = roster.as_deref();
+                let frozen = roster.and_then(|roster| member(roster, state.module));
                 if frozen.is_some_and(|member| member.module.pose != state.pose) {
                     let detail = format!("{}", state.module);
                     self.violate(at, ViolationKind::NotWhereFrozen, detail);
@@ -343,6 +336,11 @@ impl Monitor {
             self.violate(at, ViolationKind::OneModuleOnTwoSpots, detail);
         }
     }
+}
+
+fn member(roster: &Roster, module: ModuleId) -> Option<&RosterMember> {
+    let mut members = roster.members.iter();
+    members.find(|member| member.module.id == module)
 }
 
 /// A module stands on a spot that is this near along each axis, and its heading that of the spot to within as much.
