@@ -49,39 +49,28 @@ impl Transport {
 
 impl Cluster {
     /// Sends a new reader the samples that writers keep for late readers.
-    pub(super) fn catch_up(&mut self, reader: ModuleId) {
+    pub(super) fn catch_up(&mut self, to: ModuleId) {
         let mut kept = Vec::new();
         if let Some(announcement) = &self.announcement {
             let message = Message::Target(Arc::clone(announcement));
-            let writer = (Participant::TargetPublisher, Topic::Target);
-            let sample = self
-                .transport
-                .newest
-                .get(&writer)
-                .copied()
-                .unwrap_or_default();
-            kept.push((writer.0, writer.1, sample, message));
+            let (from, topic) = (Participant::TargetPublisher, Topic::Target);
+            let newest = self.transport.newest.get(&(from, topic));
+            let sample = newest.copied().unwrap_or_default();
+            kept.push((Channel { from, to, topic }, sample, message));
         }
         for (&writer, process) in &self.processes {
-            if writer == reader {
+            if writer == to {
                 continue;
             }
             for (&topic, samples) in &process.history {
                 for (sample, message) in samples {
-                    kept.push((Participant::Module(writer), topic, *sample, message.clone()));
+                    let from = Participant::Module(writer);
+                    kept.push((Channel { from, to, topic }, *sample, message.clone()));
                 }
             }
         }
-        for (from, topic, sample, message) in kept {
-            self.send(
-                Channel {
-                    from,
-                    to: reader,
-                    topic,
-                },
-                sample,
-                message,
-            );
+        for (channel, sample, message) in kept {
+            self.send(channel, sample, message);
         }
     }
 
