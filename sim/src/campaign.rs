@@ -23,7 +23,7 @@ const HOSTILE_DRIFT_PPM: u32 = 480;
 const MEMORY_SEED: u64 = 0x6d65_6d6f_7279;
 
 /// The parameters of every run of a campaign.
-#[derive(Clone, Debug)]
+#[derive(Clone)]
 pub struct CampaignParameters {
     /// The kinds of faults.
     pub faults: FaultKind,

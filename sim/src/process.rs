@@ -1,7 +1,6 @@
 //! One simulated process: agent, drive, clock and inbox.
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
-use std::fmt;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -34,12 +33,6 @@ impl Default for AgentFactory {
     /// Agents without a bug.
     fn default() -> Self {
         Self::new(Agent::new)
-    }
-}
-
-impl fmt::Debug for AgentFactory {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str("AgentFactory")
     }
 }
 
