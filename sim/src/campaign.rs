@@ -116,15 +116,6 @@ pub enum CampaignError {
     Scenario(#[from] ScenarioError),
 }
 
-/// Agents that recover quickly, so that runs are short; the ratios are those of the defaults.
-fn agent_parameters() -> AgentParameters {
-    AgentParameters {
-        gather_limit: Duration::from_secs(15),
-        motion_limit: Duration::from_secs(60),
-        ..AgentParameters::default()
-    }
-}
-
 fn draw_problem(
     parameters: &CampaignParameters,
     random: &mut Random,
@@ -153,7 +144,12 @@ fn draw_problem(
 fn cluster_parameters(faults: FaultKind) -> ClusterParameters {
     let defaults = ClusterParameters::default();
     ClusterParameters {
-        agent: agent_parameters(),
+        // Agents that recover quickly, so that runs are short; the ratios are those of the defaults.
+        agent: AgentParameters {
+            gather_limit: Duration::from_secs(15),
+            motion_limit: Duration::from_secs(60),
+            ..defaults.agent
+        },
         network: match faults {
             FaultKind::Mixed | FaultKind::Hostile | FaultKind::Storm | FaultKind::Churn => {
                 NetworkParameters::rough()
