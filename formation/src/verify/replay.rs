@@ -246,19 +246,7 @@ impl Replay {
         if placed.len() < 2 {
             return;
         }
-        let mut kept = Vec::new();
-        for (module, spot) in placed
-            .iter()
-            .filter_map(|one| self.spots.get_key_value(one))
-        {
-            let adjacent: BTreeSet<SpotId> = problem.target().neighbours_of(*spot).collect();
-            let links = problem.module(*module).map(|module| &module.links);
-            let others = links.into_iter().flatten().filter(|&other| {
-                let spot = self.spots.get(other);
-                spot.is_some_and(|spot| adjacent.contains(spot))
-            });
-            kept.extend(others.map(|&other| (*module, other)));
-        }
+        let kept = kept_links_of(problem, &self.spots, &placed);
         for block in groups(&placed, kept.into_iter()) {
             if block.len() >= 2 {
                 self.protected.extend(&block);
@@ -311,6 +299,27 @@ fn moves_without_eviction(
         is_own_choice.then_some(Violation::MovedWithoutEviction { turn, module, spot })
     };
     decision.selections.iter().filter_map(moves).collect()
+}
+
+/// The links between some modules whose ends take adjacent spots.
+pub(super) fn kept_links_of(
+    problem: &PlanningProblem,
+    spots: &BTreeMap<ModuleId, SpotId>,
+    members: &BTreeSet<ModuleId>,
+) -> BTreeSet<(ModuleId, ModuleId)> {
+    let mut links = BTreeSet::new();
+    for &first in members {
+        let (Some(module), Some(&spot)) = (problem.module(first), spots.get(&first)) else {
+            continue;
+        };
+        let adjacent: BTreeSet<SpotId> = problem.target().neighbours_of(spot).collect();
+        let others = module.links.iter().copied();
+        let others = others.filter(|other| first < *other && members.contains(other));
+        let others =
+            others.filter(|other| spots.get(other).is_some_and(|to| adjacent.contains(to)));
+        links.extend(others.map(|second| (first, second)));
+    }
+    links
 }
 
 /// Splits things into the groups that the edges join; groups and members ascend. Edges to other things do not count.

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use petgraph::visit::Bfs;
 
-use super::replay::{Replay, groups};
+use super::replay::{Replay, groups, kept_links_of};
 use super::violation::Violation;
 use crate::model::{Decision, ModuleId, Plan, PlanningProblem, SpotId};
 
@@ -194,10 +194,10 @@ fn check_blocks(
         .filter(|module| module.pin.is_some())
         .map(|module| module.id)
         .collect();
-    let mut kept = kept_links_of(problem, plan, &pinned);
+    let mut kept = kept_links_of(problem, &plan.assignments, &pinned);
     for block in &plan.blocks {
         let members: BTreeSet<ModuleId> = block.iter().copied().collect();
-        let links = kept_links_of(problem, plan, &members);
+        let links = kept_links_of(problem, &plan.assignments, &members);
         let parts = groups(&members, links.iter().copied());
         if let (Some(first), Some(other)) = (parts.first(), parts.get(1)) {
             violations.push(Violation::BlockApart {
@@ -214,35 +214,6 @@ fn check_blocks(
             listed: plan.kept_links.contains(&(first, second)),
         });
     }
-}
-
-/// The links between some modules whose ends take adjacent spots.
-fn kept_links_of(
-    problem: &PlanningProblem,
-    plan: &Plan,
-    members: &BTreeSet<ModuleId>,
-) -> BTreeSet<(ModuleId, ModuleId)> {
-    let mut links = BTreeSet::new();
-    for &first in members {
-        let (Some(module), Some(&spot)) = (problem.module(first), plan.assignments.get(&first))
-        else {
-            continue;
-        };
-        let adjacent: BTreeSet<SpotId> = problem.target().neighbours_of(spot).collect();
-        links.extend(
-            module
-                .links
-                .iter()
-                .filter(|&&second| first < second && members.contains(&second))
-                .filter(|&second| {
-                    plan.assignments
-                        .get(second)
-                        .is_some_and(|spot| adjacent.contains(spot))
-                })
-                .map(|&second| (first, second)),
-        );
-    }
-    links
 }
 
 fn check_units(problem: &PlanningProblem, plan: &Plan, violations: &mut Vec<Violation>) {
