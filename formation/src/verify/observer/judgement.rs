@@ -50,7 +50,7 @@ impl Observer {
         let members = members.into_iter().flatten();
         let latest = members.filter_map(|member| {
             let record = self.received.modules.get(&member.module.id)?;
-            Some(record.stop_of(member.incarnation))
+            Some(record.run_of(member.incarnation)?.stop)
         });
         latest.max().is_some_and(|stop| stop.stopped)
     }
@@ -74,7 +74,7 @@ impl Observer {
         planned.members().iter().filter_map(move |member| {
             let module = member.module.id;
             let record = self.received.modules.get(&module)?;
-            let last = record.heartbeat_of(member.incarnation)?;
+            let (_, last) = record.run_of(member.incarnation)?.last_heartbeat?;
             (now.saturating_sub(last) > silence).then_some(Missing::Silent { module, silence })
         })
     }

@@ -197,7 +197,8 @@ impl Received {
         if let Some(planned) = record.planned(epoch) {
             let moved = planned.members().iter().filter(|member| {
                 let record = self.modules.get(&member.module.id);
-                record.is_some_and(|record| record.has_moved_outside_epochs(member.incarnation))
+                let run = record.and_then(|record| record.run_of(member.incarnation));
+                run.is_some_and(|run| run.moved_outside_epochs)
             });
             violations.extend(moved.map(|member| Violation::MovedWithoutPlan {
                 module: member.module.id,

@@ -25,16 +25,16 @@ const FROZEN_POSES_MAX: usize = 8;
 
 /// The messages of one run of a module's process.
 #[derive(Clone, Debug)]
-struct RunRecord {
+pub(super) struct RunRecord {
     /// The state of the highest sequence number.
     latest: Option<Arc<ModuleState>>,
     first_received: Duration,
     /// The highest sequence number of a heartbeat, and when it was received.
-    last_heartbeat: Option<(u64, Duration)>,
+    pub(super) last_heartbeat: Option<(u64, Duration)>,
     /// The command to stop or to resume that this heartbeat showed.
-    stop: Stop,
+    pub(super) stop: Stop,
     /// Whether a state MOVING or SETTLED named no epoch.
-    moved_outside_epochs: bool,
+    pub(super) moved_outside_epochs: bool,
 }
 
 /// The runs of one module.
@@ -76,22 +76,8 @@ impl ModuleRecord {
         }
     }
 
-    /// When the latest heartbeat of a run was received.
-    pub(super) fn heartbeat_of(&self, incarnation: Incarnation) -> Option<Duration> {
-        let (_, received) = self.runs.get(&incarnation)?.last_heartbeat?;
-        Some(received)
-    }
-
-    /// The command to stop or to resume that a run shows.
-    pub(super) fn stop_of(&self, incarnation: Incarnation) -> Stop {
-        let run = self.runs.get(&incarnation);
-        run.map_or(Stop::default(), |run| run.stop)
-    }
-
-    /// Whether a run published a state MOVING or SETTLED without an epoch.
-    pub(super) fn has_moved_outside_epochs(&self, incarnation: Incarnation) -> bool {
-        let run = self.runs.get(&incarnation);
-        run.is_some_and(|run| run.moved_outside_epochs)
+    pub(super) fn run_of(&self, incarnation: Incarnation) -> Option<&RunRecord> {
+        self.runs.get(&incarnation)
     }
 
     /// The newest run that published a state, where it was last seen, and when its latest heartbeat was received.
