@@ -208,8 +208,8 @@ fn unit_violations(acts: &Acts<'_>, claimed: &Claimed) -> Vec<Violation> {
     let blocks: BTreeSet<&Vec<ModuleId>> = claimed.replay.blocks.iter().collect();
     let in_blocks: BTreeSet<ModuleId> = claimed.replay.blocks.iter().flatten().copied().collect();
     // Along paths, a block that does not get to its spots as one body moves as single modules.
-    let may_part = |lead: &ModuleId| acts.on_paths() || !in_blocks.contains(lead);
-    let units = acts.units().iter();
+    let may_part = |lead: &ModuleId| acts.on_paths || !in_blocks.contains(lead);
+    let units = acts.units.iter();
     units
         .filter(|(lead, unit)| {
             let is_single = unit.modules.len() == 1 && may_part(lead);

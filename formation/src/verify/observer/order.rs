@@ -23,12 +23,12 @@ pub(super) struct Acts<'a> {
     /// The acts of the members that have moved or settled, in the runs that the roster names.
     moved: BTreeMap<ModuleId, &'a Act>,
     /// The acting units that have moved; pinned modules do not move.
-    units: BTreeMap<ModuleId, Unit>,
+    pub(super) units: BTreeMap<ModuleId, Unit>,
     /// An edge leads from each unit to every unit that waited for one of its modules.
     order: DiGraphMap<ModuleId, ()>,
     /// Whether the plan moves modules along paths: units move at the same time, and what they waited for shows once they
     /// have docked.
-    on_paths: bool,
+    pub(super) on_paths: bool,
 }
 
 /// One acting unit, as far as it is known.
@@ -108,16 +108,6 @@ impl<'a> Acts<'a> {
         let act = self.moved.get(&module)?;
         let named = act.named.and_then(|(_, unit, _)| unit).unwrap_or(module);
         (!self.is_pinned(module)).then_some(named)
-    }
-
-    /// Whether the plan moves modules along paths.
-    pub(super) fn on_paths(&self) -> bool {
-        self.on_paths
-    }
-
-    /// The acting units that have moved.
-    pub(super) fn units(&self) -> &BTreeMap<ModuleId, Unit> {
-        &self.units
     }
 
     /// All acts that were too early or out of order, as far as the messages show them.
