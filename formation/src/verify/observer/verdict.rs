@@ -1,7 +1,6 @@
 //! The reports of an observer.
 
 use std::collections::BTreeMap;
-use std::fmt;
 use std::time::Duration;
 
 use serde::{Deserialize, Serialize};
@@ -20,16 +19,6 @@ pub enum Outcome {
     Partial,
     /// There are violations, or the formation was not done in time.
     Failed,
-}
-
-impl fmt::Display for Outcome {
-    fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
-        formatter.write_str(match self {
-            Self::Complete => "COMPLETE",
-            Self::Partial => "PARTIAL",
-            Self::Failed => "FAILED",
-        })
-    }
 }
 
 /// Why modules may have run into each other. The message of each variant describes it.
