@@ -3,7 +3,6 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use formation::event_log::{ModuleSnapshot, Scene};
-use formation::model::ModuleId;
 use serde::Serialize;
 
 use super::track::time;
@@ -49,27 +48,9 @@ impl Links {
         }
     }
 
-    /// A module no longer names some links.
-    pub(super) fn leave(
-        &mut self,
-        now: f64,
-        module: usize,
-        before: &BTreeSet<ModuleId>,
-        now_named: &BTreeSet<ModuleId>,
-        subject: &Subject,
-    ) {
-        for gone in before.difference(now_named) {
-            if let Some(other) = subject.position_of(*gone) {
-                let ends = (module.min(other), module.max(other));
-                if let Some(since) = self.docked.remove(&ends) {
-                    self.add(ends, since, Some(now));
-                }
-            }
-        }
-    }
-
-    /// A module names links; those that the other end names too exist from now on.
-    pub(super) fn meet(
+    /// A module names its links, unlike in the scene so far: those that it does not name any more end now, and those that the
+    /// other end names too exist from now on.
+    pub(super) fn change(
         &mut self,
         now: f64,
         module: usize,
@@ -77,6 +58,16 @@ impl Links {
         scene: &Scene,
         subject: &Subject,
     ) {
+        let before = scene.snapshot(snapshot.module);
+        let before = before.into_iter().flat_map(|before| &before.links);
+        for gone in before.filter(|link| !snapshot.links.contains(link)) {
+            if let Some(other) = subject.position_of(*gone) {
+                let ends = (module.min(other), module.max(other));
+                if let Some(since) = self.docked.remove(&ends) {
+                    self.add(ends, since, Some(now));
+                }
+            }
+        }
         for name in &snapshot.links {
             let Some(other) = subject.position_of(*name).filter(|&other| other != module) else {
                 continue;

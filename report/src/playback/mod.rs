@@ -193,25 +193,15 @@ impl<'a> Cutting<'a> {
 
     /// Shows the pose, the phase and the links of a state that the scene does not have yet.
     fn show_state(&mut self, module: usize, snapshot: &ModuleSnapshot) {
-        let before = self.scene.snapshot(snapshot.module);
-        let was = before.map(|before| before.phase);
+        let was = self.scene.phase_of(snapshot.module);
         let film = &mut self.modules[module];
         film.track
             .stand_or_go(self.now, self.frame, &snapshot.pose, was);
         if was != Some(snapshot.phase) {
             film.phases.push((self.now, snapshot.phase));
         }
-        if let Some(before) = before {
-            self.links.leave(
-                self.now,
-                module,
-                &before.links,
-                &snapshot.links,
-                self.subject,
-            );
-        }
         self.links
-            .meet(self.now, module, snapshot, &self.scene, self.subject);
+            .change(self.now, module, snapshot, &self.scene, self.subject);
     }
 
     fn finish(mut self, end: &str) -> Film {
