@@ -78,7 +78,6 @@ pub struct Summary {
 pub fn page(subject: &Subject, course: &[Entry], summary: &Summary) -> String {
     let frame = Frame::around(places(subject, course)).at_least(GROUND_WIDTH_MIN);
     let film = Film::of(subject, course, &frame, &summary.outcome);
-    let steps = film.step_count();
     fill(TEMPLATE, |marker| match marker {
         "policy" => policy(),
         "title" => Escaped(subject.title()).to_string(),
@@ -93,7 +92,7 @@ pub fn page(subject: &Subject, course: &[Entry], summary: &Summary) -> String {
         "source" => Escaped(&summary.source).to_string(),
         "picture" => stage(subject, &frame).to_string(),
         "legend" => all(legend_of(subject)),
-        "step-count" => steps.to_string(),
+        "step-count" => film.steps.len().to_string(),
         "facts" => all(summary.facts.iter().map(row_of)),
         "notes" => notes(&summary.notes),
         "modules" => all(subject

@@ -38,7 +38,7 @@ pub(crate) struct Film {
     /// The stages, each with the time at which it begins.
     stages: Vec<(f64, FormationStage)>,
     /// The steps, each a sentence.
-    steps: Vec<FilmStep>,
+    pub(crate) steps: Vec<FilmStep>,
     modules: Vec<ModuleFilm>,
     spots: Vec<SpotFilm>,
     /// The links, each with the times at which it begins and ends.
@@ -46,7 +46,7 @@ pub(crate) struct Film {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct FilmStep {
+pub(crate) struct FilmStep {
     at: f64,
     text: String,
     /// The modules that act, and those that lose their spot.
@@ -82,11 +82,6 @@ impl Film {
             cutting.take(entry);
         }
         cutting.finish(end)
-    }
-
-    /// The number of steps.
-    pub(crate) fn step_count(&self) -> usize {
-        self.steps.len()
     }
 }
 
