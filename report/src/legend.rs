@@ -36,20 +36,7 @@ pub(crate) enum Mark {
 }
 
 /// A sign and its meaning.
-#[derive(Clone, Debug)]
-pub(crate) struct Entry {
-    pub(crate) mark: Mark,
-    pub(crate) text: String,
-}
-
-impl Entry {
-    pub(crate) fn new(mark: Mark, text: impl Into<String>) -> Self {
-        Self {
-            mark,
-            text: text.into(),
-        }
-    }
-}
+pub(crate) type Entry = (Mark, String);
 
 /// The entries for the looks of modules.
 pub(crate) fn of_modules(subject: &Subject) -> Vec<Entry> {
@@ -60,27 +47,27 @@ pub(crate) fn of_modules(subject: &Subject) -> Vec<Entry> {
         .map(|(position, configuration)| {
             let size = counted(configuration.size, "module");
             let text = format!("{}, {size}", configuration.label);
-            Entry::new(module(Some(position), false), text)
+            (module(Some(position), false), text)
         })
         .collect();
     let more = subject.configurations.len() - entries.len();
     if more > 0 {
         let text = format!("and {more} more configurations");
-        entries.push(Entry::new(Mark::None, text));
+        entries.push((Mark::None, text));
     }
     let modules = subject.modules.iter();
     let singles = modules.filter(|module| module.configuration.is_none());
     let singles = singles.count();
     if singles > 0 {
         let text = counted(singles, "single module");
-        entries.push(Entry::new(module(None, false), text));
+        entries.push((module(None, false), text));
     }
     if !subject.configurations.is_empty() {
         let mark = module(Some(0), true);
-        entries.push(Entry::new(mark, "leads its configuration"));
+        entries.push((mark, "leads its configuration".to_owned()));
     }
     if !subject.surroundings.obstacles().is_empty() {
-        entries.push(Entry::new(Mark::Obstacle, "obstacle"));
+        entries.push((Mark::Obstacle, "obstacle".to_owned()));
     }
     entries
 }
@@ -88,18 +75,18 @@ pub(crate) fn of_modules(subject: &Subject) -> Vec<Entry> {
 /// Draws entries in columns with a total width of at most `width`, and a note below; returns the drawing and its height.
 #[expect(clippy::cast_precision_loss, reason = "a few entries of a few letters")]
 pub(crate) fn draw(entries: &[Entry], frame: &Frame, width: f64) -> (Element, f64) {
-    let needed = |entry: &Entry| SIGN + entry.text.chars().count() as f64 * LETTER;
+    let needed = |(_, text): &Entry| SIGN + text.chars().count() as f64 * LETTER;
     let widest = entries.iter().map(needed).fold(0.0, f64::max) + GAP;
     let columns = (1..=entries.len())
         .rev()
         .find(|&columns| columns as f64 * widest <= width + GAP)
         .unwrap_or(1);
     let mut group = Element::group("legend");
-    for (index, entry) in entries.iter().enumerate() {
+    for (index, (mark, meaning)) in entries.iter().enumerate() {
         let x = (index % columns) as f64 * widest;
         let y = row(index / columns);
-        group.push(drawn(entry.mark).with("transform", translate(x, y)));
-        group.push(text(x + SIGN, y, &entry.text));
+        group.push(drawn(*mark).with("transform", translate(x, y)));
+        group.push(text(x + SIGN, y, meaning));
     }
     let rows = entries.len().div_ceil(columns);
     let note = if frame.is_to_scale() {

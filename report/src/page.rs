@@ -205,22 +205,22 @@ fn legend_of(subject: &Subject) -> Vec<Element> {
         (Mark::Spot, "free spot"),
         (Mark::ClaimedSpot, "claimed spot"),
     ] {
-        entries.push(legend::Entry::new(mark, text));
+        entries.push((mark, text.to_owned()));
     }
     entries
         .into_iter()
-        .map(|entry| {
+        .map(|(mark, text)| {
             let mut item = Element::new("li");
-            if !matches!(entry.mark, Mark::None) {
+            if !matches!(mark, Mark::None) {
                 item.push(
                     Element::new("svg")
                         .with("class", "sign")
                         .with("viewBox", "-2 -12 32 24")
                         .with("aria-hidden", "true")
-                        .containing(legend::drawn(entry.mark)),
+                        .containing(legend::drawn(mark)),
                 );
             }
-            item.saying(entry.text)
+            item.saying(text)
         })
         .collect()
 }

@@ -118,7 +118,7 @@ fn picture(
     ground.push(crosses);
     let mut entries = legend::of_modules(subject);
     let signs = signs.iter().filter(|(is_shown, ..)| *is_shown);
-    entries.extend(signs.map(|&(_, mark, text)| Entry::new(mark, text)));
+    entries.extend(signs.map(|&(_, mark, text)| (mark, text.to_owned())));
     on_paper(subject, &frame, subtitle, ground, &entries)
 }
 
