@@ -148,7 +148,7 @@ impl<'a> Course<'a> {
             let passed = Duration::try_from_secs_f64(time / speed_units_per_s);
             self.now = begin + passed.unwrap_or_default();
             match what {
-                What::SetsOff => self.change(module, |state| state.phase = ModulePhase::Moving),
+                What::Becomes(phase) => self.change(module, |state| state.phase = phase),
                 What::Undocks => self.undock(module),
                 What::IsAt(pose) => {
                     if let Some(state) = self.modules.get_mut(&module) {
@@ -157,7 +157,6 @@ impl<'a> Course<'a> {
                     }
                 }
                 What::Docks(spot) => self.settle(module, spot),
-                What::IsSpare => self.change(module, |state| state.phase = ModulePhase::Spare),
             }
         }
     }
@@ -248,11 +247,10 @@ struct Moment {
 }
 
 enum What {
-    SetsOff,
+    Becomes(ModulePhase),
     Undocks,
     IsAt(Pose),
     Docks(SpotId),
-    IsSpare,
 }
 
 /// What the modules of a unit do, in the order of its steps.
@@ -268,7 +266,7 @@ fn moments_of(unit: &UnitMotion) -> Vec<Moment> {
         for (step, ends) in unit.steps.iter().zip(ends) {
             let begin = f64::from(step.begin);
             if number == 0 {
-                add(begin, What::SetsOff);
+                add(begin, What::Becomes(ModulePhase::Moving));
             }
             if number == unit.joint_steps {
                 add(begin, What::Undocks);
@@ -284,7 +282,7 @@ fn moments_of(unit: &UnitMotion) -> Vec<Moment> {
         let end = module.waypoints.last().map_or(0, |last| last.time);
         match (module.spot, unit.docked_at) {
             (Some(spot), Some(docked)) => add(f64::from(docked), What::Docks(spot)),
-            _ if number > 0 => add(f64::from(end), What::IsSpare),
+            _ if number > 0 => add(f64::from(end), What::Becomes(ModulePhase::Spare)),
             _ => {}
         }
     }
