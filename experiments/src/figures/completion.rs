@@ -10,8 +10,10 @@ use crate::paper;
 use crate::settings::Settings;
 use crate::table::Table;
 
-const SELECTED: Value = Value::TalkCurve(|talk, percent| talk.selected_after(percent));
-const SETTLED: Value = Value::TalkCurve(|talk, percent| talk.settled_after(percent));
+const SELECTED: Value =
+    Value::TalkCurve(|talk, percent| talk.counted_after(percent, |moment| moment.selected));
+const SETTLED: Value =
+    Value::TalkCurve(|talk, percent| talk.counted_after(percent, |moment| moment.settled));
 const COMPUTED: Value = Value::PlanCurve(PlanMeasurement::selected_after);
 
 pub(super) const COMPLETION: Figure = Figure {
@@ -54,15 +56,11 @@ pub(super) const AUCTION: Figure = Figure {
     results: auction_results,
 };
 
-/// The parts of the time at which curves are read, in per cent.
-fn moments() -> impl Iterator<Item = f64> {
-    (0..=100).step_by(5).map(f64::from)
-}
-
+/// A row for each part of the time at which curves are read.
 fn curve(row: &Row) -> impl Iterator<Item = Row> {
-    moments().map(|percent| Row {
+    (0..=100).step_by(5).map(|percent| Row {
         keys: row.keys.clone(),
-        group: row.group.at(percent),
+        group: row.group.at(f64::from(percent)),
     })
 }
 

@@ -52,17 +52,8 @@ impl Talk {
         self.course.last().map_or(0, |last| last.pairs) * self.receivers()
     }
 
-    /// Per cent of the spots that are selected after `percent` of the planning time.
-    pub(crate) fn selected_after(&self, percent: f64) -> f64 {
-        self.count_after(percent, |moment| moment.selected)
-    }
-
-    /// Per cent of the spots that are selected by their final module after `percent` of the planning time.
-    pub(crate) fn settled_after(&self, percent: f64) -> f64 {
-        self.count_after(percent, |moment| moment.settled)
-    }
-
-    fn count_after(&self, percent: f64, count: impl Fn(&Moment) -> usize) -> f64 {
+    /// Per cent of the spots that are counted after `percent` of the planning time.
+    pub(crate) fn counted_after(&self, percent: f64, count: fn(&Moment) -> usize) -> f64 {
         let time = percent / 100.0 * self.duration as f64;
         let passed = self
             .course
