@@ -147,7 +147,8 @@ impl Track {
         } = self.last;
         let (epoch, steps) = (epoch?, steps?);
         let began = (drive != DriveState::Standing).then_some(at);
-        if let Some(end) = self.end_of(epoch, steps) {
+        let mut ends = self.ends.iter_mut().rev();
+        if let Some(end) = ends.find(|end| (end.epoch, end.steps) == (epoch, steps)) {
             if end.began.is_some() || began.is_none() {
                 return None;
             }
@@ -177,11 +178,6 @@ impl Track {
             self.ends.pop_front();
         }
         Some((epoch, steps))
-    }
-
-    fn end_of(&mut self, epoch: Epoch, steps: u32) -> Option<&mut StepEnd> {
-        let mut ends = self.ends.iter_mut().rev();
-        ends.find(|end| (end.epoch, end.steps) == (epoch, steps))
     }
 
     /// The end of a step, if it was seen.
