@@ -85,9 +85,6 @@ fn choose_rival(
 }
 
 fn is_from_member(planned: PlannedEpoch<'_>, rival: &ReceivedClaim) -> bool {
-    let claim = &rival.claim;
-    planned
-        .members()
-        .iter()
-        .any(|member| member.module.id == claim.claimant && member.incarnation == claim.incarnation)
+    let run = rival.claim.claimant.run(rival.claim.incarnation);
+    planned.members().iter().any(|member| member.run() == run)
 }
