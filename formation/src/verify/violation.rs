@@ -4,7 +4,6 @@ use std::time::Duration;
 
 use thiserror::Error;
 
-use super::observer::CollisionRisk;
 use crate::model::{Digest, Epoch, MicroUnits, ModuleId, ModulePhase, SpotId};
 
 /// The greatest number of violations that are listed.
@@ -287,25 +286,6 @@ pub enum Missing {
     },
     #[error("{spot} is empty")]
     Spot { spot: SpotId },
-}
-
-impl Violation {
-    /// The overlap that it reports.
-    pub(super) fn as_overlap(&self) -> Option<CollisionRisk> {
-        match *self {
-            Self::BodiesOverlap {
-                epoch,
-                first,
-                second,
-                ..
-            } => Some(CollisionRisk::Overlap {
-                epoch,
-                first,
-                second,
-            }),
-            _ => None,
-        }
-    }
 }
 
 fn or_nothing(spot: Option<SpotId>) -> String {

@@ -8,7 +8,7 @@ use super::end_state::EndState;
 use super::observation::Observer;
 use super::order::Acts;
 use super::record::PlannedEpoch;
-use super::verdict::{Counts, Outcome, Timings, Verdict};
+use super::verdict::{CollisionRisk, Counts, Outcome, Timings, Verdict};
 use crate::model::{ModuleId, SpotId};
 use crate::verify::violation::{Missing, VIOLATIONS_MAX, Violation};
 
@@ -136,7 +136,19 @@ impl Observer {
         if let Some(planned) = self.received.current() {
             self.report_on(now, planned, &mut verdict);
         }
-        let overlap = verdict.violations.iter().find_map(|one| one.as_overlap());
+        let overlap = verdict.violations.iter().find_map(|one| match *one {
+            Violation::BodiesOverlap {
+                epoch,
+                first,
+                second,
+                ..
+            } => Some(CollisionRisk::Overlap {
+                epoch,
+                first,
+                second,
+            }),
+            _ => None,
+        });
         verdict.collision_risk = overlap.or_else(|| self.received.straight_motion());
         verdict.violations.sort();
         verdict.violations.dedup();
