@@ -21,7 +21,11 @@ use ros2_client::{
 use rustdds::DomainParticipantBuilder;
 
 /// A service that does not answer at all is what this looks for.
-const PATIENCE: Duration = Duration::from_secs(20);
+const PATIENCE: Duration = Duration::from_secs(10);
+
+/// How many callers ask in turn: on busy processors, two in 360 of the library's participants did not discover the service, or were
+/// not discovered by it, within 20 s.
+const CALLERS: usize = 3;
 
 /// The time after which a request is sent again.
 const ASK_AGAIN_AFTER: Duration = Duration::from_secs(3);
@@ -46,13 +50,13 @@ impl Caller {
         Self { node, mapping }
     }
 
-    /// Asks as soon as the service is there, and again while there is no answer.
+    /// Asks as soon as the service is there, and again while there is no answer; `None` if there is none.
     fn call<Q: Message + Clone + 'static, A: Message + 'static>(
         &mut self,
         service: &str,
         name: &str,
         request: &Q,
-    ) -> A {
+    ) -> Option<A> {
         let qos = QosProfile::publisher_default().history(History::KeepLast { depth: 10 });
         let client: Client<Q, A> = self
             .node
@@ -86,12 +90,26 @@ impl Caller {
                 std::future::pending::<()>().await;
             };
             futures::select! {
-                answer = Box::pin(call.fuse()) => answer,
+                answer = Box::pin(call.fuse()) => Some(answer),
                 () = Box::pin(spin.fuse()) => panic!("the library stopped"),
-                _ = FutureExt::fuse(Timer::after(PATIENCE)) => panic!("`{service}` does not answer"),
+                _ = FutureExt::fuse(Timer::after(PATIENCE)) => None,
             }
         })
     }
+}
+
+/// The answer of a service to a new caller. The library serves one spinner a node, so every call is by a caller of its own, which
+/// also makes each the first.
+fn answer<Q: Message + Clone + 'static, A: Message + 'static>(
+    (domain, mapping): (u16, ros2_client::ServiceMapping),
+    service: &str,
+    name: &str,
+    request: &Q,
+) -> A {
+    let mut answers =
+        (0..CALLERS).map(|_| Caller::new(domain, mapping).call(service, name, request));
+    let answer = answers.find_map(|answer| answer);
+    answer.unwrap_or_else(|| panic!("`{service}` does not answer"))
 }
 
 fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
@@ -112,11 +130,11 @@ fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
         &domain,
         &[module.as_slice(), &speed].concat(),
     );
-    // The library serves one spinner a node, so every call is by a caller of its own, which also makes each the first.
-    let caller = || Caller::new(domain.number(), other);
+    let by = (domain.number(), other);
     let names = vec!["speed".to_owned(), "nothing".to_owned()];
 
-    let listed: ListParametersResponse = caller().call(
+    let listed: ListParametersResponse = answer(
+        by,
         "list_parameters",
         "ListParameters",
         &ListParametersRequest {
@@ -125,7 +143,8 @@ fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
         },
     );
     assert!(listed.result.names.contains(&"lease_s".to_owned()));
-    let read: GetParametersResponse = caller().call(
+    let read: GetParametersResponse = answer(
+        by,
         "get_parameters",
         "GetParameters",
         &GetParametersRequest {
@@ -133,7 +152,8 @@ fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
         },
     );
     assert_eq!(read.values[0].double_value.to_string(), "2");
-    let types: GetParameterTypesResponse = caller().call(
+    let types: GetParameterTypesResponse = answer(
+        by,
         "get_parameter_types",
         "GetParameterTypes",
         &GetParameterTypesRequest {
@@ -141,7 +161,8 @@ fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
         },
     );
     assert_eq!(types.values, [3, 0]);
-    let described: DescribeParametersResponse = caller().call(
+    let described: DescribeParametersResponse = answer(
+        by,
         "describe_parameters",
         "DescribeParameters",
         &DescribeParametersRequest { names },
@@ -153,9 +174,10 @@ fn assert_all_six_answer(mapping: &str, other: ros2_client::ServiceMapping) {
             value: ParameterValue::Double(value).into(),
         }],
     };
-    let set: SetParametersResponse = caller().call("set_parameters", "SetParameters", &change(3.0));
+    let set: SetParametersResponse = answer(by, "set_parameters", "SetParameters", &change(3.0));
     assert!(set.results[0].successful);
-    let set: SetParametersAtomicallyResponse = caller().call(
+    let set: SetParametersAtomicallyResponse = answer(
+        by,
         "set_parameters_atomically",
         "SetParametersAtomically",
         &change(-3.0),
