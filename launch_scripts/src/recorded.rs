@@ -44,7 +44,7 @@ pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
     let judged = replay.verdict.as_ref().map(settled);
     let endings = endings(recording.entries(), judged.as_ref());
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let outcome = plan(Arc::new(problem.clone()));
+    let outcome = plan(Arc::clone(problem));
     let subject = Subject::seen(&one_line(&name), problem, &outcome, &endings);
     let summary = summary(&replay, problem, &recording);
     report.write_pictures(&subject, recording.entries(), &summary)?;

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use formation::model::{
-    self, ConfigurationId, Digest, Incarnation, ModuleId, ModuleSize, PlanningModule, Pose,
-    RosterMessage, SpotId, Timing,
+    self, ClosedRoster, ConfigurationId, Digest, Incarnation, ModuleId, ModuleSize, PlanningModule,
+    Pose, RosterMessage, SpotId, Timing,
 };
 use serde::{Deserialize, Serialize};
 
@@ -188,7 +188,7 @@ impl Roster {
         let validate = RosterMember::validated;
         let members = check::entries("members", &self.members, MODULES_MAX, validate)?;
         check::ascending("members", members.iter().map(|member| member.module.id))?;
-        let roster = model::Roster {
+        let roster = ClosedRoster::from(model::Roster {
             epoch,
             target,
             members,
@@ -199,7 +199,7 @@ impl Roster {
                 suspicion: self.suspicion.validated("suspicion")?,
                 lease: self.lease.validated("lease")?,
             },
-        };
+        });
         // Pins must fit the target and each other; the planner's own validation knows how.
         roster
             .problem()

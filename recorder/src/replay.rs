@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 use std::io;
 use std::path::Path;
+use std::sync::Arc;
 use std::time::Duration;
 
 use formation::event_log::{Entry, POSE_INTERVAL, Recorder};
@@ -31,7 +32,7 @@ pub struct Replay {
     /// What happened in that session, in the order of arrival; times count from the first sample of all.
     pub entries: Vec<Entry>,
     /// What its modules planned for: the roster with the most members.
-    pub problem: Option<PlanningProblem>,
+    pub problem: Option<Arc<PlanningProblem>>,
     /// The last verdict of all sessions.
     pub verdict: Option<Verdict>,
 }
@@ -40,7 +41,7 @@ pub struct Replay {
 struct Course {
     recorder: Recorder,
     entries: Vec<Entry>,
-    problem: Option<PlanningProblem>,
+    problem: Option<Arc<PlanningProblem>>,
 }
 
 impl Default for Course {
@@ -60,7 +61,7 @@ impl Course {
             && let Ok(Some(problem)) = roster.problem()
         {
             let modules = |problem: &PlanningProblem| problem.modules().len();
-            let most = self.problem.as_ref().map_or(0, modules);
+            let most = self.problem.as_ref().map_or(0, |problem| modules(problem));
             if modules(&problem) > most {
                 self.problem = Some(problem);
             }

@@ -179,9 +179,9 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 #[cfg(test)]
 pub(crate) mod tests {
     use formation::model::{
-        Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase, ModuleRun,
-        ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SpotClaim, SpotSelection,
-        Stop, TargetAnnouncement,
+        ClosedRoster, Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase,
+        ModuleRun, ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SpotClaim,
+        SpotSelection, Stop, TargetAnnouncement,
     };
 
     use super::*;
@@ -218,7 +218,7 @@ pub(crate) mod tests {
     }
 
     fn roster(number: u64) -> Message {
-        Message::Roster(RosterMessage::Plan(Arc::new(Roster {
+        Message::Roster(RosterMessage::Plan(Arc::new(ClosedRoster::from(Roster {
             timing: formation::model::Timing {
                 heartbeat: Duration::from_millis(500),
                 suspicion: Duration::from_secs(5),
@@ -236,7 +236,7 @@ pub(crate) mod tests {
             members: Vec::new(),
             quorum_bases: Vec::new(),
             bodies: Vec::new(),
-        })))
+        }))))
     }
 
     fn claim(number: u64, turn: u32, pairs: &[(u32, u32)], evicted: &[u32]) -> Message {

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use super::{Entry, Event, ModuleSnapshot, milliseconds};
 use crate::model::{
-    DriveState, Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState, Roster,
+    ClosedRoster, DriveState, Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState,
     RosterMember, RosterMessage, Service, SpotClaim,
 };
 
@@ -192,7 +192,7 @@ impl Recorder {
     }
 }
 
-fn roster_event(roster: &Roster) -> Event {
+fn roster_event(roster: &ClosedRoster) -> Event {
     let ids = |members: &mut dyn Iterator<Item = &RosterMember>| -> Vec<ModuleId> {
         members.map(|member| member.module.id).collect()
     };

@@ -9,9 +9,9 @@ use std::time::Duration;
 use serde::{Deserialize, Serialize};
 
 use crate::model::{
-    BlockedSpot, BodyReport, ConfigurationId, Digest, Epoch, Incarnation, ModuleId, ModuleRun,
-    PlannerParameters, PlanningModule, PlanningProblem, Pose, ProblemError, SpotId, StoreId,
-    Target, Voter, body,
+    BlockedSpot, BodyReport, ClosedRoster, ConfigurationId, Digest, Epoch, Incarnation, ModuleId,
+    ModuleRun, PlannerParameters, PlanningModule, PlanningProblem, Pose, SpotId, StoreId, Target,
+    Voter, body,
 };
 
 /// A target as announced to all modules.
@@ -356,26 +356,6 @@ impl Roster {
         let target = self.target.target.as_ref()?;
         body::open_part(target, &self.members, &self.blocked_spots())
     }
-
-    /// The planning input of this roster: the part of its target that bodies leave open, and its active members. A pin outside
-    /// of that part does not count. `None` when there is nothing to form.
-    ///
-    /// # Errors
-    /// Names the contradiction in the roster.
-    pub fn problem(&self) -> Result<Option<PlanningProblem>, ProblemError> {
-        let (Some(whole), Some(target)) = (&self.target.target, self.open_target()) else {
-            return Ok(None);
-        };
-        let is_outside =
-            |spot: SpotId| whole.position_of(spot).is_some() && target.position_of(spot).is_none();
-        let modules = RosterMember::active(&self.members).map(|member| {
-            let mut module = member.module.clone();
-            module.pin = module.pin.filter(|&spot| !is_outside(spot));
-            module
-        });
-        let modules = modules.collect();
-        PlanningProblem::new(target, self.target.parameters, modules).map(Some)
-    }
 }
 
 /// The message of a convener.
@@ -391,7 +371,7 @@ pub enum RosterMessage {
         target: Digest,
     },
     /// Ends the gathering: receivers plan for this roster.
-    Plan(Arc<Roster>),
+    Plan(Arc<ClosedRoster>),
 }
 
 impl RosterMessage {

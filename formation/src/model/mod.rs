@@ -4,6 +4,7 @@
 //! Raw input becomes a validated type here, and nowhere else.
 
 pub(crate) mod body;
+mod closed_roster;
 pub(crate) mod digest;
 mod field;
 mod fixed;
@@ -26,6 +27,7 @@ pub mod text;
 mod topology;
 
 pub use body::{BlockedSpot, BodyReport, Whereabouts};
+pub use closed_roster::ClosedRoster;
 pub use field::FieldError;
 pub use fixed::*;
 pub use geometry::*;

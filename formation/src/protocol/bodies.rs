@@ -87,19 +87,31 @@ impl Bodies {
 
     /// Keeps where a module shows itself. In the same epoch, that supersedes no knowledge of its plan.
     pub fn note_state(&mut self, state: &ModuleState) {
-        let stays = state.epoch.is_some()
-            && matches!(state.phase, ModulePhase::Settled | ModulePhase::Spare);
-        self.note(BodyReport {
-            module: state.module,
-            incarnation: state.incarnation,
-            epoch: state.epoch,
-            sequence: state.sequence,
-            whereabouts: if stays {
-                Whereabouts::Halted(state.pose)
-            } else {
-                Whereabouts::Seen(state.pose)
-            },
-        });
+        self.note(report_of(state));
+    }
+
+    /// Keeps where modules show themselves, in ascending order: one walk along all bodies in place of a search for each.
+    pub fn note_states<'a>(&mut self, states: impl Iterator<Item = &'a Arc<ModuleState>>) {
+        let mut unknown = Vec::new();
+        let mut known = self.known.iter_mut().peekable();
+        for state in states {
+            while known
+                .next_if(|&(&module, _)| module < state.module)
+                .is_some()
+            {}
+            let Some((_, known)) = known.next_if(|&(&module, _)| module == state.module) else {
+                unknown.push(state);
+                continue;
+            };
+            let report = report_of(state);
+            if known.compare_age(&report).is_lt() {
+                self.version += 1;
+                *known = report;
+            }
+        }
+        for state in unknown {
+            self.note_state(state);
+        }
     }
 
     /// Whether a run was reported as removed.
@@ -109,13 +121,18 @@ impl Bodies {
         })
     }
 
+    /// The latest report on each module, ascending by module.
+    fn known(&self) -> impl Iterator<Item = (ModuleId, &BodyReport)> {
+        self.known.iter().map(|(&module, report)| (module, report))
+    }
+
     /// What is known of a module's body.
     pub fn get(&self, module: ModuleId) -> Option<&BodyReport> {
         self.known.get(&module)
     }
 
-    /// The reports on modules for which `is_wanted` holds, ascending by module.
-    pub fn reports(&self, is_wanted: impl Fn(ModuleId) -> bool) -> Vec<BodyReport> {
+    /// The reports on modules for which `is_wanted` holds; both the questions and the reports ascend by module.
+    pub fn reports(&self, mut is_wanted: impl FnMut(ModuleId) -> bool) -> Vec<BodyReport> {
         let known = self.known.values();
         let wanted = known.filter(|report| is_wanted(report.module));
         wanted.cloned().collect()
@@ -123,7 +140,11 @@ impl Bodies {
 
     /// The reports on modules that are not among these members (ascending).
     fn outside(&self, members: &[RosterMember]) -> Vec<BodyReport> {
-        self.reports(|module| !body::lists(members, module))
+        let mut members = members.iter().map(|member| member.module.id).peekable();
+        self.reports(|module| {
+            while members.next_if(|&id| id < module).is_some() {}
+            members.peek() != Some(&module)
+        })
     }
 
     /// The modules whose bodies a roster of this epoch does not take into account.
@@ -134,13 +155,28 @@ impl Bodies {
     }
 }
 
+/// What a state shows of its module's body.
+fn report_of(state: &ModuleState) -> BodyReport {
+    let stays =
+        state.epoch.is_some() && matches!(state.phase, ModulePhase::Settled | ModulePhase::Spare);
+    BodyReport {
+        module: state.module,
+        incarnation: state.incarnation,
+        epoch: state.epoch,
+        sequence: state.sequence,
+        whereabouts: if stays {
+            Whereabouts::Halted(state.pose)
+        } else {
+            Whereabouts::Seen(state.pose)
+        },
+    }
+}
+
 impl Context {
     /// Records the latest states of all other modules.
     fn note_bodies(&mut self) {
         let Self { bodies, peers, .. } = self;
-        for state in peers.states() {
-            bodies.note_state(state);
-        }
+        bodies.note_states(peers.states());
     }
 
     /// Takes over what another module reports; what it reports of this module is ignored, unless it is a removal.
@@ -191,11 +227,13 @@ impl Context {
         let liveness = self.liveness();
         let contested = self.bodies.contested.as_ref();
         let blocking = &self.bodies.reported;
-        self.bodies.reports(|module| {
-            !self.peers.is_live(liveness, module)
+        let bodies = self.peers.along(self.bodies.known());
+        let listed = bodies.filter(|&(module, _, peer)| {
+            !peer.is_some_and(|peer| liveness.includes(peer))
                 || contested.is_some_and(|(_, modules)| modules.contains(&module))
                 || blocking.iter().any(|blocked| blocked.module == module)
-        })
+        });
+        listed.map(|(_, report, _)| report.clone()).collect()
     }
 
     /// Adds what frozen members report of modules that are not frozen themselves.

@@ -121,6 +121,14 @@ impl Context {
         voters
     }
 
+    /// This module and all live ones, in ascending order.
+    pub fn live_modules(&self) -> BTreeSet<ModuleId> {
+        let live = self.peers.live(self.liveness());
+        live.map(|(module, _)| module)
+            .chain([self.module()])
+            .collect()
+    }
+
     /// Whether a module's service is known and active.
     pub fn is_active(&self, module: ModuleId) -> bool {
         self.service_of(module) == Some(Service::Active)
@@ -171,16 +179,16 @@ impl Context {
     }
 
     /// The spot on which the module has settled, and which it keeps, if the target of that spot has this digest.
-    pub fn pin_for(&self, target: Digest) -> Option<SpotId> {
+    pub fn pin_for(&self, target: impl FnOnce() -> Digest) -> Option<SpotId> {
         if self.bugs.forget_pins() {
             return None;
         }
         let settled = self.body.settled_on?;
-        (settled.target == target || self.bugs.pin_for_any_target()).then_some(settled.spot)
+        (self.bugs.pin_for_any_target() || settled.target == target()).then_some(settled.spot)
     }
 
-    /// This module as it announced itself when it froze for a plan for this target.
-    pub fn as_member(&self, target: &TargetAnnouncement) -> RosterMember {
+    /// This module as it announced itself when it froze for a plan for the target with this digest.
+    pub fn as_member(&self, target: impl FnOnce() -> Digest) -> RosterMember {
         RosterMember {
             incarnation: self.own.run.incarnation,
             store: self.own.store,
@@ -191,7 +199,7 @@ impl Context {
                 links: self.body.links.clone(),
                 configuration: self.own.configuration,
                 leader: self.own.leader,
-                pin: self.pin_for(digest::of_target(target)),
+                pin: self.pin_for(target),
             },
         }
     }

@@ -1,6 +1,5 @@
 //! Opening epochs: which module convenes, when, and why.
 
-use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::model::{
@@ -203,44 +202,40 @@ fn is_in_charge(run: ModuleRun, context: &Context) -> bool {
 
 /// The members that have restarted, or else those that are not live.
 fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
-    let has_restarted = |member: &&RosterMember| {
-        let peer = context.peers.get(member.module.id);
-        peer.is_some_and(|peer| peer.incarnation > member.incarnation)
-    };
-    let id = |member: &RosterMember| member.module.id;
-    let restarted: Vec<ModuleId> = others(roster, context)
-        .filter(has_restarted)
-        .map(id)
-        .collect();
+    let liveness = context.liveness();
+    let (mut restarted, mut silent) = (Vec::new(), Vec::new());
+    let others = others(roster, context).map(|member| (member.module.id, member.incarnation));
+    for (module, incarnation, peer) in context.peers.along(others) {
+        if peer.is_some_and(|peer| peer.incarnation > incarnation) {
+            restarted.push(module);
+        }
+        if !peer.is_some_and(|peer| liveness.includes(peer)) {
+            silent.push(module);
+        }
+    }
     if !restarted.is_empty() && !context.bugs.ignore_restarts() {
         return Some(EpochReason::Restarted(restarted));
     }
-    let silent: Vec<ModuleId> = others(roster, context)
-        .map(id)
-        .filter(|&module| !context.peers.is_live(context.liveness(), module))
-        .collect();
     (!silent.is_empty()).then_some(EpochReason::Silent(silent))
 }
 
 /// The members that left service since the roster was made, or that were retired then and cannot move any more.
 fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
     let members = roster.members.iter();
+    let members = members.map(|member| (member.module.id, member));
+    let members = context.peers.along(members);
     members
-        .filter_map(|member| {
-            let service = context.service_of(member.module.id)?;
+        .filter_map(|(module, member, peer)| {
+            let service = if module == context.module() {
+                context.body.service
+            } else {
+                peer?.state.as_ref()?.service
+            };
             let has_failed = service == Service::MotionFailed && service != member.service;
             let leaves = member.service == Service::Active && service != Service::Active;
-            (has_failed || leaves).then_some((member.module.id, service))
+            (has_failed || leaves).then_some((module, service))
         })
         .collect()
-}
-
-/// The members that were active when the roster was made.
-fn active(roster: &Roster) -> impl Iterator<Item = ModuleId> {
-    let members = roster.members.iter();
-    members
-        .filter(|member| member.service == Service::Active)
-        .map(|member| member.module.id)
 }
 
 /// The live modules that the roster does not list, if more spots can be filled with them.
@@ -248,10 +243,13 @@ fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
     if context.bugs.ignore_newcomers() {
         return Vec::new();
     }
-    let planned: BTreeSet<ModuleId> = active(roster).collect();
-    let live = context.live_voters().into_iter().map(|voter| voter.module);
+    let is_planned = |module: ModuleId| {
+        let member = roster.member(module);
+        member.is_some_and(|member| member.service == Service::Active)
+    };
+    let live = context.live_modules().into_iter();
     let mut newcomers: Vec<ModuleId> = live
-        .filter(|&module| !planned.contains(&module) && context.is_active(module))
+        .filter(|&module| !is_planned(module) && context.is_active(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))
         .collect();
@@ -268,7 +266,7 @@ fn strays(roster: &Roster, context: &Context) -> Vec<ModuleId> {
         let heartbeat = context.peers.heartbeat(module);
         heartbeat.is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
     };
-    let live = context.live_voters().into_iter().map(|voter| voter.module);
+    let live = context.live_modules().into_iter();
     live.filter(|&module| roster.member(module).is_none() && waits(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))

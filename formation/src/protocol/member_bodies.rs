@@ -57,9 +57,7 @@ impl Agent {
     /// acts on another plan. A member may act meanwhile, so each may be on its way to the goal that the plan gives it.
     pub(super) fn bodies_to_store(&self) -> Vec<BodyReport> {
         let mut bodies = self.context.bodies.clone();
-        for state in self.context.peers.states() {
-            bodies.note_state(state);
-        }
+        bodies.note_states(self.context.peers.states());
         for report in self.member_reports(true) {
             bodies.note(report);
         }

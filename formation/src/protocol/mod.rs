@@ -16,6 +16,7 @@
 //! each input the stage takes steps until none leads to another stage. A step depends on the whole state and not on an
 //! earlier message, so messages may come late, twice or in any order across writers.
 
+mod aside;
 mod bodies;
 mod body;
 mod context;
@@ -37,6 +38,7 @@ mod plans;
 mod publishing;
 mod quorum;
 mod refusal;
+mod roster_plan;
 mod rosters;
 mod snapshot;
 mod stage;

@@ -119,7 +119,7 @@ impl Bugs {
     }
 
     /// The problem that is planned for; `None` if it contradicts itself.
-    pub(super) fn planned(self, problem: PlanningProblem) -> Option<PlanningProblem> {
+    pub(super) fn planned(self, problem: Arc<PlanningProblem>) -> Option<Arc<PlanningProblem>> {
         if !self.has(Mutation::EvictConfigurationMember) {
             return Some(problem);
         }
@@ -127,7 +127,9 @@ impl Bugs {
         for module in &mut modules {
             module.links.clear();
         }
-        PlanningProblem::new(Arc::clone(problem.target()), *problem.parameters(), modules).ok()
+        let target = Arc::clone(problem.target());
+        let problem = PlanningProblem::new(target, *problem.parameters(), modules);
+        problem.ok().map(Arc::new)
     }
 
     /// The digest that is shown for a plan with this one.

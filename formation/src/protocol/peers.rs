@@ -31,6 +31,15 @@ pub(super) struct Liveness {
     pub bugs: Bugs,
 }
 
+impl Liveness {
+    /// Whether a peer is live: its latest heartbeat is younger than `suspicion`, and it is not excluded for lack of progress.
+    pub fn includes(self, peer: &Peer) -> bool {
+        let is_recent = |age: Duration| age <= self.suspicion;
+        self.bugs.count_dead_as_live()
+            || (peer.excluded_until <= self.now && peer.age(self.now).is_some_and(is_recent))
+    }
+}
+
 /// What a heartbeat changes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum HeartbeatNews {
@@ -333,14 +342,14 @@ impl Peers {
 
     /// Whether a module's latest heartbeat is younger than `suspicion` and it is not excluded for lack of progress.
     pub fn is_live(&self, liveness: Liveness, module: ModuleId) -> bool {
-        self.get(module).is_some_and(|peer| is_live(liveness, peer))
+        self.get(module).is_some_and(|peer| liveness.includes(peer))
     }
 
     /// The live peers in ascending order.
     pub fn live(&self, liveness: Liveness) -> impl Iterator<Item = (ModuleId, &Peer)> {
         self.peers
             .iter()
-            .filter(move |(_, peer)| is_live(liveness, peer))
+            .filter(move |(_, peer)| liveness.includes(peer))
             .map(|(&module, peer)| (module, peer))
     }
 
@@ -352,10 +361,12 @@ impl Peers {
         }
     }
 
-    /// A roster lists these modules.
+    /// A roster lists these modules, in ascending order.
     pub fn note_listed(&mut self, members: impl Iterator<Item = ModuleId>) {
-        for module in members {
-            if let Some(peer) = self.peers.get_mut(&module) {
+        let mut members = members.peekable();
+        for (&module, peer) in &mut self.peers {
+            while members.next_if(|&id| id < module).is_some() {}
+            if members.next_if_eq(&module).is_some() {
                 peer.note_listed();
             }
         }
@@ -378,13 +389,14 @@ impl Peers {
         }
     }
 
-    /// Each of these modules with its peer, if that is known.
-    pub fn along<'a, T>(
-        &'a self,
-        modules: &'a BTreeMap<ModuleId, T>,
-    ) -> impl Iterator<Item = (ModuleId, &'a T, Option<&'a Peer>)> {
+    /// Each of these modules, which ascend, with its peer, if that is known: one walk along all peers in place of a search for
+    /// each.
+    pub fn along<T>(
+        &self,
+        modules: impl Iterator<Item = (ModuleId, T)>,
+    ) -> impl Iterator<Item = (ModuleId, T, Option<&Peer>)> {
         let mut peers = self.peers.iter().peekable();
-        modules.iter().map(move |(&module, value)| {
+        modules.map(move |(module, value)| {
             while peers.next_if(|&(&id, _)| id < module).is_some() {}
             let peer = peers.next_if(|&(&id, _)| id == module);
             (module, value, peer.map(|(_, peer)| peer))
@@ -421,12 +433,6 @@ impl Peers {
         self.get(module)
             .is_none_or(|peer| peer.unwanted_until <= now)
     }
-}
-
-fn is_live(liveness: Liveness, peer: &Peer) -> bool {
-    let is_recent = |age: Duration| age <= liveness.suspicion;
-    liveness.bugs.count_dead_as_live()
-        || (peer.excluded_until <= liveness.now && peer.age(liveness.now).is_some_and(is_recent))
 }
 
 /// The kept state, if this run sent it.

@@ -41,7 +41,7 @@ pub(super) fn release(
         // There are too many members; each of them refuses the roster.
         return Some(());
     };
-    let planned = context.plan(PlanJob::release(problem, obstacles))?;
+    let planned = context.plan(PlanJob::release(Arc::new(problem), obstacles))?;
     let kept: BTreeSet<SpotId> = planned
         .turns()
         .problem()

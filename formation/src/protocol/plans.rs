@@ -15,8 +15,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, OnceLock};
 
 use crate::model::{
-    BODY_WIDTH, Decision, Digest, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem,
-    Roster, Service, body, digest, polyline,
+    BODY_WIDTH, ClosedRoster, Decision, Digest, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan,
+    PlanningProblem, Roster, Service, body, digest, polyline,
 };
 use crate::motion::PlannedMotion;
 use crate::motion::paths::Area;
@@ -24,6 +24,7 @@ use crate::planner::{PlannedTurns, plan_releasing_pins};
 
 use super::io::Output;
 use super::outbox::Outbox;
+use super::roster_plan::RosterPlan;
 
 /// The number of plans that are kept for other agents and for the next epoch.
 const PLANS_KEPT: usize = 3;
@@ -45,8 +46,8 @@ pub struct ComputedPlan {
     turns: PlannedTurns,
     motion: Arc<PlannedMotion>,
     plan: Arc<Plan>,
-    /// The digest with the first roster that it was computed for.
-    digest: OnceLock<(Arc<Roster>, Digest)>,
+    /// What follows with the first roster that it was computed for.
+    for_roster: OnceLock<(Arc<ClosedRoster>, Arc<RosterPlan>)>,
 }
 
 /// The bodies that stand in the way: those of the members that take no part in the plan, and those of absent modules.
@@ -68,18 +69,18 @@ pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
 
 impl PlanJob {
     /// The plan for a problem as it is.
-    pub(super) fn plan(problem: PlanningProblem, obstacles: Vec<Area>) -> Self {
+    pub(super) fn plan(problem: Arc<PlanningProblem>, obstacles: Vec<Area>) -> Self {
         Self {
-            problem: Arc::new(problem),
+            problem,
             obstacles,
             releases_pins: false,
         }
     }
 
     /// The plan for a problem after the release of the pins that wall in spots.
-    pub(super) fn release(problem: PlanningProblem, obstacles: Vec<Area>) -> Self {
+    pub(super) fn release(problem: Arc<PlanningProblem>, obstacles: Vec<Area>) -> Self {
         Self {
-            problem: Arc::new(problem),
+            problem,
             obstacles,
             releases_pins: true,
         }
@@ -101,7 +102,7 @@ impl PlanJob {
             turns,
             motion: Arc::new(motion),
             plan: Arc::new(plan),
-            digest: OnceLock::new(),
+            for_roster: OnceLock::new(),
         }
     }
 }
@@ -122,27 +123,26 @@ impl ComputedPlan {
         &self.plan
     }
 
-    /// The digest of a roster with the decisions that were applied. All agents of a process that apply these turns need the same
-    /// one, which takes some milliseconds with a thousand modules.
-    pub(super) fn digest(
-        &self,
-        roster: &Arc<Roster>,
-        decisions: &[(ModuleId, Decision)],
-    ) -> Digest {
-        let compute = || digest::of_plan(roster, decisions, self.motion.paths());
-        let turns = self.turns.turns();
-        let turns = turns.map(|(_, claimant, decision)| (claimant, decision));
-        let applied = decisions.iter();
-        let applied = applied.map(|(claimant, decision)| (*claimant, decision));
-        if !turns.eq(applied) {
-            return compute();
-        }
-        let (known, digest) = self.digest.get_or_init(|| (Arc::clone(roster), compute()));
+    /// What follows with a roster. All agents of a process need the same, and its digest alone takes some milliseconds with a
+    /// thousand modules.
+    pub(super) fn for_roster(&self, roster: &Arc<ClosedRoster>) -> Arc<RosterPlan> {
+        let compute = || {
+            let digest = self.digest_of(roster, self.turns.decisions());
+            Arc::new(RosterPlan::of(roster, &self.plan, &self.motion, digest))
+        };
+        let (known, shared) = self
+            .for_roster
+            .get_or_init(|| (Arc::clone(roster), compute()));
         if Arc::ptr_eq(known, roster) {
-            *digest
+            Arc::clone(shared)
         } else {
             compute()
         }
+    }
+
+    /// The digest of a roster with these decisions and the motion of this plan.
+    pub(super) fn digest_of(&self, roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
+        digest::of_plan(roster, decisions, self.motion.paths())
     }
 
     /// Whether this is the plan of a job. After a release of pins it is also the plan for the pins that stay.
@@ -251,10 +251,10 @@ mod tests {
     use crate::generate::{GeneratorParameters, Grouping, generate};
     use crate::model::Scenario;
 
-    fn problem(seed: u64) -> PlanningProblem {
+    fn problem(seed: u64) -> Arc<PlanningProblem> {
         let parameters = GeneratorParameters::new(6, 6, seed).grouped(Grouping::Mixed);
         let raw = generate(&parameters).unwrap();
-        Scenario::try_from(raw).unwrap().problem().clone()
+        Arc::new(Scenario::try_from(raw).unwrap().problem().clone())
     }
 
     fn job(seed: u64) -> PlanJob {
@@ -283,7 +283,7 @@ mod tests {
         assert!(Arc::ptr_eq(&known, &first));
         assert_eq!(
             known.turns,
-            PlannedTurns::of(Arc::new(problem(1))),
+            PlannedTurns::of(problem(1)),
             "what an agent would have computed"
         );
     }
@@ -296,7 +296,7 @@ mod tests {
         let computed = Arc::new(plans.next_job().unwrap().run());
         assert_eq!(plans.finish(Arc::clone(&computed)), [ModuleId(1)]);
         assert!(plans.ask(ModuleId(1), job).is_some());
-        let kept = PlanningProblem::clone(computed.turns.problem());
+        let kept = Arc::clone(computed.turns.problem());
         assert!(
             plans
                 .ask(ModuleId(2), PlanJob::plan(kept, Vec::new()))
@@ -322,6 +322,6 @@ mod tests {
         assert!(plans.receive(Arc::clone(&computed)));
         assert!(!plans.receive(computed), "it has it");
         let taken = plans.get(wanted, &mut outbox).unwrap();
-        assert_eq!(taken.turns, PlannedTurns::of(Arc::new(problem(4))));
+        assert_eq!(taken.turns, PlannedTurns::of(problem(4)));
     }
 }

@@ -3,7 +3,9 @@
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use crate::model::{ModuleId, Roster, RosterMember, RosterMessage, Service, Voter, digest};
+use crate::model::{
+    ClosedRoster, ModuleId, Roster, RosterMember, RosterMessage, Service, Voter, digest,
+};
 
 use super::Agent;
 use super::io::SourceId;
@@ -93,7 +95,7 @@ impl Agent {
     }
 
     /// Plans on a roster, or stands aside if it does not list this module.
-    fn follow(&mut self, roster: Arc<Roster>) -> Result<(), Refusal> {
+    fn follow(&mut self, roster: Arc<ClosedRoster>) -> Result<(), Refusal> {
         let epoch = Some(roster.epoch);
         let is_frozen = self.stage.epoch() == epoch && matches!(self.stage, Stage::Gathering(_));
         if self.stage.epoch() == epoch && !is_frozen {
@@ -136,7 +138,7 @@ impl Agent {
     /// Checks that a roster lists this run as it announced itself.
     fn check_own_entry(
         &mut self,
-        roster: &Roster,
+        roster: &ClosedRoster,
         mine: &RosterMember,
         is_frozen: bool,
     ) -> Result<(), Refusal> {
@@ -151,7 +153,7 @@ impl Agent {
             // It lists an earlier run of this module; the others will notice the restart.
             return Err(Refusal::StaleIncarnation);
         }
-        let mut announced = self.context.as_member(&roster.target);
+        let mut announced = self.context.as_member(|| roster.target_digest());
         // The convener may release a pin but not invent one. After a retirement since freezing, there is no pin to
         // compare, and the service differs; that calls for another epoch, not for a refusal of this one.
         let may_differ = mine.module.pin.is_none()
@@ -192,7 +194,7 @@ impl Agent {
     }
 
     /// Checks that a roster does not contradict the announced target.
-    fn check_target(&self, roster: &Roster) -> Result<(), Refusal> {
+    fn check_target(&self, roster: &ClosedRoster) -> Result<(), Refusal> {
         if roster.timing != self.context.parameters.timing() {
             return Err(Refusal::DifferentTiming);
         }
@@ -204,7 +206,7 @@ impl Agent {
         };
         let contradicts = known.revision == roster.target.revision
             && **known != roster.target
-            && digest::of_target(known) != digest::of_target(&roster.target);
+            && digest::of_target(known) != roster.target_digest();
         let is_withdrawn = known.revision > roster.target.revision && known.target.is_none();
         if contradicts || is_withdrawn {
             Err(Refusal::BadRoster)
@@ -214,7 +216,7 @@ impl Agent {
     }
 
     /// Begins with the turns of a roster.
-    fn begin_turns(&mut self, roster: Arc<Roster>) {
+    fn begin_turns(&mut self, roster: Arc<ClosedRoster>) {
         let Some(mut planning) = Planning::begin(roster, &mut self.context) else {
             return;
         };

@@ -282,7 +282,6 @@ impl Watcher<'_> {
                 if !roster.target.name.is_empty() {
                     self.display.set_name(&roster.target.name);
                 }
-                let problem = Arc::new(problem);
                 self.display.set_problem(Arc::clone(&problem));
                 self.plan(roster.epoch, problem);
             }

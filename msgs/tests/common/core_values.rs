@@ -440,7 +440,7 @@ pub fn roster_message() -> impl Strategy<Value = RosterMessage> {
                 target: Digest(target),
             }
         }),
-        4 => roster().prop_map(|roster| RosterMessage::Plan(Arc::new(roster))),
+        4 => roster().prop_map(|roster| RosterMessage::Plan(Arc::new(roster.into()))),
     ]
 }
 

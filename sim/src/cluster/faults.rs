@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun,
-    QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, Voter, VoterMemory,
+    ClosedRoster, Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase,
+    ModuleRun, QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, Voter, VoterMemory,
 };
 use formation::protocol::{Command, Identity, Input, SourceId};
 
@@ -94,7 +94,7 @@ impl Cluster {
             module: invented(back),
             memory: VoterMemory::Volatile(incarnation),
         });
-        let roster = Roster {
+        let roster = ClosedRoster::from(Roster {
             epoch: epoch(5),
             target,
             members: Vec::new(),
@@ -105,7 +105,7 @@ impl Cluster {
             }],
             timing: self.parameters.agent.timing(),
             bodies: Vec::new(),
-        };
+        });
         let stranger = ModuleRun {
             module: invented(0),
             incarnation,

@@ -14,8 +14,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::model::{
-    Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    Pose, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, Voter,
+    ClosedRoster, Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun,
+    ModuleState, Pose, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, Voter,
 };
 use formation::protocol::Event;
 
@@ -27,7 +27,7 @@ use crate::cluster::Cluster;
 use crate::observation::Observation;
 
 struct KnownRoster {
-    roster: Arc<Roster>,
+    roster: Arc<ClosedRoster>,
     members: BTreeSet<ModuleId>,
     /// The members that take part in the plan.
     active: BTreeSet<Voter>,
@@ -68,7 +68,7 @@ pub(crate) struct Monitor {
     /// The epoch that each module shows, and since when.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     /// The spot, and the roster with its target, on which each run has settled and that it has not left.
-    settled_on: BTreeMap<ModuleRun, (SpotId, Arc<Roster>)>,
+    settled_on: BTreeMap<ModuleRun, (SpotId, Arc<ClosedRoster>)>,
     holders: BTreeMap<(PlanKey, SpotId), ModuleId>,
     spots: BTreeMap<(PlanKey, ModuleId), SpotId>,
     /// The spot that each module has in a plan, by any of its states.
@@ -132,7 +132,7 @@ impl Monitor {
         &mut self,
         at: Duration,
         convener: ModuleId,
-        roster: &Arc<Roster>,
+        roster: &Arc<ClosedRoster>,
         cluster: &Cluster,
     ) {
         self.check_pins(at, roster);

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use formation::generate::{GeneratorParameters, Grouping, generate};
 use formation::model::{
-    Incarnation, Message, ModuleId, ModulePhase, PlanningModule, PlanningProblem, Roster,
+    ClosedRoster, Incarnation, Message, ModuleId, ModulePhase, PlanningModule, PlanningProblem,
     RosterMessage, Scenario, SpotId,
 };
 use formation::protocol::{Agent, AgentParameters, Event, Identity};
@@ -43,7 +43,7 @@ pub fn agent(module: &PlanningModule) -> Agent {
 pub struct Trial {
     pub cluster: Cluster,
     pub noted: Vec<(ModuleId, Event)>,
-    pub rosters: Vec<Arc<Roster>>,
+    pub rosters: Vec<Arc<ClosedRoster>>,
     /// When each epoch was convened.
     pub convened: Vec<Duration>,
 }

@@ -117,7 +117,7 @@ fn plan(tracker: &mut GoalTracker<u32>, now: Duration) {
         quorum_bases: Vec::new(),
         bodies: Vec::new(),
     };
-    let plan = RosterMessage::Plan(Arc::new(roster));
+    let plan = RosterMessage::Plan(Arc::new(roster.into()));
     tracker.handle_message(now, &Message::Roster(plan));
 }
 

@@ -1,7 +1,7 @@
 use super::*;
 use crate::model::{
-    Decision, DriveState, MicroUnits, ModulePhase, ModuleRun, PlannerParameters, Pose, Roster,
-    SpotId, SpotSelection, TargetAnnouncement,
+    ClosedRoster, Decision, DriveState, MicroUnits, ModulePhase, ModuleRun, PlannerParameters,
+    Pose, Roster, SpotId, SpotSelection, TargetAnnouncement,
 };
 
 fn epoch(number: u64) -> Epoch {
@@ -62,7 +62,7 @@ fn gather(number: u64) -> Message {
 }
 
 fn roster(number: u64) -> Message {
-    Message::Roster(RosterMessage::Plan(Arc::new(Roster {
+    Message::Roster(RosterMessage::Plan(Arc::new(ClosedRoster::from(Roster {
         timing: crate::model::Timing {
             heartbeat: Duration::from_millis(500),
             suspicion: Duration::from_secs(5),
@@ -80,7 +80,7 @@ fn roster(number: u64) -> Message {
         members: Vec::new(),
         quorum_bases: Vec::new(),
         bodies: Vec::new(),
-    })))
+    }))))
 }
 
 /// What a recorder makes of messages that arrive 10 ms after each other.

@@ -57,6 +57,12 @@ impl PlannedTurns {
         Some((*claimant, decision))
     }
 
+    /// The claimant of each turn with its decision, in order.
+    #[must_use]
+    pub fn decisions(&self) -> &[(ModuleId, Decision)] {
+        &self.turns
+    }
+
     /// All turns in order: the number of each, the module that decides, and its decision.
     pub fn turns(&self) -> impl Iterator<Item = (u32, ModuleId, &Decision)> {
         let turns = (0..).zip(&self.turns);

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::model::{
-    DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId, digest,
+    DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId,
 };
 use crate::motion::MotionGoal;
 
@@ -13,7 +13,7 @@ use super::super::body::SettledOn;
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::io::Output;
-use super::held_plan::Place;
+use super::super::roster_plan::Place;
 use super::invalid_start::fault_of;
 use super::on_paths::Advance;
 use super::proofs::Proofs;
@@ -77,7 +77,9 @@ impl Acting {
     pub fn begin(held: HeldPlan, planned_at: Duration, context: &mut Context) -> Self {
         let (now, epoch) = (context.now, held.epoch());
         let stuck = context.parameters.stuck;
-        context.peers.note_agreement(now, stuck, &held.members);
+        context
+            .peers
+            .note_agreement(now, stuck, &held.shared.members);
         let basis = held.roster.quorum_basis();
         context.memory.quorum.note_agreed(epoch, &basis);
         context.memory.mismatches = 0;
@@ -457,7 +459,7 @@ impl Acting {
             }
             context.body.settled_on = Some(SettledOn {
                 spot: place.spot,
-                target: digest::of_target(&self.held.roster.target),
+                target: self.held.roster.target_digest(),
             });
             context.mark_state_changed();
             context.emit(Event::Settled(place.spot));

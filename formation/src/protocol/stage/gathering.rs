@@ -5,8 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState, PlanningModule,
-    Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, Voter, digest,
+    ClosedRoster, Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
+    PlanningModule, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, Voter,
+    digest,
 };
 
 use super::super::context::Context;
@@ -124,7 +125,7 @@ impl Gathering {
 
     pub fn describe(&self, state: &mut ModuleState, context: &mut Context) {
         state.bodies = context.absent_bodies();
-        state.spot = context.pin_for(self.target);
+        state.spot = context.pin_for(|| self.target);
         state.quorum_bases = context.memory.quorum.bases();
     }
 
@@ -208,7 +209,7 @@ impl Gathering {
             return Step::Stay(Stage::Gathering(self));
         };
         let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
-        members.push(context.as_member(&announcement));
+        members.push(context.as_member(|| digest::of_target(&announcement)));
         members.sort_by_key(|member| member.module.id);
         let is_active = |member: &RosterMember| member.service == Service::Active;
         let some_is_active = members.iter().any(is_active);
@@ -260,7 +261,7 @@ impl Gathering {
             }
             return Step::Stay(Stage::Gathering(self));
         }
-        let roster = Arc::new(roster);
+        let roster = Arc::new(ClosedRoster::from(roster));
         let plan = RosterMessage::Plan(Arc::clone(&roster));
         context.publish(Message::Roster(plan));
         match Planning::begin(roster, context) {

@@ -6,32 +6,26 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    ActingUnit, CausalMark, Digest, Epoch, Heartbeat, Incarnation, MicroUnits, ModuleId,
-    ModulePhase, ModuleState, Plan, Polyline, Pose, Roster, Service, SpotId, Whereabouts,
+    ActingUnit, CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MicroUnits,
+    ModuleId, ModulePhase, ModuleState, Plan, Polyline, Pose, Service, SpotId, Whereabouts,
 };
 
+use crate::motion::MotionGoal;
 use crate::motion::paths::MotionError;
-use crate::motion::{MotionGoal, PlannedMotion};
 
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::peer::Peer;
 use super::super::peers::{Peers, Shown};
+use super::super::plans::ComputedPlan;
+use super::super::roster_plan::{Place, RosterPlan};
 use super::route::{HeldMotion, PathPlace};
-
-/// This module's place in a plan.
-#[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
-    pub spot: SpotId,
-    /// The position of its unit in the acting order.
-    pub unit: usize,
-}
 
 /// A complete plan and this module's place in it.
 #[derive(Clone)]
 pub(in crate::protocol) struct HeldPlan {
     own: ModuleId,
-    pub roster: Arc<Roster>,
+    pub roster: Arc<ClosedRoster>,
     pub plan: Arc<Plan>,
     /// How the modules move.
     pub(super) motion: HeldMotion,
@@ -39,8 +33,8 @@ pub(in crate::protocol) struct HeldPlan {
     /// The number of turns of the plan.
     pub turns: u32,
     pub(super) place: Option<Place>,
-    /// The incarnation of each member in the roster.
-    pub(super) members: BTreeMap<ModuleId, Incarnation>,
+    /// What all members have in common.
+    pub(super) shared: Arc<RosterPlan>,
     /// Whether some member showed another digest for this epoch.
     pub has_mismatch: bool,
     /// What heartbeats had shown when they were last compared with the digest.
@@ -68,26 +62,18 @@ impl Hash for HeldPlan {
 impl HeldPlan {
     pub fn new(
         own: ModuleId,
-        roster: Arc<Roster>,
-        plan: Arc<Plan>,
-        motion: Arc<PlannedMotion>,
+        roster: Arc<ClosedRoster>,
+        computed: &ComputedPlan,
+        shared: Arc<RosterPlan>,
         digest: Digest,
         turns: u32,
     ) -> Self {
-        let units = plan.assembly.units.iter().enumerate();
-        let mut placements = units.flat_map(|(unit, acting)| {
-            let placements = acting.placements.iter();
-            placements.map(move |&(module, spot)| (module, Place { spot, unit }))
-        });
-        let place = placements
-            .find(|&(module, _)| module == own)
-            .map(|(_, place)| place);
-        let members: BTreeMap<ModuleId, Incarnation> = roster
-            .members
-            .iter()
-            .map(|member| (member.module.id, member.incarnation))
-            .collect();
-        debug_assert!(members.contains_key(&own), "{own} plans as a member only");
+        let plan = Arc::clone(computed.plan());
+        let place = shared.places.get(&own).copied();
+        debug_assert!(
+            shared.members.contains_key(&own),
+            "{own} plans as a member only"
+        );
         debug_assert_eq!(
             place.is_some(),
             plan.assignments.contains_key(&own),
@@ -96,12 +82,12 @@ impl HeldPlan {
         Self {
             own,
             place,
-            motion: HeldMotion::of(own, motion, &roster, &plan),
+            motion: HeldMotion::of(own, Arc::clone(computed.motion())),
+            digest,
+            shared,
             roster,
             plan,
-            digest,
             turns,
-            members,
             has_mismatch: false,
             compared: None,
             waits_for: None,
@@ -158,7 +144,7 @@ impl HeldPlan {
     /// Why no module moves by this plan, if so.
     pub(super) fn refusal(&self, context: &Context) -> Option<&MotionError> {
         // There are no paths while a member that is out of service moves off a spot.
-        let has_asides = !self.motion.asides.is_empty();
+        let has_asides = !self.shared.asides.is_empty();
         self.motion
             .planned
             .refusal(context.own.is_robot && !has_asides)
@@ -166,7 +152,7 @@ impl HeldPlan {
 
     /// Where this module goes to make room, if it does.
     pub(super) fn aside(&self) -> Option<Pose> {
-        let mut asides = self.motion.asides.iter();
+        let mut asides = self.shared.asides.iter();
         asides
             .find(|&&(module, _)| module == self.own)
             .map(|&(_, pose)| pose)
@@ -174,8 +160,8 @@ impl HeldPlan {
 
     /// The modules that act in a step: first those that make room, one by one, then the units.
     pub(super) fn step_modules(&self, step: usize) -> Vec<ModuleId> {
-        match step.checked_sub(self.motion.asides.len()) {
-            None => vec![self.motion.asides[step].0],
+        match step.checked_sub(self.shared.asides.len()) {
+            None => vec![self.shared.asides[step].0],
             Some(unit) => {
                 let units = self.plan.assembly.units.get(unit).into_iter();
                 let placements = units.flat_map(|unit| &unit.placements);
@@ -186,30 +172,28 @@ impl HeldPlan {
 
     /// The number of steps.
     pub(super) fn steps(&self) -> usize {
-        self.motion.asides.len() + self.plan.assembly.units.len()
+        self.shared.asides.len() + self.plan.assembly.units.len()
     }
 
     /// The step in which a unit acts.
     pub(super) fn step_of_unit(&self, unit: usize) -> usize {
-        self.motion.asides.len() + unit
+        self.shared.asides.len() + unit
     }
 
     /// The step in which a module moves and its goal; `None` if it stays where it is.
     fn motion_of(&self, module: ModuleId) -> Option<(usize, Pose)> {
         let aside = self
-            .motion
+            .shared
             .asides
             .iter()
             .position(|&(one, _)| one == module);
         if let Some(step) = aside {
-            return Some((step, self.motion.asides[step].1));
+            return Some((step, self.shared.asides[step].1));
         }
-        let spot = self.plan.assignments.get(&module)?;
-        let mut units = self.plan.assembly.units.iter();
-        let unit = units.position(|unit| unit.placements.contains(&(module, *spot)))?;
-        let goal = self.roster.target.target.as_ref()?.spot(*spot)?.pose;
-        let moves = !self.plan.assembly.units[unit].pinned;
-        moves.then_some((self.step_of_unit(unit), goal))
+        let place = *self.shared.places.get(&module)?;
+        let goal = self.roster.target.target.as_ref()?.spot(place.spot)?.pose;
+        let moves = !self.unit_of(place).pinned;
+        moves.then_some((self.step_of_unit(place.unit), goal))
     }
 
     /// The unit of each module in the paths, and the module's own path; empty if modules do not move along paths.
@@ -250,7 +234,7 @@ impl HeldPlan {
         }
         let (step, goal) = self.motion_of(module)?;
         let aside = self
-            .motion
+            .shared
             .asides
             .iter()
             .position(|&(one, _)| one == self.own);
@@ -269,7 +253,7 @@ impl HeldPlan {
             state.epoch == Some(self.epoch())
                 && state.digest == Some(self.digest)
                 && state.phase == ModulePhase::Spare
-                && self.members.get(&module) == Some(&state.incarnation)
+                && self.shared.members.get(&module) == Some(&state.incarnation)
         })
     }
 
@@ -300,15 +284,21 @@ impl HeldPlan {
         })
     }
 
+    /// The members with their runs in the roster, in ascending order.
+    fn runs(&self) -> impl Iterator<Item = (ModuleId, Incarnation)> {
+        let members = self.shared.members.iter();
+        members.map(|(&module, &incarnation)| (module, incarnation))
+    }
+
     /// The other members for which this holds, with the runs in the roster and what is known of them.
     fn members_that(
         &self,
         context: &Context,
         holds: impl Fn(ModuleId, Incarnation, Option<&Peer>) -> bool,
     ) -> Vec<ModuleId> {
-        let members = context.peers.along(&self.members);
+        let members = context.peers.along(self.runs());
         members
-            .filter(|&(module, &incarnation, peer)| {
+            .filter(|&(module, incarnation, peer)| {
                 module != self.own && holds(module, incarnation, peer)
             })
             .map(|(module, ..)| module)
@@ -336,11 +326,11 @@ impl HeldPlan {
     pub(super) fn still_lags(&self, context: &Context) -> bool {
         debug_assert!(
             self.waits_for
-                .is_none_or(|module| self.members.contains_key(&module)),
+                .is_none_or(|module| self.shared.members.contains_key(&module)),
             "only members are waited for"
         );
         let lags = |module: ModuleId| {
-            let incarnation = *self.members.get(&module)?;
+            let incarnation = *self.shared.members.get(&module)?;
             let (peer, lease) = (context.peers.get(module), context.parameters.lease);
             Some(!self.is_shown_by(incarnation, peer, context, lease))
         };
@@ -385,7 +375,7 @@ impl HeldPlan {
 
     /// When the oldest of the members' latest heartbeats exceeds the lease.
     fn end_of_lease(&self, context: &Context) -> Duration {
-        let members = context.peers.along(&self.members);
+        let members = context.peers.along(self.runs());
         let others = members.filter(|&(module, ..)| module != self.own);
         let oldest = others
             .filter_map(|(.., peer)| peer?.age(context.now))
@@ -422,10 +412,10 @@ impl HeldPlan {
                 .then_some((module, theirs))
         };
         let mismatch = match compared.and_then(|compared| shown.only_since(compared)) {
-            Some(module) => (self.members.contains_key(&module))
+            Some(module) => (self.shared.members.contains_key(&module))
                 .then(|| other_digest(module, context.peers.heartbeat(module)))
                 .flatten(),
-            None => (context.peers.along(&self.members))
+            None => (context.peers.along(self.runs()))
                 .find_map(|(module, _, peer)| other_digest(module, peer?.heartbeat)),
         };
         let Some((module, theirs)) = mismatch else {
@@ -444,7 +434,7 @@ impl HeldPlan {
     /// The digests that members show for this epoch, each with its members.
     pub(super) fn sides(&self, context: &Context) -> BTreeMap<Digest, Vec<ModuleId>> {
         let mut sides: BTreeMap<Digest, Vec<ModuleId>> = BTreeMap::new();
-        for &module in self.members.keys() {
+        for &module in self.shared.members.keys() {
             let shown = if module == self.own {
                 Some(self.digest)
             } else {
@@ -470,7 +460,7 @@ impl HeldPlan {
         let is_settled = state.epoch == Some(self.epoch())
             && state.digest == Some(self.digest)
             && state.phase == ModulePhase::Settled
-            && self.members.get(&module) == Some(&state.incarnation)
+            && self.shared.members.get(&module) == Some(&state.incarnation)
             && self.plan.assignments.get(&module).copied() == state.spot;
         is_settled.then_some(state)
     }
@@ -486,7 +476,7 @@ impl HeldPlan {
 
     /// The number of steps that another member is known to have done in this epoch.
     pub(super) fn steps_done_by(&self, module: ModuleId, peers: &Peers) -> u32 {
-        let incarnation = self.members.get(&module).copied();
+        let incarnation = self.shared.members.get(&module).copied();
         let peer = peers.get(module);
         let Some(peer) = peer.filter(|peer| Some(peer.incarnation) == incarnation) else {
             return 0;

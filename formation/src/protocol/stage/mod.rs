@@ -2,7 +2,6 @@
 
 mod acting;
 mod agreeing;
-mod aside;
 mod claims;
 mod gathering;
 mod held_plan;
@@ -15,7 +14,7 @@ mod route;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
-use crate::model::{Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim};
+use crate::model::{ClosedRoster, Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim};
 use crate::motion::MotionGoal;
 
 pub(super) use acting::Acting;
@@ -46,7 +45,7 @@ pub(super) enum Stage {
 
 /// A roster that does not list this module.
 #[derive(Clone)]
-pub(super) struct Outsider(pub Arc<Roster>);
+pub(super) struct Outsider(pub Arc<ClosedRoster>);
 
 impl Hash for Outsider {
     fn hash<H: Hasher>(&self, state: &mut H) {
@@ -90,7 +89,7 @@ impl Stage {
     }
 
     /// The roster of the epoch, whether or not it lists this module.
-    pub fn roster(&self) -> Option<&Arc<Roster>> {
+    pub fn roster(&self) -> Option<&Arc<ClosedRoster>> {
         match self {
             Self::Planning(planning) => Some(&planning.roster),
             Self::Agreeing(agreeing) => Some(&agreeing.held.roster),

@@ -217,7 +217,7 @@ impl Acting {
     }
 
     fn count_progress(&self, context: &Context) -> u64 {
-        let members = self.held.members.keys();
+        let members = self.held.shared.members.keys();
         members
             .map(|&module| {
                 let has_settled = self.has_settled(module, context);

@@ -8,7 +8,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    Decision, Epoch, EvictionNotice, Message, ModuleId, ModulePhase, Roster, SpotClaim,
+    ClosedRoster, Decision, Epoch, EvictionNotice, Message, ModuleId, ModulePhase, SpotClaim,
 };
 use crate::motion::PlannedMotion;
 use crate::planner::{ClaimRefused, PlannedTurns};
@@ -24,13 +24,14 @@ use super::{Agreeing, HeldPlan, Stage, Step, hash_roster};
 /// The turns of one epoch.
 #[derive(Clone)]
 pub(in crate::protocol) struct Planning {
-    pub roster: Arc<Roster>,
+    pub roster: Arc<ClosedRoster>,
     job: PlanJob,
     /// Every turn as this replica decides it; `None` until the plan is computed.
     planned: Option<Arc<ComputedPlan>>,
     /// The number of turns that have been applied.
     applied: u32,
-    decisions: Vec<(ModuleId, Decision)>,
+    /// The decisions that were applied, where a bug lets them differ from the plan.
+    deviating: Vec<(ModuleId, Decision)>,
     claims: EarlyClaims,
     began: Duration,
     /// When the last turn was applied, the plan was computed, or the claimant was last seen to compute its own.
@@ -49,7 +50,7 @@ impl Hash for Planning {
 
 impl Planning {
     /// Begins with the turns of a roster; refuses a roster that contradicts itself.
-    pub fn begin(roster: Arc<Roster>, context: &mut Context) -> Option<Self> {
+    pub fn begin(roster: Arc<ClosedRoster>, context: &mut Context) -> Option<Self> {
         let members = roster.members.len();
         let epoch = roster.epoch;
         let listed = roster.members.iter().map(|member| member.module.id);
@@ -68,7 +69,7 @@ impl Planning {
             planned: None,
             applied: 0,
             roster,
-            decisions: Vec::new(),
+            deviating: Vec::new(),
             claims: EarlyClaims::default(),
             began: context.now,
             progress_at: context.now,
@@ -112,7 +113,7 @@ impl Planning {
         }
         if context.bugs.record_claims_out_of_turn() {
             let decision = claim.decision.clone();
-            self.decisions.push((claim.claimant, decision));
+            self.deviating.push((claim.claimant, decision));
         }
         self.claims.keep(claim)
     }
@@ -183,9 +184,13 @@ impl Planning {
         }
     }
 
-    /// Applies the first right claim for the present turn, and refuses the wrong ones before it.
+    /// Applies the first right claim for the present turn, and refuses the wrong ones before it. Those after it are left for the
+    /// next turn, which passes over them.
     fn apply_claims(&mut self, planned: &PlannedTurns, context: &mut Context) -> bool {
-        for claim in self.claims.take(self.applied) {
+        while let Some(claim) = self.claims.take(self.applied) {
+            if claim.turn < self.applied {
+                continue;
+            }
             match self.check(planned, &claim, context.bugs) {
                 Ok(()) => {
                     self.apply(claim.claimant, &claim.decision, context);
@@ -210,17 +215,22 @@ impl Planning {
     /// Applies the decision of the present turn.
     fn apply(&mut self, claimant: ModuleId, decision: &Decision, context: &Context) {
         self.applied += 1;
-        if !context.bugs.record_claims_out_of_turn() {
-            self.decisions.push((claimant, decision.clone()));
+        if context.bugs.accept_any_decision() {
+            self.deviating.push((claimant, decision.clone()));
         }
         self.progress_at = context.now;
     }
 
     fn finish(self, planned: &ComputedPlan, context: &mut Context) -> Stage {
         let epoch = self.roster.epoch;
-        let motion = Arc::clone(planned.motion());
-        let digest = planned.digest(&self.roster, &self.decisions);
-        let digest = context.bugs.shown(digest);
+        let shared = planned.for_roster(&self.roster);
+        let bugs = context.bugs;
+        let may_deviate = bugs.accept_any_decision() || bugs.record_claims_out_of_turn();
+        let digest = bugs.shown(if may_deviate {
+            planned.digest_of(&self.roster, &self.deviating)
+        } else {
+            shared.digest
+        });
         let turns = self.applied;
         context.emit(Event::Planned {
             epoch,
@@ -228,15 +238,15 @@ impl Planning {
             turns,
             elapsed: context.now.saturating_sub(self.began),
         });
-        let plan = Arc::clone(planned.plan());
-        for &warning in &plan.assembly.warnings {
+        for &warning in &planned.plan().assembly.warnings {
             context.emit(Event::AssemblyWarning(warning));
         }
-        report_motion(&motion, epoch, context);
+        report_motion(planned.motion(), epoch, context);
         let basis = self.roster.quorum_basis();
         context.memory.quorum.note_shown(epoch, &basis);
         context.mark_state_changed();
-        let held = HeldPlan::new(context.module(), self.roster, plan, motion, digest, turns);
+        let own = context.module();
+        let held = HeldPlan::new(own, self.roster, planned, shared, digest, turns);
         Stage::Agreeing(Box::new(Agreeing::new(held, context.now)))
     }
 }

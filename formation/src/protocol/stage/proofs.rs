@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use crate::model::{CausalMark, ModuleId, ModuleState};
 
 use super::super::context::Context;
+use super::super::roster_plan::Place;
 use super::HeldPlan;
-use super::held_plan::Place;
 use super::route::Route;
 
 /// The proofs in the states of one module; empty before it moves.
@@ -46,7 +46,7 @@ impl Proofs {
             .filter_map(|module| held.settled_mark(&context.peers, module))
             .collect();
         let leads_first = leads && units[..place.unit].iter().all(|unit| unit.pinned);
-        let members = held.members.keys().filter(|_| leads_first);
+        let members = held.shared.members.keys().filter(|_| leads_first);
         Self {
             waited_for,
             agreed_on: members
@@ -58,7 +58,7 @@ impl Proofs {
 
     /// The proofs of a module that makes room: the heartbeat of every member that showed agreement.
     pub fn of_making_room(held: &HeldPlan, context: &Context) -> Self {
-        let members = held.members.keys();
+        let members = held.shared.members.keys();
         Self {
             agreed_on: members
                 .filter_map(|&module| heartbeat_mark(module, context))

@@ -3,11 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, Pose, Roster};
+use crate::model::{MICRO_PER_UNIT, MicroUnits, ModuleId, Pose};
 use crate::motion::paths::{ModuleMotion, StepKind, UnitMotion};
 use crate::motion::{MotionGoal, PlannedMotion};
-
-use super::aside;
 
 /// The unit of a module in the paths of a plan, and the module's own path.
 pub(in crate::protocol) type PathPlace<'a> = (&'a UnitMotion, &'a ModuleMotion);
@@ -18,21 +16,13 @@ pub(super) struct HeldMotion {
     pub planned: Arc<PlannedMotion>,
     /// This module's part, if modules move along paths.
     pub route: Option<Route>,
-    /// In straight lines: the modules without a spot that move off one before any unit acts, in that order, and where they
-    /// go. Along paths they make way like all others.
-    pub asides: Vec<(ModuleId, Pose)>,
 }
 
 impl HeldMotion {
-    /// The motion of a plan, for one of the members of its roster.
-    pub fn of(own: ModuleId, planned: Arc<PlannedMotion>, roster: &Roster, plan: &Plan) -> Self {
-        let asides = match &*planned {
-            PlannedMotion::Straight(_) => aside::asides(roster, plan),
-            PlannedMotion::Paths(_) | PlannedMotion::Refused(_) => Vec::new(),
-        };
+    /// The motion of a plan, for one of the members.
+    pub fn of(own: ModuleId, planned: Arc<PlannedMotion>) -> Self {
         Self {
             route: Route::of(own, &planned),
-            asides,
             planned,
         }
     }

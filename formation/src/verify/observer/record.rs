@@ -6,8 +6,8 @@ use std::time::Duration;
 
 use super::verdict::CollisionRisk;
 use crate::model::{
-    CausalMark, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits, ModuleId,
-    ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, Roster, RosterMember,
+    CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits,
+    ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
     SpotClaim, SpotId, Stop, Whereabouts,
 };
 use crate::verify::Violation;
@@ -196,8 +196,8 @@ pub(super) struct ReceivedClaim {
 /// A roster, its planning input, and when it was received.
 #[derive(Clone, Debug)]
 pub(super) struct ReceivedRoster {
-    pub(super) roster: Arc<Roster>,
-    problem: Option<PlanningProblem>,
+    pub(super) roster: Arc<ClosedRoster>,
+    problem: Option<Arc<PlanningProblem>>,
     pub(super) received: Duration,
 }
 
@@ -284,11 +284,11 @@ impl EpochRecord {
             epoch,
             record: self,
             roster,
-            problem: roster.problem.as_ref()?,
+            problem: roster.problem.as_deref()?,
         })
     }
 
-    pub(super) fn handle_roster(&mut self, now: Duration, roster: &Arc<Roster>) {
+    pub(super) fn handle_roster(&mut self, now: Duration, roster: &Arc<ClosedRoster>) {
         let epoch = roster.epoch;
         match &self.roster {
             Some(known) if known.roster == *roster => {}

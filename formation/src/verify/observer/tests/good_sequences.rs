@@ -201,7 +201,7 @@ fn a_later_epoch_supersedes_an_earlier_one() {
     let mut roster = sequence.roster();
     roster.epoch = later;
     sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(
-        roster.clone(),
+        roster.clone().into(),
     )))];
     let verdict = sequence.verdict();
     assert_eq!(verdict.outcome, Outcome::Failed);
@@ -212,7 +212,9 @@ fn a_later_epoch_supersedes_an_earlier_one() {
     for (member, spot) in roster.members.iter_mut().zip(spots) {
         member.module.pin = Some(SpotId(spot));
     }
-    sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(roster)))];
+    sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(
+        roster.into(),
+    )))];
     sequence.further.push(Message::Claim(Arc::new(SpotClaim {
         epoch: later,
         turn: 0,

@@ -275,7 +275,7 @@ impl Sequence {
                 target_revision: 1,
                 target: Digest(0),
             }),
-            Message::Roster(RosterMessage::Plan(Arc::new(self.roster()))),
+            Message::Roster(RosterMessage::Plan(Arc::new(self.roster().into()))),
         ];
         let claims = self.claims.iter().cloned().map(Arc::new);
         messages.extend(claims.map(Message::Claim));

@@ -98,7 +98,7 @@ fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
     roster.epoch = epoch;
     observer.handle(
         at(10),
-        &Message::Roster(RosterMessage::Plan(Arc::new(roster))),
+        &Message::Roster(RosterMessage::Plan(Arc::new(roster.into()))),
     );
     assert_eq!(outcome(observer.review(at(10))), None, "not restored yet");
     for (module, spot) in pins {

@@ -107,7 +107,7 @@ fn of_rosters() {
     let mut sequence = good_sequence();
     let mut other = sequence.roster();
     other.members.pop();
-    sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(other)))];
+    sequence.further = vec![Message::Roster(RosterMessage::Plan(Arc::new(other.into())))];
     let verdict = sequence.verdict();
     assert_eq!(
         verdict.violations,
