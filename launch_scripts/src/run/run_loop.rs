@@ -490,12 +490,13 @@ mod tests {
         }
     }
 
-    /// Two scripts: one kills itself, the other waits until the supervisor has found that.
+    /// Two scripts: one kills itself while a child of its own keeps its output open for a while, the other waits until the
+    /// supervisor has found that.
     fn dies_and_awaits_death(directory: &Path) -> [String; 2] {
         let died = directory.join("died");
         let died = died.display();
         [
-            format!("echo $$ > {died}.part; mv {died}.part {died}; kill -9 $$"),
+            format!("sleep 2 & echo $$ > {died}.part; mv {died}.part {died}; kill -9 $$"),
             // A process that ended keeps its number until its parent has waited for it.
             format!("until [ -e {died} ] && ! kill -0 $(cat {died}) 2>&-; do sleep 0.02; done"),
         ]

@@ -77,7 +77,12 @@ struct Supervised {
     errors: Tail,
     open_streams: usize,
     exit: Option<(ExitStatus, Instant)>,
-    reported: bool,
+}
+
+impl ProcessEvent {
+    fn is_end_of(&self, process: ProcessId) -> bool {
+        matches!(self, Self::Exited(ended, _) if *ended == process)
+    }
 }
 
 /// Owns all processes; dropping it kills those that still run.
@@ -144,7 +149,6 @@ impl Supervisor {
             errors: Tail::default(),
             open_streams: 0,
             exit: None,
-            reported: false,
         });
         if let Some(results) = results {
             self.read(process, results, RESULT_BYTES_MAX, Input::Result)?;
@@ -194,14 +198,19 @@ impl Supervisor {
     }
 
     /// Waits for the next thing to happen, at most until `deadline`.
+    ///
+    /// The end of a process waits for the rest of its output, and what others write after it waits with it: it must not seem to
+    /// be earlier.
     pub fn next(&mut self, deadline: Instant) -> ProcessEvent {
         loop {
-            self.report_exits();
-            if let Some(happening) = self.pending.pop_front() {
+            let now = Instant::now();
+            let output_until = self.awaits_output_until();
+            if output_until.is_none_or(|until| until <= now)
+                && let Some(happening) = self.pending.pop_front()
+            {
                 return happening;
             }
-            let now = Instant::now();
-            let until = self.report_due().map_or(deadline, |due| due.min(deadline));
+            let until = output_until.map_or(deadline, |until| until.min(deadline));
             match self
                 .inputs
                 .recv_timeout(until.saturating_duration_since(now))
@@ -238,7 +247,11 @@ impl Supervisor {
     fn take(&mut self, input: Input) {
         match input {
             Input::Result(process, line) => {
-                self.pending.push_back(ProcessEvent::Line(process, line));
+                let mut events = self.pending.iter();
+                let end = events.position(|event| event.is_end_of(process));
+                let position = end.unwrap_or(self.pending.len());
+                let line = ProcessEvent::Line(process, line);
+                self.pending.insert(position, line);
             }
             Input::Error(process, line) => {
                 let supervised = &mut self.processes[process.0];
@@ -249,7 +262,7 @@ impl Supervisor {
             }
             Input::Closed(process) => self.processes[process.0].open_streams -= 1,
             Input::Signal(SIGCHLD) => self.reap(),
-            Input::Signal(signal) => self.pending.push_back(ProcessEvent::Interrupted(signal)),
+            Input::Signal(signal) => self.pending.push_front(ProcessEvent::Interrupted(signal)),
         }
     }
 
@@ -260,34 +273,24 @@ impl Supervisor {
 
     /// Checks every process, as several may exit with one SIGCHLD.
     fn reap(&mut self) {
-        for process in self.alive() {
+        let processes = self.processes.iter_mut().enumerate();
+        for (index, process) in processes.filter(|(_, process)| process.exit.is_none()) {
             if let Ok(Some(status)) = process.child.try_wait() {
                 process.exit = Some((status, Instant::now()));
+                let end = ProcessEvent::Exited(ProcessId(index), status);
+                self.pending.push_back(end);
             }
         }
     }
 
-    fn report_exits(&mut self) {
-        let now = Instant::now();
-        for (index, process) in self.processes.iter_mut().enumerate() {
-            let Some((status, at)) = process.exit else {
-                continue;
-            };
-            let is_complete = process.open_streams == 0 || now >= at + OUTPUT_GRACE;
-            if is_complete && !process.reported {
-                process.reported = true;
-                self.pending
-                    .push_back(ProcessEvent::Exited(ProcessId(index), status));
-            }
-        }
-    }
-
-    fn report_due(&self) -> Option<Instant> {
-        self.processes
-            .iter()
-            .filter(|process| !process.reported)
-            .filter_map(|process| process.exit.map(|(_, at)| at + OUTPUT_GRACE))
-            .min()
+    /// Until when the next event is the end of a process whose output is not complete.
+    fn awaits_output_until(&self) -> Option<Instant> {
+        let Some(ProcessEvent::Exited(process, _)) = self.pending.front() else {
+            return None;
+        };
+        let process = &self.processes[process.0];
+        let (_, at) = process.exit.filter(|_| process.open_streams > 0)?;
+        Some(at + OUTPUT_GRACE)
     }
 
     /// Ends every process: asks with SIGTERM, waits for `grace`, then ends the rest with SIGKILL and returns their
