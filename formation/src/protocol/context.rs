@@ -19,6 +19,7 @@ use super::mutation::Bugs;
 use super::outbox::Outbox;
 use super::pacing::EpochPacing;
 use super::parameters::AgentParameters;
+use super::peer::Peer;
 use super::peers::{Liveness, Peers};
 use super::plans::{ComputedPlan, PlanJob, Plans};
 use super::quorum::Shortfall;
@@ -136,10 +137,15 @@ impl Context {
 
     /// The service of a module; `None` before its first state.
     pub fn service_of(&self, module: ModuleId) -> Option<Service> {
+        self.service_shown(module, self.peers.get(module))
+    }
+
+    /// The same for a module whose peer is at hand.
+    pub fn service_shown(&self, module: ModuleId, peer: Option<&Peer>) -> Option<Service> {
         if module == self.module() {
             return Some(self.body.service);
         }
-        Some(self.peers.state(module)?.service)
+        Some(peer?.state.as_ref()?.service)
     }
 
     /// Whether a later revision announces a target with other content than this one.

@@ -226,11 +226,7 @@ fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
     let members = context.peers.along(members);
     members
         .filter_map(|(module, member, peer)| {
-            let service = if module == context.module() {
-                context.body.service
-            } else {
-                peer?.state.as_ref()?.service
-            };
+            let service = context.service_shown(module, peer)?;
             let has_failed = service == Service::MotionFailed && service != member.service;
             let leaves = member.service == Service::Active && service != Service::Active;
             (has_failed || leaves).then_some((module, service))

@@ -249,7 +249,8 @@ impl SharedPlans {
 mod tests {
     use super::*;
     use crate::generate::{GeneratorParameters, Grouping, generate};
-    use crate::model::Scenario;
+    use crate::model::{Epoch, Incarnation, RosterMember, Scenario, TargetAnnouncement};
+    use crate::protocol::AgentParameters;
 
     fn problem(seed: u64) -> Arc<PlanningProblem> {
         let parameters = GeneratorParameters::new(6, 6, seed).grouped(Grouping::Mixed);
@@ -323,5 +324,47 @@ mod tests {
         assert!(!plans.receive(computed), "it has it");
         let taken = plans.get(wanted, &mut outbox).unwrap();
         assert_eq!(taken.turns, PlannedTurns::of(problem(4)));
+    }
+
+    #[test]
+    fn agents_of_one_process_share_what_follows_from_a_roster() {
+        let computed = job(6).run();
+        let problem = problem(6);
+        let members = problem.modules().iter().map(|module| RosterMember {
+            incarnation: Incarnation(1),
+            store: None,
+            service: Service::Active,
+            module: module.clone(),
+        });
+        let mut announcement = TargetAnnouncement::new(&problem, 1);
+        announcement.expected_modules = None;
+        let epoch = Epoch {
+            number: 1,
+            convener: ModuleId(1),
+        };
+        let roster = Roster {
+            epoch,
+            target: announcement,
+            members: members.collect(),
+            quorum_bases: Vec::new(),
+            timing: AgentParameters::default().timing(),
+            bodies: Vec::new(),
+        };
+        let later = Roster {
+            epoch: Epoch { number: 2, ..epoch },
+            ..roster.clone()
+        };
+        let [roster, later] = [roster, later].map(|roster| Arc::new(ClosedRoster::from(roster)));
+        let problems = [roster.problem(), roster.problem()].map(|known| known.unwrap().unwrap());
+        assert!(Arc::ptr_eq(&problems[0], &problems[1]));
+        assert_eq!(problems[0], problem);
+        let plans = [&roster, &roster, &later].map(|roster| computed.for_roster(roster));
+        assert!(Arc::ptr_eq(&plans[0], &plans[1]));
+        assert_ne!(plans[0].digest, plans[2].digest, "of another epoch");
+        let holders = plans[0].places.iter();
+        let spots: BTreeMap<_, _> = holders
+            .map(|(&module, place)| (module, place.spot))
+            .collect();
+        assert_eq!(spots, computed.plan().assignments);
     }
 }

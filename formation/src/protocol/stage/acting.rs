@@ -79,7 +79,7 @@ impl Acting {
         let stuck = context.parameters.stuck;
         context
             .peers
-            .note_agreement(now, stuck, &held.shared.members);
+            .note_agreement(now, stuck, &held.roster_plan.members);
         let basis = held.roster.quorum_basis();
         context.memory.quorum.note_agreed(epoch, &basis);
         context.memory.mismatches = 0;

@@ -57,3 +57,57 @@ impl EarlyClaims {
         Some(claim)
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Epoch, Incarnation, ModuleId};
+
+    fn claim(turn: u32, rival: u32) -> Arc<SpotClaim> {
+        Arc::new(SpotClaim {
+            epoch: Epoch {
+                number: 1,
+                convener: ModuleId(1),
+            },
+            turn,
+            claimant: ModuleId(2),
+            incarnation: Incarnation(1),
+            decision: Decision {
+                detached: vec![ModuleId(rival)],
+                ..Decision::default()
+            },
+        })
+    }
+
+    #[test]
+    fn claims_come_in_order_and_rivals_as_they_came() {
+        let mut claims = EarlyClaims::default();
+        for (turn, rival) in [(2, 7), (1, 9), (2, 5), (2, 7), (0, 3)] {
+            claims.keep(claim(turn, rival)).unwrap();
+        }
+        let mut take = |turn| {
+            claims
+                .take(turn)
+                .map(|claim| (claim.turn, claim.decision.detached[0].0))
+        };
+        assert_eq!([take(0), take(0)], [Some((0, 3)), None]);
+        assert_eq!(take(2), Some((1, 9)), "of a turn that was passed over");
+        assert_eq!(
+            [take(2), take(2), take(2)],
+            [Some((2, 7)), Some((2, 5)), None]
+        );
+        assert_eq!(claims.entries, 0);
+    }
+
+    #[test]
+    fn one_turn_has_room_for_few_claims() {
+        let mut claims = EarlyClaims::default();
+        for rival in 0..CLAIMS_PER_TURN_MAX {
+            assert_eq!(claims.keep(claim(4, rival)), Ok(()));
+        }
+        assert_eq!(claims.keep(claim(4, 99)), Err(Refusal::BufferFull));
+        assert_eq!(claims.keep(claim(4, 0)), Ok(()), "it is kept already");
+        assert_eq!(claims.keep(claim(5, 99)), Ok(()));
+        assert_eq!(claims.entries, 9);
+    }
+}

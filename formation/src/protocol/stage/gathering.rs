@@ -331,7 +331,7 @@ fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {
         .iter()
         .flat_map(|state| state.links.iter().copied())
         .chain(context.body.links.iter().copied())
-        .chain(context.live_voters().into_iter().map(|voter| voter.module));
+        .chain(context.live_modules());
     let absent: BTreeSet<ModuleId> = named
         .filter(|id| *id != context.module() && !present.contains(id))
         .collect();

@@ -34,7 +34,7 @@ pub(in crate::protocol) struct HeldPlan {
     pub turns: u32,
     pub(super) place: Option<Place>,
     /// What all members have in common.
-    pub(super) shared: Arc<RosterPlan>,
+    pub(super) roster_plan: Arc<RosterPlan>,
     /// Whether some member showed another digest for this epoch.
     pub has_mismatch: bool,
     /// What heartbeats had shown when they were last compared with the digest.
@@ -64,14 +64,14 @@ impl HeldPlan {
         own: ModuleId,
         roster: Arc<ClosedRoster>,
         computed: &ComputedPlan,
-        shared: Arc<RosterPlan>,
+        roster_plan: Arc<RosterPlan>,
         digest: Digest,
         turns: u32,
     ) -> Self {
         let plan = Arc::clone(computed.plan());
-        let place = shared.places.get(&own).copied();
+        let place = roster_plan.places.get(&own).copied();
         debug_assert!(
-            shared.members.contains_key(&own),
+            roster_plan.members.contains_key(&own),
             "{own} plans as a member only"
         );
         debug_assert_eq!(
@@ -84,7 +84,7 @@ impl HeldPlan {
             place,
             motion: HeldMotion::of(own, Arc::clone(computed.motion())),
             digest,
-            shared,
+            roster_plan,
             roster,
             plan,
             turns,
@@ -144,7 +144,7 @@ impl HeldPlan {
     /// Why no module moves by this plan, if so.
     pub(super) fn refusal(&self, context: &Context) -> Option<&MotionError> {
         // There are no paths while a member that is out of service moves off a spot.
-        let has_asides = !self.shared.asides.is_empty();
+        let has_asides = !self.roster_plan.asides.is_empty();
         self.motion
             .planned
             .refusal(context.own.is_robot && !has_asides)
@@ -152,7 +152,7 @@ impl HeldPlan {
 
     /// Where this module goes to make room, if it does.
     pub(super) fn aside(&self) -> Option<Pose> {
-        let mut asides = self.shared.asides.iter();
+        let mut asides = self.roster_plan.asides.iter();
         asides
             .find(|&&(module, _)| module == self.own)
             .map(|&(_, pose)| pose)
@@ -160,8 +160,8 @@ impl HeldPlan {
 
     /// The modules that act in a step: first those that make room, one by one, then the units.
     pub(super) fn step_modules(&self, step: usize) -> Vec<ModuleId> {
-        match step.checked_sub(self.shared.asides.len()) {
-            None => vec![self.shared.asides[step].0],
+        match step.checked_sub(self.roster_plan.asides.len()) {
+            None => vec![self.roster_plan.asides[step].0],
             Some(unit) => {
                 let units = self.plan.assembly.units.get(unit).into_iter();
                 let placements = units.flat_map(|unit| &unit.placements);
@@ -172,25 +172,25 @@ impl HeldPlan {
 
     /// The number of steps.
     pub(super) fn steps(&self) -> usize {
-        self.shared.asides.len() + self.plan.assembly.units.len()
+        self.roster_plan.asides.len() + self.plan.assembly.units.len()
     }
 
     /// The step in which a unit acts.
     pub(super) fn step_of_unit(&self, unit: usize) -> usize {
-        self.shared.asides.len() + unit
+        self.roster_plan.asides.len() + unit
     }
 
     /// The step in which a module moves and its goal; `None` if it stays where it is.
     fn motion_of(&self, module: ModuleId) -> Option<(usize, Pose)> {
         let aside = self
-            .shared
+            .roster_plan
             .asides
             .iter()
             .position(|&(one, _)| one == module);
         if let Some(step) = aside {
-            return Some((step, self.shared.asides[step].1));
+            return Some((step, self.roster_plan.asides[step].1));
         }
-        let place = *self.shared.places.get(&module)?;
+        let place = *self.roster_plan.places.get(&module)?;
         let goal = self.roster.target.target.as_ref()?.spot(place.spot)?.pose;
         let moves = !self.unit_of(place).pinned;
         moves.then_some((self.step_of_unit(place.unit), goal))
@@ -234,7 +234,7 @@ impl HeldPlan {
         }
         let (step, goal) = self.motion_of(module)?;
         let aside = self
-            .shared
+            .roster_plan
             .asides
             .iter()
             .position(|&(one, _)| one == self.own);
@@ -253,7 +253,7 @@ impl HeldPlan {
             state.epoch == Some(self.epoch())
                 && state.digest == Some(self.digest)
                 && state.phase == ModulePhase::Spare
-                && self.shared.members.get(&module) == Some(&state.incarnation)
+                && self.roster_plan.members.get(&module) == Some(&state.incarnation)
         })
     }
 
@@ -286,7 +286,7 @@ impl HeldPlan {
 
     /// The members with their runs in the roster, in ascending order.
     fn runs(&self) -> impl Iterator<Item = (ModuleId, Incarnation)> {
-        let members = self.shared.members.iter();
+        let members = self.roster_plan.members.iter();
         members.map(|(&module, &incarnation)| (module, incarnation))
     }
 
@@ -326,11 +326,11 @@ impl HeldPlan {
     pub(super) fn still_lags(&self, context: &Context) -> bool {
         debug_assert!(
             self.waits_for
-                .is_none_or(|module| self.shared.members.contains_key(&module)),
+                .is_none_or(|module| self.roster_plan.members.contains_key(&module)),
             "only members are waited for"
         );
         let lags = |module: ModuleId| {
-            let incarnation = *self.shared.members.get(&module)?;
+            let incarnation = *self.roster_plan.members.get(&module)?;
             let (peer, lease) = (context.peers.get(module), context.parameters.lease);
             Some(!self.is_shown_by(incarnation, peer, context, lease))
         };
@@ -412,7 +412,7 @@ impl HeldPlan {
                 .then_some((module, theirs))
         };
         let mismatch = match compared.and_then(|compared| shown.only_since(compared)) {
-            Some(module) => (self.shared.members.contains_key(&module))
+            Some(module) => (self.roster_plan.members.contains_key(&module))
                 .then(|| other_digest(module, context.peers.heartbeat(module)))
                 .flatten(),
             None => (context.peers.along(self.runs()))
@@ -434,7 +434,7 @@ impl HeldPlan {
     /// The digests that members show for this epoch, each with its members.
     pub(super) fn sides(&self, context: &Context) -> BTreeMap<Digest, Vec<ModuleId>> {
         let mut sides: BTreeMap<Digest, Vec<ModuleId>> = BTreeMap::new();
-        for &module in self.shared.members.keys() {
+        for &module in self.roster_plan.members.keys() {
             let shown = if module == self.own {
                 Some(self.digest)
             } else {
@@ -460,7 +460,7 @@ impl HeldPlan {
         let is_settled = state.epoch == Some(self.epoch())
             && state.digest == Some(self.digest)
             && state.phase == ModulePhase::Settled
-            && self.shared.members.get(&module) == Some(&state.incarnation)
+            && self.roster_plan.members.get(&module) == Some(&state.incarnation)
             && self.plan.assignments.get(&module).copied() == state.spot;
         is_settled.then_some(state)
     }
@@ -476,7 +476,7 @@ impl HeldPlan {
 
     /// The number of steps that another member is known to have done in this epoch.
     pub(super) fn steps_done_by(&self, module: ModuleId, peers: &Peers) -> u32 {
-        let incarnation = self.shared.members.get(&module).copied();
+        let incarnation = self.roster_plan.members.get(&module).copied();
         let peer = peers.get(module);
         let Some(peer) = peer.filter(|peer| Some(peer.incarnation) == incarnation) else {
             return 0;

@@ -217,7 +217,7 @@ impl Acting {
     }
 
     fn count_progress(&self, context: &Context) -> u64 {
-        let members = self.held.shared.members.keys();
+        let members = self.held.roster_plan.members.keys();
         members
             .map(|&module| {
                 let has_settled = self.has_settled(module, context);

@@ -223,13 +223,13 @@ impl Planning {
 
     fn finish(self, planned: &ComputedPlan, context: &mut Context) -> Stage {
         let epoch = self.roster.epoch;
-        let shared = planned.for_roster(&self.roster);
+        let roster_plan = planned.for_roster(&self.roster);
         let bugs = context.bugs;
         let may_deviate = bugs.accept_any_decision() || bugs.record_claims_out_of_turn();
         let digest = bugs.shown(if may_deviate {
             planned.digest_of(&self.roster, &self.deviating)
         } else {
-            shared.digest
+            roster_plan.digest
         });
         let turns = self.applied;
         context.emit(Event::Planned {
@@ -246,7 +246,7 @@ impl Planning {
         context.memory.quorum.note_shown(epoch, &basis);
         context.mark_state_changed();
         let own = context.module();
-        let held = HeldPlan::new(own, self.roster, planned, shared, digest, turns);
+        let held = HeldPlan::new(own, self.roster, planned, roster_plan, digest, turns);
         Stage::Agreeing(Box::new(Agreeing::new(held, context.now)))
     }
 }

@@ -46,7 +46,7 @@ impl Proofs {
             .filter_map(|module| held.settled_mark(&context.peers, module))
             .collect();
         let leads_first = leads && units[..place.unit].iter().all(|unit| unit.pinned);
-        let members = held.shared.members.keys().filter(|_| leads_first);
+        let members = held.roster_plan.members.keys().filter(|_| leads_first);
         Self {
             waited_for,
             agreed_on: members
@@ -58,7 +58,7 @@ impl Proofs {
 
     /// The proofs of a module that makes room: the heartbeat of every member that showed agreement.
     pub fn of_making_room(held: &HeldPlan, context: &Context) -> Self {
-        let members = held.shared.members.keys();
+        let members = held.roster_plan.members.keys();
         Self {
             agreed_on: members
                 .filter_map(|&module| heartbeat_mark(module, context))
