@@ -456,7 +456,7 @@ impl Agent {
         }
         // Rosters list only modules that have halted for their epoch, so the claims of other epochs concern other modules.
         if self.stage.epoch() == Some(claim.epoch)
-            && let Err(refusal) = self.stage.keep_claim(claim, &self.context)
+            && let Err(refusal) = self.stage.take_claim(claim, &self.context)
         {
             self.context.refuse(Some(claimant), refusal);
         }

@@ -246,16 +246,39 @@ impl SharedPlans {
 }
 
 #[cfg(test)]
-mod tests {
+pub(super) mod tests {
     use super::*;
     use crate::generate::{GeneratorParameters, Grouping, generate};
     use crate::model::{Epoch, Incarnation, RosterMember, Scenario, TargetAnnouncement};
     use crate::protocol::AgentParameters;
 
-    fn problem(seed: u64) -> Arc<PlanningProblem> {
+    pub(in crate::protocol) fn problem(seed: u64) -> Arc<PlanningProblem> {
         let parameters = GeneratorParameters::new(6, 6, seed).grouped(Grouping::Mixed);
         let raw = generate(&parameters).unwrap();
         Arc::new(Scenario::try_from(raw).unwrap().problem().clone())
+    }
+
+    /// The roster of the first epoch, which lists the modules of a problem.
+    pub(in crate::protocol) fn roster(problem: &PlanningProblem) -> Roster {
+        let members = problem.modules().iter().map(|module| RosterMember {
+            incarnation: Incarnation(1),
+            store: None,
+            service: Service::Active,
+            module: module.clone(),
+        });
+        let mut target = TargetAnnouncement::new(problem, 1);
+        target.expected_modules = None;
+        Roster {
+            epoch: Epoch {
+                number: 1,
+                convener: ModuleId(1),
+            },
+            target,
+            members: members.collect(),
+            quorum_bases: Vec::new(),
+            timing: AgentParameters::default().timing(),
+            bodies: Vec::new(),
+        }
     }
 
     fn job(seed: u64) -> PlanJob {
@@ -330,30 +353,9 @@ mod tests {
     fn agents_of_one_process_share_what_follows_from_a_roster() {
         let computed = job(6).run();
         let problem = problem(6);
-        let members = problem.modules().iter().map(|module| RosterMember {
-            incarnation: Incarnation(1),
-            store: None,
-            service: Service::Active,
-            module: module.clone(),
-        });
-        let mut announcement = TargetAnnouncement::new(&problem, 1);
-        announcement.expected_modules = None;
-        let epoch = Epoch {
-            number: 1,
-            convener: ModuleId(1),
-        };
-        let roster = Roster {
-            epoch,
-            target: announcement,
-            members: members.collect(),
-            quorum_bases: Vec::new(),
-            timing: AgentParameters::default().timing(),
-            bodies: Vec::new(),
-        };
-        let later = Roster {
-            epoch: Epoch { number: 2, ..epoch },
-            ..roster.clone()
-        };
+        let roster = roster(&problem);
+        let mut later = roster.clone();
+        later.epoch.number = 2;
         let [roster, later] = [roster, later].map(|roster| Arc::new(ClosedRoster::from(roster)));
         let problems = [roster.problem(), roster.problem()].map(|known| known.unwrap().unwrap());
         assert!(Arc::ptr_eq(&problems[0], &problems[1]));

@@ -1,4 +1,4 @@
-//! Claims whose turn has not come.
+//! Claims that came before the plan by which they are judged.
 
 use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
@@ -8,14 +8,14 @@ use crate::model::{Decision, SpotClaim};
 
 use super::super::refusal::Refusal;
 
-/// The greatest number of claims that are kept before their turn.
+/// The greatest number of claims that are kept.
 const CLAIMS_MAX: usize = 16_384;
 /// The greatest number of spots, evictions and modules in all claims that are kept.
 const ENTRIES_MAX: usize = 1 << 17;
 /// The greatest number of claims that are kept for one turn; only one of them can be right.
 const CLAIMS_PER_TURN_MAX: u32 = 8;
 
-/// The claims of one epoch that came before their turn.
+/// The claims of one epoch that came before this module's plan.
 #[derive(Clone, Debug, Default, Hash)]
 pub(in crate::protocol) struct EarlyClaims {
     /// By turn, and for each turn in the order in which they came.
@@ -28,7 +28,7 @@ fn entries_of(decision: &Decision) -> usize {
 }
 
 impl EarlyClaims {
-    /// Keeps a claim for its turn.
+    /// Keeps a claim until the plan is computed.
     pub fn keep(&mut self, claim: Arc<SpotClaim>) -> Result<(), Refusal> {
         let entries = entries_of(&claim.decision);
         if self.claims.len() >= CLAIMS_MAX || self.entries + entries > ENTRIES_MAX {
@@ -48,13 +48,9 @@ impl EarlyClaims {
         Err(Refusal::BufferFull)
     }
 
-    /// Removes the first claim of the least turn that has one, if that is not later than this turn.
-    pub fn take(&mut self, turn: u32) -> Option<Arc<SpotClaim>> {
-        let first = self.claims.first_entry()?;
-        let &(of_turn, _) = first.key();
-        let claim = (of_turn <= turn).then(|| first.remove())?;
-        self.entries -= entries_of(&claim.decision);
-        Some(claim)
+    /// The claims in the order of their turns.
+    pub fn in_turn(self) -> impl Iterator<Item = Arc<SpotClaim>> {
+        self.claims.into_values()
     }
 }
 
@@ -85,18 +81,9 @@ mod tests {
         for (turn, rival) in [(2, 7), (1, 9), (2, 5), (2, 7), (0, 3)] {
             claims.keep(claim(turn, rival)).unwrap();
         }
-        let mut take = |turn| {
-            claims
-                .take(turn)
-                .map(|claim| (claim.turn, claim.decision.detached[0].0))
-        };
-        assert_eq!([take(0), take(0)], [Some((0, 3)), None]);
-        assert_eq!(take(2), Some((1, 9)), "of a turn that was passed over");
-        assert_eq!(
-            [take(2), take(2), take(2)],
-            [Some((2, 7)), Some((2, 5)), None]
-        );
-        assert_eq!(claims.entries, 0);
+        let kept = claims.in_turn();
+        let kept = kept.map(|claim| (claim.turn, claim.decision.detached[0].0));
+        assert_eq!(kept.collect::<Vec<_>>(), [(0, 3), (1, 9), (2, 7), (2, 5)]);
     }
 
     #[test]

@@ -168,11 +168,11 @@ impl Stage {
         }
     }
 
-    /// Keeps a claim for its turn.
-    pub fn keep_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
+    /// Takes a claim of the present epoch.
+    pub fn take_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
         match self {
             Self::Gathering(gathering) => gathering.claims.keep(claim),
-            Self::Planning(planning) => planning.keep_claim(claim, context),
+            Self::Planning(planning) => planning.take_claim(claim, context),
             _ => Err(Refusal::StaleEpoch),
         }
     }

@@ -1,8 +1,10 @@
-//! Planning: each unit claims once, and every agent applies the claims in turn, each only if it equals its own recomputation.
+//! Planning: each unit claims once, and every agent applies the turns in order, each only once it has been claimed by its unit
+//! and the claim equals the agent's own recomputation.
 //!
 //! A claim shows what its claimant decides after the turns before it, which it has computed itself. So it does not wait for
 //! the claims of those turns, and the messages of all turns travel at the same time.
 
+use std::collections::BTreeMap;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
@@ -30,9 +32,11 @@ pub(in crate::protocol) struct Planning {
     planned: Option<Arc<ComputedPlan>>,
     /// The number of turns that have been applied.
     applied: u32,
-    /// The decisions that were applied, where a bug lets them differ from the plan.
-    deviating: Vec<(ModuleId, Decision)>,
-    claims: EarlyClaims,
+    /// By turn, whether a right claim has come; empty until the plan is computed.
+    is_claimed: Vec<bool>,
+    early_claims: EarlyClaims,
+    /// The decisions in the order in which they are recorded, where a bug lets them differ from the plan.
+    deviating: BTreeMap<u32, (ModuleId, Decision)>,
     began: Duration,
     /// When the last turn was applied, the plan was computed, or the claimant was last seen to compute its own.
     progress_at: Duration,
@@ -43,8 +47,8 @@ impl Hash for Planning {
     /// The decisions follow from the roster and the number of turns.
     fn hash<H: Hasher>(&self, state: &mut H) {
         hash_roster(&self.roster, state);
-        let progress = (self.planned.is_some(), self.applied, self.progress_at);
-        (progress, &self.claims).hash(state);
+        let progress = (self.applied, self.progress_at);
+        (progress, &self.is_claimed, &self.early_claims).hash(state);
     }
 }
 
@@ -69,8 +73,9 @@ impl Planning {
             planned: None,
             applied: 0,
             roster,
-            deviating: Vec::new(),
-            claims: EarlyClaims::default(),
+            is_claimed: Vec::new(),
+            early_claims: EarlyClaims::default(),
+            deviating: BTreeMap::new(),
             began: context.now,
             progress_at: context.now,
             reported_overdue: false,
@@ -79,7 +84,7 @@ impl Planning {
 
     /// The same turns, with claims that came before the roster.
     pub fn with_claims(mut self, claims: EarlyClaims) -> Self {
-        self.claims = claims;
+        self.early_claims = claims;
         self
     }
 
@@ -102,8 +107,8 @@ impl Planning {
         (waited > context.parameters.stuck).then_some(claimant)
     }
 
-    /// Keeps a claim of a member for its turn.
-    pub fn keep_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
+    /// Judges a claim of a member, or keeps it until the plan is computed.
+    pub fn take_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
         let member = self.roster.member(claim.claimant);
         if member.is_none_or(|member| member.incarnation != claim.incarnation) {
             return Err(Refusal::UnknownModule);
@@ -112,21 +117,28 @@ impl Planning {
             return Err(Refusal::StaleEpoch);
         }
         if context.bugs.record_claims_out_of_turn() {
-            let decision = claim.decision.clone();
-            self.deviating.push((claim.claimant, decision));
+            let place = u32::try_from(self.deviating.len()).unwrap_or(u32::MAX);
+            let recorded = (claim.claimant, claim.decision.clone());
+            self.deviating.insert(place, recorded);
         }
-        self.claims.keep(claim)
+        let Some(planned) = &self.planned else {
+            return self.early_claims.keep(claim);
+        };
+        judge(planned.turns(), &claim, context.bugs)?;
+        self.note_claimed(&claim, context.bugs);
+        Ok(())
     }
 
-    /// Publishes this module's claims once the plan is computed, and applies all claims in turn, as far as they are known.
+    /// Publishes this module's claims once the plan is computed, and applies the turns in order, as far as they are claimed.
     pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
         let Some(planned) = self.planned(context) else {
             return Step::Stay(Stage::Planning(self));
         };
         while let Some((claimant, decision)) = planned.turns().turn(self.applied) {
-            if claimant == context.module() {
+            let is_own = claimant == context.module();
+            if is_own || self.is_claimed[self.applied as usize] {
                 self.apply(claimant, decision, context);
-            } else if !self.apply_claims(planned.turns(), context) {
+            } else {
                 let waited = context.now.saturating_sub(self.began);
                 let computes = context.peers.computes(claimant, self.roster.epoch);
                 if computes && waited <= context.parameters.plan_limit {
@@ -142,14 +154,25 @@ impl Planning {
     fn planned(&mut self, context: &mut Context) -> Option<Arc<ComputedPlan>> {
         if self.planned.is_none() {
             self.planned = context.plan(self.job.clone());
-            if let Some(planned) = &self.planned {
+            if let Some(planned) = self.planned.clone() {
                 self.publish_claims(planned.turns(), context);
+                self.judge_early_claims(&planned, context);
                 self.progress_at = context.now;
             } else {
                 self.report_overdue(context);
             }
         }
         self.planned.clone()
+    }
+
+    fn judge_early_claims(&mut self, planned: &ComputedPlan, context: &mut Context) {
+        self.is_claimed = vec![false; planned.turns().decisions().len()];
+        for claim in std::mem::take(&mut self.early_claims).in_turn() {
+            match judge(planned.turns(), &claim, context.bugs) {
+                Ok(()) => self.note_claimed(&claim, context.bugs),
+                Err(refusal) => context.refuse(Some(claim.claimant), refusal),
+            }
+        }
     }
 
     /// Reports once that the plan takes longer than the other members wait for it.
@@ -184,40 +207,24 @@ impl Planning {
         }
     }
 
-    /// Applies the first right claim for the present turn, and refuses the wrong ones before it. Those after it are left for the
-    /// next turn, which passes over them.
-    fn apply_claims(&mut self, planned: &PlannedTurns, context: &mut Context) -> bool {
-        while let Some(claim) = self.claims.take(self.applied) {
-            if claim.turn < self.applied {
-                continue;
-            }
-            match self.check(planned, &claim, context.bugs) {
-                Ok(()) => {
-                    self.apply(claim.claimant, &claim.decision, context);
-                    report_own_eviction(&claim.decision, context);
-                    return true;
-                }
-                Err(refusal) => context.refuse(Some(claim.claimant), refusal),
-            }
-        }
-        false
-    }
-
-    fn check(&self, planned: &PlannedTurns, claim: &SpotClaim, bugs: Bugs) -> Result<(), Refusal> {
-        match planned.check(self.applied, claim.claimant, &claim.decision) {
-            Ok(()) => Ok(()),
-            Err(ClaimRefused::DifferentDecision { .. }) if bugs.accept_any_decision() => Ok(()),
-            Err(ClaimRefused::DifferentDecision { .. }) => Err(Refusal::DifferentDecision),
-            Err(_) => Err(Refusal::WrongClaimant),
+    /// Records a right claim. Its decision needs no place, as the plan contains it.
+    fn note_claimed(&mut self, claim: &SpotClaim, bugs: Bugs) {
+        self.is_claimed[claim.turn as usize] = true;
+        if bugs.accept_any_decision() {
+            let recorded = (claim.claimant, claim.decision.clone());
+            self.deviating.entry(claim.turn).or_insert(recorded);
         }
     }
 
     /// Applies the decision of the present turn.
-    fn apply(&mut self, claimant: ModuleId, decision: &Decision, context: &Context) {
-        self.applied += 1;
-        if context.bugs.accept_any_decision() {
-            self.deviating.push((claimant, decision.clone()));
+    fn apply(&mut self, claimant: ModuleId, decision: &Decision, context: &mut Context) {
+        if claimant != context.module() {
+            report_own_eviction(decision, context);
+        } else if context.bugs.accept_any_decision() {
+            let recorded = (claimant, decision.clone());
+            self.deviating.insert(self.applied, recorded);
         }
+        self.applied += 1;
         self.progress_at = context.now;
     }
 
@@ -227,7 +234,8 @@ impl Planning {
         let bugs = context.bugs;
         let may_deviate = bugs.accept_any_decision() || bugs.record_claims_out_of_turn();
         let digest = bugs.shown(if may_deviate {
-            planned.digest_of(&self.roster, &self.deviating)
+            let decisions: Vec<_> = self.deviating.into_values().collect();
+            planned.digest_of(&self.roster, &decisions)
         } else {
             roster_plan.digest
         });
@@ -251,6 +259,16 @@ impl Planning {
     }
 }
 
+/// Judges a claim: it must come from the module that decides in its turn, and equal this replica's own recomputation.
+fn judge(planned: &PlannedTurns, claim: &SpotClaim, bugs: Bugs) -> Result<(), Refusal> {
+    match planned.check(claim.turn, claim.claimant, &claim.decision) {
+        Ok(()) => Ok(()),
+        Err(ClaimRefused::DifferentDecision { .. }) if bugs.accept_any_decision() => Ok(()),
+        Err(ClaimRefused::DifferentDecision { .. }) => Err(Refusal::DifferentDecision),
+        Err(_) => Err(Refusal::WrongClaimant),
+    }
+}
+
 /// Reports, as the convener, why modules do not move along paths.
 fn report_motion(motion: &PlannedMotion, epoch: Epoch, context: &mut Context) {
     if epoch.convener != context.module() {
@@ -270,5 +288,84 @@ fn report_own_eviction(decision: &Decision, context: &mut Context) {
             by: eviction.by,
             from: eviction.from,
         });
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::model::Incarnation;
+    use crate::protocol::plans::tests::{problem, roster};
+    use crate::protocol::{AgentParameters, Identity};
+
+    /// The claims of all units but that of this module, each once as it should be and once with another decision.
+    fn claims_of_others(
+        roster: &ClosedRoster,
+        own: ModuleId,
+    ) -> (Vec<Arc<SpotClaim>>, Vec<Arc<SpotClaim>>) {
+        let problem = roster.problem().unwrap().unwrap();
+        let planned = PlannedTurns::of(problem);
+        let others = planned.turns().filter(|&(_, leader, _)| leader != own);
+        let right = others.map(|(turn, claimant, decision)| SpotClaim {
+            epoch: roster.epoch,
+            turn,
+            claimant,
+            incarnation: Incarnation(1),
+            decision: decision.clone(),
+        });
+        let right: Vec<SpotClaim> = right.collect();
+        let wrong = right.iter().cloned().map(|mut claim| {
+            claim.decision.selections.clear();
+            Arc::new(claim)
+        });
+        let wrong = wrong.collect();
+        (right.into_iter().map(Arc::new).collect(), wrong)
+    }
+
+    #[test]
+    fn claims_are_judged_as_they_come_and_turns_applied_in_order() {
+        let problem = problem(6);
+        let own = problem.modules()[0].id;
+        let roster = Arc::new(ClosedRoster::from(roster(&problem)));
+        let identity = Identity {
+            module: own,
+            incarnation: Incarnation(1),
+            store: None,
+            pose: problem.modules()[0].pose,
+            links: BTreeSet::new(),
+            configuration: None,
+            leader: None,
+        };
+        let mut context = Context::new(identity, AgentParameters::default(), Duration::ZERO);
+        let (right, wrong) = claims_of_others(&roster, own);
+        let (early, late) = (&right[..1], &right[1..]);
+        assert!(!late.is_empty());
+
+        let mut claims = EarlyClaims::default();
+        for claim in [&wrong[0], &early[0]] {
+            claims.keep(Arc::clone(claim)).unwrap();
+        }
+        let planning = Planning::begin(Arc::clone(&roster), &mut context).unwrap();
+        let planning = Box::new(planning.with_claims(claims));
+        let Step::Stay(Stage::Planning(mut planning)) = planning.step(&mut context) else {
+            panic!("the claims of the other units are missing");
+        };
+        assert_eq!(context.outbox.refusals.total(), 1, "the early wrong one");
+
+        for claim in &wrong[1..] {
+            let refusal = planning.take_claim(Arc::clone(claim), &context);
+            assert_eq!(refusal, Err(Refusal::DifferentDecision));
+        }
+        for claim in late.iter().rev() {
+            assert_eq!(planning.take_claim(Arc::clone(claim), &context), Ok(()));
+        }
+        let Step::Enter(Stage::Agreeing(agreeing)) = planning.step(&mut context) else {
+            panic!("each turn is claimed");
+        };
+        let turns = roster.problem().unwrap().unwrap();
+        let turns = PlannedTurns::of(turns).decisions().len();
+        assert_eq!(agreeing.held.turns as usize, turns);
     }
 }
