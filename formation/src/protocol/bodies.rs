@@ -90,28 +90,31 @@ impl Bodies {
         self.note(report_of(state));
     }
 
-    /// Keeps where modules show themselves, in ascending order: one walk along all bodies in place of a search for each.
-    pub fn note_states<'a>(&mut self, states: impl Iterator<Item = &'a Arc<ModuleState>>) {
+    /// Keeps reports that ascend by module as [`Self::note`] does: one walk along all bodies in place of a search for each.
+    pub fn note_ascending(&mut self, reports: impl Iterator<Item = BodyReport>) {
         let mut unknown = Vec::new();
         let mut known = self.known.iter_mut().peekable();
-        for state in states {
-            while known
-                .next_if(|&(&module, _)| module < state.module)
-                .is_some()
-            {}
-            let Some((_, known)) = known.next_if(|&(&module, _)| module == state.module) else {
-                unknown.push(state);
+        for report in reports {
+            let is_before = |&(&module, _): &(&ModuleId, _)| module < report.module;
+            while known.next_if(is_before).is_some() {}
+            let Some((_, known)) = known.next_if(|&(&module, _)| module == report.module) else {
+                unknown.push(report);
                 continue;
             };
-            let report = report_of(state);
             if known.compare_age(&report).is_lt() {
                 self.version += 1;
+                self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
                 *known = report;
             }
         }
-        for state in unknown {
-            self.note_state(state);
+        for report in unknown {
+            self.note(report);
         }
+    }
+
+    /// Keeps where modules show themselves, in ascending order.
+    pub fn note_states<'a>(&mut self, states: impl Iterator<Item = &'a Arc<ModuleState>>) {
+        self.note_ascending(states.map(|state| report_of(state)));
     }
 
     /// Whether a run was reported as removed.
@@ -124,6 +127,11 @@ impl Bodies {
     /// The latest report on each module, ascending by module.
     fn known(&self) -> impl Iterator<Item = (ModuleId, &BodyReport)> {
         self.known.iter().map(|(&module, report)| (module, report))
+    }
+
+    /// The latest report on each module, ascending by module.
+    pub fn into_reports(self) -> impl Iterator<Item = BodyReport> {
+        self.known.into_values()
     }
 
     /// What is known of a module's body.

@@ -123,11 +123,12 @@ impl Context {
     }
 
     /// This module and all live ones, in ascending order.
-    pub fn live_modules(&self) -> BTreeSet<ModuleId> {
+    pub fn live_modules(&self) -> Vec<ModuleId> {
         let live = self.peers.live(self.liveness());
-        live.map(|(module, _)| module)
-            .chain([self.module()])
-            .collect()
+        let mut live: Vec<ModuleId> = live.map(|(module, _)| module).collect();
+        let own = self.module();
+        live.insert(live.partition_point(|&module| module < own), own);
+        live
     }
 
     /// Whether a module's service is known and active.

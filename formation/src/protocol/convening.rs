@@ -111,9 +111,10 @@ impl Stage {
         if is_calm {
             return None;
         }
-        let mut newcomers = wanted_newcomers(roster, context);
+        let others = live_without_place(roster, context);
+        let mut newcomers = wanted_newcomers(roster, &others, context);
         if newcomers.is_empty() {
-            newcomers = strays(roster, context);
+            newcomers = strays(roster, &others, context);
         }
         if newcomers.is_empty() {
             context.peers.note_calm(context.liveness(), judged);
@@ -234,18 +235,28 @@ fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
         .collect()
 }
 
-/// The live modules that the roster does not list, if more spots can be filled with them.
-fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+/// The live modules to which no plan for this roster gives a spot, this one included; in ascending order.
+fn live_without_place(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+    let members = roster.members.iter();
+    let planned = members.filter(|member| member.service == Service::Active);
+    let mut planned = planned.map(|member| member.module.id).peekable();
+    let mut is_planned = move |module: ModuleId| {
+        while planned.next_if(|&one| one < module).is_some() {}
+        planned.peek() == Some(&module)
+    };
+    let live = context.live_modules().into_iter();
+    live.filter(|&module| !is_planned(module)).collect()
+}
+
+/// Those of some live modules that the roster does not list as active and that are so now, if more spots can be filled with
+/// them.
+fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
     if context.bugs.ignore_newcomers() {
         return Vec::new();
     }
-    let is_planned = |module: ModuleId| {
-        let member = roster.member(module);
-        member.is_some_and(|member| member.service == Service::Active)
-    };
-    let live = context.live_modules().into_iter();
-    let mut newcomers: Vec<ModuleId> = live
-        .filter(|&module| !is_planned(module) && context.is_active(module))
+    let others = others.iter().copied();
+    let mut newcomers: Vec<ModuleId> = others
+        .filter(|&module| context.is_active(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))
         .collect();
@@ -255,15 +266,16 @@ fn wanted_newcomers(roster: &Roster, context: &Context) -> Vec<ModuleId> {
     newcomers
 }
 
-/// The live modules outside the roster that know its epoch, or a later one, and wait for a quorum: they know of a majority that
-/// the members do not need, and learn in a gathering only that it no longer counts.
-fn strays(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+/// Those of some live modules that the roster does not list, that know its epoch, or a later one, and that wait for a quorum:
+/// they know of a majority that the members do not need, and learn in a gathering only that it no longer counts.
+fn strays(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
     let waits = |module: ModuleId| {
         let heartbeat = context.peers.heartbeat(module);
         heartbeat.is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
     };
-    let live = context.live_modules().into_iter();
-    live.filter(|&module| roster.member(module).is_none() && waits(module))
+    let others = others.iter().copied();
+    others
+        .filter(|&module| roster.member(module).is_none() && waits(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))
         .collect()

@@ -7,18 +7,18 @@ use crate::model::{
 use super::Agent;
 use super::context::Context;
 use super::event::Event;
-use super::peers::Peers;
+use super::peer::Peer;
 use super::stage::{HeldPlan, Stage};
 
 impl Agent {
     /// Records, before an epoch is left, where its other members stand or may be on their way.
     pub(super) fn remember_members(&mut self) {
-        for report in self.member_reports(self.stage.has_acted()) {
-            self.context.bodies.note(report);
-        }
+        let reports = self.member_reports(self.stage.has_acted());
+        self.context.bodies.note_ascending(reports.into_iter());
     }
 
-    /// Where the other members of the present roster stand or may be on their way, now that this module has `acted` or not.
+    /// Where the other members of the present roster stand or may be on their way, now that this module has `acted` or not; in
+    /// ascending order.
     fn member_reports(&self, has_acted: bool) -> Vec<BodyReport> {
         let mut reports = Vec::new();
         let Some(roster) = self.stage.roster() else {
@@ -28,17 +28,18 @@ impl Agent {
         let held = self.stage.held_plan();
         let own = self.context.module();
         let places = held.map(HeldPlan::places).unwrap_or_default();
-        for member in &roster.members {
-            let module = member.module.id;
-            if module == own {
-                continue;
-            }
-            let (pose, sequence) = seen_in(roster, member, &self.context.peers);
+        let others = roster
+            .members
+            .iter()
+            .filter(|member| member.module.id != own);
+        let others = others.map(|member| (member.module.id, member));
+        for (module, member, peer) in self.context.peers.along(others) {
+            let (pose, sequence) = seen_in(roster, member, peer);
             let whereabouts = match held {
                 _ if is_outside => Whereabouts::Seen(pose),
                 Some(held) => {
                     let place = places.get(&module).copied();
-                    held.whereabouts((module, place), pose, has_acted, &self.context.peers)
+                    held.whereabouts((module, place), pose, has_acted, peer)
                 }
                 None => Whereabouts::Halted(pose),
             };
@@ -58,10 +59,8 @@ impl Agent {
     pub(super) fn bodies_to_store(&self) -> Vec<BodyReport> {
         let mut bodies = self.context.bodies.clone();
         bodies.note_states(self.context.peers.states());
-        for report in self.member_reports(true) {
-            bodies.note(report);
-        }
-        bodies.reports(|_| true)
+        bodies.note_ascending(self.member_reports(true).into_iter());
+        bodies.into_reports().collect()
     }
 
     /// Takes over the bodies that the store of this module holds.
@@ -125,8 +124,8 @@ impl Agent {
 }
 
 /// Where a member was last seen in the epoch of a roster, and the sequence number of the state that showed it.
-fn seen_in(roster: &Roster, member: &RosterMember, peers: &Peers) -> (Pose, u64) {
-    let state = peers.state(member.module.id).filter(|state| {
+fn seen_in(roster: &Roster, member: &RosterMember, peer: Option<&Peer>) -> (Pose, u64) {
+    let state = peer.and_then(|peer| peer.state.as_ref()).filter(|state| {
         state.incarnation == member.incarnation && state.epoch == Some(roster.epoch)
     });
     state.map_or((member.module.pose, 0), |state| {

@@ -480,7 +480,7 @@ impl Acting {
         if module == context.module() {
             self.has_acted()
         } else {
-            self.held.has_acted(&context.peers, module)
+            self.held.has_acted(module, context.peers.get(module))
         }
     }
 

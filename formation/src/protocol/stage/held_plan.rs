@@ -182,18 +182,7 @@ impl HeldPlan {
 
     /// The step in which a module moves and its goal; `None` if it stays where it is.
     fn motion_of(&self, module: ModuleId) -> Option<(usize, Pose)> {
-        let aside = self
-            .roster_plan
-            .asides
-            .iter()
-            .position(|&(one, _)| one == module);
-        if let Some(step) = aside {
-            return Some((step, self.roster_plan.asides[step].1));
-        }
-        let place = *self.roster_plan.places.get(&module)?;
-        let goal = self.roster.target.target.as_ref()?.spot(place.spot)?.pose;
-        let moves = !self.unit_of(place).pinned;
-        moves.then_some((self.step_of_unit(place.unit), goal))
+        self.roster_plan.motions.get(&module).copied()
     }
 
     /// The unit of each module in the paths, and the module's own path; empty if modules do not move along paths.
@@ -208,10 +197,10 @@ impl HeldPlan {
         (module, place): (ModuleId, Option<PathPlace<'_>>),
         seen: Pose,
         has_acted: bool,
-        peers: &Peers,
+        peer: Option<&Peer>,
     ) -> Whereabouts {
         if let Some((unit, member)) = place {
-            let done = self.steps_done_by(module, peers) as usize;
+            let done = self.steps_done_by(module, peer) as usize;
             let mut rest = unit.poses_after(done, member).peekable();
             if done == unit.steps.len() {
                 // What was seen may be older than what was done.
@@ -221,14 +210,14 @@ impl HeldPlan {
             debug_assert!(path.is_ok(), "a plan with more corners is not used");
             return path.map_or(Whereabouts::Seen(seen), Whereabouts::OnTheWay);
         }
-        match self.line_of(module, has_acted, peers) {
+        match self.line_of(module, has_acted, peer) {
             Some(goal) => Whereabouts::OnTheWay(Polyline::line(seen, goal)),
             None => Whereabouts::Halted(seen),
         }
     }
 
     /// Where another member may be heading for in a straight line.
-    fn line_of(&self, module: ModuleId, has_acted: bool, peers: &Peers) -> Option<Pose> {
+    fn line_of(&self, module: ModuleId, has_acted: bool, peer: Option<&Peer>) -> Option<Pose> {
         if self.motion.planned.paths().is_some() {
             return None;
         }
@@ -240,16 +229,17 @@ impl HeldPlan {
             .position(|&(one, _)| one == self.own);
         let own = aside.or_else(|| Some(self.step_of_unit(self.place?.unit)));
         let waits_for_own = !has_acted && own.is_some_and(|own| own < step);
-        let has_ended = self.has_acted(peers, module);
+        let has_ended = self.has_acted(module, peer);
         (!waits_for_own && !has_ended).then_some(goal)
     }
 
     /// Whether the state of another member shows that it has done its part of this plan.
-    pub(super) fn has_acted(&self, peers: &Peers, module: ModuleId) -> bool {
+    pub(super) fn has_acted(&self, module: ModuleId, peer: Option<&Peer>) -> bool {
         if self.plan.assignments.contains_key(&module) {
-            return self.settled_state(peers, module).is_some();
+            return self.settled_state(module, peer).is_some();
         }
-        peers.state(module).is_some_and(|state| {
+        let state = peer.and_then(|peer| peer.state.as_ref());
+        state.is_some_and(|state| {
             state.epoch == Some(self.epoch())
                 && state.digest == Some(self.digest)
                 && state.phase == ModulePhase::Spare
@@ -270,7 +260,8 @@ impl HeldPlan {
                     .settled_on
                     .is_some_and(|settled| settled.spot == spot)
             } else {
-                self.settled_state(&context.peers, holder).is_some()
+                self.settled_state(holder, context.peers.get(holder))
+                    .is_some()
             };
             !has_settled && self.motion_of(holder).is_some()
         })
@@ -453,10 +444,10 @@ impl HeldPlan {
     /// The state of another member, if it shows that the member has settled on its spot in this epoch.
     pub(super) fn settled_state<'a>(
         &self,
-        peers: &'a Peers,
         module: ModuleId,
+        peer: Option<&'a Peer>,
     ) -> Option<&'a ModuleState> {
-        let state = peers.state(module)?;
+        let state = peer?.state.as_ref()?;
         let is_settled = state.epoch == Some(self.epoch())
             && state.digest == Some(self.digest)
             && state.phase == ModulePhase::Settled
@@ -467,7 +458,7 @@ impl HeldPlan {
 
     /// The mark of another member's settled state.
     pub(super) fn settled_mark(&self, peers: &Peers, module: ModuleId) -> Option<CausalMark> {
-        let state = self.settled_state(peers, module)?;
+        let state = self.settled_state(module, peers.get(module))?;
         Some(CausalMark {
             module,
             sequence: state.sequence,
@@ -475,9 +466,8 @@ impl HeldPlan {
     }
 
     /// The number of steps that another member is known to have done in this epoch.
-    pub(super) fn steps_done_by(&self, module: ModuleId, peers: &Peers) -> u32 {
+    pub(super) fn steps_done_by(&self, module: ModuleId, peer: Option<&Peer>) -> u32 {
         let incarnation = self.roster_plan.members.get(&module).copied();
-        let peer = peers.get(module);
         let Some(peer) = peer.filter(|peer| Some(peer.incarnation) == incarnation) else {
             return 0;
         };

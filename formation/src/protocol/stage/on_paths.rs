@@ -190,7 +190,7 @@ impl Acting {
         if module == context.module() {
             self.steps_done
         } else {
-            self.held.steps_done_by(module, &context.peers)
+            self.held.steps_done_by(module, context.peers.get(module))
         }
     }
 
