@@ -27,7 +27,7 @@ pub(super) struct RosterPlan {
     /// In straight lines: the modules without a spot that move off one before any unit acts, in that order, and where they
     /// go. Along paths they make way like all others.
     pub asides: Vec<(ModuleId, Pose)>,
-    /// In straight lines: the step in which each module moves, and its goal. First those make room that do, one by one; then the
+    /// Each module that moves, with its step in straight lines and its goal. First those make room that do, one by one; then the
     /// units act.
     pub motions: BTreeMap<ModuleId, (usize, Pose)>,
 }
