@@ -111,7 +111,7 @@ impl Stage {
         if is_calm {
             return None;
         }
-        let others = live_without_place(roster, context);
+        let others = live_unplanned(roster, context);
         let mut newcomers = wanted_newcomers(roster, &others, context);
         if newcomers.is_empty() {
             newcomers = strays(roster, &others, context);
@@ -235,8 +235,8 @@ fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
         .collect()
 }
 
-/// The live modules to which no plan for this roster gives a spot, this one included; in ascending order.
-fn live_without_place(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+/// The live modules that the roster does not list as active, and so are not planned for; this one included, in ascending order.
+fn live_unplanned(roster: &Roster, context: &Context) -> Vec<ModuleId> {
     let members = roster.members.iter();
     let planned = members.filter(|member| member.service == Service::Active);
     let mut planned = planned.map(|member| member.module.id).peekable();

@@ -35,7 +35,7 @@ pub(in crate::protocol) struct Planning {
     /// By turn, whether a right claim has come; empty until the plan is computed.
     is_claimed: Vec<bool>,
     early_claims: EarlyClaims,
-    /// The decisions in the order in which they are recorded, where a bug lets them differ from the plan.
+    /// The decisions by turn, where a bug lets them differ from the plan; by arrival, where it lets them be recorded so.
     deviating: BTreeMap<u32, (ModuleId, Decision)>,
     began: Duration,
     /// When the last turn was applied, the plan was computed, or the claimant was last seen to compute its own.
@@ -358,9 +358,20 @@ mod tests {
             let refusal = planning.take_claim(Arc::clone(claim), &context);
             assert_eq!(refusal, Err(Refusal::DifferentDecision));
         }
-        for claim in late.iter().rev() {
+        let applied = planning.applied();
+        for claim in late[1..].iter().rev() {
             assert_eq!(planning.take_claim(Arc::clone(claim), &context), Ok(()));
         }
+        let Step::Stay(Stage::Planning(mut planning)) = planning.step(&mut context) else {
+            panic!("one claim is missing");
+        };
+        assert_eq!(
+            planning.applied(),
+            applied,
+            "it waits for the turn of {:?}",
+            late[0]
+        );
+        assert_eq!(planning.take_claim(Arc::clone(&late[0]), &context), Ok(()));
         let Step::Enter(Stage::Agreeing(agreeing)) = planning.step(&mut context) else {
             panic!("each turn is claimed");
         };
