@@ -23,9 +23,7 @@ use ros_runtime::settings::Settings;
 
 const NODE_NAME: &str = "operator";
 
-/// A module that is silent for longer need not show the command.
-const LIVE: Duration = Duration::from_secs(3);
-/// The time in which the latest command that any module knows, and which modules are live, becomes known here.
+/// The time in which the latest command that any module knows, and which modules there are, becomes known here.
 const LISTENING: Duration = Duration::from_millis(1_500);
 /// The time between two publications: a module may be discovered after the first.
 const REPEAT: Duration = Duration::from_millis(500);
@@ -206,8 +204,8 @@ struct Operator {
     session: SessionId,
     commands: PublisherQueue<OperatorCommand>,
     known: Known,
-    /// The latest heartbeat of each module, and when it arrived.
-    heartbeats: BTreeMap<ModuleId, (Heartbeat, Instant)>,
+    /// The latest heartbeat of each module.
+    heartbeats: BTreeMap<ModuleId, Heartbeat>,
     began: Instant,
     /// When the first message of a module arrived.
     first: Option<Instant>,
@@ -228,7 +226,7 @@ impl Node for Operator {
                 self.first.get_or_insert(now);
                 let is_known = self.heartbeats.contains_key(&heartbeat.module);
                 if is_known || self.heartbeats.len() < MODULES_MAX {
-                    self.heartbeats.insert(heartbeat.module, (*heartbeat, now));
+                    self.heartbeats.insert(heartbeat.module, *heartbeat);
                 }
             }
         }
@@ -278,24 +276,9 @@ impl Operator {
             }
             Order::Stop(stopped) => {
                 let wanted = self.known.stop.revision;
-                let live = self.heartbeats.iter();
-                let live: Vec<_> = live
-                    .filter(|(_, (_, arrived))| now < *arrived + LIVE)
-                    .collect();
-                let lacking = live
-                    .iter()
-                    .filter(|(_, (heartbeat, _))| heartbeat.stop.revision < wanted)
-                    .map(|(module, _)| **module);
-                let lacking: Vec<ModuleId> = lacking.collect();
-                if lacking.is_empty() && now > *given + REPEAT {
-                    let verb = if *stopped { "stopped" } else { "resumed" };
-                    let modules = listed_in_full(live.iter().map(|(module, _)| **module));
-                    return Some(Ok(format!("{verb} {modules}")));
-                }
-                is_late.then(|| {
-                    let lacking = listed_in_full(lacking);
-                    Err(format!("no heartbeat of {lacking} shows the command"))
-                })
+                let is_repeated = now > *given + REPEAT;
+                judge_stop(&self.heartbeats, wanted, *stopped, is_late)
+                    .filter(|outcome| is_repeated || outcome.is_err())
             }
         }
     }
@@ -321,6 +304,33 @@ impl Operator {
     }
 }
 
+/// Judges whether the modules show a command to stop or to resume; `None` while it may still come. A module that has fallen
+/// silent since its heartbeat must not be taken for one that stands still.
+fn judge_stop(
+    heartbeats: &BTreeMap<ModuleId, Heartbeat>,
+    revision: u64,
+    stopped: bool,
+    is_late: bool,
+) -> Option<Result<String, String>> {
+    let shows = |heartbeat: &Heartbeat| heartbeat.stop.revision >= revision;
+    let (showing, lacking): (Vec<_>, Vec<_>) = heartbeats.values().partition(|one| shows(one));
+    let listed = |those: Vec<&Heartbeat>| listed_in_full(those.iter().map(|one| one.module));
+    let verb = if stopped { "stopped" } else { "resumed" };
+    match (showing.is_empty(), lacking.is_empty()) {
+        (false, true) => Some(Ok(format!("{verb} {}", listed(showing)))),
+        _ if !is_late => None,
+        (true, _) => Some(Err(format!(
+            "no heartbeat of {} shows the command",
+            listed(lacking)
+        ))),
+        (false, false) => Some(Err(format!(
+            "no heartbeat of {} shows the command; {verb} {}",
+            listed(lacking),
+            listed(showing)
+        ))),
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use formation::model::ModulePhase;
@@ -338,27 +348,50 @@ mod tests {
         assert!(known.next_stop(true).is_err());
     }
 
+    fn heartbeat_of(module: u32, revision: u64) -> Heartbeat {
+        Heartbeat {
+            module: ModuleId(module),
+            incarnation: Incarnation(1),
+            store: None,
+            sequence: revision,
+            uptime: Duration::ZERO,
+            epoch: None,
+            digest: None,
+            digest_since: 0,
+            applied_turns: 0,
+            steps_done: 0,
+            phase: ModulePhase::Listening,
+            stop: Stop {
+                revision,
+                stopped: revision > 0,
+            },
+        }
+    }
+
+    #[test]
+    fn a_stop_holds_once_each_module_that_sent_a_heartbeat_shows_it() {
+        let judged = |revisions: &[(u32, u64)], is_late| {
+            let heartbeats = revisions
+                .iter()
+                .map(|&(module, revision)| (ModuleId(module), heartbeat_of(module, revision)));
+            judge_stop(&heartbeats.collect(), 7, true, is_late)
+        };
+        let shown = Some(Ok("stopped modules 1 and 2".to_owned()));
+        assert_eq!(judged(&[(1, 7), (2, 8)], false), shown);
+        // Module 2 may have been cut off since: its heartbeat stays the latest.
+        assert_eq!(judged(&[(1, 7), (2, 6)], false), None);
+        let partly = "no heartbeat of module 2 shows the command; stopped module 1";
+        assert_eq!(
+            judged(&[(1, 7), (2, 6)], true),
+            Some(Err(partly.to_owned()))
+        );
+        let none = "no heartbeat of modules 1 and 2 shows the command";
+        assert_eq!(judged(&[(1, 6), (2, 6)], true), Some(Err(none.to_owned())));
+    }
+
     #[test]
     fn a_stop_that_modules_show_is_published_again() {
-        let heartbeat = |revision| {
-            Message::Heartbeat(Heartbeat {
-                module: ModuleId(4),
-                incarnation: Incarnation(1),
-                store: None,
-                sequence: revision,
-                uptime: Duration::ZERO,
-                epoch: None,
-                digest: None,
-                digest_since: 0,
-                applied_turns: 0,
-                steps_done: 0,
-                phase: ModulePhase::Listening,
-                stop: Stop {
-                    revision,
-                    stopped: revision > 0,
-                },
-            })
-        };
+        let heartbeat = |revision| Message::Heartbeat(heartbeat_of(4, revision));
         let mut commander = Commander::default();
         assert!(!commander.handle_message(&heartbeat(0)) && !commander.has_commands());
         assert!(commander.handle_message(&heartbeat(3)) && commander.has_commands());
