@@ -132,25 +132,30 @@ impl RunLoop<'_> {
                 }
                 ProcessEvent::Exited(process, status) => self.take_exit(process, status),
                 ProcessEvent::Interrupted(signal) => Some(RunEnd::Interrupted(signal)),
-                ProcessEvent::TimedOut if Instant::now() < self.deadline => {
+                ProcessEvent::TimedOut => {
                     self.display.refresh();
                     None
-                }
-                ProcessEvent::TimedOut => {
-                    self.observed.timed_out = true;
-                    Some(set_aside.take().map_or(RunEnd::TimedOut, |verdict| {
-                        let outcome = match self.relies_on_the_dead(&verdict) {
-                            true => Outcome::Failed,
-                            false => verdict.outcome,
-                        };
-                        RunEnd::Judged(Judgement::Verdict(VerdictReport { outcome, ..verdict }))
-                    }))
                 }
             };
             if let Some(end) = end {
                 return end;
             }
+            if Instant::now() >= self.deadline {
+                return self.end_late(set_aside);
+            }
         }
+    }
+
+    /// Time is up: judges by the verdict that was set aside, if there is one.
+    fn end_late(&mut self, set_aside: Option<VerdictReport>) -> RunEnd {
+        self.observed.timed_out = true;
+        set_aside.map_or(RunEnd::TimedOut, |verdict| {
+            let outcome = match self.relies_on_the_dead(&verdict) {
+                true => Outcome::Failed,
+                false => verdict.outcome,
+            };
+            RunEnd::Judged(Judgement::Verdict(VerdictReport { outcome, ..verdict }))
+        })
     }
 
     /// Takes in a line of the verifier.
@@ -306,7 +311,7 @@ impl RunLoop<'_> {
 
     fn linger(&mut self) {
         let deadline = Instant::now() + LINGER;
-        loop {
+        while Instant::now() < deadline {
             match self.supervisor.next(deadline) {
                 ProcessEvent::Exited(process, _) if process == self.roles.verifier => break,
                 ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) => break,

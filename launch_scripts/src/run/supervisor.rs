@@ -6,7 +6,7 @@
 use std::collections::VecDeque;
 use std::io::{self, BufReader, Read};
 use std::process::{Child, Command, ExitStatus, Stdio};
-use std::sync::mpsc::{Receiver, RecvTimeoutError, SyncSender, sync_channel};
+use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
@@ -202,6 +202,7 @@ impl Supervisor {
     /// The end of a process waits for the rest of its output, and what others write after it waits with it: it must not seem to
     /// be earlier.
     pub fn next(&mut self, deadline: Instant) -> ProcessEvent {
+        let mut has_looked = false;
         loop {
             let now = Instant::now();
             let output_until = self.awaits_output_until();
@@ -210,17 +211,17 @@ impl Supervisor {
             {
                 return happening;
             }
+            // Processes that write errors without end must not prolong it.
+            if has_looked && now >= deadline {
+                return ProcessEvent::TimedOut;
+            }
+            has_looked = true;
             let until = output_until.map_or(deadline, |until| until.min(deadline));
-            match self
+            let input = self
                 .inputs
-                .recv_timeout(until.saturating_duration_since(now))
-            {
-                Ok(input) => self.take(input),
-                Err(RecvTimeoutError::Timeout | RecvTimeoutError::Disconnected) => {
-                    if Instant::now() >= deadline {
-                        return ProcessEvent::TimedOut;
-                    }
-                }
+                .recv_timeout(until.saturating_duration_since(now));
+            if let Ok(input) = input {
+                self.take(input);
             }
         }
     }
@@ -313,7 +314,7 @@ impl Supervisor {
     }
 
     fn wait_for_all(&mut self, deadline: Instant) {
-        while self.alive().next().is_some() {
+        while self.alive().next().is_some() && Instant::now() < deadline {
             if let ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) = self.next(deadline) {
                 break;
             }
@@ -486,6 +487,22 @@ mod tests {
         assert!(entry.exists());
         assert_eq!(supervisor.stop(Duration::from_millis(200)), ["module 7"]);
         assert!(!entry.exists());
+    }
+
+    #[test]
+    fn processes_that_write_without_end_are_killed_in_time() {
+        for stream in ["", ">&2"] {
+            let script = format!("trap '' TERM; while :; do echo more {stream}; done");
+            let mut supervisor = Supervisor::new(&[]).unwrap();
+            let names = ["first", "second", "third", "fourth"].map(str::to_owned);
+            for name in names.clone() {
+                supervisor
+                    .start(name, &mut shell(&script), Output::Results)
+                    .unwrap();
+            }
+            assert!(supervisor.pause(Duration::from_millis(200)));
+            assert_eq!(supervisor.stop(Duration::from_millis(200)), names);
+        }
     }
 
     #[test]
