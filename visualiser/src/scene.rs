@@ -36,7 +36,7 @@ struct Extra {
 pub(crate) struct DrawnScene {
     suspicion: Duration,
     target: Option<Arc<Target>>,
-    revision: u64,
+    revision: Option<u64>,
     recorder: Recorder,
     scene: Scene,
     extras: BTreeMap<ModuleId, Extra>,
@@ -49,7 +49,7 @@ impl DrawnScene {
         Self {
             suspicion,
             target: None,
-            revision: 0,
+            revision: None,
             recorder: Recorder::new(Duration::ZERO),
             scene: Scene::default(),
             extras: BTreeMap::new(),
@@ -99,12 +99,11 @@ impl DrawnScene {
 
     pub(crate) fn handle(&mut self, now: Duration, message: &Message) {
         if let Message::Target(announcement) = message
-            && announcement.revision >= self.revision
-            && announcement.target != self.target
+            && Some(announcement.revision) > self.revision
         {
-            self.revision = announcement.revision;
+            self.revision = Some(announcement.revision);
+            self.changed |= announcement.target != self.target;
             self.target.clone_from(&announcement.target);
-            self.changed = true;
         }
         let run = match message {
             Message::ModuleState(state) => Some((state.module, state.incarnation)),
@@ -282,6 +281,29 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
         scene.handle(Duration::ZERO, &roster(1));
         scene.handle(Duration::ZERO, &claim(1, 0, &[(2, 1)], &[]));
         scene
+    }
+
+    #[test]
+    fn the_target_of_the_highest_revision_is_drawn() {
+        let mut scene = scene();
+        let first = scene.target().cloned();
+        let other = "target: {spots: [{id: 7, x: 0.0, y: 0.0}], edges: []}";
+        let other = Scenario::from_yaml(other).unwrap();
+        let mut announce = |target: &Option<Arc<Target>>, revision| {
+            scene.was_drawn();
+            let announcement = TargetAnnouncement {
+                target: target.clone(),
+                ..TargetAnnouncement::new(other.problem(), revision)
+            };
+            scene.handle(Duration::ZERO, &Message::Target(Arc::new(announcement)));
+            (scene.target().cloned(), scene.has_changed())
+        };
+        let other = Some(Arc::clone(other.problem().target()));
+        assert_eq!(announce(&first, 9), (first.clone(), false));
+        assert_eq!(announce(&other, 7), (first.clone(), false), "it is older");
+        assert_eq!(announce(&other, 9), (first, false), "it contradicts");
+        assert_eq!(announce(&other, 10), (other, true));
+        assert_eq!(announce(&None, 11), (None, true));
     }
 
     #[test]
