@@ -7,7 +7,7 @@ use crate::arguments::RouterArguments;
 /// Routes until a signal asks the process to end.
 ///
 /// # Errors
-/// An endpoint cannot be used.
+/// An endpoint or `RUST_LOG` cannot be used.
 #[cfg(feature = "zenoh")]
 pub fn run(arguments: &RouterArguments) -> Result<(), Failure> {
     use ros_runtime::exit::{end_with_parent, stop_requested};
@@ -16,7 +16,7 @@ pub fn run(arguments: &RouterArguments) -> Result<(), Failure> {
     if arguments.stop_with_parent {
         end_with_parent()?;
     }
-    log_refusals();
+    log_refusals()?;
     let stop = stop_requested()?;
     let router = Router::start(&arguments.listen, &arguments.connect)?;
     crate::console::note(&format!("routing on {}", router.listening()));

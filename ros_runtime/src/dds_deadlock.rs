@@ -35,7 +35,10 @@ pub(crate) struct DeadlockWatchdog {
 
 impl DeadlockWatchdog {
     /// Watches until it is dropped; `threads` are those of the participant, once it is created.
-    pub(crate) fn start(threads: Arc<ParticipantThreads>) -> Self {
+    ///
+    /// # Errors
+    /// The machine has no thread left.
+    pub(crate) fn start(threads: Arc<ParticipantThreads>) -> io::Result<Self> {
         let steps = Arc::new(AtomicU64::new(0));
         let watched = Arc::downgrade(&steps);
         let watch = move || {
@@ -61,11 +64,10 @@ impl DeadlockWatchdog {
                 }
             }
         };
-        // Without a thread to watch, a deadlock, which is rare, stays.
-        let _ = thread::Builder::new()
+        thread::Builder::new()
             .name("deadlock".to_owned())
-            .spawn(watch);
-        Self { steps }
+            .spawn(watch)?;
+        Ok(Self { steps })
     }
 
     /// Calls what may wait for a lock of the library.

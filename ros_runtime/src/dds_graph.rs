@@ -66,7 +66,8 @@ impl DdsGraph {
         let domain = environment.domain.number();
         let failed = |what: &str, reason: &dyn ToString| library_error(what, domain, reason);
         let liveness = LivenessWatchdog::before_participant();
-        let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads));
+        let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads))
+            .map_err(|error| failed("watch the DDS library", &error))?;
         let participant = deadlock
             .watch(|| participant_builder(domain, environment.range).build())
             .map_err(|error| failed("create a DDS participant", &error))?;

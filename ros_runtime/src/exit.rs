@@ -137,10 +137,14 @@ pub fn limit_exit(after: Duration, status: u8) {
         tracing::warn!("could not leave the ROS 2 graph in time; ending without");
         process::exit(status.into());
     };
-    // Without a thread there is no limit, which is no reason not to end.
-    let _ = thread::Builder::new()
+    let limit = thread::Builder::new()
         .name("exit limit".to_owned())
         .spawn(end);
+    if let Err(error) = limit {
+        tracing::warn!(
+            "the end of the process has no time limit, as no thread can be started: {error}"
+        );
+    }
 }
 
 /// From now on a panic in any thread, also of the DDS library, ends the process: without that thread it could no longer

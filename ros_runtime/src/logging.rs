@@ -3,7 +3,7 @@
 use std::io::{IsTerminal, stderr};
 use std::sync::OnceLock;
 
-use tracing_subscriber::filter::{LevelFilter, Targets};
+use tracing_subscriber::filter::{LevelFilter, ParseError, Targets};
 use tracing_subscriber::layer::SubscriberExt;
 use tracing_subscriber::util::SubscriberInitExt;
 use tracing_subscriber::{Registry, reload};
@@ -26,15 +26,19 @@ fn level_filter(level: LogLevel) -> LevelFilter {
     }
 }
 
-/// The lines that are logged: the node's own from `level` on. `RUST_LOG`, a list such as `info,rustdds=debug`, takes
-/// precedence.
+/// The lines that `RUST_LOG` asks for, a list such as `info,rustdds=debug`, if it is set.
+pub(crate) fn rust_log() -> Result<Option<Targets>, String> {
+    let variable = std::env::var_os("RUST_LOG").filter(|text| !text.is_empty());
+    let parsed = variable.map(|text| {
+        let text = text.to_string_lossy();
+        text.parse()
+            .map_err(|error: ParseError| format!("RUST_LOG is `{text}`: {error}"))
+    });
+    parsed.transpose()
+}
+
+/// The lines that are logged without `RUST_LOG`: the node's own from `level` on.
 fn filter(level: LogLevel, log: &LogArguments) -> Targets {
-    let variable = std::env::var("RUST_LOG")
-        .ok()
-        .filter(|text| !text.is_empty());
-    if let Some(filter) = variable.and_then(|text| text.parse().ok()) {
-        return filter;
-    }
     // The libraries log the ordinary hazards of a network as warnings and errors.
     let libraries = LIBRARIES.map(|library| {
         let mut levels = log.loggers.iter().rev();
@@ -51,9 +55,10 @@ fn filter(level: LogLevel, log: &LogArguments) -> Targets {
         .with_targets(["mio", "polling", "async_io"].map(|library| (library, LevelFilter::WARN)))
 }
 
-/// Starts the log; returns the lines for `/rosout`, if any are to be published.
-pub(crate) fn start(level: LogLevel, log: &LogArguments) -> Option<LogLines> {
-    let (filter, handle) = reload::Layer::new(filter(level, log));
+/// Starts the log; returns the lines for `/rosout`, if any are to be published. `RUST_LOG` takes precedence over the levels.
+pub(crate) fn start(level: LogLevel, log: &LogArguments) -> Result<Option<LogLines>, String> {
+    let filter = rust_log()?.unwrap_or_else(|| filter(level, log));
+    let (filter, handle) = reload::Layer::new(filter);
     let console = log.console.then(|| {
         tracing_subscriber::fmt::layer()
             .with_writer(stderr)
@@ -61,20 +66,23 @@ pub(crate) fn start(level: LogLevel, log: &LogArguments) -> Option<LogLines> {
             .with_target(false)
     });
     let (layer, lines) = log.rosout.then(rosout).unzip();
-    tracing_subscriber::registry()
+    let started = tracing_subscriber::registry()
         .with(filter)
         .with(console)
         .with(layer)
-        .try_init()
-        .ok()?;
+        .try_init();
+    // A log that was started before stays.
+    if started.is_err() {
+        return Ok(None);
+    }
     let _ = FILTER.set(handle);
-    lines
+    Ok(lines)
 }
 
 /// Filters by the level for the logger of this name, such as `fleet.camera`, if one is given.
 pub(crate) fn follow(logger: &str, log: &LogArguments) {
     let level = log.level_of(logger).filter(|_| !log.loggers.is_empty());
-    if let (Some(level), Some(handle)) = (level, FILTER.get()) {
+    if let (Some(level), Some(handle), Ok(None)) = (level, FILTER.get(), rust_log()) {
         // The subscriber lives as long as the process.
         let _ = handle.reload(filter(level, log));
     }

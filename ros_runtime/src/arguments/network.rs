@@ -51,7 +51,8 @@ impl NetworkArguments {
         ros: RosArguments,
         default_namespace: Namespace,
     ) -> Result<Settings, Failure> {
-        let log = logging::start(ros.log.level.unwrap_or(self.log_level), &ros.log);
+        let log = logging::start(ros.log.level.unwrap_or(self.log_level), &ros.log)
+            .map_err(Failure::bad_input)?;
         exit::end_on_panic();
         if self.stop_with_parent {
             exit::end_with_parent()?;

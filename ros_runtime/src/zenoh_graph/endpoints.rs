@@ -230,7 +230,10 @@ impl ZenohGraph {
             .allowed_origin(Locality::Remote)
             .callback(move |sample| taken(sample));
         let wrong = |error: zenoh::Error| failed(&format!("subscribe `{name}`"), &error);
-        let taken = samples.map(|(sender, sample)| Taken::Sample(sender, sample));
+        let taken = samples.map(|arrived| match arrived {
+            Ok((sender, sample)) => Taken::Sample(sender, sample),
+            Err(reason) => Taken::Malformed(reason.to_owned()),
+        });
         let with_losses = move |taken| match lost.swap(0, Ordering::Relaxed) {
             0 => vec![taken],
             lost => vec![Taken::Lost(lost), taken],
@@ -346,8 +349,8 @@ fn attachment(sequence: i64, source: Gid) -> Attachment {
     }
 }
 
-/// A sample with the process that sent it.
-type Arrived = (ParticipantId, RawSample);
+/// A sample with the process that sent it, or why it is none of a ROS 2 publisher.
+type Arrived = Result<(ParticipantId, RawSample), &'static str>;
 
 /// The queue of a subscription: what takes samples from the library's threads, where they come out, and how many found no
 /// room. A full queue drops its oldest sample, as a subscription over DDS does.
@@ -360,26 +363,24 @@ fn queue(quality: Quality) -> (Arc<Take>, Receiver<Arrived>, Arc<AtomicU64>) {
     let lost = Arc::new(AtomicU64::new(0));
     let counted = Arc::clone(&lost);
     let take = move |sample: Sample| {
-        let arrived = (sender_of(&sample), raw_sample(&sample));
-        if let Ok(Some(_)) = sender.force_send(arrived) {
+        if let Ok(Some(_)) = sender.force_send(arrived(&sample)) {
             counted.fetch_add(1, Ordering::Relaxed);
         }
     };
     (Arc::new(take), samples, lost)
 }
 
-fn raw_sample(sample: &Sample) -> RawSample {
-    let attachment = attachment_of(sample);
+fn arrived(sample: &Sample) -> Arrived {
+    let sent = attachment_of(sample).ok_or("it has no attachment with its number and publisher")?;
     let number = |number: i64| u64::try_from(number).ok();
-    RawSample {
-        publisher: attachment.map_or(0, |sent| u128::from_le_bytes(sent.source)),
-        sequence: attachment
-            .and_then(|sent| number(sent.sequence))
-            .unwrap_or_default(),
-        sent_ns: attachment.and_then(|sent| number(sent.stamp_ns)),
+    let raw = RawSample {
+        publisher: u128::from_le_bytes(sent.source),
+        sequence: number(sent.sequence).ok_or("its number is negative")?,
+        sent_ns: number(sent.stamp_ns),
         received_ns: nanoseconds_since_epoch(),
         bytes: sample.payload().to_bytes().into_owned(),
-    }
+    };
+    Ok((sender_of(sample, &sent), raw))
 }
 
 fn attachment_of(sample: &Sample) -> Option<Attachment> {
@@ -389,11 +390,9 @@ fn attachment_of(sample: &Sample) -> Option<Attachment> {
 
 /// The session that sent a sample; where it does not name one, as samples of `rmw_zenoh_cpp` on topics that are not latched,
 /// the publisher.
-fn sender_of(sample: &Sample) -> ParticipantId {
-    let bytes = match sample.source_info() {
-        Some(source) => source.source_id().zid().to_le_bytes(),
-        None => attachment_of(sample).map_or([0; 16], |attachment| attachment.source),
-    };
+fn sender_of(sample: &Sample, sent: &Attachment) -> ParticipantId {
+    let source = sample.source_info();
+    let bytes = source.map_or(sent.source, |source| source.source_id().zid().to_le_bytes());
     ParticipantId(u128::from_le_bytes(bytes))
 }
 

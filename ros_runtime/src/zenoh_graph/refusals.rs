@@ -15,6 +15,9 @@ use tracing_subscriber::filter::{LevelFilter, Targets};
 use tracing_subscriber::layer::{Context, Layer, SubscriberExt};
 use tracing_subscriber::util::SubscriberInitExt;
 
+use crate::exit::Failure;
+use crate::logging::rust_log;
+
 /// Where Zenoh decides about messages.
 const ACCESS_CONTROL: &str = "zenoh::net::routing::interceptor::access_control";
 /// Where Zenoh accepts links.
@@ -24,10 +27,11 @@ const LINKS: &str = "zenoh_link_tls";
 const REFUSALS_MAX: usize = 1_000;
 
 /// Logs warnings, and what the router refuses, on the standard error stream. `RUST_LOG` replaces the warnings.
-pub fn log() {
-    let variable = std::env::var("RUST_LOG").ok();
-    let others = variable.and_then(|text| text.parse::<Targets>().ok());
-    let others = others.unwrap_or_else(|| {
+///
+/// # Errors
+/// `RUST_LOG` cannot be used.
+pub fn log() -> Result<(), Failure> {
+    let others = rust_log().map_err(Failure::bad_input)?.unwrap_or_else(|| {
         Targets::new()
             .with_default(LevelFilter::WARN)
             .with_target(LINKS, LevelFilter::OFF)
@@ -46,6 +50,7 @@ pub fn log() {
         .with(console)
         .with(refusals)
         .try_init();
+    Ok(())
 }
 
 /// What was refused so far.
