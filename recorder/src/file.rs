@@ -74,9 +74,46 @@ pub struct RecordingFile<W: Write + Seek = BufWriter<File>> {
     interfaces: Interfaces,
     /// The channel of each topic that has a sample.
     channels: BTreeMap<String, u16>,
-    /// What was received, by topic and publisher.
-    received: BTreeMap<(String, u128), SequenceNumbers>,
+    received: Received,
     written: u64,
+}
+
+/// The most publishers of which it is kept what was received.
+const PUBLISHERS_MAX: usize = 16_384;
+
+/// What was received from each publisher.
+#[derive(Debug, Default)]
+struct Received {
+    /// By channel and publisher, with the time of the latest sample.
+    publishers: BTreeMap<(u16, u128), (SequenceNumbers, u64)>,
+    /// What is missing of publishers that are no longer kept, by channel.
+    missing: BTreeMap<u16, u64>,
+}
+
+impl Received {
+    /// Takes in a sample; returns whether it is new. The publisher that has been silent for longest makes room for a new one.
+    fn insert(&mut self, channel: u16, sample: &RawSample) -> bool {
+        let publisher = (channel, sample.publisher);
+        if self.publishers.len() >= PUBLISHERS_MAX && !self.publishers.contains_key(&publisher) {
+            let publishers = self.publishers.iter();
+            let quietest = publishers.min_by_key(|(_, (_, latest_ns))| *latest_ns);
+            if let Some((&quietest, _)) = quietest
+                && let Some((numbers, _)) = self.publishers.remove(&quietest)
+            {
+                *self.missing.entry(quietest.0).or_default() += numbers.missing();
+            }
+        }
+        let (numbers, latest_ns) = self.publishers.entry(publisher).or_default();
+        *latest_ns = sample.received_ns.max(*latest_ns);
+        numbers.insert(sample.sequence)
+    }
+
+    /// How many samples did not arrive on a channel.
+    fn missing(&self, channel: u16) -> u64 {
+        let kept = self.publishers.range((channel, 0)..=(channel, u128::MAX));
+        let gaps: u64 = kept.map(|(_, (numbers, _))| numbers.missing()).sum();
+        gaps + self.missing.get(&channel).copied().unwrap_or_default()
+    }
 }
 
 impl RecordingFile {
@@ -98,7 +135,7 @@ impl<W: Write + Seek> RecordingFile<W> {
             writer: options.create(out).map_err(io::Error::other)?,
             interfaces,
             channels: BTreeMap::new(),
-            received: BTreeMap::new(),
+            received: Received::default(),
             written: 0,
         };
         file.flush()?;
@@ -110,12 +147,10 @@ impl<W: Write + Seek> RecordingFile<W> {
     /// # Errors
     /// The type of the topic is unknown, or the file cannot be written.
     pub fn write(&mut self, topic: &RecordedTopic, sample: &RawSample) -> io::Result<()> {
-        let publisher = (topic.name.clone(), sample.publisher);
-        let received = self.received.entry(publisher).or_default();
-        if !received.insert(sample.sequence) {
+        let channel_id = self.channel(topic)?;
+        if !self.received.insert(channel_id, sample) {
             return Ok(());
         }
-        let channel_id = self.channel(topic)?;
         let header = MessageHeader {
             channel_id,
             // The number wraps, as the format has no room for more.
@@ -169,13 +204,12 @@ impl<W: Write + Seek> RecordingFile<W> {
     /// # Errors
     /// The file cannot be written.
     pub fn finish(&mut self, lost: u64) -> io::Result<Written> {
-        let mut missing: BTreeMap<String, u64> = BTreeMap::new();
-        for ((topic, _), received) in &self.received {
-            let gaps = received.missing();
-            if gaps > 0 {
-                *missing.entry(topic.clone()).or_default() += gaps;
-            }
-        }
+        let channels = self.channels.iter();
+        let missing = channels.map(|(topic, &channel)| (topic, self.received.missing(channel)));
+        let missing = missing.filter(|&(_, count)| count > 0);
+        let missing: BTreeMap<String, u64> = missing
+            .map(|(topic, count)| (topic.clone(), count))
+            .collect();
         let counts = missing
             .iter()
             .map(|(topic, count)| (format!("missing.{topic}"), count.to_string()));
@@ -273,6 +307,28 @@ pub(crate) mod tests {
         });
         assert_eq!(found, expected);
         assert_eq!((summary.damage, summary.lost), (None, Some(3)));
+    }
+
+    #[test]
+    fn the_publisher_that_is_silent_for_longest_makes_room_and_its_gaps_count() {
+        let mut received = Received::default();
+        let mut insert = |publisher, sequence, received_ns| {
+            let sample = RawSample {
+                publisher,
+                received_ns,
+                ..sample(sequence)
+            };
+            received.insert(1, &sample)
+        };
+        assert!(insert(0, 1, 10) && insert(0, 4, 10), "two are missing");
+        for publisher in 1..PUBLISHERS_MAX as u128 {
+            assert!(insert(publisher, 1, 20));
+        }
+        assert!(!insert(0, 4, 15), "it is known");
+        assert!(insert(u128::MAX, 1, 30));
+        assert!(insert(0, 4, 40), "it made room, and takes that of another");
+        assert_eq!(received.publishers.len(), PUBLISHERS_MAX);
+        assert_eq!((received.missing(1), received.missing(2)), (2, 0));
     }
 
     #[test]
