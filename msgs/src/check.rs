@@ -3,7 +3,9 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use formation::model::{Digest, Epoch, MicroUnits, ModuleId, ModuleSize, NO_ID, Pose, PoseError};
+use formation::model::{
+    Digest, Epoch, MicroUnits, ModuleId, ModuleSize, NO_ID, Pose, PoseError, TURNS_MAX,
+};
 
 use crate::bounds::{COORDINATE_LIMIT_MICRO, LINKS_MAX, NAME_BYTES_MAX};
 use crate::error::{Fault, MessageError};
@@ -86,6 +88,12 @@ pub(crate) fn at_most(field: &str, value: u64, limit: u64) -> Checked<()> {
         return Err(FieldError::new(field, Fault::TooGreat { value, limit }));
     }
     Ok(())
+}
+
+/// The number of a turn, from 0.
+pub(crate) fn turn(turn: u32) -> Checked<u32> {
+    at_most("turn", turn.into(), (TURNS_MAX - 1).into())?;
+    Ok(turn)
 }
 
 /// Lists that must be empty, for this reason.

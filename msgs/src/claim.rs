@@ -139,7 +139,7 @@ impl SpotClaim {
         check::count("evictions", self.evictions.len(), MODULES_MAX)?;
         Ok(model::SpotClaim {
             epoch: self.epoch.required()?,
-            turn: self.turn,
+            turn: check::turn(self.turn)?,
             claimant: check::id("claimant_id", self.claimant_id, ModuleId)?,
             incarnation: Incarnation(self.incarnation),
             decision: Decision {

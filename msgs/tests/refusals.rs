@@ -425,6 +425,7 @@ fn claims() {
     };
     refusals!(claim, model::SpotClaim:
         claim => claim.epoch = NO_EPOCH, "claims: epoch: number 0 stands for no epoch, but one is needed here";
+        claim => claim.turn = 20_000, "claims: turn: must be at most 19999, got 20000";
         claim => claim.claimant_id = NONE,
             "claims: claimant_id: 4294967295 stands for none and cannot be used here";
         claim => claim.selections[1].spot_id = 1, "claims: selections[1]: spot 1 is listed twice";

@@ -7,7 +7,7 @@ use std::time::Duration;
 use super::{Entry, Event, ModuleSnapshot, milliseconds};
 use crate::model::{
     ClosedRoster, DriveState, Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState,
-    RosterMember, RosterMessage, Service, SpotClaim,
+    RosterMember, RosterMessage, Service, SpotClaim, TURNS_MAX,
 };
 
 /// The usual least time between two recorded poses of one module.
@@ -112,9 +112,7 @@ impl Recorder {
     fn keep_claim(&mut self, claim: &Arc<SpotClaim>) -> bool {
         self.advance_to(claim.epoch);
         let is_current = self.epoch.is_some_and(|(epoch, _)| epoch == claim.epoch);
-        // A plan takes at most two turns a module: one in its configuration, and one more if it leaves that.
-        let is_due = claim.turn >= self.next_turn
-            && usize::try_from(claim.turn).is_ok_and(|turn| turn < 2 * MODULES_MAX);
+        let is_due = (self.next_turn..TURNS_MAX).contains(&claim.turn);
         if is_current && is_due {
             let kept = self.early.entry(claim.turn);
             kept.or_insert_with(|| Arc::clone(claim));

@@ -4,6 +4,8 @@ use crate::model::MicroUnits;
 
 /// The most modules that take part in one formation.
 pub const MODULES_MAX: usize = 10_000;
+/// The most turns of one plan: a module takes at most one in its configuration, and one more if it leaves that.
+pub const TURNS_MAX: u32 = 20_000;
 /// The most spots of one target.
 pub const SPOTS_MAX: usize = 10_000;
 /// The most edges of one target.

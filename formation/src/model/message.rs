@@ -418,6 +418,13 @@ pub struct Decision {
     pub detached: Vec<ModuleId>,
 }
 
+impl Decision {
+    /// The number of its spots, evictions and modules, by which the memory for decisions is limited.
+    pub(crate) fn entry_count(&self) -> usize {
+        self.selections.len() + self.evictions.len() + self.detached.len()
+    }
+}
+
 /// A unit's decision as published.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub struct SpotClaim {

@@ -10,8 +10,8 @@ use formation::model::{
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
     ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose,
     QuorumBasis, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime,
-    Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, Target, TargetAnnouncement, Timing,
-    TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
+    Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX, Target,
+    TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -460,7 +460,7 @@ fn eviction_record() -> impl Strategy<Value = EvictionRecord> {
 
 pub fn claim() -> impl Strategy<Value = SpotClaim> {
     (
-        (epoch(), any::<u32>(), module_id(), incarnation()),
+        (epoch(), 0..TURNS_MAX, module_id(), incarnation()),
         btree_set(spot_id(), 0..5),
         btree_set(module_id(), 5),
         vec(eviction_record(), 0..4),

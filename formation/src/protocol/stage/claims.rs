@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::collections::btree_map::Entry;
 use std::sync::Arc;
 
-use crate::model::{Decision, SpotClaim};
+use crate::model::SpotClaim;
 
 use super::super::refusal::Refusal;
 
@@ -23,14 +23,10 @@ pub(in crate::protocol) struct EarlyClaims {
     entries: usize,
 }
 
-fn entries_of(decision: &Decision) -> usize {
-    decision.selections.len() + decision.evictions.len() + decision.detached.len()
-}
-
 impl EarlyClaims {
     /// Keeps a claim until the plan is computed.
     pub fn keep(&mut self, claim: Arc<SpotClaim>) -> Result<(), Refusal> {
-        let entries = entries_of(&claim.decision);
+        let entries = claim.decision.entry_count();
         if self.claims.len() >= CLAIMS_MAX || self.entries + entries > ENTRIES_MAX {
             return Err(Refusal::BufferFull);
         }
@@ -57,7 +53,7 @@ impl EarlyClaims {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::model::{Epoch, Incarnation, ModuleId};
+    use crate::model::{Decision, Epoch, Incarnation, ModuleId};
 
     fn claim(turn: u32, rival: u32) -> Arc<SpotClaim> {
         Arc::new(SpotClaim {

@@ -8,7 +8,7 @@ use super::verdict::CollisionRisk;
 use crate::model::{
     CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits,
     ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
-    SpotClaim, SpotId, Stop, Whereabouts,
+    SpotClaim, SpotId, Stop, TURNS_MAX, Whereabouts,
 };
 use crate::verify::Violation;
 
@@ -16,6 +16,8 @@ use crate::verify::Violation;
 const RUNS_MAX: usize = 8;
 /// The greatest number of different claims for one turn that are kept.
 const RIVAL_CLAIMS_MAX: usize = 4;
+/// The greatest number of spots, evictions and modules in all claims that are kept of one epoch.
+const CLAIM_ENTRIES_MAX: usize = 1 << 18;
 /// The greatest number of runs that are kept in one epoch.
 const RUNS_IN_EPOCH_MAX: usize = 2 * MODULES_MAX;
 /// The greatest number of different digests of one member in one epoch that are kept.
@@ -128,7 +130,9 @@ pub(super) struct Act {
 }
 
 impl Act {
-    fn handle(&mut self, now: Duration, state: &ModuleState) {
+    /// Keeps the content of a state. Returns false if its proofs are of too many modules.
+    fn handle(&mut self, now: Duration, state: &ModuleState) -> bool {
+        let mut fits = true;
         self.on_paths |= state.steps_done.is_some();
         self.settled |= state.phase == ModulePhase::Settled;
         match state.phase {
@@ -139,8 +143,8 @@ impl Act {
                 }
                 let named = Some((state.sequence, state.unit, state.spot));
                 self.named = self.named.max(named);
-                merge_lowest(&mut self.waited_for, &state.waited_for);
-                merge_lowest(&mut self.agreed_on, &state.agreed_on);
+                fits &= merge_lowest(&mut self.waited_for, &state.waited_for);
+                fits &= merge_lowest(&mut self.agreed_on, &state.agreed_on);
             }
             ModulePhase::Planning | ModulePhase::Agreeing | ModulePhase::Waiting
                 if !self.frozen_at.contains(&state.pose)
@@ -161,6 +165,7 @@ impl Act {
         // The states just before SETTLED can be missed, so the module publishes when it settled.
         let before = state.settled_since.checked_sub(1);
         self.unsettled_until = self.unsettled_until.max(before);
+        fits
     }
 
     /// The greatest distance from the pose in the roster before it was allowed to move.
@@ -179,11 +184,18 @@ pub(super) fn entry_within<K: Ord, V: Default>(
     (map.len() < max || map.contains_key(&key)).then(|| map.entry(key).or_default())
 }
 
-fn merge_lowest(marks: &mut BTreeMap<ModuleId, u64>, new: &[CausalMark]) {
+/// Keeps the lowest mark of each module. Returns false if they are of too many modules.
+fn merge_lowest(marks: &mut BTreeMap<ModuleId, u64>, new: &[CausalMark]) -> bool {
+    let mut fit = true;
     for mark in new {
+        if marks.len() >= MODULES_MAX && !marks.contains_key(&mark.module) {
+            fit = false;
+            continue;
+        }
         let lowest = marks.entry(mark.module).or_insert(mark.sequence);
         *lowest = mark.sequence.min(*lowest);
     }
+    fit
 }
 
 /// A claim and when it was received.
@@ -216,6 +228,8 @@ pub(super) struct EpochRecord {
     pub(super) roster: Option<ReceivedRoster>,
     /// The different claims of each turn; correct agents make one.
     pub(super) claims: BTreeMap<u32, Vec<ReceivedClaim>>,
+    /// The number of spots, evictions and modules in these claims.
+    claim_entries: usize,
     acts: BTreeMap<ModuleRun, Act>,
     /// The plans that each run has shown; correct agents show one.
     shown: BTreeMap<ModuleRun, BTreeMap<Digest, ShownPlan>>,
@@ -315,14 +329,19 @@ impl EpochRecord {
         }
     }
 
-    /// Keeps a claim. Returns false if there are too many different ones for its turn.
+    /// Keeps a claim. Returns false if there are too many different ones for its turn, or too many at all.
     pub(super) fn handle_claim(&mut self, now: Duration, claim: &Arc<SpotClaim>) -> bool {
-        let rivals = self.claims.entry(claim.turn).or_default();
+        let rivals = self.claims.get(&claim.turn).map_or(&[][..], Vec::as_slice);
         if rivals.iter().any(|known| known.claim == *claim) {
             return true;
         }
-        let has_room = rivals.len() < RIVAL_CLAIMS_MAX;
+        let entries = self.claim_entries + claim.decision.entry_count();
+        let has_room = claim.turn < TURNS_MAX
+            && rivals.len() < RIVAL_CLAIMS_MAX
+            && entries <= CLAIM_ENTRIES_MAX;
         if has_room {
+            self.claim_entries = entries;
+            let rivals = self.claims.entry(claim.turn).or_default();
             rivals.push(ReceivedClaim {
                 claim: Arc::clone(claim),
                 received: now,
@@ -331,11 +350,11 @@ impl EpochRecord {
         has_room
     }
 
-    /// Keeps the content of a state. Returns false if there are too many runs.
+    /// Keeps the content of a state. Returns false if there are too many runs, or too many proofs of one.
     pub(super) fn handle_state(&mut self, now: Duration, state: &ModuleState) -> bool {
         let run = state.module.run(state.incarnation);
         let act = entry_within(&mut self.acts, run, RUNS_IN_EPOCH_MAX);
-        act.map(|act| act.handle(now, state)).is_some()
+        act.is_some_and(|act| act.handle(now, state))
     }
 
     /// Keeps the content of a heartbeat. Returns false if there are too many runs.
@@ -356,5 +375,52 @@ impl EpochRecord {
             plan.turns = plan.turns.max(heartbeat.applied_turns);
         }
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::Decision;
+
+    #[test]
+    fn claims_of_one_epoch_take_no_more_room_than_there_is() {
+        let mut record = EpochRecord::default();
+        let mut keeps = |turn, entries| {
+            let claim = SpotClaim {
+                epoch: Epoch {
+                    number: 1,
+                    convener: ModuleId(1),
+                },
+                turn,
+                claimant: ModuleId(1),
+                incarnation: Incarnation(1),
+                decision: Decision {
+                    detached: vec![ModuleId(1); entries],
+                    ..Decision::default()
+                },
+            };
+            record.handle_claim(Duration::ZERO, &Arc::new(claim))
+        };
+        assert!(!keeps(TURNS_MAX, 1) && !keeps(u32::MAX, 1), "no such turn");
+        let large = CLAIM_ENTRIES_MAX / 4;
+        assert!((0..4).all(|turn| keeps(turn, large)));
+        assert!(!keeps(4, 1), "it is full");
+        assert!(keeps(3, large), "this one is known");
+        assert_eq!(record.claims.len(), 4);
+    }
+
+    #[test]
+    fn marks_are_kept_of_as_many_modules_as_there_can_be() {
+        let mark = |module| CausalMark {
+            module: ModuleId(module),
+            sequence: 7,
+        };
+        let count = u32::try_from(MODULES_MAX).unwrap();
+        let first: Vec<CausalMark> = (0..count).map(mark).collect();
+        let mut marks = BTreeMap::new();
+        assert!(merge_lowest(&mut marks, &first));
+        assert!(!merge_lowest(&mut marks, &[mark(count), mark(0)]));
+        assert_eq!(marks.len(), MODULES_MAX);
     }
 }
