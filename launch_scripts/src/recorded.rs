@@ -136,12 +136,7 @@ fn losses(replay: &Replay) -> Vec<String> {
 
 /// The outcome of a recorded verdict and its text; `None` if it is none that this build knows.
 fn judgement(verdict: &Verdict) -> Option<(Outcome, String)> {
-    let outcome = match verdict.outcome {
-        Verdict::OUTCOME_COMPLETE => Outcome::Complete,
-        Verdict::OUTCOME_PARTIAL => Outcome::Partial,
-        Verdict::OUTCOME_FAILED => Outcome::Failed,
-        _ => return None,
-    };
+    let outcome = verdict.judgement().ok()?;
     let count = |number: u32| usize::try_from(number).unwrap_or(usize::MAX);
     let text = outcome_text(
         outcome,

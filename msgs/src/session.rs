@@ -10,6 +10,7 @@ use crate::module_state::ModuleStates;
 use crate::operator::OperatorCommand;
 use crate::roster::Roster;
 use crate::target::TargetConfiguration;
+use crate::verdict::Verdict;
 
 /// Distinguishes formations that follow each other, or stand side by side, on one domain. The programs of one formation have the
 /// same; messages of another session change nothing.
@@ -70,4 +71,5 @@ in_session!(
     Roster, |own| own.target.module_size;
     SpotClaim;
     TargetConfiguration, |own| own.module_size;
+    Verdict;
 );

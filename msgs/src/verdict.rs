@@ -6,15 +6,19 @@ use formation::model::{ModuleId, SpotId};
 use formation::verify::{self, Outcome};
 use serde::{Deserialize, Serialize};
 
-use crate::bounds::{VIOLATION_BYTES_MAX, VIOLATIONS_MAX, shortened};
+use crate::bounds::{MODULES_MAX, SPOTS_MAX, VIOLATION_BYTES_MAX, VIOLATIONS_MAX, shortened};
+use crate::check::{self, Checked, FieldError};
 use crate::claim::SpotSelection;
 use crate::epoch::Epoch;
+use crate::error::MessageError;
 use crate::standard::Header;
+use crate::topic;
 
 /// See `Verdict.msg`.
 #[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Verdict {
     pub header: Header,
+    pub session: u64,
     pub epoch: Epoch,
     pub outcome: u8,
     pub filled_spots: u32,
@@ -32,10 +36,43 @@ impl Verdict {
     pub const OUTCOME_COMPLETE: u8 = 1;
     pub const OUTCOME_PARTIAL: u8 = 2;
     pub const OUTCOME_FAILED: u8 = 3;
+
+    /// The outcome of a verdict that is within its bounds.
+    ///
+    /// # Errors
+    /// Names the field that is wrong.
+    pub fn judgement(&self) -> Result<Outcome, MessageError> {
+        self.checked().map_err(|error| error.on(topic::VERDICT))
+    }
+
+    fn checked(&self) -> Checked<Outcome> {
+        check::count("open_spots", self.open_spots.len(), SPOTS_MAX)?;
+        check::count(
+            "unassigned_modules",
+            self.unassigned_modules.len(),
+            MODULES_MAX,
+        )?;
+        check::count("assignments", self.assignments.len(), SPOTS_MAX)?;
+        check::count("blocked_spots", self.blocked_spots.len(), SPOTS_MAX)?;
+        check::count("violations", self.violations.len(), VIOLATIONS_MAX)?;
+        for sentence in self.violations.iter().chain([&self.collision_reason]) {
+            check::length("violations", sentence, VIOLATION_BYTES_MAX)?;
+        }
+        match self.outcome {
+            Self::OUTCOME_COMPLETE => Ok(Outcome::Complete),
+            Self::OUTCOME_PARTIAL => Ok(Outcome::Partial),
+            Self::OUTCOME_FAILED => Ok(Outcome::Failed),
+            unknown => Err(FieldError::unknown(
+                "outcome",
+                unknown,
+                "COMPLETE 1, PARTIAL 2, FAILED 3",
+            )),
+        }
+    }
 }
 
 impl From<&verify::Verdict> for Verdict {
-    /// The header stays empty, for the sender to fill.
+    /// The header and the session stay empty, for the sender to fill.
     fn from(verdict: &verify::Verdict) -> Self {
         let mut placed: Vec<(SpotId, ModuleId)> = verdict
             .assignments
@@ -48,6 +85,7 @@ impl From<&verify::Verdict> for Verdict {
             .saturating_add(verdict.open_spots.len());
         Self {
             header: Header::default(),
+            session: 0,
             epoch: verdict.epoch.as_ref().into(),
             outcome: match verdict.outcome {
                 Outcome::Complete => Self::OUTCOME_COMPLETE,

@@ -38,6 +38,7 @@ fn a_verdict_goes_out_whole() {
         sent,
         wire::Verdict {
             header: wire::Header::default(),
+            session: 0,
             epoch: wire::Epoch {
                 number: 2,
                 convener: 1,

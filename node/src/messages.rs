@@ -6,7 +6,7 @@ use formation::model::{Message, ModuleSize, RosterMessage};
 use formation::protocol::SourceId;
 use formation_msgs::{
     Eviction, Heartbeat, InSession, IntoCore, MessageError, ModuleStates, OperatorCommand, Roster,
-    SessionId, SpotClaim, TargetConfiguration,
+    SessionId, SpotClaim, TargetConfiguration, Verdict,
 };
 use futures::stream::LocalBoxStream;
 use ros_runtime::cdr;
@@ -124,7 +124,7 @@ fn accepted<M: Sample>(
     };
     let messages = match messages {
         Some(messages) => messages.map_err(|error| error.to_string())?,
-        None => return Err(format!("it belongs to {theirs}, and this node to {ours}")),
+        None => return Err(other_session(theirs, ours)),
     };
     match messages.iter().find_map(implausible_revision) {
         Some(revision) => Err(format!(
@@ -132,6 +132,10 @@ fn accepted<M: Sample>(
         )),
         None => Ok(messages),
     }
+}
+
+fn other_session(theirs: SessionId, ours: SessionId) -> String {
+    format!("it belongs to {theirs}, and this node to {ours}")
 }
 
 /// The messages of an encoded sample, such as a recorded one, whatever its session, which is the other result, and its size.
@@ -218,6 +222,29 @@ pub fn subscribe_all(
     ])
 }
 
+/// Subscribes the verdicts on the formation of this node's session.
+///
+/// # Errors
+/// The name cannot be used, or the library refuses.
+pub fn subscribe_verdicts(
+    session: &mut Session,
+) -> Result<LocalBoxStream<'static, Verdict>, SessionError> {
+    let ours = session_of(session);
+    session.subscription(&topics::VERDICT, move |_, verdict| {
+        accepted_verdict(verdict, ours)
+    })
+}
+
+/// The verdict, if it is valid and of this node's session.
+fn accepted_verdict(verdict: Verdict, ours: SessionId) -> Result<Verdict, String> {
+    let theirs = verdict.session();
+    if theirs != ours {
+        return Err(other_session(theirs, ours));
+    }
+    verdict.judgement().map_err(|error| error.to_string())?;
+    Ok(verdict)
+}
+
 #[cfg(test)]
 mod tests {
     use std::time::Duration;
@@ -263,6 +290,37 @@ mod tests {
             accepted(of(3), SessionId(4), size),
             Err("it belongs to session 3, and this node to session 4".to_owned())
         );
+    }
+
+    #[test]
+    fn a_verdict_counts_in_its_own_session_alone() {
+        let of = |session, outcome| Verdict {
+            session,
+            outcome,
+            ..Verdict::default()
+        };
+        let ours = SessionId(4);
+        let complete = of(4, Verdict::OUTCOME_COMPLETE);
+        assert_eq!(
+            accepted_verdict(complete.clone(), ours),
+            Ok(complete.clone())
+        );
+        assert_eq!(
+            accepted_verdict(of(3, Verdict::OUTCOME_COMPLETE), ours),
+            Err("it belongs to session 3, and this node to session 4".to_owned())
+        );
+        assert_eq!(
+            accepted_verdict(of(4, 0), ours),
+            Err(
+                "verdict: outcome: 0 is unknown; known are COMPLETE 1, PARTIAL 2, FAILED 3"
+                    .to_owned()
+            )
+        );
+        let long = Verdict {
+            violations: vec!["x".repeat(2_000)],
+            ..complete
+        };
+        assert!(accepted_verdict(long, ours).is_err());
     }
 
     #[test]

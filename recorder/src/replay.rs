@@ -33,7 +33,7 @@ pub struct Replay {
     pub entries: Vec<Entry>,
     /// What its modules planned for: the roster with the most members.
     pub problem: Option<Arc<PlanningProblem>>,
-    /// The last verdict of all sessions.
+    /// The last verdict on that session.
     pub verdict: Option<Verdict>,
 }
 
@@ -42,6 +42,7 @@ struct Course {
     recorder: Recorder,
     entries: Vec<Entry>,
     problem: Option<Arc<PlanningProblem>>,
+    verdict: Option<Verdict>,
 }
 
 impl Default for Course {
@@ -50,6 +51,7 @@ impl Default for Course {
             recorder: Recorder::new(POSE_INTERVAL),
             entries: Vec::new(),
             problem: None,
+            verdict: None,
         }
     }
 }
@@ -83,9 +85,12 @@ pub fn replay(path: &Path) -> io::Result<Replay> {
         replay.duration = replay.duration.max(now);
         *replay.samples.entry(recorded.topic.to_owned()).or_default() += 1;
         if is_of::<Verdict>(recorded) {
-            match cdr::decoded(recorded.bytes) {
-                Ok(verdict) => replay.verdict = Some(verdict),
-                Err(_) => replay.refused += 1,
+            match cdr::decoded::<Verdict>(recorded.bytes) {
+                Ok(verdict) if verdict.judgement().is_ok() => {
+                    let course = courses.entry(verdict.session).or_default();
+                    course.verdict = Some(verdict);
+                }
+                Ok(_) | Err(_) => replay.refused += 1,
             }
         }
         match messages_of(recorded) {
@@ -106,6 +111,7 @@ pub fn replay(path: &Path) -> io::Result<Replay> {
         replay.session = Some(SessionId(session));
         replay.entries = course.entries;
         replay.problem = course.problem;
+        replay.verdict = course.verdict;
     }
     Ok(replay)
 }

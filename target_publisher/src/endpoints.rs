@@ -5,8 +5,7 @@ use formation_msgs::{
     QueryStatusResponse, RemoveModuleRequest, RemoveModuleResponse, StopFormationRequest,
     StopFormationResponse, Verdict, WithdrawTargetRequest, WithdrawTargetResponse,
 };
-use formation_node::messages::{Received, subscribe_all};
-use formation_node::topics;
+use formation_node::messages::{Received, subscribe_all, subscribe_verdicts};
 use ros_runtime::action::{Action, ActionRequest, ActionServer};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::service::{Call, Service};
@@ -55,19 +54,6 @@ pub(crate) fn open(
     for messages in subscribe_all(session, 1)? {
         inputs.add(messages, Input::Messages);
     }
-    let verdicts = session.subscription(&topics::VERDICT, |_, verdict| checked(verdict))?;
-    inputs.add(verdicts, Input::Verdict);
+    inputs.add(subscribe_verdicts(session)?, Input::Verdict);
     Ok(action)
-}
-
-/// A verdict with a known outcome.
-fn checked(verdict: Verdict) -> Result<Verdict, String> {
-    match verdict.outcome {
-        Verdict::OUTCOME_COMPLETE | Verdict::OUTCOME_PARTIAL | Verdict::OUTCOME_FAILED => {
-            Ok(verdict)
-        }
-        unknown => Err(format!(
-            "outcome: {unknown} is unknown; known are COMPLETE 1, PARTIAL 2, FAILED 3"
-        )),
-    }
 }

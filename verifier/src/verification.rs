@@ -7,7 +7,8 @@ use std::time::{Duration, Instant};
 use async_channel::Receiver;
 use formation::event_log::{Entry, POSE_INTERVAL, Recorder};
 use formation::verify::{Agreement, Observer, Progress, Verdict};
-use formation_node::messages::{Received, subscribe_all};
+use formation_msgs::{InSession, SessionId};
+use formation_node::messages::{Received, session_of, subscribe_all};
 use formation_node::source_guard::SourceGuard;
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
@@ -95,6 +96,7 @@ impl VerifierProcess {
             recorder: self.event_log.then(|| Recorder::new(POSE_INTERVAL)),
             source_guard: SourceGuard::default(),
             statistics: session.statistics(),
+            session: session_of(&session),
             // Created at the start, so that subscribers are matched when the verdict is published.
             verdicts: session.publisher(&topics::VERDICT)?,
             notify,
@@ -154,6 +156,8 @@ struct Verifier<'a> {
     trace: &'a mut Option<TraceFile>,
     source_guard: SourceGuard,
     statistics: SharedStatistics,
+    /// The session of the formation that is judged.
+    session: SessionId,
     verdicts: PublisherQueue<formation_msgs::Verdict>,
     notify: &'a mut dyn FnMut(News<'_>),
     phase: Phase,
@@ -251,7 +255,7 @@ impl Verifier<'_> {
             (self.notify)(News::End(end));
         }
         if let Some(End::Judged(verdict)) = &end {
-            let mut sample = formation_msgs::Verdict::from(verdict);
+            let mut sample = formation_msgs::Verdict::from(verdict).in_session(self.session);
             sample.header = stamp::header("");
             self.verdicts.publish(sample);
         }

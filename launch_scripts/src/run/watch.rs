@@ -13,9 +13,9 @@ use formation::model::text::joined;
 use formation::model::{Epoch, Message, ModuleSize, PlanningProblem, RosterMessage};
 use formation::verify::{Observer, ObserverParameters, Progress};
 use formation_msgs::Verdict;
-use formation_node::messages::{Received, subscribe_all};
+use formation_node::find_sessions;
+use formation_node::messages::{Received, subscribe_all, subscribe_verdicts};
 use formation_node::source_guard::SourceGuard;
-use formation_node::{find_sessions, topics};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::{Failure, stop_requested};
 use ros_runtime::inputs::Inputs;
@@ -175,10 +175,15 @@ fn observe(
     for messages in subscribe_all(&mut session, 1)? {
         inputs.add(messages, Input::Messages);
     }
-    let verdicts = session.subscription(&topics::VERDICT, |_, sample: Verdict| Ok(sample))?;
-    inputs.add(verdicts, |verdict| Input::Verdict(Box::new(verdict)));
-    let (planned, plans) = bounded(1);
-    inputs.add(plans, |(epoch, plan)| Input::Plan(epoch, plan));
+    inputs.add(subscribe_verdicts(&mut session)?, |verdict| {
+        Input::Verdict(Box::new(verdict))
+    });
+    let mut planner = None;
+    if display.is_view() {
+        let (jobs, plans) = start_planner()?;
+        inputs.add(plans, |(epoch, plan)| Input::Plan(epoch, plan));
+        planner = Some(jobs);
+    }
     let now = Instant::now();
     let mut watcher = Watcher {
         start: now,
@@ -186,7 +191,7 @@ fn observe(
         observer: Observer::new(ObserverParameters::default()),
         recorder: Recorder::new(POSE_INTERVAL),
         source_guard: SourceGuard::default(),
-        planned,
+        planner,
         epoch: None,
         progress: None,
         look_at: Some(now),
@@ -198,13 +203,33 @@ fn observe(
     Ok(watcher.end)
 }
 
-type Planned = (Epoch, Arc<CheckedPlan>);
+type PlanJob = (Epoch, Arc<PlanningProblem>);
+type Planned = (Epoch, Result<Arc<CheckedPlan>, String>);
+
+/// Starts the thread that computes the offline plan for the roster of an epoch, the latest one that it is given.
+fn start_planner() -> Result<(Sender<PlanJob>, Receiver<Planned>), SessionError> {
+    let (jobs, given) = bounded::<PlanJob>(1);
+    let (planned, plans) = bounded(1);
+    let plan_all = move || {
+        while let Ok((epoch, problem)) = given.recv_blocking() {
+            let plan = CheckedPlan::of_problem(problem).map(Arc::new);
+            let plan = plan.map_err(|error| error.to_string());
+            if planned.send_blocking((epoch, plan)).is_err() {
+                return;
+            }
+        }
+    };
+    let failed = |error| SessionError::Failed(format!("cannot start a thread for plans: {error}"));
+    let thread = thread::Builder::new().name("plan".to_owned());
+    thread.spawn(plan_all).map_err(failed)?;
+    Ok((jobs, plans))
+}
 
 enum Input {
     Messages(Received),
     Verdict(Box<Verdict>),
     /// The offline plan for the roster of an epoch.
-    Plan(Epoch, Arc<CheckedPlan>),
+    Plan(Epoch, Result<Arc<CheckedPlan>, String>),
 }
 
 struct Watcher<'a> {
@@ -213,7 +238,8 @@ struct Watcher<'a> {
     observer: Observer,
     recorder: Recorder,
     source_guard: SourceGuard,
-    planned: Sender<Planned>,
+    /// What computes the offline plans, where a view shows them.
+    planner: Option<Sender<PlanJob>>,
     /// The epoch whose roster is shown.
     epoch: Option<Epoch>,
     progress: Option<Progress>,
@@ -233,7 +259,10 @@ impl Node for Watcher<'_> {
         match input {
             Input::Messages(received) => self.handle_messages(&received),
             Input::Verdict(verdict) => self.verdict = Some(*verdict),
-            Input::Plan(epoch, plan) if self.epoch == Some(epoch) => self.display.set_plan(plan),
+            Input::Plan(epoch, plan) if self.epoch == Some(epoch) => match plan {
+                Ok(plan) => self.display.set_plan(plan),
+                Err(reason) => self.display.note(&format!("no plan is shown: {reason}")),
+            },
             Input::Plan(..) => {}
         }
         let soon = Instant::now() + PROGRESS_INTERVAL;
@@ -283,25 +312,12 @@ impl Watcher<'_> {
                     self.display.set_name(&roster.target.name);
                 }
                 self.display.set_problem(Arc::clone(&problem));
-                self.plan(roster.epoch, problem);
+                if let Some(planner) = &self.planner {
+                    // The thread lives as long as the watch, and drops a job that it has not begun for this one.
+                    let _ = planner.force_send((roster.epoch, problem));
+                }
             }
         }
-    }
-
-    /// Computes the offline plan for a roster, which the view shows, on a thread of its own. Without a plan, the view shows
-    /// only what the formation reports.
-    fn plan(&self, epoch: Epoch, problem: Arc<PlanningProblem>) {
-        if !self.display.is_view() {
-            return;
-        }
-        let planned = self.planned.clone();
-        let plan = move || {
-            if let Ok(plan) = CheckedPlan::of_problem(problem) {
-                // The watch may have ended.
-                let _ = planned.send_blocking((epoch, Arc::new(plan)));
-            }
-        };
-        let _ = thread::Builder::new().name("plan".to_owned()).spawn(plan);
     }
 
     fn show_progress(&mut self) {

@@ -168,6 +168,7 @@ fn verdict() -> impl Strategy<Value = wire::Verdict> {
                 let (number, convener, outcome, filled_spots, spots) = numbers;
                 wire::Verdict {
                     header,
+                    session: number / 2,
                     epoch: wire::Epoch { number, convener },
                     outcome,
                     filled_spots,
