@@ -298,7 +298,17 @@ impl Operator {
                     ));
                 }
                 let removals = modules.iter().map(|&module| self.known.removal(module));
-                OperatorCommand::new(Stop::default(), &removals.collect::<Vec<_>>())
+                let removals: Vec<Removal> = removals.collect();
+                let unknown = removals.iter().filter(|one| one.incarnation.is_none());
+                let unknown: Vec<ModuleId> = unknown.map(|one| one.module).collect();
+                if !unknown.is_empty() {
+                    return Err(format!(
+                        "no message of {} came, nor a roster that lists it, so no body was reported as removed; is the number \
+                         right?",
+                        listed_in_full(unknown)
+                    ));
+                }
+                OperatorCommand::new(Stop::default(), &removals)
             }
         })
     }
@@ -376,7 +386,7 @@ mod tests {
                 .map(|&(module, revision)| (ModuleId(module), heartbeat_of(module, revision)));
             judge_stop(&heartbeats.collect(), 7, true, is_late)
         };
-        let shown = Some(Ok("stopped modules 1 and 2".to_owned()));
+        let shown = Some(Ok("stopped modules 1-2".to_owned()));
         assert_eq!(judged(&[(1, 7), (2, 8)], false), shown);
         // Module 2 may have been cut off since: its heartbeat stays the latest.
         assert_eq!(judged(&[(1, 7), (2, 6)], false), None);
@@ -385,7 +395,7 @@ mod tests {
             judged(&[(1, 7), (2, 6)], true),
             Some(Err(partly.to_owned()))
         );
-        let none = "no heartbeat of modules 1 and 2 shows the command";
+        let none = "no heartbeat of modules 1-2 shows the command";
         assert_eq!(judged(&[(1, 6), (2, 6)], true), Some(Err(none.to_owned())));
     }
 
