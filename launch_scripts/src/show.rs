@@ -3,7 +3,8 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use formation::model::{Area, BODY_WIDTH, RawArea, Scenario};
+use formation::model::text::joined;
+use formation::model::{Area, BODY_WIDTH, PlannerParameters, RawArea, Scenario};
 use formation::planner::plan;
 use formation_report::{Subject, before};
 use ros_runtime::exit::{Failure, one_line};
@@ -32,7 +33,32 @@ pub fn show(path: &Path, svg: bool) -> Result<(), Failure> {
         ))
     })?;
     let surroundings = surroundings(&scenario);
-    console::result_line(&format!("name: {name}\n{surroundings}{}", maps.trim_end()))
+    let name = serde_yaml::to_string(&name).map_err(Failure::failed)?;
+    console::result_line(&format!("name: {name}{surroundings}{}", maps.trim_end()))?;
+    let left_out = left_out(&scenario);
+    if !left_out.is_empty() {
+        console::note(&format!(
+            "note: left out, as a map does not show it: {}",
+            joined(left_out, ", ")
+        ));
+    }
+    Ok(())
+}
+
+/// What the file says besides, by the names of its fields.
+fn left_out(scenario: &Scenario) -> Vec<&'static str> {
+    let problem = scenario.problem();
+    let names_leaders = problem.modules().iter().any(|one| one.leader.is_some());
+    let fields = [
+        (
+            "planner",
+            *problem.parameters() != PlannerParameters::default(),
+        ),
+        ("frame_id", problem.target().frame_id() != "map"),
+        ("leader", names_leaders),
+    ];
+    let present = fields.into_iter().filter(|&(_, is_present)| is_present);
+    present.map(|(field, _)| field).collect()
 }
 
 /// Sizes that are not the default ones, obstacles and walls, as a scenario file has them.

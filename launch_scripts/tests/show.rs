@@ -40,6 +40,23 @@ fn a_drawn_scenario_is_a_scenario_file_with_the_same_problem() {
 }
 
 #[test]
+fn a_map_may_begin_further_in_and_a_name_may_need_quotes() {
+    let text = "name: \"fleet: the first\"\ntarget: {map: \"    o\\n    |\\no-o-o\\n\", frame_id: hall}\n\
+                modules: {origin: [5, 1], map: \"A-A s\"}\nplanner: {d_max: 3}\n";
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("drawn.yaml");
+    std::fs::write(&file, text).unwrap();
+    let shown = formation(&["show", file.to_str().unwrap()]);
+    let notes = String::from_utf8(shown.stderr).unwrap();
+    assert!(notes.contains("planner, frame_id"), "{notes}");
+    let again = Scenario::from_yaml(&String::from_utf8(shown.stdout).unwrap()).unwrap();
+    assert_eq!(again.name(), "fleet: the first");
+    let first = Scenario::from_yaml(text).unwrap();
+    let [first, again] = [&first, &again].map(|one| one.problem().target().spots());
+    assert_eq!(first, again);
+}
+
+#[test]
 fn what_stands_off_the_lattice_is_named_and_drawn_as_svg() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("off.yaml");

@@ -214,7 +214,13 @@ fn section(
     if !drawn.iter().copied().eq((1..).take(drawn.len())) {
         text.push_str(&format!("  ids: {drawn:?}\n"));
     }
-    text.push_str("  map: |\n");
+    // YAML takes the indentation of a first line that begins with a space for that of all, unless it is told.
+    let is_indented = map.starts_with(' ');
+    text.push_str(if is_indented {
+        "  map: |2\n"
+    } else {
+        "  map: |\n"
+    });
     for line in map.lines() {
         text.push_str(if line.is_empty() { "" } else { "    " });
         text.push_str(line);

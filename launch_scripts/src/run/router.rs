@@ -3,7 +3,7 @@
 use std::env;
 use std::net::{Ipv4Addr, SocketAddr, TcpListener};
 use std::os::unix::process::CommandExt;
-use std::path::{Path, PathBuf};
+use std::path::{self, Path, PathBuf};
 use std::process::{Child, Command, Stdio};
 use std::thread;
 use std::time::{Duration, Instant};
@@ -140,8 +140,11 @@ impl Carrier {
             security: security.map(Path::to_path_buf),
         };
         if let Some(routers) = carrier.routers() {
-            let operator =
-                security.map(|directory| role::file_of(directory, Role::Operator.name()));
+            let operator = security.map(|directory| {
+                // The other terminal may be in another directory.
+                let file = role::file_of(directory, Role::Operator.name());
+                path::absolute(&file).unwrap_or(file)
+            });
             let operator = operator.map(|file| format!(" {SESSION_FILE}='{}'", file.display()));
             console::note(&format!(
                 "note: this runs over Zenoh; to take part from another terminal: export \
