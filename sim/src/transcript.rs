@@ -353,6 +353,7 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
         EpochReason::BodiesUnlisted(modules) => of("bodies_unlisted").modules("modules", modules),
         EpochReason::SpotsBlocked(blocked) => blocked_spots(of("spots_blocked"), blocked),
         EpochReason::SpotsFreed(spots) => of("spots_freed").spots(spots),
+        EpochReason::BodiesGone(modules) => of("bodies_gone").modules("modules", modules),
         EpochReason::ConvenerSilent(module) => of("convener_silent").modules("modules", &[*module]),
         EpochReason::OutOfService(modules) => {
             let named = modules

@@ -17,6 +17,7 @@ mod forming;
 mod lapse;
 mod majority_model;
 mod mutations;
+mod namesakes;
 mod observed;
 mod paths;
 mod planning;

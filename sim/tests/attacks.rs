@@ -3,11 +3,12 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
 use std::collections::BTreeSet;
+use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, hold_a_plan, ids, settled, spots};
 use formation::generate::Grouping;
-use formation::model::ModuleId;
+use formation::model::{Message, ModuleId, TargetAnnouncement};
 use formation::protocol::{Agent, Event, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
@@ -155,4 +156,23 @@ fn a_spot_of_another_target_is_no_pin() {
     assert!(broken.iter().any(|one| elsewhere(one.kind)), "{broken:?}");
     let sound = run_seed(&parameters(AgentFactory::default()), seed).unwrap();
     assert!(sound.violations.is_empty(), "{:?}", sound.violations);
+}
+
+#[test]
+fn a_target_that_is_ignored_as_old_names_no_founders() {
+    let problem = drawn(5, 5, Grouping::Singletons, 6);
+    let mut trial = Trial::new(&problem, 6);
+    trial.until(Cluster::has_formed);
+    let known = TargetAnnouncement::clone(trial.cluster.announcement().unwrap());
+    let old = TargetAnnouncement {
+        revision: 0,
+        founders: vec![ModuleId(9_000)],
+        ..known
+    };
+    trial.cluster.inject(&Message::Target(Arc::new(old)));
+    trial.run_for(Duration::from_secs(5));
+    trial.cluster.crash(ModuleId(5));
+    trial.cluster.remove(ModuleId(5));
+    let remaining = ids(&[1, 2, 3, 4]);
+    trial.until(|cluster| hold_a_plan(cluster, &remaining));
 }

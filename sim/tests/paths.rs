@@ -10,7 +10,7 @@ use formation::model::{Message, Scenario, TargetAnnouncement};
 use formation::motion::MotionReport;
 use formation::protocol::{Agent, Input, Mutation, Output};
 use formation_sim::{
-    AgentFactory, CampaignParameters, Ending, FaultKind, ViolationKind, run_seeds,
+    AgentFactory, CampaignParameters, Ending, FaultKind, ViolationKind, run_seed, run_seeds,
 };
 
 use crate::support::{agent, run_all, scenario};
@@ -98,6 +98,22 @@ fn modules_keep_clear_of_obstacles_and_walls() {
         assert!(kinds.all(|kind| kind != ViolationKind::BodiesOverlap));
     })
     .unwrap();
+}
+
+/// The last body for which no module could move is reported as removed in one of these runs; in the other, its module is back.
+#[test]
+fn a_plan_is_made_anew_when_the_body_is_gone_for_which_it_was_refused() {
+    let text = include_str!("../../launch_scripts/scenarios/two_rooms.yaml");
+    let scenario = Scenario::from_yaml(text).unwrap();
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        problem: Some(Arc::new(scenario.problem().clone())),
+        ..CampaignParameters::default()
+    };
+    for seed in [557, 571] {
+        let report = run_seed(&parameters, seed).unwrap();
+        assert_eq!(report.violations, [], "seed {seed}");
+    }
 }
 
 /// Twelve modules for ten spots; 11 and 12 stand too close, so one of them stays and is named, and the others form. `motion` is

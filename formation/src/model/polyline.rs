@@ -90,6 +90,12 @@ pub(crate) fn lines(poses: &[Pose]) -> impl Iterator<Item = (&Pose, &Pose)> {
     ends.map(move |(index, from)| (from, &poses[(index + 1).min(last)]))
 }
 
+/// How long the lines between poses are together.
+pub(crate) fn length(poses: &[Pose]) -> MicroUnits {
+    let lengths = lines(poses).map(|(from, to)| from.distance_to(to).0);
+    MicroUnits(lengths.fold(0, i64::saturating_add))
+}
+
 /// Poses on the lines between poses, at most `spacing` apart.
 pub(crate) fn sampled(poses: &[Pose], spacing: MicroUnits) -> impl Iterator<Item = Pose> {
     lines(poses).flat_map(move |(&from, &to)| {

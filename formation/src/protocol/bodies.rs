@@ -19,10 +19,15 @@ use super::context::Context;
 use super::event::{EpochReason, Event};
 use super::refusal::Refusal;
 
+/// The most bodies of other sessions that are kept, so that they take no room from those of this one.
+const FOREIGN_MAX: usize = 1_024;
+
 /// The bodies of other modules.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bodies {
     known: BTreeMap<ModuleId, BodyReport>,
+    /// The modules in `known` whose bodies belong to other sessions.
+    foreign: BTreeSet<ModuleId>,
     /// Rises whenever something becomes known.
     version: u64,
     /// Rises whenever a removal becomes known.
@@ -52,6 +57,7 @@ impl Hash for Bodies {
     fn hash<H: Hasher>(&self, state: &mut H) {
         let Self {
             known,
+            foreign,
             version: _,
             removals: _,
             contested,
@@ -59,7 +65,7 @@ impl Hash for Bodies {
             reported,
             compared: _,
         } = self;
-        (known, contested, own_run_is_removed, reported).hash(state);
+        (known, foreign, contested, own_run_is_removed, reported).hash(state);
     }
 }
 
@@ -74,14 +80,65 @@ impl Bodies {
         self.removals
     }
 
-    /// Keeps a report, unless a later one is known or there are too many.
+    /// Keeps a report, unless a later one is known or there are too many. It takes the place of one on a module of another
+    /// session that has the same number, unless it repeats what another module told of that one.
     pub fn note(&mut self, report: BodyReport) {
-        let known = self.get(report.module);
-        let has_room = known.is_some() || self.known.len() < MODULES_MAX;
-        if has_room && known.is_none_or(|known| known.compare_age(&report).is_lt()) {
-            self.version += 1;
-            self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
-            self.known.insert(report.module, report);
+        let module = report.module;
+        let is_of_other = |known: &BodyReport| {
+            self.foreign.contains(&module) && known.incarnation != report.incarnation
+        };
+        let is_new = match self.get(module) {
+            Some(known) => is_of_other(known) || known.compare_age(&report).is_lt(),
+            None => self.known.len() - self.foreign.len() < MODULES_MAX,
+        };
+        if is_new {
+            if self.get(module).is_some_and(is_of_other) {
+                self.foreign.remove(&module);
+            }
+            self.insert(report);
+        }
+    }
+
+    /// Keeps a report on a module of another session. It never takes the place of one on a module of this session, which may
+    /// have the same number; then the result is `false`.
+    pub fn note_foreign(&mut self, report: BodyReport) -> bool {
+        let module = report.module;
+        let is_new = match self.get(module) {
+            Some(known) if known.incarnation == report.incarnation => {
+                known.compare_age(&report).is_lt()
+            }
+            Some(_) if !self.foreign.contains(&module) => return false,
+            Some(known) => known.compare_age(&report).is_lt(),
+            None => self.foreign.len() < FOREIGN_MAX,
+        };
+        if is_new {
+            self.foreign.insert(module);
+            self.insert(report);
+        }
+        true
+    }
+
+    fn insert(&mut self, report: BodyReport) {
+        self.version += 1;
+        self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
+        self.known.insert(report.module, report);
+    }
+
+    /// An earlier run of a module sends again, and a later one is forgotten: what was reported of that one is about the same
+    /// body, which the next report on the earlier run shows anew; and a removal of that one is over.
+    pub fn forget_run(&mut self, forgotten: ModuleRun, admitted: ModuleRun) {
+        let Some(known) = self.known.get_mut(&forgotten.module) else {
+            return;
+        };
+        if known.incarnation < forgotten.incarnation {
+            return;
+        }
+        self.version += 1;
+        if known.whereabouts == Whereabouts::Removed {
+            self.known.remove(&forgotten.module);
+        } else {
+            known.incarnation = admitted.incarnation;
+            (known.epoch, known.sequence) = (None, 0);
         }
     }
 
@@ -97,7 +154,11 @@ impl Bodies {
         for report in reports {
             let is_before = |&(&module, _): &(&ModuleId, _)| module < report.module;
             while known.next_if(is_before).is_some() {}
-            let Some((_, known)) = known.next_if(|&(&module, _)| module == report.module) else {
+            let is_of_it = |&(&module, _): &(&ModuleId, _)| module == report.module;
+            let Some((_, known)) = known
+                .next_if(is_of_it)
+                .filter(|_| !self.foreign.contains(&report.module))
+            else {
                 unknown.push(report);
                 continue;
             };
@@ -190,7 +251,7 @@ impl Context {
     /// Takes over what another module reports; what it reports of this module is ignored, unless it is a removal.
     pub fn learn_body(&mut self, report: &BodyReport) {
         if report.module == self.module() {
-            let is_own = report.incarnation >= self.own.run.incarnation;
+            let is_own = report.incarnation == self.own.run.incarnation;
             if is_own && report.whereabouts == Whereabouts::Removed {
                 self.note_own_removal();
             }
@@ -199,8 +260,22 @@ impl Context {
         if report.incarnation.0 > self.latest_stamp() {
             return;
         }
+        // What others tell of a later run than the one that sends to this module is about one that has fallen silent.
+        let liveness = self.liveness();
+        let followed = self.peers.get(report.module);
+        let followed = followed.filter(|peer| liveness.includes(peer));
+        if followed.is_some_and(|peer| peer.incarnation < report.incarnation) {
+            return;
+        }
         self.bodies.note(report.clone());
         self.exclude_if_removed(report.module);
+    }
+
+    /// Takes up that earlier runs of modules send again, in the place of later ones that are forgotten.
+    pub fn forget_bodies_of_forgotten_runs(&mut self) {
+        for (forgotten, admitted) in self.peers.take_forgotten() {
+            self.bodies.forget_run(forgotten, admitted);
+        }
     }
 
     /// Considers a module failed whose present run was reported as removed.

@@ -3,7 +3,8 @@
 use std::time::Duration;
 
 use crate::model::{
-    Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service, SpotId,
+    BodyReport, Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service, SpotId,
+    Whereabouts,
 };
 
 use super::Agent;
@@ -59,6 +60,20 @@ fn has_no_epoch(module: ModuleId, context: &Context) -> bool {
     heartbeat.is_none_or(|heartbeat| heartbeat.epoch.is_none())
 }
 
+/// The modules whose bodies a roster lists and that are in the way no more: the body was removed, or its module can take part.
+fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+    let was_removed = |body: &BodyReport| body.whereabouts == Whereabouts::Removed;
+    let listed = roster.bodies.iter().filter(|body| !was_removed(body));
+    let is_gone = |module: ModuleId| {
+        let takes_part = context.peers.is_live(context.liveness(), module)
+            && follows(module, roster.epoch, context)
+            && context.peers.is_wanted(context.now, module);
+        takes_part || context.bodies.get(module).is_some_and(was_removed)
+    };
+    let gone = listed.filter(|body| is_gone(body.module));
+    gone.map(|body| body.module).collect()
+}
+
 impl Stage {
     /// Why the present epoch does not lead, or no longer leads, to a formation of the target, if so.
     fn doubt(&self, context: &mut Context) -> Option<EpochReason> {
@@ -107,6 +122,12 @@ impl Stage {
         };
         if let Some(reason) = context.doubt_bodies(roster, is_to_fill) {
             return Some(reason);
+        }
+        if held.is_some_and(|held| held.refusal(context).is_some()) {
+            let gone = bodies_gone(roster, context);
+            if !gone.is_empty() {
+                return Some(EpochReason::BodiesGone(gone));
+            }
         }
         if is_calm {
             return None;

@@ -212,6 +212,9 @@ pub enum EpochReason {
     /// Bodies no longer cover these spots.
     #[error("no body blocks these spots any more: {}", spot_ids(.0))]
     SpotsFreed(Vec<SpotId>),
+    /// These bodies, for which no module could move, are in the way no more.
+    #[error("no longer in the way of all: {}", ids(.0))]
+    BodiesGone(Vec<ModuleId>),
     /// Members no longer take spots.
     #[error("out of service: {}", with_services(.0))]
     OutOfService(Vec<(ModuleId, Service)>),

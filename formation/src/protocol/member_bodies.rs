@@ -8,6 +8,7 @@ use super::Agent;
 use super::context::Context;
 use super::event::Event;
 use super::peer::Peer;
+use super::refusal::Refusal;
 use super::stage::{HeldPlan, Stage};
 
 impl Agent {
@@ -93,7 +94,15 @@ impl Agent {
             sequence: state.sequence,
             whereabouts: Whereabouts::Seen(state.pose),
         };
-        self.context.learn_body(&report);
+        let context = &mut self.context;
+        if report.incarnation.0 > context.latest_stamp() {
+            return;
+        }
+        let module = report.module;
+        let is_own = module == context.module() || context.peers.get(module).is_some();
+        if is_own || !context.bodies.note_foreign(report) {
+            context.refuse(Some(module), Refusal::NumberOfOtherSession);
+        }
     }
 
     /// The body of a module was taken away: by that report, it stands nowhere any more.

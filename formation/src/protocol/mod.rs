@@ -358,7 +358,6 @@ impl Agent {
         if context.memory.contradicts_founders(&announcement) {
             return context.refuse(None, Refusal::OtherFounders);
         }
-        context.memory.note_founders(&announcement);
         if let Some(known) = context.target.announcement() {
             if announcement.revision == known.revision && announcement != *known {
                 context.refuse(None, Refusal::ContradictingTarget);
@@ -368,6 +367,8 @@ impl Agent {
                 return;
             }
         }
+        // A target that is ignored as old names no founders either.
+        context.memory.note_founders(&announcement);
         context.peers.expect(announcement.expected_modules);
         if announcement.target.is_none() {
             context.emit(Event::TargetWithdrawn);
@@ -396,10 +397,11 @@ impl Agent {
             return true;
         }
         let context = &mut self.context;
-        match context
+        let news = context
             .peers
-            .handle_state(context.liveness(), state, source)
-        {
+            .handle_state(context.liveness(), state, source);
+        context.forget_bodies_of_forgotten_runs();
+        match news {
             Ok(true) => {
                 self.note_body(module);
                 self.adjust_links_to(module);
@@ -419,7 +421,9 @@ impl Agent {
         }
         let context = &mut self.context;
         let liveness = context.liveness();
-        match context.peers.handle_heartbeat(liveness, heartbeat, source) {
+        let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
+        context.forget_bodies_of_forgotten_runs();
+        match news {
             Ok(HeartbeatNews::Old) => return false,
             Ok(HeartbeatNews::StillLive { age }) => return age > context.parameters.lease,
             Ok(HeartbeatNews::New) => {

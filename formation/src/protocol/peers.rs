@@ -76,6 +76,8 @@ pub(super) struct Peers {
     /// The last judgement without a reason. Between changes it saves a look at every peer at every message.
     calm: Option<Calm>,
     shown: Shown,
+    /// The later runs that were forgotten lately for earlier ones, with these.
+    forgotten: Vec<(ModuleRun, ModuleRun)>,
 }
 
 /// How often a heartbeat showed another epoch or digest than the one before it, and of which module the last of these was.
@@ -107,6 +109,7 @@ impl Default for Peers {
             changes: 0,
             calm: None,
             shown: Shown::default(),
+            forgotten: Vec::new(),
         }
     }
 }
@@ -196,7 +199,15 @@ impl Peers {
             return None;
         }
         self.changes += 1;
-        self.peers.remove(&run.module)?.kept
+        let forgotten = self.peers.remove(&run.module)?;
+        let later = run.module.run(forgotten.incarnation);
+        self.forgotten.push((later, run));
+        forgotten.kept
+    }
+
+    /// The later runs that were forgotten for earlier ones since the last call, with these.
+    pub fn take_forgotten(&mut self) -> Vec<(ModuleRun, ModuleRun)> {
+        std::mem::take(&mut self.forgotten)
     }
 
     /// Judges a sender that is not known as such, and makes room for it. Returns the state that was kept meanwhile.

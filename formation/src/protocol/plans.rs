@@ -29,6 +29,12 @@ use super::roster_plan::RosterPlan;
 /// The number of plans that are kept for other agents and for the next epoch.
 const PLANS_KEPT: usize = 3;
 
+/// A longer path of a body stands for the rectangles around its lines: 1,000 units.
+const PATH_SAMPLED_MAX: MicroUnits = MicroUnits(1_000 * MICRO_PER_UNIT);
+
+/// When there are as many obstacles, the paths of further bodies do, too.
+const AREAS_SAMPLED_MAX: usize = 1 << 17;
+
 /// A plan that an agent needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PlanJob {
@@ -60,11 +66,19 @@ pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
     let bodies = roster.bodies.iter();
     let absent = bodies.filter(|body| !body::lists(&roster.members, body.module));
     let spacing = MicroUnits(MICRO_PER_UNIT / 2);
-    let absent = absent.flat_map(|body| polyline::sampled(body.whereabouts.poses(), spacing));
-    aside
-        .chain(absent)
-        .map(|pose| Area::of_body(&pose, width))
-        .collect()
+    let mut areas: Vec<Area> = aside.map(|pose| Area::of_body(&pose, width)).collect();
+    for body in absent {
+        let path = body.whereabouts.poses();
+        // What a report says cannot make a plan take more memory than there is.
+        if polyline::length(path) <= PATH_SAMPLED_MAX && areas.len() < AREAS_SAMPLED_MAX {
+            let poses = polyline::sampled(path, spacing);
+            areas.extend(poses.map(|pose| Area::of_body(&pose, width)));
+        } else {
+            let lines = polyline::lines(path);
+            areas.extend(lines.map(|ends| Area::of_bodies(ends.into(), width)));
+        }
+    }
+    areas
 }
 
 impl PlanJob {
@@ -249,7 +263,10 @@ impl SharedPlans {
 pub(super) mod tests {
     use super::*;
     use crate::generate::{GeneratorParameters, Grouping, generate};
-    use crate::model::{Epoch, Incarnation, RosterMember, Scenario, TargetAnnouncement};
+    use crate::model::{
+        BodyReport, Epoch, Incarnation, Polyline, Pose, RosterMember, Scenario, TargetAnnouncement,
+        Whereabouts,
+    };
     use crate::protocol::AgentParameters;
 
     pub(in crate::protocol) fn problem(seed: u64) -> Arc<PlanningProblem> {
@@ -283,6 +300,28 @@ pub(super) mod tests {
 
     fn job(seed: u64) -> PlanJob {
         PlanJob::plan(problem(seed), Vec::new())
+    }
+
+    #[test]
+    fn a_long_path_of_a_body_makes_few_obstacles() {
+        let mut roster = roster(&problem(1));
+        let corner = |units: f64| Pose::from_units(units, units, 0.0).unwrap();
+        let mut of_path = |ends: &[f64]| {
+            let path: Vec<Pose> = ends.iter().copied().map(corner).collect();
+            roster.bodies = vec![BodyReport {
+                module: ModuleId(9_000),
+                incarnation: Incarnation(1),
+                epoch: None,
+                sequence: 1,
+                whereabouts: Whereabouts::OnTheWay(Polyline::try_from(path).unwrap()),
+            }];
+            obstacles(&roster).len()
+        };
+        // 14.1 units long; a body each half unit, and at both ends.
+        assert_eq!(of_path(&[0.0, 10.0]), 30);
+        let far = [-1.0e6, 1.0e6];
+        let ends: Vec<f64> = far.into_iter().cycle().take(255).collect();
+        assert_eq!(of_path(&ends), 254);
     }
 
     #[test]

@@ -63,6 +63,8 @@ refusals! {
     DifferentTiming = "different_timing": "its roster is for another heartbeat_s, suspicion_s or lease_s than ours",
     /// It names other founders than are known.
     OtherFounders = "other_founders": "it names other founders than are known",
+    /// It shows a body of another session under the number of a module of this one.
+    NumberOfOtherSession = "number_of_other_session": "a module of another session has the number of one of this session; no plan leads around its body",
     /// It came before its turn, and the buffer for early claims is full.
     BufferFull = "buffer_full": "it came before its turn, and the buffer for early claims is full",
     /// It names more modules than a formation may have.

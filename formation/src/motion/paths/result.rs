@@ -31,6 +31,18 @@ impl Area {
         }
     }
 
+    /// The rectangle around what bodies of this width cover.
+    pub(crate) fn of_bodies(poses: [&Pose; 2], width: MicroUnits) -> Self {
+        let [first, second] = poses.map(|pose| Self::of_body(pose, width));
+        Self {
+            low: (first.low.0.min(second.low.0), first.low.1.min(second.low.1)),
+            high: (
+                first.high.0.max(second.high.0),
+                first.high.1.max(second.high.1),
+            ),
+        }
+    }
+
     /// Both corners, in micro-units.
     pub(super) fn corners(&self) -> ((i64, i64), (i64, i64)) {
         let point = |corner: (MicroUnits, MicroUnits)| (corner.0.0, corner.1.0);

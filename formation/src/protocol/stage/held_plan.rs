@@ -142,7 +142,7 @@ impl HeldPlan {
     }
 
     /// Why no module moves by this plan, if so.
-    pub(super) fn refusal(&self, context: &Context) -> Option<&MotionError> {
+    pub(in crate::protocol) fn refusal(&self, context: &Context) -> Option<&MotionError> {
         // There are no paths while a member that is out of service moves off a spot.
         let has_asides = !self.roster_plan.asides.is_empty();
         self.motion

@@ -1,0 +1,136 @@
+//! Modules whose numbers or runs do not tell whose body is meant: of another session, or of a clock that was set back.
+
+#![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
+
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU64, Ordering};
+use std::time::Duration;
+
+use crate::support::{Trial, drawn, hold_a_plan, ids};
+use formation::generate::Grouping;
+use formation::model::{Incarnation, Message, ModuleId, ModuleState, Pose, Removal};
+use formation::protocol::Agent;
+use formation_sim::{AgentFactory, Cluster, ClusterParameters};
+
+/// An incarnation that is later than every other.
+const LATE: u64 = 1 << 40;
+
+/// The distance from the body of a module to the nearest other one, in units.
+fn nearest(trial: &Trial, module: ModuleId) -> f64 {
+    let cluster = &trial.cluster;
+    let here = cluster.body(module).unwrap();
+    let others = cluster.modules().into_iter().filter(|&one| one != module);
+    let bodies = others.filter_map(|one| cluster.body(one));
+    bodies
+        .map(|body| body.distance_to(&here).to_units())
+        .fold(f64::MAX, f64::min)
+}
+
+fn of_other_session(module: u32, x: f64) -> Message {
+    let run = ModuleId(module).run(Incarnation(LATE));
+    let pose = Pose::from_units(x, 5_000.0, 0.0).unwrap();
+    Message::OtherSessionState(Arc::new(ModuleState::standing(run, pose)))
+}
+
+/// Whether these modules hold a plan within this time.
+fn form_within(trial: &mut Trial, modules: &[u32], seconds: u32) -> bool {
+    (0..seconds).any(|_| {
+        trial.run_for(Duration::from_secs(1));
+        hold_a_plan(&trial.cluster, &ids(modules))
+    })
+}
+
+/// Agents of which this one has these incarnations, one a run.
+fn with_runs(module: ModuleId, incarnations: &'static [u64]) -> AgentFactory {
+    let runs = AtomicU64::new(0);
+    AgentFactory::new(move |mut identity, parameters, now| {
+        if identity.module == module {
+            let run = runs.fetch_add(1, Ordering::Relaxed);
+            let run = usize::try_from(run).unwrap().min(incarnations.len() - 1);
+            identity.incarnation = Incarnation(incarnations[run]);
+        }
+        Agent::new(identity, parameters, now)
+    })
+}
+
+#[test]
+fn a_module_of_another_session_takes_no_body_from_its_namesake() {
+    for seed in 0..4 {
+        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let mut trial = Trial::with(&problem, ClusterParameters::default(), seed);
+        trial.until(Cluster::has_formed);
+        let (lost, _) = trial.settled()[1];
+        trial.cluster.inject(&of_other_session(lost.0, 5_000.0));
+        trial.run_for(Duration::from_secs(5));
+        trial.cluster.cut(&[lost].into());
+        trial.run_for(Duration::from_secs(120));
+        assert!(nearest(&trial, lost) > 0.9, "seed {seed}");
+    }
+}
+
+#[test]
+fn bodies_of_another_session_take_no_room_from_those_of_this_one() {
+    let problem = drawn(6, 5, Grouping::Singletons, 0);
+    let mut trial = Trial::with(&problem, ClusterParameters::default(), 0);
+    trial
+        .cluster
+        .start_late(ModuleId(3), Duration::from_secs(5));
+    trial.run_for(Duration::from_millis(600));
+    for number in 0..10_000 {
+        let state = of_other_session(100_000 + number, 5_000.0 + f64::from(number));
+        trial.cluster.inject(&state);
+    }
+    trial.until(Cluster::has_formed);
+    let (lost, _) = trial.settled()[1];
+    trial.cluster.cut(&[lost].into());
+    trial.run_for(Duration::from_secs(120));
+    assert!(nearest(&trial, lost) > 0.9);
+}
+
+#[test]
+fn the_body_of_a_run_that_is_earlier_by_its_clock_is_known() {
+    for seed in 0..12 {
+        let agents = with_runs(ModuleId(3), &[LATE, 1_001]);
+        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+        // A spare that could take the spot of the third module.
+        let spare = Duration::from_secs(300);
+        trial.cluster.start_late(ModuleId(6), spare);
+        trial.run_for(Duration::from_millis(700));
+        trial.cluster.crash(ModuleId(3));
+        // Until what the silent run claimed keeps no other out.
+        trial.run_for(Duration::from_secs(22));
+        trial.cluster.restart(ModuleId(3));
+        assert!(
+            form_within(&mut trial, &[1, 2, 3, 4, 5], 200),
+            "seed {seed}"
+        );
+        trial.run_for(spare);
+        trial.cluster.cut(&ids(&[3]));
+        trial.run_for(Duration::from_secs(120));
+        assert!(nearest(&trial, ModuleId(3)) > 0.9, "seed {seed}");
+    }
+}
+
+#[test]
+fn the_removal_of_a_run_whose_clock_was_ahead_ends_with_it() {
+    let agents = with_runs(ModuleId(5), &[LATE, 1_001, 1_002]);
+    let problem = drawn(5, 5, Grouping::Singletons, 5);
+    let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), 5, agents);
+    trial.until(Cluster::has_formed);
+    for restart in 0..2 {
+        trial.cluster.crash(ModuleId(5));
+        trial.run_for(Duration::from_secs(30));
+        let removal = Removal {
+            module: ModuleId(5),
+            incarnation: None,
+        };
+        trial.cluster.inject(&Message::Removal(removal));
+        trial.run_for(Duration::from_secs(30));
+        trial.cluster.restart(ModuleId(5));
+        assert!(
+            form_within(&mut trial, &[1, 2, 3, 4, 5], 300),
+            "restart {restart}"
+        );
+    }
+}
