@@ -33,8 +33,10 @@ pub fn show(path: &Path, svg: bool) -> Result<(), Failure> {
         ))
     })?;
     let surroundings = surroundings(&scenario);
-    let name = serde_yaml::to_string(&name).map_err(Failure::failed)?;
-    console::result_line(&format!("name: {name}{surroundings}{}", maps.trim_end()))?;
+    // A JSON string is a YAML string, whatever it contains.
+    let name = serde_json::Value::from(name);
+    let maps = maps.trim_end();
+    console::result_line(&format!("name: {name}\n{surroundings}{maps}"))?;
     let left_out = left_out(&scenario);
     if !left_out.is_empty() {
         console::note(&format!(
