@@ -6,10 +6,13 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, hold_a_plan, ids, settled, spots};
+use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, settled, spots};
 use formation::generate::Grouping;
-use formation::model::{Message, ModuleId, TargetAnnouncement};
-use formation::protocol::{Agent, Event, Mutation};
+use formation::model::{
+    ClosedRoster, Epoch, Incarnation, Message, ModuleId, PlanningModule, Pose, QuorumBasis, Roster,
+    RosterMember, RosterMessage, Service, TargetAnnouncement,
+};
+use formation::protocol::{Agent, AgentParameters, Event, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
     run_seed,
@@ -175,4 +178,54 @@ fn a_target_that_is_ignored_as_old_names_no_founders() {
     trial.cluster.remove(ModuleId(5));
     let remaining = ids(&[1, 2, 3, 4]);
     trial.until(|cluster| hold_a_plan(cluster, &remaining));
+}
+
+/// A member that a stranger invents.
+fn invented(id: u32) -> RosterMember {
+    RosterMember {
+        incarnation: Incarnation(1),
+        store: None,
+        service: Service::Active,
+        module: PlanningModule {
+            id: ModuleId(id),
+            pose: Pose::from_units(f64::from(id), 500.0, 0.0).unwrap(),
+            links: BTreeSet::new(),
+            configuration: None,
+            leader: None,
+            pin: None,
+        },
+    }
+}
+
+#[test]
+fn a_roster_that_lists_the_majority_that_it_invents_ends_no_formation() {
+    let problem = drawn(5, 5, Grouping::Singletons, 3);
+    let mut trial = Trial::new(&problem, 3);
+    trial.until(Cluster::has_formed);
+    let before = trial.newest_epoch();
+    let stranger = ModuleId(9_000);
+    let epoch = |ahead| Epoch {
+        number: before + ahead,
+        convener: stranger,
+    };
+    let members = [9_100, 9_101, 9_102].map(invented);
+    let basis = QuorumBasis {
+        epoch: epoch(1),
+        agreed: true,
+        members: members.iter().map(RosterMember::voter).collect(),
+    };
+    let roster = Roster {
+        epoch: epoch(2),
+        target: TargetAnnouncement::clone(trial.cluster.announcement().unwrap()),
+        members: members.to_vec(),
+        quorum_bases: vec![basis],
+        timing: AgentParameters::default().timing(),
+        bodies: Vec::new(),
+    };
+    let run = stranger.run(Incarnation(1));
+    trial.cluster.forge_heartbeat(run, 1, None);
+    let roster = RosterMessage::Plan(Arc::new(ClosedRoster::from(roster)));
+    trial.cluster.inject(&Message::Roster(roster));
+    trial.until(|cluster| newest_epoch(cluster) == before + 2);
+    trial.until(|cluster| newest_epoch(cluster) > before + 2 && hold_a_plan(cluster, &all()));
 }

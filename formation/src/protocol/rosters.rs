@@ -115,10 +115,11 @@ impl Agent {
         }
         self.check_target(&roster)?;
         let memory = self.judge_quorum(&roster)?;
+        // Members answer for what they learn. To a module that stands aside a stranger may show any roster of its own.
         if mine.is_some() {
             self.context.check_bodies(&roster)?;
+            self.context.memory = memory;
         }
-        self.context.memory = memory;
         if self.context.target.revision() < Some(roster.target.revision) {
             self.context.target.set(Arc::new(roster.target.clone()));
         }
@@ -170,8 +171,8 @@ impl Agent {
         }
     }
 
-    /// What this module remembers with a roster that has every majority that it needs. A roster that lacks one teaches nothing,
-    /// so that invented bases cannot keep the modules from forming.
+    /// What a member remembers with a roster that has every majority that it needs. A roster that lacks one teaches nothing, so
+    /// that invented bases cannot keep the modules from forming.
     fn judge_quorum(&mut self, roster: &Roster) -> Result<Memory, Refusal> {
         let context = &mut self.context;
         let mut memory = context.memory.clone();
