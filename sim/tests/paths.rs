@@ -102,7 +102,7 @@ fn modules_keep_clear_of_obstacles_and_walls() {
 
 /// The last body for which no module could move is reported as removed in one of these runs; in the other, its module is back.
 #[test]
-fn a_plan_is_made_anew_when_the_body_is_gone_for_which_it_was_refused() {
+fn a_plan_is_made_again_when_the_body_is_gone_for_which_it_was_refused() {
     let text = include_str!("../../launch_scripts/scenarios/two_rooms.yaml");
     let scenario = Scenario::from_yaml(text).unwrap();
     let parameters = CampaignParameters {

@@ -214,7 +214,7 @@ fn section(
     if !drawn.iter().copied().eq((1..).take(drawn.len())) {
         text.push_str(&format!("  ids: {drawn:?}\n"));
     }
-    // YAML takes the indentation of a first line that begins with a space for that of all, unless it is told.
+    // YAML takes the indentation of a first line that begins with a space for that of all, unless a number states it.
     let is_indented = map.starts_with(' ');
     text.push_str(if is_indented {
         "  map: |2\n"

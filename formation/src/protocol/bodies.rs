@@ -20,14 +20,14 @@ use super::event::{EpochReason, Event};
 use super::refusal::Refusal;
 
 /// The most bodies of other sessions that are kept, so that they take no room from those of this one.
-const FOREIGN_MAX: usize = 1_024;
+const OTHER_SESSIONS_MAX: usize = 1_024;
 
 /// The bodies of other modules.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bodies {
     known: BTreeMap<ModuleId, BodyReport>,
     /// The modules in `known` whose bodies belong to other sessions.
-    foreign: BTreeSet<ModuleId>,
+    of_other_sessions: BTreeSet<ModuleId>,
     /// Rises whenever something becomes known.
     version: u64,
     /// Rises whenever a removal becomes known.
@@ -57,7 +57,7 @@ impl Hash for Bodies {
     fn hash<H: Hasher>(&self, state: &mut H) {
         let Self {
             known,
-            foreign,
+            of_other_sessions,
             version: _,
             removals: _,
             contested,
@@ -65,7 +65,14 @@ impl Hash for Bodies {
             reported,
             compared: _,
         } = self;
-        (known, foreign, contested, own_run_is_removed, reported).hash(state);
+        (
+            known,
+            of_other_sessions,
+            contested,
+            own_run_is_removed,
+            reported,
+        )
+            .hash(state);
     }
 }
 
@@ -80,20 +87,22 @@ impl Bodies {
         self.removals
     }
 
-    /// Keeps a report, unless a later one is known or there are too many. It takes the place of one on a module of another
-    /// session that has the same number, unless it repeats what another module told of that one.
+    /// Keeps a report, unless a later one is known or there are too many.
+    ///
+    /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes the
+    /// place of a report on a module of another session that has the same number.
     pub fn note(&mut self, report: BodyReport) {
-        let module = report.module;
-        let is_of_other = |known: &BodyReport| {
-            self.foreign.contains(&module) && known.incarnation != report.incarnation
-        };
-        let is_new = match self.get(module) {
-            Some(known) => is_of_other(known) || known.compare_age(&report).is_lt(),
-            None => self.known.len() - self.foreign.len() < MODULES_MAX,
+        let is_of_this_session = report.epoch.is_some();
+        let is_of_other_session = self.of_other_sessions.contains(&report.module);
+        let is_new = match self.get(report.module) {
+            Some(known) => {
+                (is_of_other_session && is_of_this_session) || known.compare_age(&report).is_lt()
+            }
+            None => self.known.len() - self.of_other_sessions.len() < MODULES_MAX,
         };
         if is_new {
-            if self.get(module).is_some_and(is_of_other) {
-                self.foreign.remove(&module);
+            if is_of_this_session {
+                self.of_other_sessions.remove(&report.module);
             }
             self.insert(report);
         }
@@ -101,18 +110,18 @@ impl Bodies {
 
     /// Keeps a report on a module of another session. It never takes the place of one on a module of this session, which may
     /// have the same number; then the result is `false`.
-    pub fn note_foreign(&mut self, report: BodyReport) -> bool {
-        let module = report.module;
-        let is_new = match self.get(module) {
-            Some(known) if known.incarnation == report.incarnation => {
-                known.compare_age(&report).is_lt()
-            }
-            Some(_) if !self.foreign.contains(&module) => return false,
+    pub fn note_of_other_session(&mut self, report: BodyReport) -> bool {
+        debug_assert_eq!(
+            report.epoch, None,
+            "its epochs are not those of this session"
+        );
+        let is_new = match self.get(report.module) {
+            Some(known) if known.epoch.is_some() => return false,
             Some(known) => known.compare_age(&report).is_lt(),
-            None => self.foreign.len() < FOREIGN_MAX,
+            None => self.of_other_sessions.len() < OTHER_SESSIONS_MAX,
         };
         if is_new {
-            self.foreign.insert(module);
+            self.of_other_sessions.insert(report.module);
             self.insert(report);
         }
         true
@@ -125,7 +134,7 @@ impl Bodies {
     }
 
     /// An earlier run of a module sends again, and a later one is forgotten: what was reported of that one is about the same
-    /// body, which the next report on the earlier run shows anew; and a removal of that one is over.
+    /// body, which the next report on the earlier run replaces; and a removal of that one is over.
     pub fn forget_run(&mut self, forgotten: ModuleRun, admitted: ModuleRun) {
         let Some(known) = self.known.get_mut(&forgotten.module) else {
             return;
@@ -157,7 +166,7 @@ impl Bodies {
             let is_of_it = |&(&module, _): &(&ModuleId, _)| module == report.module;
             let Some((_, known)) = known
                 .next_if(is_of_it)
-                .filter(|_| !self.foreign.contains(&report.module))
+                .filter(|_| !self.of_other_sessions.contains(&report.module))
             else {
                 unknown.push(report);
                 continue;
@@ -260,7 +269,7 @@ impl Context {
         if report.incarnation.0 > self.latest_stamp() {
             return;
         }
-        // What others tell of a later run than the one that sends to this module is about one that has fallen silent.
+        // What others report of a later run than the one that sends to this module is about one that has fallen silent.
         let liveness = self.liveness();
         let followed = self.peers.get(report.module);
         let followed = followed.filter(|peer| liveness.includes(peer));
@@ -475,4 +484,41 @@ fn except<'a>(
 fn active(roster: &Roster) -> impl Iterator<Item = &RosterMember> {
     let members = roster.members.iter();
     members.filter(|member| member.service == Service::Active)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Incarnation, Pose};
+
+    fn seen(incarnation: u64, epoch: Option<u64>, x: f64) -> BodyReport {
+        BodyReport {
+            module: ModuleId(4),
+            incarnation: Incarnation(incarnation),
+            epoch: epoch.map(|number| Epoch {
+                number,
+                convener: ModuleId(1),
+            }),
+            sequence: 1,
+            whereabouts: Whereabouts::Seen(Pose::from_units(x, 0.0, 0.0).unwrap()),
+        }
+    }
+
+    #[test]
+    fn a_report_of_this_session_replaces_one_of_another_and_never_the_reverse() {
+        let mut bodies = Bodies::default();
+        assert!(bodies.note_of_other_session(seen(9, None, 1.0)));
+        // A roster passes on what another member knew of its earlier run.
+        bodies.note(seen(8, None, 2.0));
+        assert_eq!(bodies.get(ModuleId(4)), Some(&seen(9, None, 1.0)));
+        assert!(
+            bodies.note_of_other_session(seen(10, None, 3.0)),
+            "it has restarted"
+        );
+        assert_eq!(bodies.get(ModuleId(4)), Some(&seen(10, None, 3.0)));
+        // A member has the same number, and started before.
+        bodies.note_ascending([seen(5, Some(1), 4.0)].into_iter());
+        assert!(!bodies.note_of_other_session(seen(11, None, 5.0)));
+        assert_eq!(bodies.get(ModuleId(4)), Some(&seen(5, Some(1), 4.0)));
+    }
 }

@@ -100,7 +100,7 @@ impl Agent {
         }
         let module = report.module;
         let is_own = module == context.module() || context.peers.get(module).is_some();
-        if is_own || !context.bodies.note_foreign(report) {
+        if is_own || !context.bodies.note_of_other_session(report) {
             context.refuse(Some(module), Refusal::NumberOfOtherSession);
         }
     }

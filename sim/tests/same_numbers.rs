@@ -1,4 +1,4 @@
-//! Modules whose numbers or runs do not tell whose body is meant: of another session, or of a clock that was set back.
+//! Modules whose numbers or runs do not distinguish bodies: of another session, or of a clock that was set back.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
@@ -54,7 +54,7 @@ fn with_runs(module: ModuleId, incarnations: &'static [u64]) -> AgentFactory {
 }
 
 #[test]
-fn a_module_of_another_session_takes_no_body_from_its_namesake() {
+fn a_module_of_another_session_takes_no_body_from_one_with_its_number() {
     for seed in 0..4 {
         let problem = drawn(6, 5, Grouping::Singletons, seed);
         let mut trial = Trial::with(&problem, ClusterParameters::default(), seed);
