@@ -270,9 +270,21 @@ impl Operator {
             .publish(command.clone().in_session(self.session));
         match &self.order {
             Order::Remove(modules) => {
-                let modules = listed_in_full(modules.iter().copied());
-                let done = now > *given + REMOVAL_REPEATS;
-                done.then(|| Ok(format!("reported the body of {modules} as removed")))
+                // The roster that lists the module may come from a convener that has yet to notice its death.
+                let known = |module: &ModuleId| self.known.removal(*module).incarnation;
+                let unknown = modules.iter().filter(|module| known(module).is_none());
+                let unknown: Vec<ModuleId> = unknown.copied().collect();
+                if unknown.is_empty() {
+                    let modules = listed_in_full(modules.iter().copied());
+                    let done = now > *given + REMOVAL_REPEATS;
+                    return done.then(|| Ok(format!("reported the body of {modules} as removed")));
+                }
+                is_late.then(|| {
+                    Err(format!(
+                        "no message of {} came, nor a roster that lists it; is the number right?",
+                        listed_in_full(unknown)
+                    ))
+                })
             }
             Order::Stop(stopped) => {
                 let wanted = self.known.stop.revision;
@@ -298,17 +310,7 @@ impl Operator {
                     ));
                 }
                 let removals = modules.iter().map(|&module| self.known.removal(module));
-                let removals: Vec<Removal> = removals.collect();
-                let unknown = removals.iter().filter(|one| one.incarnation.is_none());
-                let unknown: Vec<ModuleId> = unknown.map(|one| one.module).collect();
-                if !unknown.is_empty() {
-                    return Err(format!(
-                        "no message of {} came, nor a roster that lists it, so no body was reported as removed; is the number \
-                         right?",
-                        listed_in_full(unknown)
-                    ));
-                }
-                OperatorCommand::new(Stop::default(), &removals)
+                OperatorCommand::new(Stop::default(), &removals.collect::<Vec<_>>())
             }
         })
     }
