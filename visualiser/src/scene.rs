@@ -287,7 +287,7 @@ singletons: [{id: 2, x: 0.0, y: 0.0}]",
     fn the_target_of_the_highest_revision_is_drawn() {
         let mut scene = scene();
         let first = scene.target().cloned();
-        let other = "target: {spots: [{id: 7, x: 0.0, y: 0.0}], edges: []}";
+        let other = "{target: {map: o}, singletons: [{id: 7, x: 3.0, y: 0.0}]}";
         let other = Scenario::from_yaml(other).unwrap();
         let mut announce = |target: &Option<Arc<Target>>, revision| {
             scene.was_drawn();
