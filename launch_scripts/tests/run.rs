@@ -336,31 +336,26 @@ fn an_allocation_other_than_planned_is_found_wrong() {
     );
 }
 
+/// With the status for bad input if it could not use its arguments, its files or its environment.
 #[test]
 fn the_process_that_failed_is_named_with_its_last_lines() {
-    let sandbox = Sandbox::new(POLITE);
-    sandbox.program(
-        "module_agent",
-        "case \"$*\" in *'--module 8 '*) echo 'out of battery' >&2; exit 9;; esac; exec sleep 60",
-    );
-    let finished = sandbox.run(&["--json"]);
-    assert_eq!(finished.status, Some(1));
-    assert_eq!(finished.stdout, "");
-    assert!(
-        finished
-            .stderr
-            .contains("module_agent of module 8: out of battery\n"),
-        "{}",
-        finished.stderr
-    );
-    assert!(
-        finished
-            .stderr
-            .contains("error: module_agent of module 8 ended with exit status: 9"),
-        "{}",
-        finished.stderr
-    );
-    sandbox.assert_nothing_runs();
+    for (of_module, of_run) in [(9, 1), (2, 2)] {
+        let sandbox = Sandbox::new(POLITE);
+        let script = format!(
+            "case \"$*\" in *'--module 8 '*) echo 'out of battery' >&2; exit {of_module};; esac; exec sleep 60"
+        );
+        sandbox.program("module_agent", &script);
+        let finished = sandbox.run(&["--json"]);
+        assert_eq!(finished.status, Some(of_run));
+        assert_eq!(finished.stdout, "");
+        for line in [
+            "module_agent of module 8: out of battery\n",
+            &format!("error: module_agent of module 8 ended with exit status: {of_module}"),
+        ] {
+            assert!(finished.stderr.contains(line), "{}", finished.stderr);
+        }
+        sandbox.assert_nothing_runs();
+    }
 }
 
 #[test]

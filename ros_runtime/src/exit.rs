@@ -28,7 +28,7 @@ const MESSAGE_BYTES_MAX: usize = 1_000;
 /// Why a process could not do its work.
 #[derive(Debug, Error)]
 pub enum Failure {
-    /// Files, arguments or the environment are wrong; nothing was started.
+    /// Files, arguments or the environment are wrong, for this process or for one that it started.
     #[error("{}", with_causes(.0))]
     BadInput(anyhow::Error),
     /// Something failed later.

@@ -190,7 +190,11 @@ fn form(
     let judgement = match end {
         RunEnd::Judged(judgement) => Ok(judgement),
         RunEnd::ProcessEnded(process, status) => {
-            failed(process_ended(&supervisor, process, status))
+            let what = anyhow!(process_ended(&supervisor, process, status));
+            Err(match roles::is_bad_input(status) {
+                true => Failure::BadInput(what),
+                false => Failure::Failed(what),
+            })
         }
         RunEnd::NoAgentLeft(process, status) => failed(format!(
             "no process of modules is left before there was a verdict; {} ended last, with {status}",

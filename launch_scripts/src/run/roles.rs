@@ -6,12 +6,15 @@ use std::process::ExitStatus;
 use std::time::Duration;
 
 use formation::model::ModuleId;
+use ros_runtime::exit::STATUS_BAD_INPUT;
 use serde::{Serialize, Serializer};
 
 use super::supervisor::ProcessId;
 
-/// The exit status of a program that cannot use its arguments.
-const STATUS_BAD_INPUT: i32 = 2;
+/// Whether a program ended because it cannot use its arguments, its files or its environment.
+pub fn is_bad_input(status: ExitStatus) -> bool {
+    status.code() == Some(STATUS_BAD_INPUT.into())
+}
 
 /// Which process has which role in a run.
 #[derive(Clone, Debug)]
@@ -46,12 +49,9 @@ impl ProcessRoles {
         if process == self.target_publisher {
             return target_is_known;
         }
-        let failed_at_start = match status.code() {
-            Some(STATUS_BAD_INPUT) => true,
-            // Zero is the status of a process that was asked to end.
-            Some(code) => code != 0 && !all_joined,
-            None => false,
-        };
+        // Zero is the status of a process that was asked to end.
+        let failed = status.code().is_some_and(|code| code != 0);
+        let failed_at_start = is_bad_input(status) || (failed && !all_joined);
         let is_optional = self.agents.contains_key(&process) || self.recorder == Some(process);
         is_optional && !failed_at_start
     }
