@@ -47,6 +47,8 @@ pub struct CampaignParameters {
     pub transcripts: bool,
     /// If set, agents ask their host for plans, and each plan takes up to this time.
     pub plan_time_max: Option<Duration>,
+    /// If set, drives move on for up to this time after their last goal, and so slowly that a step takes a second.
+    pub coasting: Option<Duration>,
     /// Makes the agents.
     pub agents: AgentFactory,
 }
@@ -64,6 +66,7 @@ impl Default for CampaignParameters {
             stores: None,
             transcripts: false,
             plan_time_max: None,
+            coasting: None,
             agents: AgentFactory::default(),
         }
     }
@@ -187,11 +190,17 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     let stores = parameters.stores.unwrap_or(drawn);
     // docs/fault_model.md excepts restarts without stores if the founders are not named, and churn consists of them.
     let always_named = stores || parameters.faults == FaultKind::Churn;
+    let others = cluster_parameters(parameters.faults);
     let cluster_parameters = ClusterParameters {
         stores,
         names_founders: always_named || memory.below(2) == 0,
         plan_time_max: parameters.plan_time_max,
-        ..cluster_parameters(parameters.faults)
+        coasting: parameters.coasting,
+        speed_units_per_s: match parameters.coasting {
+            Some(_) => 1.0,
+            None => others.speed_units_per_s,
+        },
+        ..others
     };
     let network = cluster_parameters.network;
     // A slow process handles its messages a little later still.

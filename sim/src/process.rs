@@ -124,6 +124,8 @@ pub(crate) struct Process {
     pub inbox: Inbox,
     pub timeout_at: Option<Duration>,
     pub drive: SimulatedDrive,
+    /// Whether its agent has ordered a halt, which the drive reports once it stands.
+    pub is_coasting: bool,
     /// Whether the drive fails whenever it receives a goal.
     pub drive_broken: bool,
     /// When the next report of the drive is scheduled.

@@ -43,6 +43,18 @@ fn faults_lead_to_no_contact() {
     }
 }
 
+/// Robots move on for a while after their agents' last goals, also those that a plan has left out.
+#[test]
+fn drives_that_halt_late_lead_to_no_contact() {
+    for faults in [FaultKind::Partition, FaultKind::Mixed, FaultKind::Hostile] {
+        let parameters = CampaignParameters {
+            coasting: Some(Duration::from_secs(2)),
+            ..parameters(faults, Apart::Circles)
+        };
+        run_all(&parameters, 0..seeds());
+    }
+}
+
 /// A module that is cut off on its way may be anywhere on the rest of its path.
 #[test]
 fn cuts_lead_to_no_contact() {

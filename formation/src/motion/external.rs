@@ -120,7 +120,7 @@ impl ExternalDrive {
         self.commands.push_back(DriveCommand::Goal(goal.pose));
     }
 
-    /// Stops sending goals; the halt is reported once the module stands still.
+    /// Stops sending goals; the halt is reported once the module is measured to stand still.
     pub fn halt(&mut self, now: Duration) {
         match self.state {
             State::Standing => self.report(MotionReport::Halted(self.pose)),
@@ -195,7 +195,7 @@ impl ExternalDrive {
             State::Travelling { since, .. } => {
                 let limit = self.parameters.pose_limit;
                 if now >= self.received.max(*since) + limit {
-                    self.state = State::Standing;
+                    self.halt(now);
                     self.fail(DriveFault::NoPose { limit });
                 }
             }

@@ -31,6 +31,6 @@ pub enum MotionReport {
     Docked(ModuleId),
     /// The module has undocked from this module.
     Undocked(ModuleId),
-    /// The drive or a port cannot carry out its last goal.
+    /// The drive or a port cannot carry out its last goal. A module that was to move has not halted by that.
     Failed,
 }

@@ -63,9 +63,8 @@ impl Agent {
     }
 
     fn handle_failure(&mut self) {
-        // A module whose drive fails may coast, and the drive need not report that it halted.
+        // It may move on for a while: it freezes, as any other, once its drive has reported that it stands.
         self.context.stand_still();
-        self.context.body.moving = false;
         self.context.body.ports_busy.clear();
         let spot = match &mut self.stage {
             Stage::Acting(acting) => acting.abandon(),

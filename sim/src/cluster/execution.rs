@@ -98,7 +98,9 @@ impl Cluster {
         let drive = SimulatedDrive::new(
             identity.pose,
             self.parameters.speed_units_per_s,
-            self.parameters.agent.lease,
+            self.parameters
+                .coasting
+                .unwrap_or(self.parameters.agent.lease),
         );
         let local = clock.local(self.now());
         let has_store = identity.store.is_some();
@@ -120,6 +122,7 @@ impl Cluster {
             inbox: Inbox::default(),
             timeout_at: None,
             drive,
+            is_coasting: false,
             drive_broken: false,
             tick_at: None,
             driven_by: None,
@@ -204,6 +207,7 @@ impl Cluster {
 
     fn drain(&mut self, module: ModuleId) {
         let now = self.now();
+        let coasts = self.parameters.coasting.is_some();
         while let Some(process) = self.processes.get_mut(&module) {
             let Some(output) = process.agent.poll_output() else {
                 return;
@@ -227,6 +231,7 @@ impl Cluster {
                         continue;
                     }
                     process.driven_by = plan;
+                    process.is_coasting = false;
                     let stood = process.drive.pose_at(local);
                     process.drive.go(local, goal);
                     self.observe(Observation::Stands(module, stood));
@@ -241,6 +246,7 @@ impl Cluster {
                     let at = now + Duration::from_micros(self.random.below(WRITE_US_MAX));
                     self.schedule.add(at, Happening::Persisted(run, number));
                 }
+                Output::Halt if coasts && process.drive.is_moving() => process.is_coasting = true,
                 Output::Halt => {
                     let report = process.drive.halt(local);
                     process.agent.handle(local, Input::Motion(report));
@@ -289,11 +295,18 @@ impl Cluster {
         };
         process.tick_at = None;
         let local = process.clock.local(now);
-        if let Some(report) = process.drive.advance(local) {
+        if let Some(mut report) = process.drive.advance(local) {
             let pose = process.drive.pose();
+            let is_silent = process.is_coasting && process.drive.is_moving();
+            if process.is_coasting && !is_silent {
+                process.is_coasting = false;
+                report = MotionReport::Halted(pose);
+            }
             self.observe(Observation::Stands(run.module, pose));
             self.schedule_tick(run.module);
-            self.input(run.module, Input::Motion(report));
+            if !is_silent {
+                self.input(run.module, Input::Motion(report));
+            }
         }
     }
 

@@ -157,7 +157,11 @@ impl Cluster {
         let Some(mut process) = self.processes.remove(&module) else {
             return;
         };
-        process.drive.halt(process.clock.local(self.now()));
+        let local = process.clock.local(self.now());
+        // A drive that moves on is put at once where it will stand.
+        process
+            .drive
+            .halt(local + self.parameters.coasting.unwrap_or_default());
         // A write that was under way may be done or not.
         while let Some((_, state)) = process.writing.pop_front()
             && self.random.below(2) == 0

@@ -48,6 +48,8 @@ pub struct ClusterParameters {
     pub names_founders: bool,
     /// If set, agents ask their host for plans, and each plan takes up to this time. Otherwise they compute them in no time.
     pub plan_time_max: Option<Duration>,
+    /// If set, a drive moves on for up to this time after its last goal, as that of a robot does. Otherwise it halts with its agent.
+    pub coasting: Option<Duration>,
 }
 
 impl Default for ClusterParameters {
@@ -62,6 +64,7 @@ impl Default for ClusterParameters {
             stores: false,
             names_founders: false,
             plan_time_max: None,
+            coasting: None,
         }
     }
 }

@@ -145,11 +145,12 @@ impl Cluster {
         process.is_some_and(|process| process.drive.is_moving())
     }
 
-    /// The plan on which a module moves; `None` while its drive stands still.
+    /// The plan on which a module moves; `None` while its drive stands still, or only moves on after its last goal.
     #[must_use]
     pub fn plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {
         let process = self.processes.get(&module)?;
-        process.driven_by.filter(|_| process.drive.is_moving())
+        let is_driven = process.drive.is_moving() && !process.is_coasting;
+        process.driven_by.filter(|_| is_driven)
     }
 
     /// The plan of the last goal that a running module's drive received.

@@ -97,7 +97,7 @@ impl Monitor {
         }
     }
 
-    /// Compares a leg with the bodies of the members of its plan, if they move along paths.
+    /// Compares a leg with the bodies of the members of its plan and with those that its roster lists, if it is part of a path.
     fn compare(
         &mut self,
         module: ModuleId,
@@ -118,24 +118,22 @@ impl Monitor {
         let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
         let width = width.to_units();
         let mut found = Vec::new();
-        for &other in &known.members {
+        let listed = known.roster.bodies.iter().map(|body| body.module);
+        let others: BTreeSet<ModuleId> = known.members.iter().copied().chain(listed).collect();
+        for other in others {
             let pair = (module.min(other), module.max(other));
             if other == module || exempt.contains(&other) || self.bodies.found.contains(&pair) {
                 continue;
             }
-            let Some(standing) = cluster.standing(other) else {
+            let Some(stands) = cluster.body(other) else {
                 continue;
             };
             let meets = match self.bodies.tracks.get(&other) {
-                None => meet(
-                    &leg,
-                    &Leg::at_rest(Duration::ZERO, leg.end, standing.pose),
-                    width,
-                ),
+                None => meet(&leg, &Leg::at_rest(Duration::ZERO, leg.end, stands), width),
                 Some(track) if track.docked.contains(&module) => false,
                 Some(track) => {
                     let rest = Leg::at_rest(track.since, leg.end, track.pose);
-                    let rest = Some(rest).filter(|_| !standing.moving);
+                    let rest = Some(rest).filter(|_| !cluster.is_moving(other));
                     track
                         .legs
                         .iter()

@@ -125,6 +125,13 @@ fn a_driver_that_falls_silent_on_the_way_has_failed() {
     drive.advance(at(7_000));
     assert_eq!(reports(&mut drive).last(), Some(&MotionReport::Failed));
     assert!(faults(&mut drive)[0].contains("pose_limit_s (5 s)"));
+    // Where it stands is known when its driver says so.
+    drive.halt(at(7_000));
+    for (time, x) in [(8_000, 1.9), (8_100, 2.0), (8_300, 2.0), (8_700, 2.0)] {
+        assert_eq!(reports(&mut drive), [], "{time}");
+        drive.handle_pose(at(time), pose(x, 0.0));
+    }
+    assert_eq!(reports(&mut drive), [MotionReport::Halted(pose(2.0, 0.0))]);
     assert_eq!(drive.poll_timeout(), None);
 }
 
