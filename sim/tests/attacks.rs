@@ -197,27 +197,33 @@ fn invented(id: u32) -> RosterMember {
     }
 }
 
-#[test]
-fn a_roster_that_lists_the_majority_that_it_invents_ends_no_formation() {
+/// A stranger publishes a roster of invented modules, and of `living` ones in their present runs, with the basis that the invented
+/// ones fill. Those that it does not list stand aside, and form again.
+fn forge_roster(living: &[u32]) {
     let problem = drawn(5, 5, Grouping::Singletons, 3);
     let mut trial = Trial::new(&problem, 3);
     trial.until(Cluster::has_formed);
+    let living = living.iter().map(|&id| RosterMember {
+        incarnation: trial.cluster.run_of(ModuleId(id)).unwrap().incarnation,
+        ..invented(id)
+    });
     let before = trial.newest_epoch();
     let stranger = ModuleId(9_000);
     let epoch = |ahead| Epoch {
         number: before + ahead,
         convener: stranger,
     };
-    let members = [9_100, 9_101, 9_102].map(invented);
+    let strangers = [9_100, 9_101, 9_102].map(invented);
+    let members = living.chain(strangers.clone()).collect();
     let basis = QuorumBasis {
         epoch: epoch(1),
         agreed: true,
-        members: members.iter().map(RosterMember::voter).collect(),
+        members: strangers.iter().map(RosterMember::voter).collect(),
     };
     let roster = Roster {
         epoch: epoch(2),
         target: TargetAnnouncement::clone(trial.cluster.announcement().unwrap()),
-        members: members.to_vec(),
+        members,
         quorum_bases: vec![basis],
         timing: AgentParameters::default().timing(),
         bodies: Vec::new(),
@@ -228,4 +234,33 @@ fn a_roster_that_lists_the_majority_that_it_invents_ends_no_formation() {
     trial.cluster.inject(&Message::Roster(roster));
     trial.until(|cluster| newest_epoch(cluster) == before + 2);
     trial.until(|cluster| newest_epoch(cluster) > before + 2 && hold_a_plan(cluster, &all()));
+}
+
+/// A module that starts later knows none of the epochs by which a stranger has raised the number, step by step.
+#[test]
+fn a_number_that_a_stranger_raises_keeps_no_module_out() {
+    let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
+    trial.until(Cluster::has_formed);
+    let stranger = ModuleId(9_000).run(Incarnation(1));
+    for (sequence, number) in [(1, 1 << 20), (2, 1 << 21)] {
+        let convener = stranger.module;
+        trial
+            .cluster
+            .forge_heartbeat(stranger, sequence, Some(Epoch { number, convener }));
+    }
+    trial.cluster.crash(ModuleId(5));
+    trial.until(|cluster| newest_epoch(cluster) > 1 << 21);
+    trial.cluster.restart(ModuleId(5));
+    trial.until(|cluster| cluster.has_formed() && hold_a_plan(cluster, &all()));
+}
+
+#[test]
+fn a_roster_that_lists_the_majority_that_it_invents_ends_no_formation() {
+    forge_roster(&[]);
+}
+
+#[test]
+fn a_roster_that_lists_live_modules_which_refuse_it_ends_no_formation() {
+    forge_roster(&[5]);
+    forge_roster(&[1, 2, 3, 4]);
 }

@@ -20,7 +20,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     ),
     (Mutation::SkipLeaseWait, 0, ViolationKind::MotionBeforeLease),
     (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
-    (Mutation::DropIncarnationCheck, 89, ViolationKind::NoEnd),
+    (Mutation::DropIncarnationCheck, 152, ViolationKind::NotWhereFrozen),
     (
         Mutation::AcceptWithoutRecomputation,
         11,

@@ -6,7 +6,7 @@ use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, spots};
 use formation::generate::Grouping;
-use formation::model::{ModuleId, ModulePhase, Stop};
+use formation::model::{Message, ModuleId, ModulePhase, Stop};
 use formation::protocol::{AgentParameters, Event};
 use formation_sim::Cluster;
 
@@ -58,6 +58,23 @@ fn a_stop_in_mid_motion_reaches_all_and_lasts_until_it_is_resumed() {
         let failed = trial.count(|event| matches!(event, Event::MotionOverdue(_)));
         assert_eq!(failed, 0, "seed {seed}");
     }
+}
+
+/// A stranger raises the revision step by step. A module that starts later knows none of the steps, and stands still all the same.
+#[test]
+fn a_stop_of_a_high_revision_reaches_a_module_that_starts_later() {
+    let mut trial = Trial::new(&drawn(3, 3, Grouping::Singletons, 3), 3);
+    trial.until(|cluster| !moving(cluster).is_empty());
+    let late = moving(&trial.cluster)[0];
+    trial.cluster.crash(late);
+    for (revision, stopped) in [(1 << 20, false), (1 << 21, true)] {
+        let stop = Stop { revision, stopped };
+        trial.cluster.inject(&Message::Stop(stop));
+    }
+    trial.cluster.restart(late);
+    trial.run_for(Duration::from_secs(60));
+    let mut noted = trial.noted.iter();
+    assert!(noted.any(|(module, event)| *module == late && matches!(event, Event::Stopped)));
 }
 
 #[test]

@@ -14,7 +14,7 @@ use formation::model::{
 };
 use formation_msgs::{InSession, OperatorCommand, SessionId};
 use formation_node::messages::{Received, session_of, subscribe_every_size};
-use formation_node::topics;
+use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
@@ -53,7 +53,8 @@ impl Known {
     pub(crate) fn handle_message(&mut self, message: &Message) {
         match message {
             Message::Heartbeat(heartbeat) => {
-                if heartbeat.stop.is_plausible_after(&self.stop) {
+                // Modules refuse a later one as well, and no command could follow the greatest.
+                if heartbeat.stop.revision <= stamp::latest() {
                     self.stop = self.stop.max(heartbeat.stop);
                 }
                 self.note_run(heartbeat.module, heartbeat.incarnation);

@@ -123,7 +123,7 @@ class Liar:
             ("claim_of_an_old_epoch", "claims", lambda n: self.claim(
                 n, claimant_id=9_000 + n % 50, epoch={"number": 1, "convener": 0})),
             ("claim_of_a_far_epoch", "claims", lambda n: self.claim(
-                n, claimant_id=9_000 + n % 50, epoch={"number": 2**40, "convener": 3})),
+                n, claimant_id=9_000 + n % 50, epoch={"number": 2**60, "convener": 3})),
             ("heartbeat_of_the_living", "heartbeats", lambda n: self.heartbeat(n)),
             ("heartbeat_of_a_later_run", "heartbeats", lambda n: self.heartbeat(n, incarnation=2**63)),
             ("heartbeat_of_an_earlier_run", "heartbeats", lambda n: self.heartbeat(n, incarnation=1)),

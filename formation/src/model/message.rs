@@ -492,15 +492,6 @@ pub struct Stop {
     pub stopped: bool,
 }
 
-impl Stop {
-    /// Whether a command is near enough to the latest known one to be true.
-    #[must_use]
-    pub fn is_plausible_after(&self, known: &Self) -> bool {
-        const STEP_MAX: u64 = 1 << 20;
-        self.revision <= known.revision.saturating_add(STEP_MAX)
-    }
-}
-
 /// The report that the body of a module was taken away.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub struct Removal {

@@ -102,6 +102,12 @@ impl Context {
         own.saturating_add(STAMP_AHEAD_MAX)
     }
 
+    /// Whether an epoch or a revision of a command is low enough to be true. A bound that depends on what is known would let a
+    /// stranger raise the number step by step, out of reach of modules that start later.
+    pub fn is_plausible(&self, number: u64) -> bool {
+        number <= self.latest_stamp()
+    }
+
     pub fn liveness(&self) -> Liveness {
         Liveness {
             latest_stamp: self.latest_stamp(),
@@ -243,6 +249,13 @@ impl Context {
     /// The plan of a job; `None` until the host has computed it.
     pub fn plan(&mut self, job: PlanJob) -> Option<Arc<ComputedPlan>> {
         self.plans.get(job, &mut self.outbox)
+    }
+
+    /// Records an epoch that exists, unless it is too high to be true.
+    pub fn note_epoch(&mut self, epoch: Epoch) {
+        if self.is_plausible(epoch.number) {
+            self.memory.note_epoch(epoch);
+        }
     }
 
     /// Records that an epoch was opened, by this module or another.

@@ -84,15 +84,18 @@ impl Stage {
                 None => return Some(EpochReason::NewTarget),
             },
         };
-        let is_outside = matches!(self, Self::Outsider(_));
+        let outside_since = match self {
+            Self::Outsider(outsider) => Some(outsider.since),
+            _ => None,
+        };
         let judged = (
             roster.epoch,
             context.target.revision(),
             context.body.service,
             context.bodies.version(),
         );
-        let is_calm = !is_outside && context.peers.is_calm(context.now, judged);
-        if !is_calm && let Err(verdict) = judge_members(roster, is_outside, context) {
+        let is_calm = outside_since.is_none() && context.peers.is_calm(context.now, judged);
+        if !is_calm && let Err(verdict) = judge_members(roster, outside_since, context) {
             return verdict;
         }
         let stuck = self.stuck_members(context);
@@ -159,21 +162,33 @@ impl Stage {
 /// others have to decide.
 fn judge_members(
     roster: &Roster,
-    is_outside: bool,
-    context: &Context,
+    outside_since: Option<Duration>,
+    context: &mut Context,
 ) -> Result<(), Option<EpochReason>> {
     if context.has_replaced(&roster.target) {
         return Err(Some(EpochReason::NewTarget));
     }
-    if is_outside && others(roster, context).any(|member| is_in_charge(member.run(), context)) {
-        // The members judge which modules are missing and which are wanted. A module that receives nothing from a
-        // member, or that does not receive all of them, would halt them again and again.
-        return Err(None);
+    if let Some(since) = outside_since {
+        let due = since + context.parameters.stuck;
+        context.wake_at(due);
+        let leads =
+            |run: ModuleRun| context.now < due || follows(run.module, roster.epoch, context);
+        let members = others(roster, context).map(RosterMember::run);
+        let in_charge = members.filter(|&run| is_in_charge(run, context));
+        if in_charge.clone().any(leads) {
+            // The members judge which modules are missing and which are wanted. A module that receives nothing from a
+            // member, or that does not receive all of them, would halt them again and again.
+            return Err(None);
+        }
+        let refusing: Vec<ModuleId> = in_charge.map(|run| run.module).collect();
+        if !refusing.is_empty() {
+            return Err(Some(EpochReason::Stuck(refusing)));
+        }
     }
     if let Some(reason) = missing_members(roster, context) {
         return Err(Some(reason));
     }
-    if is_outside {
+    if outside_since.is_some() {
         let members = roster.members.iter().map(|member| member.module.id);
         let ahead = ahead_of(roster, members, context);
         if !ahead.is_empty() {
@@ -204,7 +219,10 @@ fn ahead_of(
 }
 
 /// The members other than this module.
-fn others<'a>(roster: &'a Roster, context: &Context) -> impl Iterator<Item = &'a RosterMember> {
+fn others<'a>(
+    roster: &'a Roster,
+    context: &Context,
+) -> impl Iterator<Item = &'a RosterMember> + Clone {
     let own = context.module();
     let members = roster.members.iter();
     members.filter(move |member| member.module.id != own)

@@ -7,9 +7,6 @@ use crate::model::{Epoch, ModuleId, ModuleState, QuorumBasis, TargetAnnouncement
 
 use super::quorum::{Founders, Quorum, Shortfall};
 
-/// An epoch further ahead of every known one than this is refused.
-const EPOCH_STEP_MAX: u64 = 1 << 20;
-
 /// What a module remembers of agreements and epochs.
 #[derive(Clone, Debug, Default, Hash)]
 pub(super) struct Memory {
@@ -30,11 +27,6 @@ impl Memory {
 
     pub fn highest_epoch(&self) -> Option<Epoch> {
         self.highest_epoch
-    }
-
-    /// Records an epoch from the module's own store.
-    pub fn restore_epoch(&mut self, epoch: Epoch) {
-        self.highest_epoch = self.highest_epoch.max(Some(epoch));
     }
 
     fn founders(founders: &[ModuleId], expected: Option<u32>) -> Founders<'_> {
@@ -79,16 +71,9 @@ impl Memory {
         }
     }
 
-    /// Records an epoch that exists, unless it is too far ahead to be true.
+    /// Records an epoch that exists.
     pub fn note_epoch(&mut self, epoch: Epoch) {
-        if self.is_plausible(epoch) {
-            self.highest_epoch = self.highest_epoch.max(Some(epoch));
-        }
-    }
-
-    /// Whether an epoch is near enough to the highest known one to be true.
-    pub fn is_plausible(&self, epoch: Epoch) -> bool {
-        epoch.number <= self.highest_number().saturating_add(EPOCH_STEP_MAX)
+        self.highest_epoch = self.highest_epoch.max(Some(epoch));
     }
 
     /// An epoch that is higher than every known one.

@@ -442,7 +442,7 @@ impl Agent {
         let Some(epoch) = heartbeat.epoch else {
             return;
         };
-        self.context.memory.note_epoch(epoch);
+        self.context.note_epoch(epoch);
         if let Some(roster) = self.stage.roster()
             && heartbeat.digest.is_some()
             && roster.epoch == epoch
@@ -476,7 +476,7 @@ impl Agent {
         if current.is_some_and(|current| claim.epoch < current) {
             return Err(Refusal::StaleEpoch);
         }
-        if current != Some(claim.epoch) && !self.context.memory.is_plausible(claim.epoch) {
+        if current != Some(claim.epoch) && !self.context.is_plausible(claim.epoch.number) {
             return Err(Refusal::ImplausibleEpoch);
         }
         Ok(())

@@ -34,7 +34,7 @@ impl Agent {
         let epoch = message.epoch();
         if epoch.convener == self.context.module() {
             // An earlier run of this module may have convened; its epoch counts, its roster does not.
-            self.context.memory.note_epoch(epoch);
+            self.context.note_epoch(epoch);
             return;
         }
         let Some(convener) = self.context.peers.get(epoch.convener) else {
@@ -46,7 +46,7 @@ impl Agent {
             self.keep_early_roster(source, message);
             return self.context.refuse(convener, refusal);
         }
-        if !self.context.memory.is_plausible(epoch) {
+        if !self.context.is_plausible(epoch.number) {
             return self.context.refuse(convener, Refusal::ImplausibleEpoch);
         }
         let current = self.stage.epoch();
@@ -131,7 +131,8 @@ impl Agent {
             self.context.stand_still();
             self.context.note_opened(roster.epoch);
             self.context.mark_state_changed();
-            self.stage = Stage::Outsider(Outsider(roster));
+            let since = self.context.now;
+            self.stage = Stage::Outsider(Outsider { roster, since });
         }
         Ok(())
     }

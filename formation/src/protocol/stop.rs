@@ -19,7 +19,7 @@ impl Agent {
         if stop <= known {
             return;
         }
-        if !stop.is_plausible_after(&known) {
+        if !context.is_plausible(stop.revision) {
             return context.refuse(None, Refusal::ImplausibleStop);
         }
         context.stop = stop;

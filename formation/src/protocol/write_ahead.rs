@@ -23,7 +23,7 @@ impl Agent {
         let context = &mut self.context;
         let memory = &mut context.memory;
         for epoch in [stored.entered, stored.highest].into_iter().flatten() {
-            memory.restore_epoch(epoch);
+            memory.note_epoch(epoch);
         }
         memory.founders = stored.founders;
         memory.quorum.learn(&stored.quorum_bases);

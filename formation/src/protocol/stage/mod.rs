@@ -13,6 +13,7 @@ mod route;
 
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
+use std::time::Duration;
 
 use crate::model::{ClosedRoster, Epoch, ModulePhase, ModuleState, Pose, Roster, SpotClaim};
 use crate::motion::MotionGoal;
@@ -45,11 +46,17 @@ pub(super) enum Stage {
 
 /// A roster that does not list this module.
 #[derive(Clone)]
-pub(super) struct Outsider(pub Arc<ClosedRoster>);
+pub(super) struct Outsider {
+    pub roster: Arc<ClosedRoster>,
+    /// When this module stood aside for it.
+    pub since: Duration,
+}
 
 impl Hash for Outsider {
     fn hash<H: Hasher>(&self, state: &mut H) {
-        hash_roster(&self.0, state);
+        let Self { roster, since } = self;
+        hash_roster(roster, state);
+        since.hash(state);
     }
 }
 
@@ -94,7 +101,7 @@ impl Stage {
             Self::Planning(planning) => Some(&planning.roster),
             Self::Agreeing(agreeing) => Some(&agreeing.held.roster),
             Self::Acting(acting) => Some(&acting.held.roster),
-            Self::Outsider(Outsider(roster)) => Some(roster),
+            Self::Outsider(Outsider { roster, .. }) => Some(roster),
             Self::Listening(_) | Self::Gathering(_) => None,
         }
     }
