@@ -6,15 +6,17 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
+use formation::event_log::Entry;
 use formation::model::text::{counted, joined, listed_in_full};
 use formation::model::{Assignment, Decision, PlanningProblem, Scenario, SpotId};
 use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Planning, Statistics};
 use formation::verify::check_plan;
-use formation_report::Fact;
+use formation_report::{Fact, Subject, course_of_plan};
 use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
 
+use crate::arguments::SPEED_UNITS_PER_S;
 use crate::console;
 use crate::motion::{self, MotionReport};
 use crate::table::aligned;
@@ -115,6 +117,17 @@ impl CheckedPlan {
         if let Some(warning) = motion::warning(&self.motion) {
             console::note(&format!("warning: {}: {warning}", path.display()));
         }
+    }
+
+    /// The plan as it would be carried out by simulated drives.
+    pub fn course(&self) -> Vec<Entry> {
+        let (problem, outcome) = (&self.problem, &self.outcome);
+        course_of_plan(problem, outcome, &self.motion, SPEED_UNITS_PER_S)
+    }
+
+    /// What pictures show of a plan with this course.
+    pub fn subject(&self, name: &str, course: &[Entry]) -> Subject {
+        Subject::of_course(&one_line(name), &self.problem, &self.outcome, course, None)
     }
 
     /// Refuses a plan by which no module would move.

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use formation_report::{Subject, Summary, Tone, course_of_plan};
-use ros_runtime::exit::{Failure, one_line};
+use formation_report::{Summary, Tone};
+use ros_runtime::exit::Failure;
 
 use crate::arguments::SPEED_UNITS_PER_S;
 use crate::checked_plan::{CheckedPlan, PlanReport};
@@ -44,13 +44,8 @@ fn write_report(
     plan: &CheckedPlan,
     name: &str,
 ) -> Result<(), Failure> {
-    let subject = Subject::planned(&one_line(name), &plan.problem, &plan.outcome);
-    let course = course_of_plan(
-        &plan.problem,
-        &plan.outcome,
-        &plan.motion,
-        SPEED_UNITS_PER_S,
-    );
+    let course = plan.course();
+    let subject = plan.subject(name, &course);
     let mut notes = plan.statistics.warnings.clone();
     notes.extend(motion::warning(&plan.motion));
     let summary = Summary {

@@ -15,7 +15,7 @@ use ros_runtime::exit::{Failure, one_line};
 
 use crate::console;
 use crate::report::ReportDirectory;
-use crate::run::{Recording, endings};
+use crate::run::Recording;
 
 /// Writes the report of a recording, and prints what the recording holds.
 ///
@@ -42,10 +42,10 @@ pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
         recording.keep(entry.clone());
     }
     let judged = replay.verdict.as_ref().map(settled);
-    let endings = endings(recording.entries(), judged.as_ref());
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
     let outcome = plan(Arc::clone(problem));
-    let subject = Subject::seen(&one_line(&name), problem, &outcome, &endings);
+    let (name, course) = (one_line(&name), recording.entries());
+    let subject = Subject::of_course(&name, problem, &outcome, course, judged.as_ref());
     let summary = summary(&replay, problem, &recording);
     report.write_pictures(&subject, recording.entries(), &summary)?;
     console::result_line(&text(&replay, &summary, &directory))?;

@@ -1,14 +1,13 @@
 //! `formation show` and `formation schema`.
 
 use std::path::Path;
-use std::sync::Arc;
 
 use formation::model::text::joined;
 use formation::model::{Area, BODY_WIDTH, PlannerParameters, RawArea, Scenario};
-use formation::planner::plan;
-use formation_report::{Subject, before};
+use formation_report::before;
 use ros_runtime::exit::{Failure, one_line};
 
+use crate::checked_plan::CheckedPlan;
 use crate::{console, scenario_file};
 
 /// The JSON schema of scenario files.
@@ -22,8 +21,8 @@ pub fn show(path: &Path, svg: bool) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     let name = one_line(scenario.name());
     if svg {
-        let outcome = plan(Arc::new(scenario.problem().clone()));
-        let subject = Subject::planned(&name, scenario.problem(), &outcome);
+        let plan = CheckedPlan::of(&scenario)?;
+        let subject = plan.subject(&name, &plan.course());
         return console::result_line(&before(&subject));
     }
     let maps = scenario.to_maps().map_err(|error| {

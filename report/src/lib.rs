@@ -17,4 +17,4 @@ mod subject;
 pub use page::{Fact, Summary, Tone, page};
 pub use pictures::{after, before};
 pub use planned::course_of_plan;
-pub use subject::{Ending, Subject};
+pub use subject::Subject;

@@ -2,9 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use formation::event_log::{Entry, Event, Scene};
 use formation::model::{
-    self, ConfigurationId, MicroUnits, ModuleId, PlanningModule, PlanningProblem, Pose, SpotId,
-    Surroundings,
+    self, ConfigurationId, MicroUnits, ModuleId, ModulePhase, PlanningModule, PlanningProblem,
+    Pose, SpotId, Surroundings,
 };
 use formation::planner::PlanOutcome;
 
@@ -62,52 +63,27 @@ pub(crate) struct Link {
     pub(crate) kept: bool,
 }
 
-/// The last observed state of a module.
-#[derive(Clone, Debug)]
-pub struct Ending {
-    /// Its pose.
-    pub pose: Pose,
+/// The last state of a module.
+struct Ending {
+    pose: Pose,
     /// The spot on which it has settled.
-    pub spot: Option<SpotId>,
+    spot: Option<SpotId>,
     /// The modules that it is docked to.
-    pub links: BTreeSet<ModuleId>,
+    links: BTreeSet<ModuleId>,
 }
 
 impl Subject {
-    /// A formation as it is planned.
+    /// A formation as a course of events ends, with the spots on which a verdict found its modules, if there is one. Modules of
+    /// which the course shows nothing stay where they start.
     #[must_use]
-    pub fn planned(name: &str, problem: &PlanningProblem, outcome: &PlanOutcome) -> Self {
-        let (plan, target) = (&outcome.plan, problem.target());
-        let placed = plan.assignments.iter();
-        let holders: BTreeMap<SpotId, ModuleId> =
-            placed.map(|(&module, &spot)| (spot, module)).collect();
-        let endings = problem.modules().iter().map(|module| {
-            let spot = plan.assignments.get(&module.id).copied();
-            let neighbours = spot.into_iter().flat_map(|spot| target.neighbours_of(spot));
-            let neighbours = neighbours.filter_map(|spot| holders.get(&spot).copied());
-            let kept = module.links.iter().copied().filter(|&other| {
-                plan.kept_links
-                    .contains(&(module.id.min(other), module.id.max(other)))
-            });
-            let standing = spot.and_then(|spot| target.spot(spot));
-            let ending = Ending {
-                pose: standing.map_or(module.pose, |spot| spot.pose),
-                spot,
-                links: neighbours.chain(kept).collect(),
-            };
-            (module.id, ending)
-        });
-        Self::seen(name, problem, outcome, &endings.collect())
-    }
-
-    /// A formation as it was observed to end; modules without an ending stay where they start.
-    #[must_use]
-    pub fn seen(
+    pub fn of_course(
         name: &str,
         problem: &PlanningProblem,
         outcome: &PlanOutcome,
-        endings: &BTreeMap<ModuleId, Ending>,
+        course: &[Entry],
+        judged: Option<&BTreeMap<ModuleId, SpotId>>,
     ) -> Self {
+        let endings = &endings(course, judged);
         let modules = modules(problem, outcome, endings);
         let initial = pairs(problem, |module| {
             problem.module(module).map(|module| &module.links)
@@ -115,10 +91,8 @@ impl Subject {
         let last = pairs(problem, |module| {
             endings.get(&module).map(|ending| &ending.links)
         });
-        let is_kept = |ends: (usize, usize)| {
-            let ids = (modules[ends.0].id, modules[ends.1].id);
-            last.contains(&ends) && outcome.plan.kept_links.contains(&ids)
-        };
+        let undocked = undocked(problem, course);
+        let is_kept = |ends: (usize, usize)| last.contains(&ends) && !undocked.contains(&ends);
         let link = |&ends: &(usize, usize)| Link {
             ends,
             kept: is_kept(ends),
@@ -174,6 +148,45 @@ impl Subject {
             .filter(|spot| spot.holder.is_some())
             .count()
     }
+}
+
+/// The pairs of modules that were docked at the start and once were not, by position, the lower first.
+fn undocked(problem: &PlanningProblem, course: &[Entry]) -> BTreeSet<(usize, usize)> {
+    let states = course.iter().filter_map(|entry| match &entry.event {
+        Event::State(state) => Some((problem.position_of(state.module)?, state)),
+        _ => None,
+    });
+    let broken = states.flat_map(|(position, state)| {
+        let links = &problem.modules()[position].links;
+        let broken = links.iter().filter(|link| !state.links.contains(link));
+        let broken = broken.filter_map(|&link| problem.position_of(link));
+        broken.map(move |other| (position.min(other), position.max(other)))
+    });
+    broken.collect()
+}
+
+/// The last state of each module in a course, with the spot that the verdict gives it, if there is one.
+fn endings(
+    course: &[Entry],
+    judged: Option<&BTreeMap<ModuleId, SpotId>>,
+) -> BTreeMap<ModuleId, Ending> {
+    let mut scene = Scene::default();
+    for entry in course {
+        scene.apply(entry);
+    }
+    let endings = scene.modules().iter().map(|(&module, known)| {
+        let last = &known.snapshot;
+        let ending = Ending {
+            pose: last.pose,
+            spot: match judged {
+                Some(judged) => judged.get(&module).copied(),
+                None => last.spot.filter(|_| last.phase == ModulePhase::Settled),
+            },
+            links: last.links.clone(),
+        };
+        (module, ending)
+    });
+    endings.collect()
 }
 
 fn modules(

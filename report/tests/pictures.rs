@@ -94,3 +94,19 @@ singletons: [{id: 7, x: -1000000.0, y: 1000000.0}, {id: 8, x: 1000000.0, y: 0.0}
     assert!(picture.contains("Modules are drawn larger than they are."));
     assert!(!picture.contains("NaN") && !picture.contains("inf"));
 }
+
+/// A wall between the modules and the target leaves no path, so none moves.
+#[test]
+fn a_plan_that_cannot_be_carried_out_ends_as_it_starts() {
+    let walled = "obstacles: [{x: 3.5, y: 0, width: 1, height: 6}]\narena: {x: 3.5, y: 0, width: 9, height: 6}\n\
+                  target: {map: 'o-o', origin: [6, 0]}\nsingletons: [{id: 1, x: 0, y: 0}, {id: 2, x: 1, y: 0}]";
+    let formed = Formed::of(walled);
+    assert!(
+        formed.motion.refusal(false).is_some(),
+        "{:?}",
+        formed.motion
+    );
+    let picture = after(&formed.subject());
+    assert!(picture.contains("after: 0 of 2 spots filled"), "{picture}");
+    assert_eq!(count(&picture, "spot open"), 2 + 1);
+}

@@ -20,7 +20,11 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     ),
     (Mutation::SkipLeaseWait, 0, ViolationKind::MotionBeforeLease),
     (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
-    (Mutation::DropIncarnationCheck, 152, ViolationKind::NotWhereFrozen),
+    (
+        Mutation::DropIncarnationCheck,
+        152,
+        ViolationKind::NotWhereFrozen,
+    ),
     (
         Mutation::AcceptWithoutRecomputation,
         11,

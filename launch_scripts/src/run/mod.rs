@@ -37,8 +37,6 @@ use crate::{check, console, scenario_file};
 use display::{Display, progress_line};
 use memory::RunMemory;
 pub use network::environment_of_runs;
-#[cfg(feature = "recordings")]
-pub use page::endings;
 pub use programs::Programs;
 use programs::RECORDER;
 #[cfg(feature = "recordings")]

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use formation::event_log::{Entry, Scene};
-use formation::model::{ModuleId, ModulePhase, SpotId};
-use formation_report::{Ending, Fact, Subject, Summary, Tone};
+use formation::event_log::Entry;
+use formation::model::{ModuleId, SpotId};
+use formation_report::{Fact, Subject, Summary, Tone};
 use ros_runtime::exit::{Failure, one_line};
 
 use super::recording::Recording;
@@ -19,40 +19,15 @@ pub fn subject(
     course: &[Entry],
     report: Option<&RunReport>,
 ) -> Subject {
-    let name = one_line(name);
     if report.is_some_and(|report| report.outcome() == RunOutcome::Agreed) {
-        return Subject::planned(&name, &plan.problem, &plan.outcome);
+        return plan.subject(name, &plan.course());
     }
     let judged: Option<BTreeMap<ModuleId, SpotId>> = report.map(|report| {
         let assignments = report.assignments().iter();
         assignments.map(|one| (one.module, one.spot)).collect()
     });
-    let endings = endings(course, judged.as_ref());
-    Subject::seen(&name, &plan.problem, &plan.outcome, &endings)
-}
-
-/// The last state of each module in the course of a formation, with the spot that the verdict gives it, if there is one.
-pub fn endings(
-    course: &[Entry],
-    judged: Option<&BTreeMap<ModuleId, SpotId>>,
-) -> BTreeMap<ModuleId, Ending> {
-    let mut scene = Scene::default();
-    for entry in course {
-        scene.apply(entry);
-    }
-    let endings = scene.modules().iter().map(|(&module, known)| {
-        let last = &known.snapshot;
-        let ending = Ending {
-            pose: last.pose,
-            spot: match judged {
-                Some(judged) => judged.get(&module).copied(),
-                None => last.spot.filter(|_| last.phase == ModulePhase::Settled),
-            },
-            links: last.links.clone(),
-        };
-        (module, ending)
-    });
-    endings.collect()
+    let (problem, outcome) = (&plan.problem, &plan.outcome);
+    Subject::of_course(&one_line(name), problem, outcome, course, judged.as_ref())
 }
 
 /// What the page of a run says next to the film.

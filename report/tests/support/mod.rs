@@ -11,7 +11,7 @@ use std::sync::Arc;
 use formation::model::{PlanningProblem, Scenario};
 use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Statistics, plan};
-use formation_report::Subject;
+use formation_report::{Subject, course_of_plan};
 
 /// A scenario with its plan.
 pub struct Formed {
@@ -44,7 +44,9 @@ impl Formed {
     }
 
     pub fn subject(&self) -> Subject {
-        Subject::planned(self.scenario.name(), self.problem(), &self.outcome)
+        let course = course_of_plan(self.problem(), &self.outcome, &self.motion, 1.0);
+        let name = self.scenario.name();
+        Subject::of_course(name, self.problem(), &self.outcome, &course, None)
     }
 
     pub fn statistics(&self) -> Statistics {
