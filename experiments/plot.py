@@ -487,7 +487,8 @@ def with_dark_colours(svg):
             rules.append(f'[style*="{paint}: {light}"] {{ {paint}: {dark} !important; }}')
     style = "<style>@media (prefers-color-scheme: dark) {{\n{}\n}}</style>".format("\n".join(dict.fromkeys(rules)))
     svg = re.sub(r' d="[^"]*"', lambda path: re.sub(r"(\.\d)\d+", r"\1", path.group()).replace(" \n", ""), svg)
-    svg = re.sub(r"(\.\d\d)\d+", r"\1", svg)
+    # Attributes alone: a number that people read keeps its digits.
+    svg = re.sub(r"<[^>]*>", lambda tag: re.sub(r"(\.\d\d)\d+", r"\1", tag.group()), svg)
     return svg.replace("</defs>", f"</defs>\n{style}", 1)
 
 
