@@ -265,7 +265,8 @@ def messages(results, name):
     [panel] = figure.panels
     panel.draw(STATED, points(results.stated(name, "modules", "pairs_delivered"), "at", "value"))
     for look, contender, quantity, label in [
-        (replace(PAPER_POLICY, line=DASHED), "paper_policy", "whole_sets_pairs", "paper policy, whole sets: pairs"),
+        (replace(PAPER_POLICY, line=DASHED, hollow=True), "paper_policy", "whole_sets_pairs",
+            "paper policy, whole sets: pairs"),
         (PAPER_POLICY, "paper_policy", "pairs_delivered", "paper policy, our claims: pairs"),
         (OURS, "ours", "pairs_delivered", "ours, claims: pairs"),
         (LOOKS["ours_size_first"], "ours", "deliveries", "ours, claims and notices: deliveries"),
