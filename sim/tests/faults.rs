@@ -167,17 +167,17 @@ fn bodies_that_leave_no_room_are_listed() {
     }
 }
 
-/// In the first and the last hostile seed, the drive of one module fails while the modules docked to it move: they halt. In the
-/// second,
-/// a member pauses between having the whole plan and showing it, and waits for that roster's majority. In the third, a convener
-/// without a quorum refuses the later roster of others, and calls them. In the rest, bodies stay where their modules crashed on
-/// paths, in passing settled modules, or are put back by a restart.
+/// In the first and the fourth hostile seed, the drive of one module fails while the modules docked to it move: they halt. In the
+/// second, a member pauses between having the whole plan and showing it, and waits for that roster's majority. In the third, a
+/// convener without a quorum refuses the later roster of others, and calls them. In the last, a process that was paused repeats a
+/// goal at which its module has arrived meanwhile. In the rest, bodies stay where their modules crashed on paths, in passing
+/// settled modules, or are put back by a restart.
 #[test]
 fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
     let seeds: [(FaultKind, &[u64]); 2] = [
         (
             FaultKind::Hostile,
-            &[50_001_993, 50_002_332, 60_001_552, 100_019_419],
+            &[50_001_993, 50_002_332, 60_001_552, 100_019_419, 30_002_089],
         ),
         (
             FaultKind::Mixed,

@@ -104,6 +104,10 @@ impl SimulatedDrive {
         let left = self.unfinished.take().filter(|(halted, _)| *halted == goal);
         let duration = left.map_or_else(
             || {
+                // A goal that was on its way when the module arrived there moves it no more.
+                if self.pose == goal.pose {
+                    return Duration::ZERO;
+                }
                 // The roster's poses can be outdated when the goal arrives, so the drive's own distance counts as well.
                 let own = self.pose.distance_to(&goal.pose);
                 let seconds = own.max(goal.unit_distance).to_units() / self.speed_units_per_s;
@@ -210,6 +214,16 @@ mod tests {
             goal: goal.pose,
             pose: goal.pose,
         }
+    }
+
+    #[test]
+    fn it_has_arrived_at_a_goal_where_it_stands() {
+        let mut drive = SimulatedDrive::new(Pose::default(), 2.0, Duration::from_secs(60));
+        drive.go(at(1), goal(10.0));
+        assert_eq!(drive.advance(at(6)), Some(arrived(goal(10.0))));
+        drive.go(at(7), goal(10.0));
+        assert_eq!(drive.due(), Some(at(7)));
+        assert_eq!(drive.advance(at(7)), Some(arrived(goal(10.0))));
     }
 
     #[test]

@@ -248,8 +248,9 @@ impl Cluster {
                 }
                 Output::Halt if coasts && process.drive.is_moving() => process.is_coasting = true,
                 Output::Halt => {
+                    // Earlier reports may wait for a process that has just continued.
                     let report = process.drive.halt(local);
-                    process.agent.handle(local, Input::Motion(report));
+                    process.inbox.add(Input::Motion(report));
                     let pose = process.drive.pose();
                     self.observe(Observation::Stands(module, pose));
                 }
