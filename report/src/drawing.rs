@@ -96,8 +96,14 @@ pub(crate) fn line(frame: &Frame, class: &str, from: &Pose, to: &Pose) -> Elemen
     ])
 }
 
-/// A link that breaks: a cross on a dashed bow, which modules between its ends do not hide.
-pub(crate) fn broken(frame: &Frame, from: &Pose, to: &Pose) -> (Element, Element) {
+/// A link that breaks: a cross on a dashed bow, which modules between its ends do not hide. It bends to the side on which the cross
+/// is farther from all modules, and so upon no other link.
+pub(crate) fn broken(
+    frame: &Frame,
+    from: &Pose,
+    to: &Pose,
+    modules: impl Iterator<Item = Pose> + Clone,
+) -> (Element, Element) {
     let (x1, y1) = (frame.x(from), frame.y(from));
     let (x2, y2) = (frame.x(to), frame.y(to));
     let (dx, dy) = (x2 - x1, y2 - y1);
@@ -109,10 +115,21 @@ pub(crate) fn broken(frame: &Frame, from: &Pose, to: &Pose) -> (Element, Element
     } else {
         (0.35 * length).min(3.0 * side)
     };
-    let (middle_x, middle_y) = (
-        (x1 + x2) / 2.0 + dy / length * bow,
-        (y1 + y2) / 2.0 - dx / length * bow,
-    );
+    let middle = |bow: f64| {
+        let (x, y) = ((x1 + x2) / 2.0, (y1 + y2) / 2.0);
+        (x + dy / length * bow, y - dx / length * bow)
+    };
+    let clearance = |(x, y): (f64, f64)| {
+        let distances = modules
+            .clone()
+            .map(|pose| (frame.x(&pose) - x).hypot(frame.y(&pose) - y));
+        distances.fold(f64::INFINITY, f64::min)
+    };
+    let (one, other) = (middle(bow), middle(-bow));
+    let (middle_x, middle_y) = match clearance(one) < clearance(other) {
+        true => other,
+        false => one,
+    };
     // The curve comes half as far as the point that draws it there.
     let (control_x, control_y) = (
         2.0 * middle_x - (x1 + x2) / 2.0,

@@ -95,7 +95,7 @@ fn picture(
     let poses = subject.modules.iter().map(|module| *pose(module));
     let spots = subject.spots.iter().map(|spot| spot.pose);
     let corners = subject.corners();
-    let frame = Frame::around(poses.chain(spots).chain(corners)).at_least(GROUND_WIDTH_MIN);
+    let frame = Frame::around(poses.clone().chain(spots).chain(corners)).at_least(GROUND_WIDTH_MIN);
     let pose_of = |module: usize| pose(&subject.modules[module]);
     let line = |class, (one, other)| drawing::line(&frame, class, pose_of(one), pose_of(other));
     let [mut links, mut bows, mut crosses] = [(); 3].map(|()| Element::group("links"));
@@ -105,7 +105,8 @@ fn picture(
             links.push(line("link kept", link.ends));
         } else {
             let (one, other) = link.ends;
-            let (bow, cross) = drawing::broken(&frame, pose_of(one), pose_of(other));
+            let modules = poses.clone();
+            let (bow, cross) = drawing::broken(&frame, pose_of(one), pose_of(other), modules);
             bows.push(bow);
             crosses.push(cross);
         }
