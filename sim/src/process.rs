@@ -126,6 +126,8 @@ pub(crate) struct Process {
     pub drive: SimulatedDrive,
     /// Whether its agent has ordered a halt, which the drive reports once it stands.
     pub is_coasting: bool,
+    /// Whether nothing that the drive reports reaches the agent.
+    pub is_mute: bool,
     /// Whether the drive fails whenever it receives a goal.
     pub drive_broken: bool,
     /// When the next report of the drive is scheduled.

@@ -9,10 +9,10 @@ use std::time::Duration;
 use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, settled, spots};
 use formation::generate::Grouping;
 use formation::model::{
-    ClosedRoster, Epoch, Incarnation, Message, ModuleId, PlanningModule, Pose, QuorumBasis, Roster,
-    RosterMember, RosterMessage, Service, TargetAnnouncement,
+    ClosedRoster, Epoch, Incarnation, Message, ModuleId, PlanningModule, Pose, QuorumBasis,
+    Removal, Roster, RosterMember, RosterMessage, STAMP_AHEAD_MAX, Service, TargetAnnouncement,
 };
-use formation::protocol::{Agent, AgentParameters, Event, Mutation};
+use formation::protocol::{Agent, AgentParameters, Command, Event, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
     run_seed,
@@ -234,6 +234,63 @@ fn forge_roster(living: &[u32]) {
     trial.cluster.inject(&Message::Roster(roster));
     trial.until(|cluster| newest_epoch(cluster) == before + 2);
     trial.until(|cluster| newest_epoch(cluster) > before + 2 && hold_a_plan(cluster, &all()));
+}
+
+/// All agree but the module that no longer receives one of the others. Each of the two is left out in turn, for longer and longer.
+#[test]
+fn a_link_that_fails_in_one_direction_interrupts_less_and_less() {
+    for (from, to) in [(2, 5), (1, 2), (4, 1)] {
+        let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
+        trial.until(Cluster::has_formed);
+        let link = (ModuleId(from), ModuleId(to));
+        trial.cluster.sever(&BTreeSet::from([link]));
+        trial.run_for(Duration::from_secs(600));
+        let before = trial.convened.len();
+        trial.run_for(Duration::from_secs(600));
+        let epochs = trial.convened.len() - before;
+        assert!(epochs < 20, "nothing from {from} to {to}: {epochs} epochs");
+    }
+}
+
+/// The report names a later run than any.
+#[test]
+fn a_removal_of_a_run_that_never_was_keeps_no_module_out() {
+    let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
+    trial.until(Cluster::has_formed);
+    trial.cluster.crash(ModuleId(5));
+    trial.run_for(Duration::from_secs(30));
+    trial.cluster.inject(&Message::Removal(Removal {
+        module: ModuleId(5),
+        incarnation: Some(Incarnation(1 << 51)),
+    }));
+    trial.run_for(Duration::from_secs(5));
+    trial.cluster.restart(ModuleId(5));
+    trial.until(|cluster| cluster.has_formed() && hold_a_plan(cluster, &all()));
+}
+
+/// A stranger's number is near enough to the clock of module 1, which is a minute ahead, and too far from the others'.
+#[test]
+fn a_number_that_only_one_module_takes_over_reaches_the_others_in_time() {
+    let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
+    let fast = ModuleId(1);
+    trial.cluster.set_clock_ahead(fast, Duration::from_secs(60));
+    trial.until(Cluster::has_formed);
+    trial.run_for(Duration::from_secs(10));
+    let run = trial.cluster.run_of(fast).unwrap();
+    let uptime = u64::try_from(trial.cluster.now().as_micros()).unwrap();
+    let number = STAMP_AHEAD_MAX + run.incarnation.0 + uptime - 600_000;
+    let convener = ModuleId(9_000);
+    let stranger = convener.run(Incarnation(1));
+    let epoch = Epoch { number, convener };
+    trial.cluster.forge_heartbeat(stranger, 1, Some(epoch));
+    trial.cluster.command(ModuleId(2), Command::Retire);
+    trial.run_for(Duration::from_secs(60));
+    trial.cluster.command(ModuleId(2), Command::Rejoin);
+    trial.run_for(Duration::from_secs(300));
+    let before = trial.convened.len();
+    trial.run_for(Duration::from_secs(600));
+    assert!(trial.convened.len() - before < 10);
+    assert!(trial.cluster.has_formed());
 }
 
 /// A module that starts later knows none of the epochs by which a stranger has raised the number, step by step.

@@ -43,7 +43,8 @@ fn faults_lead_to_no_contact() {
     }
 }
 
-/// Robots move on for a while after their agents' last goals, also those that a plan has left out.
+/// Robots move on for a while after their agents' last goals, also those that a plan has left out. In seed 86 a drive fails while its
+/// module moves on.
 #[test]
 fn drives_that_halt_late_lead_to_no_contact() {
     for faults in [FaultKind::Partition, FaultKind::Mixed, FaultKind::Hostile] {
@@ -51,7 +52,8 @@ fn drives_that_halt_late_lead_to_no_contact() {
             coasting: Some(Duration::from_secs(2)),
             ..parameters(faults, Apart::Circles)
         };
-        run_all(&parameters, 0..seeds());
+        run_all(&parameters, 0..seeds() / 2);
+        run_all(&parameters, 86..87);
     }
 }
 

@@ -4,11 +4,11 @@
 
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, in_phase, spots};
+use crate::support::{Trial, drawn, in_phase, scenario, spots};
 use formation::generate::Grouping;
-use formation::model::{ModuleId, ModulePhase, Service};
+use formation::model::{BodyReport, ModuleId, ModulePhase, Service, Whereabouts};
 use formation::protocol::{Command, EpochReason, Event};
-use formation_sim::Cluster;
+use formation_sim::{Cluster, ClusterParameters};
 
 const SEEDS: std::ops::Range<u64> = 0..6;
 
@@ -142,4 +142,55 @@ fn a_module_with_a_repaired_drive_rejoins() {
     trial.cluster.command(broken, Command::Rejoin);
     trial.until_formed_again();
     assert_eq!(trial.settled().len(), 5);
+}
+
+/// Six modules on paths to six spots. The driver of module 3 falls silent on the way.
+fn with_a_silent_driver() -> Trial {
+    let starts = (1..7).map(|id| format!("{{id: {id}, x: {}, y: 6}}", 2 * id));
+    let starts: Vec<String> = starts.collect();
+    let starts = starts.join(", ");
+    let text = format!(
+        "target: {{map: 'o-o-o-o-o-o'}}\nplanner: {{motion: paths}}\nsingletons: [{starts}]"
+    );
+    let parameters = ClusterParameters {
+        coasting: Some(Duration::from_millis(1_500)),
+        speed_units_per_s: 0.3,
+        ..ClusterParameters::default()
+    };
+    let mut trial = Trial::with(&scenario(&text), parameters, 3);
+    trial.until(|cluster| cluster.is_moving(SILENT));
+    trial.run_for(Duration::from_secs(1));
+    trial.cluster.mute_drive(SILENT);
+    trial.run_for(Duration::from_secs(25));
+    trial
+}
+
+const SILENT: ModuleId = ModuleId(3);
+
+/// Its agent does not know where it stands: what it last measured is no place where it has halted.
+#[test]
+fn a_module_that_was_not_measured_to_stand_is_on_its_way_for_the_others() {
+    let mut trial = with_a_silent_driver();
+    trial.cluster.command(ModuleId(6), Command::Retire);
+    trial.run_for(Duration::from_secs(30));
+    let last = trial.rosters.last().unwrap();
+    let mut members = last.members.iter();
+    assert!(members.all(|member| member.module.id != SILENT));
+    let mut bodies = last.bodies.iter();
+    let body: &BodyReport = bodies.find(|body| body.module == SILENT).unwrap();
+    let whereabouts = &body.whereabouts;
+    assert!(matches!(whereabouts, Whereabouts::OnTheWay(_)), "{body:?}");
+    assert!(trial.rosters.len() > 2, "an epoch left it out before");
+}
+
+/// Otherwise each epoch would wait for it, and none would settle.
+#[test]
+fn a_module_that_rejoins_before_it_stands_is_not_waited_for() {
+    let mut trial = with_a_silent_driver();
+    trial.run_for(Duration::from_secs(60));
+    trial.cluster.command(SILENT, Command::Rejoin);
+    let before = trial.convened.len();
+    trial.run_for(Duration::from_secs(600));
+    assert!(trial.convened.len() - before < 10);
+    assert!(!trial.settled().is_empty());
 }

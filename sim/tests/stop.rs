@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, spots};
 use formation::generate::Grouping;
-use formation::model::{Message, ModuleId, ModulePhase, Stop};
+use formation::model::{Message, ModuleId, ModulePhase, STAMP_AHEAD_MAX, Stop};
 use formation::protocol::{AgentParameters, Event};
-use formation_sim::Cluster;
+use formation_sim::{Cluster, ClusterParameters};
 
 fn moving(cluster: &Cluster) -> Vec<ModuleId> {
     let modules = cluster.modules().into_iter();
@@ -75,6 +75,30 @@ fn a_stop_of_a_high_revision_reaches_a_module_that_starts_later() {
     trial.run_for(Duration::from_secs(60));
     let mut noted = trial.noted.iter();
     assert!(noted.any(|(module, event)| *module == late && matches!(event, Event::Stopped)));
+}
+
+/// A stranger has raised the revision as far as the clock of module 1 allows, which is a minute ahead.
+#[test]
+fn a_stop_that_only_one_module_takes_over_reaches_the_others_in_time() {
+    let parameters = ClusterParameters {
+        speed_units_per_s: 0.02,
+        ..ClusterParameters::default()
+    };
+    let mut trial = Trial::with(&drawn(5, 5, Grouping::Singletons, 3), parameters, 3);
+    let fast = ModuleId(1);
+    trial.cluster.set_clock_ahead(fast, Duration::from_secs(60));
+    trial.until(|cluster| !moving(cluster).is_empty());
+    let run = trial.cluster.run_of(fast).unwrap();
+    let uptime = u64::try_from(trial.cluster.now().as_micros()).unwrap();
+    let revision = STAMP_AHEAD_MAX + run.incarnation.0 + uptime - 600_000;
+    for (revision, stopped) in [(revision, false), (revision + 1, true)] {
+        let stop = Stop { revision, stopped };
+        trial.cluster.inject(&Message::Stop(stop));
+        trial.run_for(Duration::from_secs(5));
+    }
+    trial.run_for(Duration::from_secs(60));
+    let stopped = trial.count(|event| matches!(event, Event::Stopped));
+    assert_eq!(stopped, 5);
 }
 
 #[test]

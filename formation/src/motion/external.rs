@@ -205,7 +205,7 @@ impl ExternalDrive {
                 let limit = self.parameters.halt_limit;
                 if !*is_overdue && now >= *since + limit {
                     *is_overdue = true;
-                    self.faults.push_back(DriveFault::NotStanding { limit });
+                    self.fail(DriveFault::NotStanding { limit });
                 }
             }
             State::Standing => {}

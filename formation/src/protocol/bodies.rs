@@ -187,11 +187,10 @@ impl Bodies {
         self.note_ascending(states.map(|state| report_of(state)));
     }
 
-    /// Whether a run was reported as removed.
-    pub fn is_removed(&self, run: ModuleRun) -> bool {
-        self.get(run.module).is_some_and(|known| {
-            known.whereabouts == Whereabouts::Removed && known.incarnation >= run.incarnation
-        })
+    /// The run of a module that was reported as removed, with all earlier ones.
+    fn removed_run(&self, module: ModuleId) -> Option<ModuleRun> {
+        let known = self.get(module)?;
+        (known.whereabouts == Whereabouts::Removed).then(|| known.run())
     }
 
     /// The latest report on each module, ascending by module.
@@ -287,7 +286,8 @@ impl Context {
         }
     }
 
-    /// Considers a module failed whose present run was reported as removed.
+    /// Considers a module failed whose present run was reported as removed. What was reported as removed of a later run than the
+    /// live one is dropped: that run never was, or was forgotten.
     pub fn exclude_if_removed(&mut self, module: ModuleId) {
         if self.bodies.removals() == 0 {
             return;
@@ -296,7 +296,13 @@ impl Context {
             return;
         };
         let run = module.run(peer.incarnation);
-        if self.bodies.is_removed(run) {
+        let is_live = self.liveness().includes(peer);
+        let Some(removed) = self.bodies.removed_run(module) else {
+            return;
+        };
+        if removed.incarnation > run.incarnation && is_live {
+            self.bodies.forget_run(removed, run);
+        } else if removed.incarnation >= run.incarnation {
             self.peers.exclude(module, Duration::MAX);
         }
     }

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use crate::model::{
-    BodyReport, Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service, SpotId,
-    Whereabouts,
+    BodyReport, DriveState, Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service,
+    SpotId, Whereabouts,
 };
 
 use super::Agent;
@@ -67,6 +67,7 @@ fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
     let is_gone = |module: ModuleId| {
         let takes_part = context.peers.is_live(context.liveness(), module)
             && follows(module, roster.epoch, context)
+            && stands(module, context)
             && context.peers.is_wanted(context.now, module);
         takes_part || context.bodies.get(module).is_some_and(was_removed)
     };
@@ -297,6 +298,7 @@ fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> 
     let mut newcomers: Vec<ModuleId> = others
         .filter(|&module| context.is_active(module))
         .filter(|&module| follows(module, roster.epoch, context))
+        .filter(|&module| stands(module, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))
         .collect();
     if !context.could_fill_more(roster, &newcomers) {
@@ -316,8 +318,18 @@ fn strays(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<Module
     others
         .filter(|&module| roster.member(module).is_none() && waits(module))
         .filter(|&module| follows(module, roster.epoch, context))
+        .filter(|&module| stands(module, context))
         .filter(|&module| context.peers.is_wanted(context.now, module))
         .collect()
+}
+
+/// Whether a module is at rest, or known by no state. One that moves, such as one whose driver has fallen silent, would not freeze.
+fn stands(module: ModuleId, context: &Context) -> bool {
+    if module == context.module() {
+        return context.body.is_at_rest();
+    }
+    let state = context.peers.state(module);
+    state.is_none_or(|state| state.drive == DriveState::Standing)
 }
 
 /// Whether a module knows this epoch. A module that receives the members' messages follows them to their epoch; one that does

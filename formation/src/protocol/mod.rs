@@ -425,7 +425,19 @@ impl Agent {
         context.forget_bodies_of_forgotten_runs();
         match news {
             Ok(HeartbeatNews::Old) => return false,
-            Ok(HeartbeatNews::StillLive { age }) => return age > context.parameters.lease,
+            Ok(HeartbeatNews::StillLive { age }) => {
+                // What was too far ahead of this clock may be near enough by now.
+                if let Some(epoch) = heartbeat.epoch {
+                    context.note_epoch(epoch);
+                }
+                let is_late = age > context.parameters.lease;
+                let stop = heartbeat.stop;
+                let is_commanded = stop > context.stop && context.is_plausible(stop.revision);
+                if is_commanded {
+                    self.handle_stop(stop);
+                }
+                return is_late || is_commanded;
+            }
             Ok(HeartbeatNews::New) => {
                 self.handle_stop(heartbeat.stop);
                 self.context.exclude_if_removed(module);

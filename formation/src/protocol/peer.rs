@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::model::{Epoch, Heartbeat, Incarnation, ModuleId, ModuleState, Voter};
+use crate::model::{Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, ModuleState, Voter};
 
 use super::io::SourceId;
 
@@ -109,11 +109,24 @@ impl Peer {
         self.rosters_without_agreement = (self.rosters_without_agreement + 1).min(DOUBLINGS_MAX);
     }
 
-    /// The members of a roster have agreed, and it is one of them.
+    /// Its roster is agreed, as far as this module knows: it shows the same digest.
+    pub fn note_same_digest(&mut self) {
+        self.excluded_until = Duration::ZERO;
+    }
+
+    /// All members of its roster show that they have agreed.
     pub fn note_agreement(&mut self) {
         self.rosters_without_agreement = 0;
         self.unwanted_until = Duration::ZERO;
-        self.excluded_until = Duration::ZERO;
+    }
+
+    /// Whether it shows that it has agreed in an epoch.
+    pub fn has_agreed_in(&self, epoch: Epoch) -> bool {
+        use ModulePhase::{Moving, Settled, Spare, Waiting};
+        self.heartbeat.is_some_and(|heartbeat| {
+            heartbeat.epoch == Some(epoch)
+                && matches!(heartbeat.phase, Waiting | Moving | Settled | Spare)
+        })
     }
 
     /// The members of a roster have agreed without it: if rosters with it did not agree before, no epoch is opened for it for

@@ -383,8 +383,8 @@ impl Peers {
         }
     }
 
-    /// The members of a roster have agreed.
-    pub fn note_agreement(
+    /// The members of a roster show the same digest.
+    pub fn note_same_digest(
         &mut self,
         now: Duration,
         least: Duration,
@@ -393,11 +393,33 @@ impl Peers {
         self.changes += 1;
         for (module, peer) in &mut self.peers {
             if members.contains_key(module) {
-                peer.note_agreement();
+                peer.note_same_digest();
             } else {
                 peer.note_agreement_without(now, least);
             }
         }
+    }
+
+    /// Records whether all members of a roster other than `own` show that they have agreed; returns whether they do. Where a link
+    /// carries one way only, some agree and others never do, again and again.
+    pub fn note_agreement(
+        &mut self,
+        epoch: Epoch,
+        own: ModuleId,
+        members: &BTreeMap<ModuleId, Incarnation>,
+    ) -> bool {
+        let others = members.keys().filter(|&&module| module != own);
+        let others = others.map(|&module| (module, ()));
+        let have_agreed = self
+            .along(others)
+            .all(|(_, (), peer)| peer.is_some_and(|peer| peer.has_agreed_in(epoch)));
+        if have_agreed {
+            self.changes += 1;
+            let members = |(module, _): &(&ModuleId, &mut Peer)| members.contains_key(module);
+            let members = self.peers.iter_mut().filter(members);
+            members.for_each(|(_, peer)| peer.note_agreement());
+        }
+        have_agreed
     }
 
     /// Each of these modules, which ascend, with its peer, if that is known: one walk along all peers in place of a search for

@@ -123,6 +123,7 @@ impl Cluster {
             timeout_at: None,
             drive,
             is_coasting: false,
+            is_mute: false,
             drive_broken: false,
             tick_at: None,
             driven_by: None,
@@ -246,6 +247,7 @@ impl Cluster {
                     let at = now + Duration::from_micros(self.random.below(WRITE_US_MAX));
                     self.schedule.add(at, Happening::Persisted(run, number));
                 }
+                Output::Halt if process.is_mute => {}
                 Output::Halt if coasts && process.drive.is_moving() => process.is_coasting = true,
                 Output::Halt => {
                     // Earlier reports may wait for a process that has just continued.
@@ -298,8 +300,9 @@ impl Cluster {
         let local = process.clock.local(now);
         if let Some(mut report) = process.drive.advance(local) {
             let pose = process.drive.pose();
-            let is_silent = process.is_coasting && process.drive.is_moving();
-            if process.is_coasting && !is_silent {
+            let is_moving = process.drive.is_moving();
+            let is_silent = process.is_mute || (process.is_coasting && is_moving);
+            if process.is_coasting && !is_moving {
                 process.is_coasting = false;
                 report = MotionReport::Halted(pose);
             }

@@ -8,6 +8,7 @@ use formation::model::{
     ClosedRoster, Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase,
     ModuleRun, QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, Voter, VoterMemory,
 };
+use formation::motion::MotionReport;
 use formation::protocol::{Command, Identity, Input, SourceId};
 
 use super::Cluster;
@@ -47,6 +48,21 @@ impl Cluster {
         if let Some(process) = self.processes.get_mut(&module) {
             process.drive_broken = broken;
             self.note(Fault::Drive { module, broken });
+        }
+    }
+
+    /// The driver of a module falls silent on its way, and the drive reports that it failed and nothing else.
+    pub fn mute_drive(&mut self, module: ModuleId) {
+        if let Some(process) = self.processes.get_mut(&module) {
+            process.is_mute = true;
+            self.input(module, Input::Motion(MotionReport::Failed));
+        }
+    }
+
+    /// The clock of a module that is yet to start is ahead of the others.
+    pub fn set_clock_ahead(&mut self, module: ModuleId, ahead: Duration) {
+        if let Some(body) = self.bodies.get_mut(&module) {
+            body.incarnation.0 += ahead.as_secs() * 1_000_000;
         }
     }
 

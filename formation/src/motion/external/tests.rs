@@ -159,7 +159,7 @@ fn a_halt_is_reported_when_the_module_stands_still_and_not_before() {
 }
 
 #[test]
-fn a_module_that_cannot_be_stopped_is_reported_once_and_never_counts_as_halted() {
+fn a_module_that_cannot_be_stopped_has_failed_and_never_counts_as_halted() {
     let mut drive = drive();
     drive.go(at(0), &goal(5.0));
     drive.halt(at(0));
@@ -168,7 +168,7 @@ fn a_module_that_cannot_be_stopped_is_reported_once_and_never_counts_as_halted()
         drive.handle_pose(now, pose(f64::from(step), 0.0));
         drive.advance(now);
     }
-    assert_eq!(reports(&mut drive), []);
+    assert_eq!(reports(&mut drive), [MotionReport::Failed]);
     let found = faults(&mut drive);
     assert_eq!(found.len(), 1);
     assert!(found[0].contains("halt_limit_s (10 s)"), "{found:?}");

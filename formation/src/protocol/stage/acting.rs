@@ -49,6 +49,8 @@ pub(super) enum Task {
 pub(in crate::protocol) struct Acting {
     pub held: HeldPlan,
     agreed_at: Duration,
+    /// When to look next whether all others show that they have agreed; `None` once they have.
+    look_at: Option<Duration>,
     pub(super) task: Task,
     /// The number of steps of its path that it has done.
     pub(super) steps_done: u32,
@@ -79,7 +81,7 @@ impl Acting {
         let stuck = context.parameters.stuck;
         context
             .peers
-            .note_agreement(now, stuck, &held.roster_plan.members);
+            .note_same_digest(now, stuck, &held.roster_plan.members);
         let basis = held.roster.quorum_basis();
         context.memory.quorum.note_agreed(epoch, &basis);
         context.memory.mismatches = 0;
@@ -102,6 +104,7 @@ impl Acting {
         Self {
             held,
             agreed_at: now,
+            look_at: Some(now + context.parameters.heartbeat),
             task: if moves || has_steps {
                 Task::Waiting
             } else {
@@ -239,6 +242,14 @@ impl Acting {
     fn advance(&mut self, context: &mut Context) -> Progress {
         if self.held.note_mismatch(context) {
             return Progress::Wait;
+        }
+        if self.look_at.is_some_and(|at| context.now >= at) {
+            let (own, members) = (context.module(), &self.held.roster_plan.members);
+            let have_agreed = context
+                .peers
+                .note_agreement(self.held.epoch(), own, members);
+            let next = context.now + context.parameters.heartbeat;
+            self.look_at = Some(next).filter(|_| !have_agreed);
         }
         // A new epoch follows. To settle now would give up a pin for a target that has come back.
         let is_moving = matches!(self.task, Task::Moving { .. });

@@ -160,9 +160,10 @@ impl Stage {
         }
     }
 
-    /// Whether a changed state may be published now: a frozen one only at rest, with no port at work.
+    /// Whether a changed state may be published now. Others take a frozen module, and one that stands aside, to stand where its
+    /// state shows it, so those publish at rest only, with no port at work.
     pub fn may_publish_state(&self, context: &Context) -> bool {
-        !matches!(self, Self::Gathering(_)) || context.body.is_at_rest()
+        !matches!(self, Self::Gathering(_) | Self::Outsider(_)) || context.body.is_at_rest()
     }
 
     /// Adds to a state what this stage knows.
