@@ -57,7 +57,8 @@ pub enum Mutation {
     IgnoreNewcomers,
     /// Plans as if absent modules had no bodies.
     IgnoreBodies,
-    /// Excludes members that it considers stuck although they show a later epoch.
+    /// Excludes members that it considers stuck although they show a later epoch, and lets a roster count as agreed once it has
+    /// agreed itself.
     ExcludeMembersAhead,
     /// Forgets its pin when it decides to set off, before its drive has a goal.
     ForgetPinBeforeGoal,

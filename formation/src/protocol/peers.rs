@@ -414,12 +414,17 @@ impl Peers {
             .along(others)
             .all(|(_, (), peer)| peer.is_some_and(|peer| peer.has_agreed_in(epoch)));
         if have_agreed {
-            self.changes += 1;
-            let members = |(module, _): &(&ModuleId, &mut Peer)| members.contains_key(module);
-            let members = self.peers.iter_mut().filter(members);
-            members.for_each(|(_, peer)| peer.note_agreement());
+            self.forget_disagreement(members);
         }
         have_agreed
+    }
+
+    /// The rosters that listed these modules without coming to an agreement count no more.
+    pub fn forget_disagreement(&mut self, members: &BTreeMap<ModuleId, Incarnation>) {
+        self.changes += 1;
+        let is_member = |(module, _): &(&ModuleId, &mut Peer)| members.contains_key(module);
+        let members = self.peers.iter_mut().filter(is_member);
+        members.for_each(|(_, peer)| peer.note_agreement());
     }
 
     /// Each of these modules, which ascend, with its peer, if that is known: one walk along all peers in place of a search for

@@ -82,6 +82,11 @@ impl Acting {
         context
             .peers
             .note_same_digest(now, stuck, &held.roster_plan.members);
+        // Where rosters without an agreement count, that bug alone splits no formation.
+        if context.bugs.exclude_members_ahead() {
+            let members = &held.roster_plan.members;
+            context.peers.forget_disagreement(members);
+        }
         let basis = held.roster.quorum_basis();
         context.memory.quorum.note_agreed(epoch, &basis);
         context.memory.mismatches = 0;
