@@ -102,7 +102,7 @@ pub(crate) fn broken(
     frame: &Frame,
     from: &Pose,
     to: &Pose,
-    modules: impl Iterator<Item = Pose> + Clone,
+    modules: &(impl Iterator<Item = Pose> + Clone),
 ) -> (Element, Element) {
     let (x1, y1) = (frame.x(from), frame.y(from));
     let (x2, y2) = (frame.x(to), frame.y(to));

@@ -105,8 +105,7 @@ fn picture(
             links.push(line("link kept", link.ends));
         } else {
             let (one, other) = link.ends;
-            let modules = poses.clone();
-            let (bow, cross) = drawing::broken(&frame, pose_of(one), pose_of(other), modules);
+            let (bow, cross) = drawing::broken(&frame, pose_of(one), pose_of(other), &poses);
             bows.push(bow);
             crosses.push(cross);
         }
