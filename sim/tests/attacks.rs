@@ -197,6 +197,21 @@ fn invented(id: u32) -> RosterMember {
     }
 }
 
+/// A module that starts when all spots are taken stands aside, and leaves it to the members to open epochs.
+#[test]
+fn a_module_that_comes_late_to_a_full_target_opens_no_epoch() {
+    let mut trial = Trial::new(&drawn(6, 4, Grouping::Singletons, 3), 3);
+    let late = ModuleId(6);
+    trial.cluster.start_late(late, Duration::from_secs(60));
+    trial.until(Cluster::has_formed);
+    trial.until(|cluster| epoch_of(cluster, 6) == epoch_of(cluster, 1));
+    let before = trial.convened.len();
+    trial.run_for(Duration::from_secs(120));
+    assert_eq!(trial.convened.len(), before);
+    let members = &trial.rosters.last().unwrap().members;
+    assert!(members.iter().all(|member| member.module.id != late));
+}
+
 /// A stranger publishes a roster of invented modules, and of `living` ones in their present runs, with the basis that the invented
 /// ones fill. Those that it does not list stand aside, and form again.
 fn forge_roster(living: &[u32]) {

@@ -12,6 +12,9 @@ use formation_sim::{Cluster, ClusterParameters};
 
 const SEEDS: std::ops::Range<u64> = 0..6;
 
+/// The module whose driver falls silent.
+const SILENT: ModuleId = ModuleId(3);
+
 #[test]
 fn a_spare_takes_the_spot_of_a_retired_module() {
     for seed in SEEDS {
@@ -164,8 +167,6 @@ fn with_a_silent_driver() -> Trial {
     trial.run_for(Duration::from_secs(25));
     trial
 }
-
-const SILENT: ModuleId = ModuleId(3);
 
 /// Its agent does not know where it stands: what it last measured is no place where it has halted.
 #[test]

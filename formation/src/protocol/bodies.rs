@@ -265,7 +265,7 @@ impl Context {
             }
             return;
         }
-        if report.incarnation.0 > self.latest_stamp() {
+        if !self.is_plausible(report.incarnation.0) {
             return;
         }
         // What others report of a later run than the one that sends to this module is about one that has fallen silent.

@@ -102,7 +102,7 @@ impl Context {
         own.saturating_add(STAMP_AHEAD_MAX)
     }
 
-    /// Whether an epoch or a revision of a command is low enough to be true. A bound that depends on what is known would let a
+    /// Whether an incarnation, an epoch or a revision is low enough to be true. A bound that depends on what is known would let a
     /// stranger raise the number step by step, out of reach of modules that start later.
     pub fn is_plausible(&self, number: u64) -> bool {
         number <= self.latest_stamp()

@@ -95,7 +95,7 @@ impl Agent {
             whereabouts: Whereabouts::Seen(state.pose),
         };
         let context = &mut self.context;
-        if report.incarnation.0 > context.latest_stamp() {
+        if !context.is_plausible(report.incarnation.0) {
             return;
         }
         let module = report.module;

@@ -381,11 +381,7 @@ impl Agent {
     /// Whether a revision is near enough to this module's clock, or to the known revision, to be true.
     fn is_plausible_revision(&self, revision: u64) -> bool {
         let known = self.context.target.revision().unwrap_or_default();
-        revision
-            <= self
-                .context
-                .latest_stamp()
-                .max(known.saturating_add(REVISION_STEP_MAX))
+        self.context.is_plausible(revision) || revision <= known.saturating_add(REVISION_STEP_MAX)
     }
 
     /// Handles a state; one that is known already changes nothing that is due. A process sends the states of all its modules

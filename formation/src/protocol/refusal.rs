@@ -51,9 +51,9 @@ refusals! {
     NoQuorum = "no_quorum": "its roster lacks a majority of an earlier one",
     /// Its roster opens a spot on which this module knows a body.
     UnlistedBody = "unlisted_body": "its roster opens a spot on which a body is known to stand",
-    /// Its command to stop or to resume is too far ahead of the latest known one.
+    /// The revision of its command to stop or to resume is too far ahead of this module's clock.
     ImplausibleStop = "implausible_stop": "the revision of its stop command is too far ahead of our clock",
-    /// Its epoch is too far ahead of every known epoch.
+    /// Its epoch is too far ahead of this module's clock.
     ImplausibleEpoch = "implausible_epoch": "its epoch is too far ahead of our clock",
     /// Its incarnation is too far ahead of this module's clock.
     ImplausibleIncarnation = "implausible_incarnation": "its incarnation is too far ahead of our clock",
