@@ -311,6 +311,7 @@ impl MonitoredRun<'_> {
             Fault::Heal => cluster.heal(),
             Fault::Command(module, command) => cluster.command(*module, *command),
             Fault::Drive { module, broken } => cluster.break_drive(*module, *broken),
+            Fault::SilentDriver(module) => cluster.mute_drive(*module),
             Fault::Stop(stop) => {
                 if let Some(&module) = cluster.running().first() {
                     cluster.stop(module, *stop);

@@ -114,6 +114,8 @@ pub enum Fault {
         /// Whether it fails from now on.
         broken: bool,
     },
+    /// The driver of a module falls silent, until its process restarts.
+    SilentDriver(ModuleId),
     /// A participant that is not a module forges claims from now on.
     ForgeClaims,
     /// A participant that is not a module publishes a roster, the quorum bases of which it invented.
@@ -171,7 +173,10 @@ pub fn draw(
             drawing.pauses(pauses, 12_000);
             drawing.rarer();
         }
-        FaultKind::Hostile => drawing.hostile(),
+        FaultKind::Hostile => {
+            drawing.hostile();
+            drawing.silent_driver();
+        }
         FaultKind::Storm => drawing.storm(),
         FaultKind::Stops => drawing.stops(),
         FaultKind::Churn => drawing.churn(),
@@ -262,6 +267,23 @@ impl Drawing<'_> {
                 let at = crashed + Duration::from_millis(chance);
                 self.add(at, Fault::Remove(module));
             }
+        }
+    }
+
+    /// The driver of a module falls silent, in one run of four. The times of the other faults decide, so that these stay as they
+    /// are.
+    fn silent_driver(&mut self) {
+        // Small formations would soon have no module left to take a spot.
+        if self.modules.len() < 5 {
+            return;
+        }
+        let times = self.faults.iter().map(|fault| fault.at.as_micros());
+        let seed = u64::try_from(times.sum::<u128>()).unwrap_or_default();
+        let mut random = Random::from_seed(seed);
+        if random.below(4) == 0 {
+            let module = self.modules[random.index(self.modules.len())];
+            let at = duration_below(&mut random, self.end);
+            self.add(at, Fault::SilentDriver(module));
         }
     }
 

@@ -400,6 +400,7 @@ fn fault_entry(fault: &Fault) -> Entry {
             "drive_repaired"
         })
         .module(*module),
+        Fault::SilentDriver(module) => Entry::of("silent_driver").module(*module),
         Fault::ForgeClaims => Entry::of("forge_claims"),
         Fault::ForgeRoster => Entry::of("forge_roster"),
         Fault::Withdraw => Entry::of("withdraw"),

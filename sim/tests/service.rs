@@ -12,9 +12,6 @@ use formation_sim::{Cluster, ClusterParameters};
 
 const SEEDS: std::ops::Range<u64> = 0..6;
 
-/// The module whose driver falls silent.
-const SILENT: ModuleId = ModuleId(3);
-
 #[test]
 fn a_spare_takes_the_spot_of_a_retired_module() {
     for seed in SEEDS {
@@ -147,8 +144,8 @@ fn a_module_with_a_repaired_drive_rejoins() {
     assert_eq!(trial.settled().len(), 5);
 }
 
-/// Six modules on paths to six spots. The driver of module 3 falls silent on the way.
-fn with_a_silent_driver() -> Trial {
+/// Six modules on paths to six spots, one of which has been on its way for a second.
+fn on_the_way(module: ModuleId) -> Trial {
     let starts = (1..7).map(|id| format!("{{id: {id}, x: {}, y: 6}}", 2 * id));
     let starts: Vec<String> = starts.collect();
     let starts = starts.join(", ");
@@ -161,9 +158,15 @@ fn with_a_silent_driver() -> Trial {
         ..ClusterParameters::default()
     };
     let mut trial = Trial::with(&scenario(&text), parameters, 3);
-    trial.until(|cluster| cluster.is_moving(SILENT));
+    trial.until(|cluster| cluster.is_moving(module));
     trial.run_for(Duration::from_secs(1));
-    trial.cluster.mute_drive(SILENT);
+    trial
+}
+
+/// The same, and the driver of that module falls silent.
+fn with_a_silent_driver(silent: ModuleId) -> Trial {
+    let mut trial = on_the_way(silent);
+    trial.cluster.mute_drive(silent);
     trial.run_for(Duration::from_secs(25));
     trial
 }
@@ -171,14 +174,15 @@ fn with_a_silent_driver() -> Trial {
 /// Its agent does not know where it stands: what it last measured is no place where it has halted.
 #[test]
 fn a_module_that_was_not_measured_to_stand_is_on_its_way_for_the_others() {
-    let mut trial = with_a_silent_driver();
+    let silent = ModuleId(3);
+    let mut trial = with_a_silent_driver(silent);
     trial.cluster.command(ModuleId(6), Command::Retire);
     trial.run_for(Duration::from_secs(30));
     let last = trial.rosters.last().unwrap();
     let mut members = last.members.iter();
-    assert!(members.all(|member| member.module.id != SILENT));
+    assert!(members.all(|member| member.module.id != silent));
     let mut bodies = last.bodies.iter();
-    let body: &BodyReport = bodies.find(|body| body.module == SILENT).unwrap();
+    let body: &BodyReport = bodies.find(|body| body.module == silent).unwrap();
     let whereabouts = &body.whereabouts;
     assert!(matches!(whereabouts, Whereabouts::OnTheWay(_)), "{body:?}");
     assert!(trial.rosters.len() > 2, "an epoch left it out before");
@@ -187,11 +191,43 @@ fn a_module_that_was_not_measured_to_stand_is_on_its_way_for_the_others() {
 /// Otherwise each epoch would wait for it, and none would settle.
 #[test]
 fn a_module_that_rejoins_before_it_stands_is_not_waited_for() {
-    let mut trial = with_a_silent_driver();
+    let silent = ModuleId(3);
+    let mut trial = with_a_silent_driver(silent);
     trial.run_for(Duration::from_secs(60));
-    trial.cluster.command(SILENT, Command::Rejoin);
+    trial.cluster.command(silent, Command::Rejoin);
     let before = trial.convened.len();
     trial.run_for(Duration::from_secs(600));
     assert!(trial.convened.len() - before < 10);
     assert!(!trial.settled().is_empty());
+}
+
+/// It would wait for its own rest, and the others for its roster.
+#[test]
+fn a_module_whose_driver_falls_silent_convenes_no_other() {
+    let silent = ModuleId(1);
+    let mut trial = with_a_silent_driver(silent);
+    trial.run_for(Duration::from_secs(30));
+    assert_eq!(trial.convened.len(), 2);
+    let last = trial.rosters.last().unwrap();
+    assert_ne!(last.epoch.convener, silent);
+    let mut members = last.members.iter();
+    assert!(members.all(|member| member.module.id != silent));
+    assert!(!in_phase(&trial.cluster, ModulePhase::Settled).is_empty());
+}
+
+/// The same if its driver falls silent while it halts to convene.
+#[test]
+fn a_convener_whose_driver_falls_silent_leaves_the_gathering() {
+    let silent = ModuleId(1);
+    let mut trial = on_the_way(silent);
+    trial.cluster.command(ModuleId(6), Command::Retire);
+    trial.until(|cluster| {
+        let convening = cluster.standing(silent).unwrap().epoch;
+        convening.is_some_and(|epoch| epoch.number > 1)
+    });
+    trial.cluster.mute_drive(silent);
+    trial.run_for(Duration::from_secs(60));
+    assert_eq!(trial.convened.len(), 3);
+    assert_ne!(trial.rosters.last().unwrap().epoch.convener, silent);
+    assert!(!in_phase(&trial.cluster, ModulePhase::Settled).is_empty());
 }

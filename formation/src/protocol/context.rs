@@ -246,6 +246,12 @@ impl Context {
         }
     }
 
+    /// Whether this module may open an epoch. One whose drive failed on the way may never be measured to stand, and then closes
+    /// no roster.
+    pub fn can_convene(&self) -> bool {
+        self.body.is_at_rest() || self.body.service != Service::MotionFailed
+    }
+
     /// The plan of a job; `None` until the host has computed it.
     pub fn plan(&mut self, job: PlanJob) -> Option<Arc<ComputedPlan>> {
         self.plans.get(job, &mut self.outbox)

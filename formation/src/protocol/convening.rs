@@ -19,6 +19,9 @@ impl Agent {
             return;
         }
         let context = &mut self.context;
+        if !context.can_convene() {
+            return;
+        }
         let Some(reason) = self.stage.doubt(context) else {
             context.pacing.clear_reason();
             context.set_shortfall(None);

@@ -247,12 +247,13 @@ impl Cluster {
                     let at = now + Duration::from_micros(self.random.below(WRITE_US_MAX));
                     self.schedule.add(at, Happening::Persisted(run, number));
                 }
-                Output::Halt if process.is_mute => {}
                 Output::Halt if coasts && process.drive.is_moving() => process.is_coasting = true,
                 Output::Halt => {
                     // Earlier reports may wait for a process that has just continued.
                     let report = process.drive.halt(local);
-                    process.inbox.add(Input::Motion(report));
+                    if !process.is_mute {
+                        process.inbox.add(Input::Motion(report));
+                    }
                     let pose = process.drive.pose();
                     self.observe(Observation::Stands(module, pose));
                 }

@@ -51,10 +51,12 @@ impl Cluster {
         }
     }
 
-    /// The driver of a module falls silent on its way, and the drive reports that it failed and nothing else.
+    /// The driver of a module falls silent: the drive reports that it failed, and nothing else from then on. A new process has a
+    /// new drive.
     pub fn mute_drive(&mut self, module: ModuleId) {
         if let Some(process) = self.processes.get_mut(&module) {
             process.is_mute = true;
+            self.note(Fault::SilentDriver(module));
             self.input(module, Input::Motion(MotionReport::Failed));
         }
     }

@@ -145,6 +145,13 @@ impl Cluster {
         process.is_some_and(|process| process.drive.is_moving())
     }
 
+    /// Whether nothing that a module's drive reports reaches its agent.
+    #[must_use]
+    pub fn has_silent_driver(&self, module: ModuleId) -> bool {
+        let process = self.processes.get(&module);
+        process.is_some_and(|process| process.is_mute)
+    }
+
     /// The plan on which a module moves; `None` while its drive stands still, or only moves on after its last goal.
     #[must_use]
     pub fn plan_in_motion(&self, module: ModuleId) -> Option<(Epoch, Digest)> {

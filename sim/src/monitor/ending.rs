@@ -46,9 +46,11 @@ impl Monitor {
         self.latest(cluster, module)?.state.as_deref()
     }
 
+    /// Whether a module can take a spot. One whose driver fell silent may be unable to say that it cannot.
     fn is_active(&self, cluster: &Cluster, module: ModuleId) -> bool {
-        self.state(cluster, module)
-            .is_some_and(|state| state.service == Service::Active)
+        let state = self.state(cluster, module);
+        !cluster.has_silent_driver(module)
+            && state.is_some_and(|state| state.service == Service::Active)
     }
 
     /// The modules that can reach each other. Of those that are cut off from the publisher, one that has not received the target

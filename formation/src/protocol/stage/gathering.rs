@@ -160,7 +160,11 @@ impl Gathering {
         };
         let is_overdue =
             context.now > self.waits_since + patience && !(still_waits && lacks_quorum());
-        (!is_live || is_overdue).then_some(EpochReason::ConvenerSilent(convener))
+        let has_left = context.peers.heartbeat(convener).is_some_and(|heartbeat| {
+            heartbeat.epoch == Some(self.epoch) && heartbeat.phase == ModulePhase::Listening
+        });
+        let is_over = !is_live || has_left || is_overdue;
+        is_over.then_some(EpochReason::ConvenerSilent(convener))
     }
 
     /// Waits for the roster; as the convener, publishes it once all members have frozen or the time is up.
@@ -172,6 +176,9 @@ impl Gathering {
             }
             return Step::Stay(Stage::Gathering(self));
         };
+        if !context.can_convene() {
+            return Step::Stay(Stage::Listening(Some(self.epoch)));
+        }
         let frozen = frozen_states(self.epoch, context);
         let progress = collection.advance(self.since, &frozen, context);
         let Progress::Complete { reports_limit } = progress else {
