@@ -171,25 +171,28 @@ fn bodies_that_leave_no_room_are_listed() {
 /// second, a member pauses between having the whole plan and showing it, and waits for that roster's majority. In the third, a
 /// convener without a quorum refuses the later roster of others, and calls them. In the last, a process that was paused repeats a
 /// goal at which its module has arrived meanwhile. In the rest, bodies stay where their modules crashed on paths, in passing
-/// settled modules, or are put back by a restart.
+/// settled modules, are put back by a restart, or, in the last, stand where the members know and the convener does not.
 #[test]
 fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
-    let seeds: [(FaultKind, &[u64]); 2] = [
+    let seeds: [(FaultKind, usize, &[u64]); 3] = [
         (
             FaultKind::Hostile,
+            2,
             &[50_001_993, 50_002_332, 60_001_552, 100_019_419, 30_002_089],
         ),
         (
             FaultKind::Mixed,
+            2,
             &[
                 51_000_168, 51_000_680, 51_001_600, 51_001_916, 51_002_120, 51_002_161,
             ],
         ),
+        (FaultKind::Hostile, 5, &[53_002_973]),
     ];
-    for (faults, seeds) in seeds {
+    for (faults, modules_min, seeds) in seeds {
         let parameters = CampaignParameters {
             faults,
-            modules_min: 2,
+            modules_min,
             modules_max: 12,
             ..CampaignParameters::default()
         };

@@ -6,14 +6,15 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation::generate::Apart;
-use formation::model::{Message, Scenario, TargetAnnouncement};
+use formation::model::{Message, ModuleId, Scenario, TargetAnnouncement};
 use formation::motion::MotionReport;
-use formation::protocol::{Agent, Input, Mutation, Output};
+use formation::protocol::{Agent, EpochReason, Event, Input, Mutation, Output};
 use formation_sim::{
-    AgentFactory, CampaignParameters, Ending, FaultKind, ViolationKind, run_seed, run_seeds,
+    AgentFactory, CampaignParameters, ClusterParameters, Ending, FaultKind, ViolationKind,
+    run_seed, run_seeds,
 };
 
-use crate::support::{agent, run_all, scenario};
+use crate::support::{Trial, agent, run_all, scenario};
 
 /// The number of seeds of each kind.
 fn seeds() -> u64 {
@@ -44,7 +45,7 @@ fn faults_lead_to_no_contact() {
 }
 
 /// Robots move on for a while after their agents' last goals, also those that a plan has left out. In seed 86 a drive fails while its
-/// module moves on.
+/// module moves on; in seed 593 a driver falls silent, and its agent never knows that it stands.
 #[test]
 fn drives_that_halt_late_lead_to_no_contact() {
     for faults in [FaultKind::Partition, FaultKind::Mixed, FaultKind::Hostile] {
@@ -53,7 +54,9 @@ fn drives_that_halt_late_lead_to_no_contact() {
             ..parameters(faults, Apart::Circles)
         };
         run_all(&parameters, 0..seeds() / 2);
-        run_all(&parameters, 86..87);
+        for seed in [86, 593] {
+            run_all(&parameters, seed..seed + 1);
+        }
     }
 }
 
@@ -241,4 +244,32 @@ singletons: [{id: 1, x: 0, y: 0}]
     let (goal, pose) = (goals[1], goals[1]);
     agent.handle(now, Input::Motion(MotionReport::Arrived { goal, pose }));
     assert_eq!(agent.path_ahead().len(), ahead.len() - 1);
+}
+
+/// Three modules are on their way to three spots when a fourth starts, whose body stands between them and the spots.
+#[test]
+fn a_module_that_starts_in_the_way_of_others_is_led_around() {
+    let text = "target: {map: 'o-o-o'}\nplanner: {motion: paths}\nsingletons: [{id: 1, x: 0, y: 12}, {id: 2, x: 1, y: 12}, \
+                {id: 3, x: 2, y: 12}, {id: 4, x: 1, y: 6}]";
+    let parameters = ClusterParameters {
+        speed_units_per_s: 0.3,
+        ..ClusterParameters::default()
+    };
+    let late = ModuleId(4);
+    let mut trial = Trial::with(&scenario(text), parameters, 3);
+    trial.cluster.start_late(late, Duration::from_secs(40));
+    let mut nearest = f64::INFINITY;
+    trial.until(|cluster| {
+        let body = |module| cluster.body(module).unwrap();
+        for module in [1, 2, 3].map(ModuleId) {
+            nearest = nearest.min(body(module).distance_to(&body(late)).to_units());
+        }
+        cluster.running().contains(&late) && cluster.has_formed()
+    });
+    assert!(nearest >= 0.99, "{nearest}");
+    let named = |event: &Event| {
+        let bodies = vec![late];
+        matches!(event, Event::Convened(_, EpochReason::BodiesUnlisted(modules)) if *modules == bodies)
+    };
+    assert!(trial.count(named) > 0);
 }

@@ -18,6 +18,13 @@ use crate::model::{
 /// A body that is nearer to a spot than this covers it.
 pub(crate) const COVERING_DISTANCE: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
 
+/// A body that stands no farther than this from where a report says that it may stand is where that says: what is measured twice
+/// differs a little.
+const MEASURED_AGAIN: MicroUnits = MicroUnits(MICRO_PER_UNIT / 50);
+
+/// A longer path is looked at in fewer places: about this many in all.
+const SAMPLES: i64 = 1_000;
+
 /// Where a body is. Within one epoch, a later variant supersedes an earlier one.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum Whereabouts {
@@ -117,6 +124,20 @@ impl fmt::Display for BlockedSpot {
 /// Whether a module is among these members, which ascend by module.
 pub(crate) fn lists(members: &[RosterMember], module: ModuleId) -> bool {
     RosterMember::find(members, module).is_some()
+}
+
+/// Whether these reports, at most one for each module, say of a body that it may stand wherever `known` says.
+pub(crate) fn account_for(reports: &[BodyReport], known: &BodyReport) -> bool {
+    let report = reports.iter().find(|one| one.module == known.module);
+    let listed = report.map_or(&[][..], |report| report.whereabouts.poses());
+    let is_listed = |pose: &Pose| {
+        let distance = polyline::distance(pose, listed);
+        distance.is_some_and(|distance| distance <= MEASURED_AGAIN)
+    };
+    let path = known.whereabouts.poses();
+    let spacing = polyline::length(path).0 / SAMPLES + MICRO_PER_UNIT / 2;
+    let mut poses = polyline::sampled(path, MicroUnits(spacing));
+    poses.all(|pose| is_listed(&pose))
 }
 
 /// The spots of a target that bodies cover, ascending.

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use crate::model::{
     BlockedSpot, BodyReport, Epoch, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    Roster, RosterMember, Service, SpotId, Target, Whereabouts, body,
+    MotionMode, Roster, RosterMember, Service, SpotId, Target, Whereabouts, body,
 };
 
 use super::context::Context;
@@ -50,6 +50,8 @@ struct Comparison {
     /// The spots that the roster takes for blocked and that are free now, because a body was removed or because one moved
     /// and more modules can take spots.
     freed: Vec<SpotId>,
+    /// Bodies that may stand where the roster does not say.
+    displaced: Vec<BodyReport>,
 }
 
 impl Hash for Bodies {
@@ -375,18 +377,23 @@ impl Context {
         }
     }
 
-    /// Takes over the bodies in a roster, and refuses it if it opens a spot on which this module knows a body.
+    /// Takes over the bodies in a roster, and refuses it if it opens a spot on which this module knows a body, or if paths may lead
+    /// through one.
     pub fn check_bodies(&mut self, roster: &Roster) -> Result<(), Refusal> {
         self.learn_roster_bodies(roster);
         let Some(target) = &roster.target.target else {
             return Ok(());
         };
-        let unlisted = self.newly_blocked(roster, target);
-        if unlisted.is_empty() || self.bugs.ignore_bodies() {
+        let blocking = self.newly_blocked(roster, target).into_iter();
+        let displaced = self.displaced(roster).into_iter();
+        let modules: BTreeSet<ModuleId> = blocking
+            .map(|blocked| blocked.module)
+            .chain(displaced.map(|body| body.module))
+            .collect();
+        if modules.is_empty() || self.bugs.ignore_bodies() {
             self.bodies.contested = None;
             return Ok(());
         }
-        let modules = unlisted.iter().map(|blocked| blocked.module).collect();
         self.bodies.contested = Some((roster.epoch, modules));
         Err(Refusal::UnlistedBody)
     }
@@ -396,6 +403,20 @@ impl Context {
         let known = self.bodies.outside(&roster.members);
         let now = body::blocked_spots(target, &roster.members, &known);
         except(&now, &roster.blocked_spots()).collect()
+    }
+
+    /// The bodies that may stand where a roster does not say, and so in the way of its paths. Modules of another session may move at
+    /// any time, whatever a roster says.
+    fn displaced(&self, roster: &Roster) -> Vec<BodyReport> {
+        if roster.target.parameters.motion == MotionMode::Straight {
+            return Vec::new();
+        }
+        let mut known = self.bodies.outside(&roster.members);
+        known.retain(|body| {
+            let is_of_other_session = self.bodies.of_other_sessions.contains(&body.module);
+            !is_of_other_session && !body::account_for(&roster.bodies, body)
+        });
+        known
     }
 
     /// How the bodies that are known now differ from those in a roster; found again only when something became known.
@@ -432,14 +453,17 @@ impl Context {
         Comparison {
             newly_blocked: except(&now, &listed).collect(),
             freed: freed.map(|blocked| blocked.spot).collect(),
+            displaced: self.displaced(roster),
         }
     }
 
-    /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled.
+    /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled and some paths
+    /// lie ahead.
     pub fn doubt_bodies(
         &mut self,
         roster: &Roster,
         is_to_fill: impl Fn(SpotId, &Self) -> bool,
+        is_in_the_way: impl Fn(&BodyReport, &Self) -> bool,
     ) -> Option<EpochReason> {
         if self.bugs.ignore_bodies() {
             return None;
@@ -450,7 +474,13 @@ impl Context {
         }
         let mut blocked = comparison.newly_blocked;
         blocked.retain(|blocked| is_to_fill(blocked.spot, self));
-        (!blocked.is_empty()).then_some(EpochReason::SpotsBlocked(blocked))
+        if !blocked.is_empty() {
+            return Some(EpochReason::SpotsBlocked(blocked));
+        }
+        let displaced = comparison.displaced.iter();
+        let in_the_way = displaced.filter(|body| is_in_the_way(body, self));
+        let in_the_way: Vec<ModuleId> = in_the_way.map(|body| body.module).collect();
+        (!in_the_way.is_empty()).then_some(EpochReason::BodiesUnlisted(in_the_way))
     }
 
     /// Whether these modules, which no roster lists, could fill more spots than its own members, now that they can move.

@@ -127,7 +127,10 @@ impl Stage {
         let is_to_fill = |spot: SpotId, context: &Context| {
             held.is_some_and(|held| held.is_to_fill(spot, context))
         };
-        if let Some(reason) = context.doubt_bodies(roster, is_to_fill) {
+        let is_in_the_way = |body: &BodyReport, context: &Context| {
+            held.is_some_and(|held| held.has_in_the_way(body, self.steps_done(), context))
+        };
+        if let Some(reason) = context.doubt_bodies(roster, is_to_fill, is_in_the_way) {
             return Some(reason);
         }
         if held.is_some_and(|held| held.refusal(context).is_some()) {

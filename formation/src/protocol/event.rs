@@ -203,7 +203,7 @@ pub enum EpochReason {
     /// Members have entered a later epoch than this module.
     #[error("in a later epoch: {}", ids(.0))]
     MembersAhead(Vec<ModuleId>),
-    /// A roster opened spots that the bodies of these modules cover.
+    /// A roster opened spots that the bodies of these modules cover, or does not say where these bodies are.
     #[error("the roster lacks bodies: {}", ids(.0))]
     BodiesUnlisted(Vec<ModuleId>),
     /// Bodies cover spots that the plan is still to fill.

@@ -49,8 +49,8 @@ refusals! {
     BadRoster = "bad_roster": "its roster contradicts itself or our announced state",
     /// Its roster lacks a majority of an earlier one.
     NoQuorum = "no_quorum": "its roster lacks a majority of an earlier one",
-    /// Its roster opens a spot on which this module knows a body.
-    UnlistedBody = "unlisted_body": "its roster opens a spot on which a body is known to stand",
+    /// Its roster opens a spot on which this module knows a body, or does not say where a body is.
+    UnlistedBody = "unlisted_body": "its roster lacks a body that is known to stand on a spot or in the way",
     /// The revision of its command to stop or to resume is too far ahead of this module's clock.
     ImplausibleStop = "implausible_stop": "the revision of its stop command is too far ahead of our clock",
     /// Its epoch is too far ahead of this module's clock.

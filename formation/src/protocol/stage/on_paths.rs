@@ -3,13 +3,15 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::model::ModuleId;
+use crate::model::{BODY_WIDTH, BodyReport, ModuleId, Pose, polyline};
+use crate::motion::paths::Area;
 
 use super::super::context::Context;
 use super::super::event::Event;
 use super::acting::{Acting, Progress, Task};
+use super::held_plan::HeldPlan;
 use super::proofs::Proofs;
-use super::route::Route;
+use super::route::{PathPlace, Route};
 
 /// How often the progress of the members is counted within the time after which they are stuck. To count takes longer the more
 /// members there are, and each member counts; the time is longer than it needs to be by at most one of these parts.
@@ -36,6 +38,35 @@ impl From<Duration> for Advance {
             since: now,
             counted: now,
         }
+    }
+}
+
+impl HeldPlan {
+    /// Whether a body may stand in the way of a member that has yet to move there. This module has done `own_steps` steps.
+    pub(in crate::protocol) fn has_in_the_way(
+        &self,
+        body: &BodyReport,
+        own_steps: u32,
+        context: &Context,
+    ) -> bool {
+        let target = self.roster.target.target.as_ref();
+        let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
+        let area_of = |ends: (&Pose, &Pose)| Area::of_bodies(ends.into(), width);
+        let standing: Vec<Area> = polyline::lines(body.whereabouts.poses())
+            .map(area_of)
+            .collect();
+        let is_in_the_way = |(module, (unit, member)): (ModuleId, PathPlace<'_>)| {
+            let done = if module == context.module() {
+                own_steps
+            } else {
+                self.steps_done_by(module, context.peers.get(module))
+            };
+            let ahead: Vec<Pose> = unit.poses_after(done as usize, member).collect();
+            let leaves = ahead.len() > 1;
+            let mut ways = polyline::lines(&ahead).filter(|_| leaves).map(area_of);
+            ways.any(|way| standing.iter().any(|area| area.overlaps(&way)))
+        };
+        self.places().into_iter().any(is_in_the_way)
     }
 }
 
