@@ -6,7 +6,9 @@ use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, scenario, spots};
 use formation::generate::Grouping;
-use formation::model::{BodyReport, ModuleId, ModulePhase, Service, Whereabouts};
+use formation::model::{
+    BodyReport, ModuleId, ModulePhase, Service, TargetAnnouncement, Whereabouts,
+};
 use formation::protocol::{Command, EpochReason, Event};
 use formation_sim::{Cluster, ClusterParameters};
 
@@ -178,14 +180,38 @@ fn a_module_that_was_not_measured_to_stand_is_on_its_way_for_the_others() {
     let mut trial = with_a_silent_driver(silent);
     trial.cluster.command(ModuleId(6), Command::Retire);
     trial.run_for(Duration::from_secs(30));
+    assert!(trial.rosters.len() > 2, "an epoch left it out before");
+    assert_is_on_its_way(&trial, silent);
+}
+
+#[test]
+fn a_module_that_may_move_on_is_on_its_way_after_the_target_is_withdrawn() {
+    let silent = ModuleId(3);
+    let mut trial = with_a_silent_driver(silent);
+    let announced = trial.cluster.announcement().unwrap();
+    let announced = TargetAnnouncement::clone(announced);
+    for (revision, target) in [(2, None), (3, announced.target.clone())] {
+        trial.cluster.announce(TargetAnnouncement {
+            revision,
+            target,
+            ..announced.clone()
+        });
+        trial.run_for(Duration::from_secs(30));
+    }
+    let last = trial.rosters.last().unwrap();
+    assert_eq!(last.target.revision, 3);
+    assert_is_on_its_way(&trial, silent);
+}
+
+/// The last roster does not list a module, and takes it to be anywhere on the rest of its way.
+fn assert_is_on_its_way(trial: &Trial, module: ModuleId) {
     let last = trial.rosters.last().unwrap();
     let mut members = last.members.iter();
-    assert!(members.all(|member| member.module.id != silent));
+    assert!(members.all(|member| member.module.id != module));
     let mut bodies = last.bodies.iter();
-    let body: &BodyReport = bodies.find(|body| body.module == silent).unwrap();
+    let body: &BodyReport = bodies.find(|body| body.module == module).unwrap();
     let whereabouts = &body.whereabouts;
     assert!(matches!(whereabouts, Whereabouts::OnTheWay(_)), "{body:?}");
-    assert!(trial.rosters.len() > 2, "an epoch left it out before");
 }
 
 /// Otherwise each epoch would wait for it, and none would settle.

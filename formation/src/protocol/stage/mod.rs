@@ -160,10 +160,14 @@ impl Stage {
         }
     }
 
-    /// Whether a changed state may be published now. Others take a frozen module, and one that stands aside, to stand where its
-    /// state shows it, so those publish at rest only, with no port at work.
+    /// Whether a changed state may be published now. Others take a module that carries out no plan of theirs to stand where its
+    /// state shows it, so such a module publishes at rest only, with no port at work.
     pub fn may_publish_state(&self, context: &Context) -> bool {
-        !matches!(self, Self::Gathering(_) | Self::Outsider(_)) || context.body.is_at_rest()
+        let carries_out = matches!(
+            self,
+            Self::Planning(_) | Self::Agreeing(_) | Self::Acting(_)
+        );
+        carries_out || context.body.is_at_rest()
     }
 
     /// Adds to a state what this stage knows.
