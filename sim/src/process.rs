@@ -128,6 +128,8 @@ pub(crate) struct Process {
     pub is_coasting: bool,
     /// Whether nothing that the drive reports reaches the agent.
     pub is_mute: bool,
+    /// Whether the drive fell silent on its way, so that the agent never knows that it stands.
+    pub is_lost: bool,
     /// Whether the drive fails whenever it receives a goal.
     pub drive_broken: bool,
     /// When the next report of the drive is scheduled.

@@ -68,33 +68,40 @@ fn run(mutation: Option<Mutation>, seed: u64) -> RunReport {
     run_seed(&parameters, seed).unwrap()
 }
 
-/// Bugs that small formations show: each with the faults, the number of modules, a seed, and the violation.
-const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, usize, u64, ViolationKind); 4] = [
+/// Bugs that small formations show: each with the faults, the fewest and the most modules, a seed, and the violation.
+const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, [usize; 2], u64, ViolationKind); 5] = [
+    (
+        Mutation::IgnoreDisplacedBodies,
+        FaultKind::Hostile,
+        [5, 12],
+        53_002_973,
+        ViolationKind::BodiesOverlap,
+    ),
     (
         Mutation::ExcludeMembersAhead,
         FaultKind::Hostile,
-        3,
+        [3, 3],
         7_115_419,
         ViolationKind::NoEnd,
     ),
     (
         Mutation::ForgetPinBeforeGoal,
         FaultKind::Hostile,
-        2,
+        [2, 2],
         10_034_893,
         ViolationKind::PinForgotten,
     ),
     (
         Mutation::CountAllBack,
         FaultKind::Churn,
-        5,
+        [5, 5],
         5_739,
         ViolationKind::TwoFormations,
     ),
     (
         Mutation::LearnUnjudged,
         FaultKind::Churn,
-        3,
+        [3, 3],
         26,
         ViolationKind::QuorumDenied,
     ),
@@ -103,13 +110,13 @@ const FOUND_IN_SMALL_FORMATIONS: [(Mutation, FaultKind, usize, u64, ViolationKin
 fn small(
     mutation: Option<Mutation>,
     faults: FaultKind,
-    modules: usize,
+    [modules_min, modules_max]: [usize; 2],
     seed: u64,
 ) -> Vec<Violation> {
     let parameters = CampaignParameters {
         faults,
-        modules_min: modules,
-        modules_max: modules,
+        modules_min,
+        modules_max,
         agents: agents(mutation),
         ..CampaignParameters::default()
     };
@@ -187,7 +194,7 @@ fn find_seeds() {
             let with_bug = search(Some(mutation), seed);
             with_bug.iter().any(|violation| violation.kind == kind) && search(None, seed).is_empty()
         });
-        println!("{mutation:?} with {modules} modules: {found:?}");
+        println!("{mutation:?} with {modules:?} modules: {found:?}");
         assert!(found.is_some(), "no seed shows {mutation:?}");
     }
 }

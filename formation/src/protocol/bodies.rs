@@ -408,7 +408,8 @@ impl Context {
     /// The bodies that may stand where a roster does not say, and so in the way of its paths. Modules of another session may move at
     /// any time, whatever a roster says.
     fn displaced(&self, roster: &Roster) -> Vec<BodyReport> {
-        if roster.target.parameters.motion == MotionMode::Straight {
+        let is_straight = roster.target.parameters.motion == MotionMode::Straight;
+        if is_straight || self.bugs.ignore_displaced_bodies() {
             return Vec::new();
         }
         let mut known = self.bodies.outside(&roster.members);

@@ -57,6 +57,8 @@ pub enum Mutation {
     IgnoreNewcomers,
     /// Plans as if absent modules had no bodies.
     IgnoreBodies,
+    /// Follows rosters that do not say where a body is on which no spot lies.
+    IgnoreDisplacedBodies,
     /// Excludes members that it considers stuck although they show a later epoch, and lets a roster count as agreed once it has
     /// agreed itself.
     ExcludeMembersAhead,
@@ -171,6 +173,7 @@ predicates! {
     ignore_newcomers: IgnoreNewcomers,
     learn_unjudged: LearnUnjudged,
     ignore_bodies: IgnoreBodies,
+    ignore_displaced_bodies: IgnoreDisplacedBodies,
     exclude_members_ahead: ExcludeMembersAhead,
     forget_pin_before_goal: ForgetPinBeforeGoal,
     forget_stored_bodies: ForgetStoredBodies,

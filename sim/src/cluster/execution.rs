@@ -124,6 +124,7 @@ impl Cluster {
             drive,
             is_coasting: false,
             is_mute: false,
+            is_lost: false,
             drive_broken: false,
             tick_at: None,
             driven_by: None,

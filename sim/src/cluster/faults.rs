@@ -56,6 +56,7 @@ impl Cluster {
     pub fn mute_drive(&mut self, module: ModuleId) {
         if let Some(process) = self.processes.get_mut(&module) {
             process.is_mute = true;
+            process.is_lost = process.drive.is_moving();
             self.note(Fault::SilentDriver(module));
             self.input(module, Input::Motion(MotionReport::Failed));
         }

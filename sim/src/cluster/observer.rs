@@ -145,11 +145,11 @@ impl Cluster {
         process.is_some_and(|process| process.drive.is_moving())
     }
 
-    /// Whether nothing that a module's drive reports reaches its agent.
+    /// Whether a module's driver fell silent on its way, so that its agent never knows that it stands.
     #[must_use]
-    pub fn has_silent_driver(&self, module: ModuleId) -> bool {
+    pub fn is_lost(&self, module: ModuleId) -> bool {
         let process = self.processes.get(&module);
-        process.is_some_and(|process| process.is_mute)
+        process.is_some_and(|process| process.is_lost)
     }
 
     /// The plan on which a module moves; `None` while its drive stands still, or only moves on after its last goal.

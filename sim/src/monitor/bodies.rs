@@ -86,9 +86,12 @@ impl Monitor {
     pub(super) fn all_is_blocked(&self, cluster: &Cluster, group: &BTreeSet<ModuleId>) -> bool {
         let received = group.iter();
         let received = received.filter_map(|&module| cluster.received_announcement(module));
-        let announcement = match cluster.parts().first() == Some(group) {
-            true => cluster.announcement().map(|announcement| &**announcement),
-            false => received.max_by_key(|announcement| announcement.revision),
+        let parts = cluster.parts();
+        let is_reachable = parts.first().is_some_and(|part| group.is_subset(part));
+        let announcement = if is_reachable {
+            cluster.announcement().map(|announcement| &**announcement)
+        } else {
+            received.max_by_key(|announcement| announcement.revision)
         };
         let Some(target) = announcement.and_then(|announcement| announcement.target.as_ref())
         else {

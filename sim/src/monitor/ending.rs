@@ -46,11 +46,9 @@ impl Monitor {
         self.latest(cluster, module)?.state.as_deref()
     }
 
-    /// Whether a module can take a spot. One whose driver fell silent may be unable to say that it cannot.
     fn is_active(&self, cluster: &Cluster, module: ModuleId) -> bool {
-        let state = self.state(cluster, module);
-        !cluster.has_silent_driver(module)
-            && state.is_some_and(|state| state.service == Service::Active)
+        self.state(cluster, module)
+            .is_some_and(|state| state.service == Service::Active)
     }
 
     /// The modules that can reach each other. Of those that are cut off from the publisher, one that has not received the target
@@ -67,6 +65,10 @@ impl Monitor {
             has_roster || knows_target(cluster, module)
         };
         let mut groups = cluster.parts();
+        for group in &mut groups {
+            // One that may be on its way freezes for no epoch, so it fills no spot and counts for no majority.
+            group.retain(|&module| !cluster.is_lost(module));
+        }
         for cut_off in groups.iter_mut().skip(1) {
             cut_off.retain(takes_part);
         }
@@ -98,7 +100,8 @@ impl Monitor {
         let Some(known) = self.rosters.get(&epoch) else {
             return Part::Unfinished;
         };
-        let reachable = cluster.parts().first() == Some(modules);
+        let parts = cluster.parts();
+        let reachable = parts.first().is_some_and(|part| modules.is_subset(part));
         let current = cluster
             .announcement()
             .is_none_or(|announcement| announcement.target == known.roster.target.target);
