@@ -167,6 +167,18 @@ fn bodies_that_leave_no_room_are_listed() {
     }
 }
 
+/// It is the only one to know of a majority that a roster lacks, and then receives an earlier roster, for which it stands aside.
+#[test]
+fn a_module_that_stands_aside_and_refuses_a_later_roster_is_not_left_behind() {
+    let parameters = CampaignParameters {
+        faults: FaultKind::Hostile,
+        modules_min: 5,
+        modules_max: 12,
+        ..CampaignParameters::default()
+    };
+    run_all(&parameters, 56_013_948..56_013_949);
+}
+
 /// In the first and the fourth hostile seed, the drive of one module fails while the modules docked to it move: they halt. In the
 /// second, a member pauses between having the whole plan and showing it, and waits for that roster's majority. In the third, a
 /// convener without a quorum refuses the later roster of others, and calls them. In the last, a process that was paused repeats a

@@ -13,7 +13,8 @@ use super::memory::Memory;
 use super::refusal::Refusal;
 use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
 
-/// A message of a convener that is not known yet. It comes only once, so it is kept until the convener is known.
+/// A message of a convener that is not known yet, or a roster for which a majority lacks. It comes only once, so it is kept until more
+/// is known.
 #[derive(Clone, Debug)]
 pub(super) struct EarlyRoster {
     source: Option<SourceId>,
@@ -62,17 +63,37 @@ impl Agent {
                 let gathering = Gathering::join(context, epoch, run.incarnation, target);
                 self.stage = Stage::Gathering(gathering);
             }
-            RosterMessage::Plan(roster) => {
-                if let Err(refusal) = self.follow(roster) {
-                    if refusal == Refusal::NoQuorum && self.context.shortfall.is_some() {
-                        // It shows the epoch that it could not follow, so that the members of that call it to the next one.
-                        self.leave_epoch();
-                        self.context.memory.note_epoch(epoch);
-                        self.stage = Stage::Listening(Some(epoch));
+            RosterMessage::Plan(roster) => match self.follow(Arc::clone(&roster)) {
+                Ok(()) => self.judge_kept_roster(),
+                Err(refusal) => {
+                    if refusal == Refusal::NoQuorum {
+                        self.lack_quorum_for(roster, source);
                     }
                     self.context.refuse(convener, refusal);
                 }
-            }
+            },
+        }
+    }
+
+    /// Keeps a roster that lacks a majority, as it is judged again when this module follows another or its convener shows more. A
+    /// module that waits for a quorum, or stands aside for an earlier roster, shows the epoch that it could not follow, so that the
+    /// members of that call it to the next one.
+    fn lack_quorum_for(&mut self, roster: Arc<ClosedRoster>, source: Option<SourceId>) {
+        let epoch = roster.epoch;
+        if self.context.shortfall.is_some() || matches!(self.stage, Stage::Outsider(_)) {
+            self.leave_epoch();
+            self.context.memory.note_epoch(epoch);
+            self.stage = Stage::Listening(Some(epoch));
+        } else {
+            self.keep_early_roster(source, RosterMessage::Plan(roster));
+        }
+    }
+
+    /// Judges a roster again that was kept.
+    fn judge_kept_roster(&mut self) {
+        let kept = self.early_roster.as_ref();
+        if let Some(convener) = kept.map(|kept| kept.message.epoch().convener) {
+            self.handle_early_roster(convener);
         }
     }
 
