@@ -28,7 +28,8 @@ pub enum FaultKind {
     /// retirements, changed targets, forged claims, and a network that loses, delays and repeats.
     Mixed,
     /// Those of `Mixed`, more often and in a row: repeated crashes of one module, cuts that change without healing
-    /// or flap, links that carry one way only, longer pauses, several targets, and clocks that drift as far as is allowed.
+    /// or flap, links that carry one way only, longer pauses, several targets, a driver that falls silent, and clocks that drift as
+    /// far as is allowed.
     Hostile,
     /// Any module crashes and restarts at any time, several of them or all at once, while cuts come and go. In the end all run
     /// and the network is whole.
