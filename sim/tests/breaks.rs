@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, hold_a_plan, ids};
+use crate::support::{Trial, drawn, hold_a_plan, ids, run_each};
 use formation::generate::Grouping;
 use formation::model::{
     Incarnation, Message, ModuleId, ModulePhase, ModuleRun, TargetAnnouncement,
@@ -159,16 +159,7 @@ fn a_pin_is_not_lost_to_a_goal_that_waits_for_the_store() {
 /// which is one that it had settled for before.
 #[test]
 fn a_pin_is_not_lost_to_a_plan_for_a_former_target() {
-    let parameters = CampaignParameters {
-        faults: FaultKind::Hostile,
-        modules_min: 2,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    for seed in [110_009_944, 110_012_526] {
-        let report = run_seed(&parameters, seed).unwrap();
-        assert!(report.violations.is_empty(), "seed {seed}: {report:?}");
-    }
+    run_each(FaultKind::Hostile, [2, 12], &[110_009_944, 110_012_526]);
 }
 
 /// The module knows of a roster from the history of a member, and the members are in later epochs, which lack a quorum.

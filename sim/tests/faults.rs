@@ -9,7 +9,7 @@ use std::time::Duration;
 
 use formation_sim::{CampaignParameters, FaultKind};
 
-use crate::support::run_all;
+use crate::support::{run_all, run_each};
 
 /// The number of seeds; the soak script runs more.
 fn seeds() -> u64 {
@@ -95,12 +95,7 @@ fn goals_end_with_their_plan_and_all_say_that_they_wait() {
 /// roster, as the only module that was in that one and in its own has restarted without a store.
 #[test]
 fn a_quorum_does_not_wait_for_itself() {
-    let small = CampaignParameters {
-        modules_min: 2,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    run_all(&small, 110_000_241..110_000_242);
+    run_each(FaultKind::Mixed, [2, 12], &[110_000_241]);
     for seed in [
         1_417, 2_241, 2_276, 3_664, 4_576, 4_796, 5_423, 6_787, 9_595, 9_728,
     ] {
@@ -112,29 +107,16 @@ fn a_quorum_does_not_wait_for_itself() {
 /// may stand on every spot.
 #[test]
 fn no_goal_outlives_an_arrival() {
-    let parameters = CampaignParameters {
-        faults: FaultKind::Hostile,
-        modules_min: 2,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    for seed in [20_001_547, 20_002_328, 20_011_259] {
-        run_all(&parameters, seed..seed + 1);
-    }
+    let seeds = [20_001_547, 20_002_328, 20_011_259];
+    run_each(FaultKind::Hostile, [2, 12], &seeds);
 }
 
 /// Seeds in which a group has no quorum, and bodies may stand on every spot; in the last, the only module that gathers is
 /// retired. The group reports that it waits for a quorum.
 #[test]
 fn a_group_without_a_quorum_says_so_even_if_nothing_could_be_planned() {
-    let parameters = CampaignParameters {
-        modules_min: 2,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    for seed in [51_000_097, 51_000_872, 51_000_938, 51_002_518, 90_007_223] {
-        run_all(&parameters, seed..seed + 1);
-    }
+    let seeds = [51_000_097, 51_000_872, 51_000_938, 51_002_518, 90_007_223];
+    run_each(FaultKind::Mixed, [2, 12], &seeds);
 }
 
 /// In the first seed, founders that the target does not name agree behind a cut, and the one that restarts founds another
@@ -142,14 +124,8 @@ fn a_group_without_a_quorum_says_so_even_if_nothing_could_be_planned() {
 /// it is cut off from the publisher, so that the group waits for a quorum, or has formed, without it.
 #[test]
 fn what_no_rule_can_know_is_not_held_against_the_modules() {
-    let parameters = CampaignParameters {
-        modules_min: 2,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    for seed in [70_001_623, 70_007_073, 70_013_767, 90_005_940] {
-        run_all(&parameters, seed..seed + 1);
-    }
+    let seeds = [70_001_623, 70_007_073, 70_013_767, 90_005_940];
+    run_each(FaultKind::Mixed, [2, 12], &seeds);
 }
 
 /// In the first seed, an absent body may stand on every spot, although its module still counts as live: the convener's state
@@ -157,26 +133,14 @@ fn what_no_rule_can_know_is_not_held_against_the_modules() {
 /// that lasts keeps a later target from a module for which bodies cover the whole former one.
 #[test]
 fn bodies_that_leave_no_room_are_listed() {
-    let parameters = CampaignParameters {
-        modules_min: 2,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    for seed in [90_016_624, 90_003_717, 160_001_188] {
-        run_all(&parameters, seed..seed + 1);
-    }
+    let seeds = [90_016_624, 90_003_717, 160_001_188];
+    run_each(FaultKind::Mixed, [2, 12], &seeds);
 }
 
 /// It is the only one to know of a majority that a roster lacks, and then receives an earlier roster, for which it stands aside.
 #[test]
 fn a_module_that_stands_aside_and_refuses_a_later_roster_is_not_left_behind() {
-    let parameters = CampaignParameters {
-        faults: FaultKind::Hostile,
-        modules_min: 5,
-        modules_max: 12,
-        ..CampaignParameters::default()
-    };
-    run_all(&parameters, 56_013_948..56_013_949);
+    run_each(FaultKind::Hostile, [5, 12], &[56_013_948]);
 }
 
 /// In the first and the fourth hostile seed, the drive of one module fails while the modules docked to it move: they halt. In the
@@ -188,30 +152,12 @@ fn a_module_that_stands_aside_and_refuses_a_later_roster_is_not_left_behind() {
 /// counts for no majority.
 #[test]
 fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
-    let seeds: [(FaultKind, usize, &[u64]); 3] = [
-        (
-            FaultKind::Hostile,
-            2,
-            &[50_001_993, 50_002_332, 60_001_552, 100_019_419, 30_002_089],
-        ),
-        (
-            FaultKind::Mixed,
-            2,
-            &[
-                51_000_168, 51_000_680, 51_001_600, 51_001_916, 51_002_120, 51_002_161,
-            ],
-        ),
-        (FaultKind::Hostile, 5, &[53_002_973, 54_009_264, 54_011_057]),
+    let seeds = [50_001_993, 50_002_332, 60_001_552, 100_019_419, 30_002_089];
+    run_each(FaultKind::Hostile, [2, 12], &seeds);
+    let seeds = [
+        51_000_168, 51_000_680, 51_001_600, 51_001_916, 51_002_120, 51_002_161,
     ];
-    for (faults, modules_min, seeds) in seeds {
-        let parameters = CampaignParameters {
-            faults,
-            modules_min,
-            modules_max: 12,
-            ..CampaignParameters::default()
-        };
-        for &seed in seeds {
-            run_all(&parameters, seed..seed + 1);
-        }
-    }
+    run_each(FaultKind::Mixed, [2, 12], &seeds);
+    let seeds = [53_002_973, 54_009_264, 54_011_057];
+    run_each(FaultKind::Hostile, [5, 12], &seeds);
 }

@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use crate::model::{
     BlockedSpot, BodyReport, Epoch, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    MotionMode, Roster, RosterMember, Service, SpotId, Target, Whereabouts, body,
+    MotionMode, Roster, RosterMember, Service, SpotId, Whereabouts, body,
 };
 
 use super::context::Context;
@@ -381,15 +381,14 @@ impl Context {
     /// through one.
     pub fn check_bodies(&mut self, roster: &Roster) -> Result<(), Refusal> {
         self.learn_roster_bodies(roster);
-        let Some(target) = &roster.target.target else {
-            return Ok(());
-        };
-        let blocking = self.newly_blocked(roster, target).into_iter();
-        let displaced = self.displaced(roster).into_iter();
-        let modules: BTreeSet<ModuleId> = blocking
-            .map(|blocked| blocked.module)
-            .chain(displaced.map(|body| body.module))
-            .collect();
+        let Comparison {
+            newly_blocked,
+            displaced,
+            ..
+        } = self.comparison(roster);
+        let blocking = newly_blocked.iter().map(|blocked| blocked.module);
+        let displaced = displaced.iter().map(|body| body.module);
+        let modules: BTreeSet<ModuleId> = blocking.chain(displaced).collect();
         if modules.is_empty() || self.bugs.ignore_bodies() {
             self.bodies.contested = None;
             return Ok(());
@@ -398,26 +397,17 @@ impl Context {
         Err(Refusal::UnlistedBody)
     }
 
-    /// The spots that a roster leaves open although a body is known to cover them.
-    fn newly_blocked(&self, roster: &Roster, target: &Target) -> Vec<BlockedSpot> {
-        let known = self.bodies.outside(&roster.members);
-        let now = body::blocked_spots(target, &roster.members, &known);
-        except(&now, &roster.blocked_spots()).collect()
-    }
-
-    /// The bodies that may stand where a roster does not say, and so in the way of its paths. Modules of another session may move at
-    /// any time, whatever a roster says.
-    fn displaced(&self, roster: &Roster) -> Vec<BodyReport> {
+    /// Those of the known bodies that may stand where a roster does not say, and so in the way of its paths. Modules of another
+    /// session may move at any time, whatever a roster says.
+    fn displaced(&self, roster: &Roster, known: &[BodyReport]) -> Vec<BodyReport> {
         let is_straight = roster.target.parameters.motion == MotionMode::Straight;
         if is_straight || self.bugs.ignore_displaced_bodies() {
             return Vec::new();
         }
-        let mut known = self.bodies.outside(&roster.members);
-        known.retain(|body| {
-            let is_of_other_session = self.bodies.of_other_sessions.contains(&body.module);
-            !is_of_other_session && !body::account_for(&roster.bodies, body)
-        });
-        known
+        let others = &self.bodies.of_other_sessions;
+        let known = known.iter().filter(|body| !others.contains(&body.module));
+        let displaced = known.filter(|body| !body::account_for(&roster.bodies, body));
+        displaced.cloned().collect()
     }
 
     /// How the bodies that are known now differ from those in a roster; found again only when something became known.
@@ -454,7 +444,7 @@ impl Context {
         Comparison {
             newly_blocked: except(&now, &listed).collect(),
             freed: freed.map(|blocked| blocked.spot).collect(),
-            displaced: self.displaced(roster),
+            displaced: self.displaced(roster, &known),
         }
     }
 

@@ -69,7 +69,7 @@ use crate::model::{
 
 use context::Context;
 use peers::HeartbeatNews;
-use rosters::EarlyRoster;
+use rosters::KeptRoster;
 use stage::{Stage, Step};
 use succession::Succession;
 
@@ -82,7 +82,7 @@ pub struct Agent {
     context: Context,
     stage: Stage,
     succession: Succession,
-    early_roster: Option<EarlyRoster>,
+    kept_roster: Option<KeptRoster>,
 }
 
 impl Agent {
@@ -93,7 +93,7 @@ impl Agent {
             context: Context::new(identity, parameters, now),
             stage: Stage::Listening(None),
             succession: Succession::default(),
-            early_roster: None,
+            kept_roster: None,
         }
     }
 
@@ -285,10 +285,10 @@ impl Agent {
             context,
             stage,
             succession,
-            early_roster,
+            kept_roster,
         } = self;
         let mut hasher = DefaultHasher::new();
-        (context, stage, succession, early_roster).hash(&mut hasher);
+        (context, stage, succession, kept_roster).hash(&mut hasher);
         hasher.finish()
     }
 
@@ -438,7 +438,7 @@ impl Agent {
                 self.handle_stop(heartbeat.stop);
                 self.context.exclude_if_removed(module);
                 self.note_shown(&heartbeat);
-                self.handle_early_roster(module);
+                self.handle_kept_roster_of(module);
             }
             Err(refusal) => self.refuse_run(module, incarnation, refusal),
         }

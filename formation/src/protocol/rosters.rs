@@ -13,15 +13,15 @@ use super::memory::Memory;
 use super::refusal::Refusal;
 use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
 
-/// A message of a convener that is not known yet, or a roster for which a majority lacks. It comes only once, so it is kept until more
-/// is known.
+/// A message of a convener that is not known yet or whose former run still counts as live, or a roster that lacks a majority. It
+/// comes only once, so it is kept until more is known.
 #[derive(Clone, Debug)]
-pub(super) struct EarlyRoster {
+pub(super) struct KeptRoster {
     source: Option<SourceId>,
     message: RosterMessage,
 }
 
-impl Hash for EarlyRoster {
+impl Hash for KeptRoster {
     fn hash<H: Hasher>(&self, state: &mut H) {
         (self.source, self.message.epoch()).hash(state);
         if let RosterMessage::Plan(roster) = &self.message {
@@ -39,12 +39,12 @@ impl Agent {
             return;
         }
         let Some(convener) = self.context.peers.get(epoch.convener) else {
-            return self.keep_early_roster(source, message);
+            return self.keep_roster(source, message);
         };
         let run = epoch.convener.run(convener.incarnation);
         let convener = Some(epoch.convener);
         if let Err(refusal) = self.context.peers.check_source(run, source) {
-            self.keep_early_roster(source, message);
+            self.keep_roster(source, message);
             return self.context.refuse(convener, refusal);
         }
         if !self.context.is_plausible(epoch.number) {
@@ -64,7 +64,7 @@ impl Agent {
                 self.stage = Stage::Gathering(gathering);
             }
             RosterMessage::Plan(roster) => match self.follow(Arc::clone(&roster)) {
-                Ok(()) => self.judge_kept_roster(),
+                Ok(()) => self.handle_kept_roster(),
                 Err(refusal) => {
                     if refusal == Refusal::NoQuorum {
                         self.lack_quorum_for(roster, source);
@@ -85,33 +85,29 @@ impl Agent {
             self.context.memory.note_epoch(epoch);
             self.stage = Stage::Listening(Some(epoch));
         } else {
-            self.keep_early_roster(source, RosterMessage::Plan(roster));
+            self.keep_roster(source, RosterMessage::Plan(roster));
         }
     }
 
-    /// Judges a roster again that was kept.
-    fn judge_kept_roster(&mut self) {
-        let kept = self.early_roster.as_ref();
-        if let Some(convener) = kept.map(|kept| kept.message.epoch().convener) {
-            self.handle_early_roster(convener);
-        }
-    }
-
-    /// Keeps a message of a convener until its first heartbeat, or while the run before it still counts as live.
-    fn keep_early_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
-        let known = self.early_roster.as_ref();
+    fn keep_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
+        let known = self.kept_roster.as_ref();
         if known.is_none_or(|known| known.message.epoch() <= message.epoch()) {
-            self.early_roster = Some(EarlyRoster { source, message });
+            self.kept_roster = Some(KeptRoster { source, message });
         }
     }
 
-    /// Handles a message again that came before its convener was known.
-    pub(super) fn handle_early_roster(&mut self, convener: ModuleId) {
-        let early = self
-            .early_roster
-            .take_if(|early| early.message.epoch().convener == convener);
-        if let Some(EarlyRoster { source, message }) = early {
+    /// Handles the kept message again, as this module knows more.
+    fn handle_kept_roster(&mut self) {
+        if let Some(KeptRoster { source, message }) = self.kept_roster.take() {
             self.handle_roster(source, message);
+        }
+    }
+
+    /// The same when this convener shows more, if the message is its.
+    pub(super) fn handle_kept_roster_of(&mut self, convener: ModuleId) {
+        let kept = self.kept_roster.as_ref();
+        if kept.is_some_and(|kept| kept.message.epoch().convener == convener) {
+            self.handle_kept_roster();
         }
     }
 

@@ -11,8 +11,8 @@ use formation::model::{
 };
 use formation::protocol::{Agent, AgentParameters, Event, Identity};
 use formation_sim::{
-    AgentFactory, CampaignParameters, Cluster, ClusterParameters, Observation, RunReport, run_seed,
-    run_seeds,
+    AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, Observation,
+    RunReport, run_seed, run_seeds,
 };
 
 pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {
@@ -214,6 +214,19 @@ pub fn hold_a_plan(cluster: &Cluster, modules: &BTreeSet<ModuleId>) -> bool {
         })
         .collect();
     plans.len() == 1 && !plans.contains(&None)
+}
+
+/// Runs seeds of formations of these sizes, from the fewest to the most modules. They must be clean.
+pub fn run_each(faults: FaultKind, [modules_min, modules_max]: [usize; 2], seeds: &[u64]) {
+    let parameters = CampaignParameters {
+        faults,
+        modules_min,
+        modules_max,
+        ..CampaignParameters::default()
+    };
+    for &seed in seeds {
+        run_all(&parameters, seed..seed + 1);
+    }
 }
 
 /// Runs all seeds, which must be clean. Prints what is wrong, and the end of the smallest bad run.
