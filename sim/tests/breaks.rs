@@ -9,9 +9,10 @@ use std::time::Duration;
 use crate::support::{Trial, drawn, hold_a_plan, ids, run_each};
 use formation::generate::Grouping;
 use formation::model::{
-    Incarnation, Message, ModuleId, ModulePhase, ModuleRun, TargetAnnouncement,
+    ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, Roster,
+    RosterMember, RosterMessage, Service, TargetAnnouncement,
 };
-use formation::protocol::{Agent, Event, Mutation, Refusal};
+use formation::protocol::{Agent, AgentParameters, Event, Mutation, Refusal};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, run_seed,
 };
@@ -181,6 +182,44 @@ fn a_module_that_waits_for_a_quorum_is_called_by_those_that_formed_without_it() 
         let found = violations(FaultKind::Churn, modules, seed);
         assert_eq!(found, [""; 0], "seed {seed}");
     }
+}
+
+/// The first roster lacks a majority, and the second is of an earlier epoch. Nothing else comes of their conveners.
+#[test]
+fn a_roster_that_lacks_a_majority_is_judged_again_after_an_earlier_one() {
+    let problem = drawn(5, 5, Grouping::Singletons, 3);
+    let mut trial = Trial::new(&problem, 3);
+    for module in [1, 2, 4, 5].map(ModuleId) {
+        let at = Duration::from_secs(600);
+        trial.cluster.start_late(module, at);
+    }
+    trial.run_for(Duration::from_secs(2));
+    let target = TargetAnnouncement::clone(trial.cluster.announcement().unwrap());
+    for (number, convener, listed) in [(6, 4, ids(&[1, 4])), (5, 2, ids(&[1, 2, 4]))] {
+        let convener = ModuleId(convener);
+        let members = problem.modules().iter();
+        let members = members.filter(|module| listed.contains(&module.id));
+        let members = members.map(|module| RosterMember {
+            incarnation: Incarnation(1),
+            store: None,
+            service: Service::Active,
+            module: module.clone(),
+        });
+        let roster = ClosedRoster::from(Roster {
+            epoch: Epoch { number, convener },
+            target: target.clone(),
+            members: members.collect(),
+            quorum_bases: Vec::new(),
+            timing: AgentParameters::default().timing(),
+            bodies: Vec::new(),
+        });
+        let run = convener.run(Incarnation(1));
+        trial.cluster.forge_heartbeat(run, 1, None);
+        let roster = RosterMessage::Plan(Arc::new(roster));
+        trial.cluster.inject(&Message::Roster(roster));
+    }
+    let epoch = trial.cluster.standing(ModuleId(3)).unwrap().epoch;
+    assert_eq!(epoch.map(|epoch| epoch.number), Some(6));
 }
 
 /// Bodies block all spots for the only module with a quorum, and a stranger's roster has led the modules of two bodies astray.
