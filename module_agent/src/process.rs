@@ -30,7 +30,7 @@ use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing};
 use crate::journal::{Journal, WriteJob};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
-use crate::worker::{Priority, Worker};
+use crate::worker::Worker;
 
 /// A process that hosts modules.
 #[derive(Clone, Debug)]
@@ -205,9 +205,8 @@ struct Workers {
 impl Workers {
     fn start(inputs: &mut Inputs<Input>, journal: Option<&Journal>) -> Result<Self, SessionError> {
         let ended = |name: &str| Input::Failed(format!("the thread for {name} has ended"));
-        let (plans, computed) =
-            Worker::start("plans", Priority::Low, |job: PlanJob| Arc::new(job.run()))?;
-        inputs.add(computed, move |computed| match computed {
+        let (plans, computed) = Worker::start("plans", |job: PlanJob| Arc::new(job.run()))?;
+        inputs.add_urgent(computed, move |computed| match computed {
             Some(computed) => Input::Computed(computed),
             None => ended("plans"),
         });
@@ -215,10 +214,8 @@ impl Workers {
             return Ok(Self { plans, store: None });
         };
         let store = journal.store();
-        let (writer, written) = Worker::start("store", Priority::Normal, move |job: WriteJob| {
-            job.run(&store)
-        })?;
-        inputs.add(written, move |written| match written {
+        let (writer, written) = Worker::start("store", move |job: WriteJob| job.run(&store))?;
+        inputs.add_urgent(written, move |written| match written {
             Some(Ok(number)) => Input::Written(number),
             Some(Err(reason)) => Input::Failed(format!(
                 "{reason}; the modules stop, because after a restart they would lack what they agreed on"
@@ -281,6 +278,8 @@ impl Node for ModuleNode {
         if let Some(reason) = self.failure.take() {
             return Err(SessionError::Failed(reason));
         }
+        // What others wait for, such as the claims of a plan, does not wait until this process has handled what they sent.
+        self.publish_all(session)?;
         self.host.advance(self.now());
         if let Some(job) = self.host.next_job() {
             self.workers.plans.start_job(job);
@@ -290,9 +289,7 @@ impl Node for ModuleNode {
         {
             writer.start_job(job);
         }
-        for outgoing in self.host.take_outgoing() {
-            self.publish(session, outgoing)?;
-        }
+        self.publish_all(session)?;
         Ok(ControlFlow::Continue(()))
     }
 
@@ -320,6 +317,13 @@ impl ModuleNode {
     /// The time of the agents.
     fn now(&self) -> Duration {
         since_boot().saturating_sub(self.start)
+    }
+
+    fn publish_all(&mut self, session: &mut Session) -> Result<(), SessionError> {
+        for outgoing in self.host.take_outgoing() {
+            self.publish(session, outgoing)?;
+        }
+        Ok(())
     }
 
     fn publish(&mut self, session: &mut Session, outgoing: Outgoing) -> Result<(), SessionError> {

@@ -6,18 +6,6 @@ use async_channel::{Sender, bounded};
 use futures::{Stream, StreamExt, stream};
 use ros_runtime::session::SessionError;
 
-/// How much less of a busy processor a thread of low priority gets: about a tenth of what another thread gets.
-const LOW_PRIORITY: i32 = 10;
-
-/// The share of the processor that a worker gets next to the other threads of the machine.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Priority {
-    /// As much as any other thread.
-    Normal,
-    /// Little, while others are busy: heartbeats of this and of other processes go first.
-    Low,
-}
-
 /// Does one job after another. The thread ends with the last sender of jobs, or with the process.
 pub(crate) struct Worker<J> {
     jobs: Sender<J>,
@@ -30,17 +18,11 @@ impl<J: Send + 'static> Worker<J> {
     /// The machine has no thread left.
     pub(crate) fn start<R: Send + 'static, F: Fn(J) -> R + Send + 'static>(
         name: &str,
-        priority: Priority,
         work: F,
     ) -> Result<(Self, impl Stream<Item = Option<R>> + use<J, R, F>), SessionError> {
         let (jobs, received) = bounded(1);
         let (sender, results) = bounded(1);
         let work_off = move || {
-            if priority == Priority::Low
-                && let Err(error) = rustix::process::nice(LOW_PRIORITY)
-            {
-                tracing::warn!("computes with the priority of heartbeats: {error}");
-            }
             while let Ok(job) = received.recv_blocking() {
                 if sender.send_blocking(work(job)).is_err() {
                     return;

@@ -1,5 +1,7 @@
 //! The inputs of a node: the streams of its subscriptions, services and actions.
 
+use std::future::{pending, poll_fn};
+use std::task::Poll;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
@@ -21,12 +23,20 @@ pub enum Wake<I> {
     Stop,
 }
 
+type Streams<I> = SelectAll<LocalBoxStream<'static, I>>;
+
 /// All streams of inputs of a node.
-pub struct Inputs<I>(SelectAll<LocalBoxStream<'static, I>>);
+pub struct Inputs<I> {
+    urgent: Streams<I>,
+    others: Streams<I>,
+}
 
 impl<I> Default for Inputs<I> {
     fn default() -> Self {
-        Self(SelectAll::new())
+        Self {
+            urgent: SelectAll::new(),
+            others: SelectAll::new(),
+        }
     }
 }
 
@@ -37,12 +47,24 @@ impl<I: 'static> Inputs<I> {
         stream: impl Stream<Item = T> + 'static,
         wrap: impl FnMut(T) -> I + 'static,
     ) {
-        self.0.push(stream.map(wrap).boxed_local());
+        self.others.push(stream.map(wrap).boxed_local());
     }
 
-    /// Adds all streams of `others`.
-    pub fn append<T: 'static>(&mut self, others: Inputs<T>, wrap: fn(T) -> I) {
-        for stream in others.0 {
+    /// Adds a stream whose items go before those of all other streams. It must not have items without end.
+    pub fn add_urgent<T: 'static>(
+        &mut self,
+        stream: impl Stream<Item = T> + 'static,
+        wrap: impl FnMut(T) -> I + 'static,
+    ) {
+        self.urgent.push(stream.map(wrap).boxed_local());
+    }
+
+    /// Adds all streams of `added`.
+    pub fn append<T: 'static>(&mut self, added: Inputs<T>, wrap: fn(T) -> I) {
+        for stream in added.urgent {
+            self.add_urgent(stream, wrap);
+        }
+        for stream in added.others {
             self.add(stream, wrap);
         }
     }
@@ -57,9 +79,9 @@ impl<I: 'static> Inputs<I> {
         // Without a stream there are only the other two to wait for.
         let mut inputs = std::pin::pin!(
             async {
-                match self.0.next().await {
+                match self.next().await {
                     Some(input) => input,
-                    None => std::future::pending().await,
+                    None => pending().await,
                 }
             }
             .fuse()
@@ -74,13 +96,29 @@ impl<I: 'static> Inputs<I> {
 
     /// An input that has come already.
     pub(crate) fn ready(&mut self) -> Option<I> {
-        self.0.next().now_or_never().flatten()
+        self.next().now_or_never().flatten()
+    }
+
+    /// The next input; `None` once all streams have ended.
+    async fn next(&mut self) -> Option<I> {
+        poll_fn(|context| {
+            let urgent = self.urgent.poll_next_unpin(context);
+            if let Poll::Ready(Some(_)) = urgent {
+                return urgent;
+            }
+            match self.others.poll_next_unpin(context) {
+                Poll::Ready(None) => urgent,
+                other => other,
+            }
+        })
+        .await
     }
 }
 
 #[cfg(test)]
 mod tests {
     use async_channel::bounded;
+    use futures::future::join;
     use futures::stream;
 
     use super::*;
@@ -102,6 +140,26 @@ mod tests {
             assert!(matches!(inputs.wait(None, &stop).await, Wake::Input(_)));
             drop(sender);
             assert!(matches!(inputs.wait(None, &stop).await, Wake::Stop));
+        });
+    }
+
+    #[test]
+    fn an_urgent_input_goes_before_what_waits_already() {
+        let (_sender, stop) = bounded(1);
+        let (results, urgent) = bounded(1);
+        let mut inputs = samples(3);
+        inputs.add_urgent(urgent, |result| result);
+        async_io::block_on(async {
+            assert!(matches!(inputs.wait(None, &stop).await, Wake::Input(0)));
+            results.try_send(10).unwrap();
+            assert!(matches!(inputs.wait(None, &stop).await, Wake::Input(10)));
+            results.try_send(11).unwrap();
+            let rest = std::iter::from_fn(|| inputs.ready());
+            assert_eq!(rest.collect::<Vec<_>>(), [11, 1, 2]);
+            // Also when no other stream is left.
+            let (wake, sent) = join(inputs.wait(None, &stop), results.send(12)).await;
+            assert!(matches!(wake, Wake::Input(12)));
+            sent.unwrap();
         });
     }
 
