@@ -278,7 +278,7 @@ impl Node for ModuleNode {
         if let Some(reason) = self.failure.take() {
             return Err(SessionError::Failed(reason));
         }
-        // What others wait for, such as the claims of a plan, does not wait until this process has handled what they sent.
+        // Others wait for the claims of a plan that has just come; what they sent can be handled afterwards.
         self.publish_all(session)?;
         self.host.advance(self.now());
         if let Some(job) = self.host.next_job() {
