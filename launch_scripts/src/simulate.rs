@@ -1,5 +1,6 @@
 //! `formation simulate`: many agents in one process, under virtual time and a seeded network.
 
+use std::cmp::Reverse;
 use std::collections::BTreeMap;
 use std::io::{IsTerminal, stderr};
 use std::path::Path;
@@ -119,20 +120,24 @@ struct Sums {
     epochs: u64,
 }
 
-/// The median and the worst of some durations; `null` without any.
+/// The median and the worst of the times that seeds took; `null` without any.
 #[derive(Debug, Default, Serialize)]
 struct Spread {
     median: Option<u64>,
     worst: Option<u64>,
+    /// The lowest seed that took the worst time.
+    worst_seed: Option<u64>,
 }
 
 impl Spread {
-    fn of(durations: &mut [Duration]) -> Self {
-        durations.sort_unstable();
-        let middle = durations.get(durations.len() / 2).copied();
+    fn of(times: &mut [(Duration, u64)]) -> Self {
+        times.sort_unstable_by_key(|&(time, seed)| (time, Reverse(seed)));
+        let middle = times.get(times.len() / 2);
+        let worst = times.last();
         Self {
-            median: middle.map(milliseconds),
-            worst: durations.last().copied().map(milliseconds),
+            median: middle.map(|&(time, _)| milliseconds(time)),
+            worst: worst.map(|&(time, _)| milliseconds(time)),
+            worst_seed: worst.map(|&(_, seed)| seed),
         }
     }
 
@@ -143,8 +148,10 @@ impl Spread {
                 |millis| format!("{:.1} s", Duration::from_millis(millis).as_secs_f64()),
             )
         };
+        let seed = self.worst_seed;
+        let seed = seed.map_or_else(String::new, |seed| format!(" (seed {seed})"));
         format!(
-            "median {}, worst {}",
+            "median {}, worst {}{seed}",
             seconds(self.median),
             seconds(self.worst)
         )
@@ -192,7 +199,8 @@ fn counted_u64(count: u64, noun: &str) -> String {
 /// The runs so far.
 struct Campaign {
     figures: Figures,
-    recoveries: Vec<Duration>,
+    /// The recovery of each run that formed, and its seed.
+    recoveries: Vec<(Duration, u64)>,
     failing: BTreeMap<u64, RunReport>,
     keeps_transcript: bool,
 }
@@ -220,7 +228,7 @@ impl Campaign {
         match report.ending {
             Ending::Formed => {
                 sums.formed += 1;
-                self.recoveries.push(report.recovery);
+                self.recoveries.push((report.recovery, report.seed));
             }
             Ending::WaitingForQuorum => sums.waiting_for_quorum += 1,
             Ending::Neither => {}
@@ -357,6 +365,7 @@ mod tests {
         assert_eq!(figures.violations, BTreeMap::from([("hole".to_owned(), 1)]));
         assert_eq!(figures.recovery_ms.median, Some(7_000));
         assert_eq!(figures.recovery_ms.worst, Some(9_000));
+        assert_eq!(figures.recovery_ms.worst_seed, Some(2));
         let failure = campaign.conclusion(&arguments, &parameters).unwrap_err();
         assert_eq!(
             failure.to_string(),

@@ -2,14 +2,15 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, scenario, spots};
 use formation::generate::Grouping;
 use formation::model::{
-    BodyReport, ModuleId, ModulePhase, Service, TargetAnnouncement, Whereabouts,
+    BlockedSpot, BodyReport, ModuleId, ModulePhase, Service, TargetAnnouncement, Whereabouts,
 };
-use formation::protocol::{Command, EpochReason, Event};
+use formation::protocol::{AgentParameters, Command, EpochReason, Event};
 use formation_sim::{Cluster, ClusterParameters};
 
 const SEEDS: std::ops::Range<u64> = 0..6;
@@ -146,8 +147,63 @@ fn a_module_with_a_repaired_drive_rejoins() {
     assert_eq!(trial.settled().len(), 5);
 }
 
+/// The convener does not receive that it failed, and so calls no other epoch before the lease of its heartbeats ends.
+#[test]
+fn modules_halt_when_the_motion_of_another_fails() {
+    let broken = ModuleId(6);
+    let mut trial = on_the_way(broken, None);
+    let others = [2, 3, 4, 5].map(ModuleId);
+    assert!(others.iter().all(|&other| trial.cluster.is_moving(other)));
+    let convener = trial.rosters.last().unwrap().epoch.convener;
+    trial.cluster.sever(&BTreeSet::from([(broken, convener)]));
+    trial.cluster.break_drive(broken, true);
+    trial.until(|cluster| !cluster.is_moving(broken));
+    trial.run_for(Duration::from_millis(500));
+    let moving: Vec<ModuleId> = trial.cluster.modules().into_iter().collect();
+    let moving = moving
+        .iter()
+        .filter(|&&module| trial.cluster.is_moving(module));
+    assert_eq!(moving.collect::<Vec<_>>(), [&convener]);
+    assert_eq!(trial.convened.len(), 1);
+    trial.cluster.heal();
+    trial.until_formed_again();
+    assert_eq!(trial.settled().len(), 5);
+}
+
+/// A spare takes its spot only after it has moved off, which it never does.
+#[test]
+fn a_retired_module_that_cannot_make_room_blocks_its_spot() {
+    for seed in SEEDS {
+        let mut trial = Trial::new(&drawn(7, 6, Grouping::Mixed, seed), seed);
+        trial.until(Cluster::has_formed);
+        let (retired, spot) = trial.settled()[1];
+        trial.cluster.break_drive(retired, true);
+        trial.cluster.command(retired, Command::Retire);
+        let before = trial.cluster.now();
+        trial.until(|cluster| {
+            let standing = cluster.standing(retired).unwrap();
+            cluster.has_formed() && standing.epoch.is_some_and(|epoch| epoch.number > 2)
+        });
+        let reason = EpochReason::OutOfService(vec![(retired, Service::MotionFailed)]);
+        let named = |event: &Event| matches!(event, Event::Convened(_, one) if *one == reason);
+        assert_eq!(trial.count(named), 1, "seed {seed}");
+        let taken = trial.cluster.now() - before;
+        assert!(
+            taken < AgentParameters::default().stuck,
+            "{taken:?}, seed {seed}"
+        );
+        let last = trial.rosters.last().unwrap();
+        let module = retired;
+        assert_eq!(
+            last.blocked_spots(),
+            [BlockedSpot { spot, module }],
+            "seed {seed}"
+        );
+    }
+}
+
 /// Six modules on paths to six spots, one of which has been on its way for a second.
-fn on_the_way(module: ModuleId) -> Trial {
+fn on_the_way(module: ModuleId, coasting: Option<Duration>) -> Trial {
     let starts = (1..7).map(|id| format!("{{id: {id}, x: {}, y: 6}}", 2 * id));
     let starts: Vec<String> = starts.collect();
     let starts = starts.join(", ");
@@ -155,7 +211,7 @@ fn on_the_way(module: ModuleId) -> Trial {
         "target: {{map: 'o-o-o-o-o-o'}}\nplanner: {{motion: paths}}\nsingletons: [{starts}]"
     );
     let parameters = ClusterParameters {
-        coasting: Some(Duration::from_millis(1_500)),
+        coasting,
         speed_units_per_s: 0.3,
         ..ClusterParameters::default()
     };
@@ -165,9 +221,12 @@ fn on_the_way(module: ModuleId) -> Trial {
     trial
 }
 
+/// How long the drives move on after the last goal.
+const COASTING: Option<Duration> = Some(Duration::from_millis(1_500));
+
 /// The same, and the driver of that module falls silent.
 fn with_a_silent_driver(silent: ModuleId) -> Trial {
-    let mut trial = on_the_way(silent);
+    let mut trial = on_the_way(silent, COASTING);
     trial.cluster.mute_drive(silent);
     trial.run_for(Duration::from_secs(25));
     trial
@@ -243,7 +302,7 @@ fn a_module_whose_driver_falls_silent_convenes_no_other() {
 #[test]
 fn a_convener_whose_driver_falls_silent_leaves_the_gathering() {
     let silent = ModuleId(1);
-    let mut trial = on_the_way(silent);
+    let mut trial = on_the_way(silent, COASTING);
     trial.cluster.command(ModuleId(6), Command::Retire);
     trial.until(|cluster| {
         let convening = cluster.standing(silent).unwrap().epoch;
