@@ -2,7 +2,7 @@
 
 use formation::model::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT, POLYLINE_POSES_MAX};
 pub use formation::model::{
-    EDGES_MAX, LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX, OBSTACLES_MAX, SPOTS_MAX,
+    EDGES_MAX, LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX, OBSTACLES_MAX, QUORUM_BASES_MAX, SPOTS_MAX,
 };
 
 /// The greatest magnitude of a coordinate, in micro-units.
@@ -11,8 +11,6 @@ pub use formation::model::{
     reason = "the limit is a whole number far below 2^63"
 )]
 pub(crate) const COORDINATE_LIMIT_MICRO: i64 = COORDINATE_LIMIT_UNITS as i64 * MICRO_PER_UNIT;
-/// Earlier rosters that a roster refers to.
-pub const QUORUM_BASES_MAX: usize = 256;
 /// Numbers of the path on which a body may be: three for each pose after the first.
 pub const PATH_NUMBERS_MAX: usize = 3 * (POLYLINE_POSES_MAX - 1);
 /// Violations in one verdict.

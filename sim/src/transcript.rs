@@ -12,7 +12,7 @@ use formation::model::{
     AssemblyWarning, BlockedSpot, BodyReport, Epoch, Message, ModuleId, Roster, RosterMember,
     RosterMessage, Service, SpotClaim, SpotId, Whereabouts,
 };
-use formation::protocol::{Command, EpochReason, Event};
+use formation::protocol::{Command, EpochReason, Event, Shortfall};
 
 use crate::faults::Fault;
 use crate::observation::Observation;
@@ -258,9 +258,15 @@ fn noted(event: &Event) -> Entry {
         Event::Agreed(epoch) => Entry::of("agreed").epoch(*epoch),
         Event::DigestMismatch { module, .. } => Entry::of("digest_mismatch").module(*module),
         Event::PlansDiffer(sides) => plans_differ(sides.iter().map(|(_, modules)| modules)),
-        Event::WaitingForQuorum { present, basis } => Entry::of("waiting_for_quorum")
-            .with("present", present)
-            .with("basis", basis),
+        Event::WaitingForQuorum(shortfall) => {
+            let entry = Entry::of("waiting_for_quorum");
+            match shortfall {
+                Shortfall::Majority { present, basis } => {
+                    entry.with("present", present).with("basis", basis)
+                }
+                Shortfall::WithoutAgreement(rosters) => entry.with("without_agreement", rosters),
+            }
+        }
         Event::WaitingForAgreement(modules) => {
             Entry::of("waiting_for_agreement").modules("modules", modules)
         }

@@ -50,7 +50,7 @@ fn a_restarted_module_does_not_count_towards_the_quorum() {
         let (mut trial, plans) = third_forgets(&AgentFactory::default(), seed);
         assert_eq!(plans, 1, "seed {seed}");
         assert!(hold_a_plan(&trial.cluster, &ids(&[1, 2])), "seed {seed}");
-        let waiting = trial.count(|event| matches!(event, Event::WaitingForQuorum { .. }));
+        let waiting = trial.count(|event| matches!(event, Event::WaitingForQuorum(_)));
         assert!(waiting > 0, "seed {seed}");
         trial.cluster.heal();
         trial.until_formed_again();

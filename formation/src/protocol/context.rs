@@ -186,8 +186,8 @@ impl Context {
             return;
         }
         self.shortfall = shortfall;
-        if let Some(Shortfall { present, basis }) = shortfall {
-            self.emit(Event::WaitingForQuorum { present, basis });
+        if let Some(shortfall) = shortfall {
+            self.emit(Event::WaitingForQuorum(shortfall));
         }
     }
 

@@ -9,6 +9,7 @@ use crate::model::{AssemblyWarning, BlockedSpot, Digest, Epoch, ModuleId, Servic
 
 use crate::motion::paths::{MotionError, StartFault};
 
+use super::quorum::Shortfall;
 use super::refusal::Refusal;
 
 /// How much attention an event needs.
@@ -92,14 +93,9 @@ pub enum Event {
         /// The modules that are known, or are named in links, and have not gathered.
         absent: Vec<ModuleId>,
     },
-    /// Too few modules are within reach to decide anything.
-    #[error("waiting for a quorum: {present} of {basis} modules are within reach")]
-    WaitingForQuorum {
-        /// The number of modules of the basis within reach.
-        present: usize,
-        /// The number of modules in the basis.
-        basis: usize,
-    },
+    /// The modules within reach cannot decide anything.
+    #[error("waiting for a quorum: {0}")]
+    WaitingForQuorum(Shortfall),
     /// No agreement: these members do not show the same digest yet.
     #[error("no agreement yet from modules {}", ids(.0))]
     WaitingForAgreement(Vec<ModuleId>),
@@ -281,11 +277,12 @@ impl Event {
             | Self::RunRemoved
             | Self::NotMoving(_)
             | Self::InvalidStart(_)
+            | Self::WaitingForQuorum(Shortfall::WithoutAgreement(_))
             | Self::MotionFailed(_) => Severity::Error,
             Self::Refused { .. }
             | Self::Missing { .. }
             | Self::PlanOverdue(_)
-            | Self::WaitingForQuorum { .. }
+            | Self::WaitingForQuorum(Shortfall::Majority { .. })
             | Self::AgreementLapsed(_)
             | Self::SpotsLeftOpen(_)
             | Self::SpotsBlocked(_)

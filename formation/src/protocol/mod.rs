@@ -59,7 +59,7 @@ pub use io::{Command, Identity, Input, Output, SourceId};
 pub use mutation::Mutation;
 pub use parameters::{AgentParameters, ParametersError};
 pub use plans::{ComputedPlan, PlanJob, SharedPlans};
-pub use quorum::QUORUM_BASES_MAX;
+pub use quorum::Shortfall;
 pub use refusal::{Refusal, RefusalCounts};
 
 use crate::model::{

@@ -7,20 +7,24 @@
 
 use std::collections::BTreeMap;
 
-use crate::model::{Epoch, ModuleId, QuorumBasis, Voter, VoterMemory};
+use thiserror::Error;
 
-/// The greatest number of rosters that are kept with a shown digest and without a known agreement.
-///
-/// Only rosters with different members take a place, and each new one needs a majority of all before it.
-pub const QUORUM_BASES_MAX: usize = 32;
+use crate::model::{Epoch, ModuleId, QUORUM_BASES_MAX, QuorumBasis, Voter, VoterMemory};
 
-/// By how much a set of modules falls short of a majority.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Shortfall {
-    /// The number of modules present that count.
-    pub present: usize,
-    /// The number of modules of which a majority is needed.
-    pub basis: usize,
+/// Why a set of modules cannot have a roster of its own.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Error)]
+pub enum Shortfall {
+    /// A majority is missing.
+    #[error("{present} of {basis} modules are within reach")]
+    Majority {
+        /// The number of modules present that count.
+        present: usize,
+        /// The number of modules of which a majority is needed.
+        basis: usize,
+    },
+    /// So many rosters were shown and are not known to be agreed that a message cannot hold one more.
+    #[error("{0} rosters came to no agreement, and no more can be counted; begin a new session")]
+    WithoutAgreement(usize),
 }
 
 /// The modules that may form the first roster of a session.
@@ -57,9 +61,15 @@ impl Quorum {
         }
         self.shown.retain(|_, known| known != members);
         self.shown.insert(epoch, members.to_vec());
-        while self.shown.len() > QUORUM_BASES_MAX {
-            self.shown.pop_first();
-        }
+    }
+
+    /// Whether no more rosters can be recorded than those that are known, and none of these has this basis. None is dropped
+    /// to make room: that one may have agreed.
+    pub fn lacks_room_for(&self, basis: &[Voter]) -> Option<Shortfall> {
+        let is_known = self.shown.values().any(|known| known == basis);
+        let known = self.known().count();
+        (known >= QUORUM_BASES_MAX && !is_known)
+            .then_some(Shortfall::WithoutAgreement(self.shown.len()))
     }
 
     /// Records that all members of a roster showed the same digest for it; earlier ones no longer count.
@@ -150,7 +160,7 @@ impl Quorum {
         let lacks_founders = match founders {
             Founders::Named(named) => of_founders(named, present, self.agreed.is_some()),
             Founders::Number(number) if self.agreed.is_none() => (present.len() * 2 <= number)
-                .then_some(Shortfall {
+                .then_some(Shortfall::Majority {
                     present: present.len(),
                     basis: number,
                 }),
@@ -166,7 +176,7 @@ fn of_basis(basis: &[Voter], present: &[Voter]) -> Option<Shortfall> {
     let count = basis.iter().filter(|voter| is_present(voter)).count();
     let lowest = basis.first().is_some_and(is_present);
     let suffices = count * 2 > basis.len() || (count * 2 == basis.len() && lowest);
-    (!suffices).then_some(Shortfall {
+    (!suffices).then_some(Shortfall::Majority {
         present: count,
         basis: basis.len(),
     })
@@ -190,7 +200,7 @@ fn of_founders(named: &[ModuleId], present: &[Voter], has_agreed: bool) -> Optio
     } else {
         founders == named.len() || stored * 2 > named.len()
     };
-    (!suffices).then_some(Shortfall {
+    (!suffices).then_some(Shortfall::Majority {
         present: founders,
         basis: named.len(),
     })
@@ -325,6 +335,26 @@ mod tests {
                 .is_none()
         );
         assert_eq!(quorum.bases().len(), 1);
+    }
+
+    /// Module 3 enters each of these epochs without its roster. With 4 and 5, which only know the first roster, it is a majority.
+    #[test]
+    fn a_roster_that_may_have_agreed_counts_however_many_follow() {
+        let mut quorum = Quorum::default();
+        quorum.note_shown(epoch(1), &modules(&[1, 2, 3, 4, 5]));
+        let with_the = |run| runs(&[(1, 1), (2, 1), (3, 1), (6, 1), (7, run)]);
+        let mut run = 1;
+        while quorum.lacks_room_for(&with_the(run)).is_none() {
+            let members = with_the(run);
+            assert_eq!(quorum.shortfall(&members, Founders::Unknown), None);
+            run += 1;
+            quorum.note_shown(epoch(run), &members);
+        }
+        assert_eq!(quorum.bases().len(), QUORUM_BASES_MAX);
+        assert_eq!(quorum.lacks_room_for(&with_the(run - 1)), None);
+        let without_a_majority_of_the_first = modules(&[1, 2, 6]);
+        let shortfall = quorum.shortfall(&without_a_majority_of_the_first, Founders::Unknown);
+        assert!(shortfall.is_some());
     }
 
     #[test]

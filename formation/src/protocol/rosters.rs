@@ -206,7 +206,8 @@ impl Agent {
             context.memory = memory.clone();
         }
         let voters: Vec<Voter> = roster.members.iter().map(RosterMember::voter).collect();
-        match context.shortfall_of(&memory, &voters, roster.target.expected_modules) {
+        let shortfall = context.shortfall_of(&memory, &voters, roster.target.expected_modules);
+        match shortfall.or_else(|| memory.quorum.lacks_room_for(&roster.quorum_basis())) {
             None => Ok(memory),
             Some(_) => Err(Refusal::NoQuorum),
         }

@@ -97,7 +97,8 @@ impl Monitor {
         }
     }
 
-    /// Compares a leg with the bodies of the members of its plan and with those that its roster lists, if it is part of a path.
+    /// Compares a leg with the bodies of the members of its plan, with those that its roster lists, and with those of which a member
+    /// had received a state, if it is part of a path.
     fn compare(
         &mut self,
         module: ModuleId,
@@ -119,8 +120,8 @@ impl Monitor {
         let width = width.to_units();
         let mut found = Vec::new();
         let listed = known.roster.bodies.iter().map(|body| body.module);
-        let others: BTreeSet<ModuleId> = known.members.iter().copied().chain(listed).collect();
-        for other in others {
+        let others = known.members.iter().chain(&known.seen).copied();
+        for other in others.chain(listed).collect::<BTreeSet<ModuleId>>() {
             let pair = (module.min(other), module.max(other));
             if other == module || exempt.contains(&other) || self.bodies.found.contains(&pair) {
                 continue;

@@ -231,6 +231,8 @@ impl Gathering {
         };
         let shortfall =
             context.shortfall_of(&context.memory, &voters, announcement.expected_modules);
+        let shortfall =
+            shortfall.or_else(|| context.memory.quorum.lacks_room_for(&roster.quorum_basis()));
         context.set_shortfall(shortfall);
         if shortfall.is_some() {
             let live = context.live_voters();
