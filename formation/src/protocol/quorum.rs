@@ -22,7 +22,7 @@ pub enum Shortfall {
         /// The number of modules of which a majority is needed.
         basis: usize,
     },
-    /// So many rosters were shown and are not known to be agreed that a message cannot hold one more.
+    /// A message cannot hold one more roster next to those that were shown and are not known to be agreed.
     #[error("{0} rosters came to no agreement, and no more can be counted; begin a new session")]
     WithoutAgreement(usize),
 }
