@@ -23,6 +23,8 @@ const CONFIGURATIONS_MAX: usize = 12;
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Mark {
     Module(Look, bool),
+    /// A module whose process died.
+    Dead,
     Line(&'static str),
     /// A ring around a module.
     Ring(&'static str),
@@ -135,6 +137,7 @@ pub(crate) fn drawn(mark: Mark) -> Element {
             let module = Element::group(class).with("transform", format!("translate({centre} 0)"));
             sign.containing(module.containing(body(side, &look, 0.0)))
         }
+        Mark::Dead => Element::group("dead").containing(drawn(Mark::Module(look(None), false))),
         Mark::Line(class) => sign.containing(line(class)),
         Mark::Ring(class) => sign.containing(
             Element::new("circle")

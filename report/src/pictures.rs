@@ -21,6 +21,30 @@ const RIGHT: f64 = 18.0;
 /// The title and the legend need this width.
 const GROUND_WIDTH_MIN: f64 = 460.0;
 
+/// The moment that a picture shows.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Moment {
+    Start,
+    End,
+}
+
+impl Moment {
+    fn pose(self, module: &Module) -> &Pose {
+        match self {
+            Self::Start => &module.start,
+            Self::End => &module.end,
+        }
+    }
+
+    fn draw(self, frame: &Frame, module: &Module) -> Element {
+        let drawn = drawing::module_at(frame, module, self.pose(module));
+        match self {
+            Self::End if module.is_dead => Element::group("dead").containing(drawn),
+            _ => drawn,
+        }
+    }
+}
+
 /// The modules where they start, their links, and the spots that they are to fill.
 #[must_use]
 pub fn before(subject: &Subject) -> String {
@@ -40,14 +64,7 @@ pub fn before(subject: &Subject) -> String {
         (kept > 0, Mark::Line("link kept"), "link that is kept"),
         (kept < subject.links.len(), Mark::Break, "link that breaks"),
     ];
-    picture(
-        subject,
-        |module| &module.start,
-        &subtitle,
-        &[],
-        |_| "spot",
-        &signs,
-    )
+    picture(subject, Moment::Start, &subtitle, &[], |_| "spot", &signs)
 }
 
 /// The modules where they end, their kept, broken and new links, and the open spots.
@@ -67,36 +84,31 @@ pub fn after(subject: &Subject) -> String {
         None => "spot open",
     };
     let new_links = &subject.new_links;
+    let some_died = subject.modules.iter().any(|module| module.is_dead);
     let signs = [
         (kept > 0, Mark::Line("link kept"), "kept link"),
         (broken > 0, Mark::Break, "broken link"),
         (!new_links.is_empty(), Mark::Line("link new"), "new link"),
         (filled < subject.spots.len(), Mark::OpenSpot, "open spot"),
+        (some_died, Mark::Dead, "module whose process died"),
     ];
-    picture(
-        subject,
-        |module| &module.end,
-        &subtitle,
-        new_links,
-        class_of,
-        &signs,
-    )
+    picture(subject, Moment::End, &subtitle, new_links, class_of, &signs)
 }
 
-/// A picture of all modules at these poses. Each sign of the legend has a condition and a meaning.
+/// A picture of all modules at a moment. Each sign of the legend has a condition and a meaning.
 fn picture(
     subject: &Subject,
-    pose: fn(&Module) -> &Pose,
+    moment: Moment,
     subtitle: &str,
     new_links: &[(usize, usize)],
     class_of: impl Fn(&Spot) -> &'static str,
     signs: &[(bool, Mark, &str)],
 ) -> String {
-    let poses = subject.modules.iter().map(|module| *pose(module));
+    let poses = subject.modules.iter().map(|module| *moment.pose(module));
     let spots = subject.spots.iter().map(|spot| spot.pose);
     let corners = subject.corners();
     let frame = Frame::around(poses.clone().chain(spots).chain(corners)).at_least(GROUND_WIDTH_MIN);
-    let pose_of = |module: usize| pose(&subject.modules[module]);
+    let pose_of = |module: usize| moment.pose(&subject.modules[module]);
     let line = |class, (one, other)| drawing::line(&frame, class, pose_of(one), pose_of(other));
     let [mut links, mut bows, mut crosses] = [(); 3].map(|()| Element::group("links"));
     links.extend(new_links.iter().map(|&ends| line("link new", ends)));
@@ -114,7 +126,7 @@ fn picture(
     let mut ground = drawing::ground(&frame, (LEFT, HEAD));
     ground.push(drawing::target(&frame, subject, class_of));
     ground.extend([links, bows]);
-    ground.extend(modules.map(|module| drawing::module_at(&frame, module, pose(module))));
+    ground.extend(modules.map(|module| moment.draw(&frame, module)));
     ground.push(crosses);
     let mut entries = legend::of_modules(subject);
     let signs = signs.iter().filter(|(is_shown, ..)| *is_shown);

@@ -47,6 +47,8 @@ pub(crate) struct Module {
     pub(crate) order: Option<usize>,
     /// The lead of its acting unit, if the unit has several modules.
     pub(crate) moves_with: Option<ModuleId>,
+    /// Whether its process died.
+    pub(crate) is_dead: bool,
 }
 
 #[derive(Clone, Debug)]
@@ -112,6 +114,15 @@ impl Subject {
             surroundings: problem.target().surroundings().clone(),
             modules,
         }
+    }
+
+    /// The same with modules whose processes died.
+    #[must_use]
+    pub fn with_dead(mut self, dead: &BTreeSet<ModuleId>) -> Self {
+        for module in &mut self.modules {
+            module.is_dead = dead.contains(&module.id);
+        }
+        self
     }
 
     pub(crate) fn position_of(&self, module: ModuleId) -> Option<usize> {
@@ -215,6 +226,7 @@ fn modules(
             spot: spot.and_then(|spot| problem.target().position_of(spot)),
             order: planned_spot.and_then(|spot| order.get(&spot).copied()),
             moves_with: unit.map(|unit| unit.lead),
+            is_dead: false,
         }
     };
     problem.modules().iter().map(module).collect()

@@ -5,7 +5,10 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
+use std::collections::BTreeSet;
+
 use crate::support::Formed;
+use formation::model::ModuleId;
 use formation_report::{after, before};
 
 fn count(text: &str, part: &str) -> usize {
@@ -109,4 +112,20 @@ fn a_plan_that_cannot_be_carried_out_ends_as_it_starts() {
     let picture = after(&formed.subject());
     assert!(picture.contains("after: 0 of 2 spots filled"), "{picture}");
     assert_eq!(count(&picture, "spot open"), 2 + 1);
+}
+
+#[test]
+fn a_module_whose_process_died_looks_different_in_the_end() {
+    let formed = Formed::of(
+        "target: {map: 'o-o'}\nsingletons: [{id: 1, x: 0, y: 3}, {id: 2, x: 1, y: 3}, {id: 3, x: 2, y: 3}]",
+    );
+    let subject = formed.subject().with_dead(&BTreeSet::from([ModuleId(2)]));
+    let (before, after) = (before(&subject), after(&subject));
+    assert_eq!(count(&before, r#"<g class="dead">"#), 0);
+    assert_eq!(count(&after, r#"<g class="dead">"#), 1);
+    assert!(
+        after.contains(r#"<g class="dead"><g class="module" data-module="2""#),
+        "{after}"
+    );
+    assert!(after.contains(">module whose process died<"));
 }

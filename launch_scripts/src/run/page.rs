@@ -27,7 +27,8 @@ pub fn subject(
         assignments.map(|one| (one.module, one.spot)).collect()
     });
     let (problem, outcome) = (&plan.problem, &plan.outcome);
-    Subject::of_course(&one_line(name), problem, outcome, course, judged.as_ref())
+    let dead = report.map(RunReport::dead_modules).unwrap_or_default();
+    Subject::of_course(&one_line(name), problem, outcome, course, judged.as_ref()).with_dead(&dead)
 }
 
 /// What the page of a run says next to the film.

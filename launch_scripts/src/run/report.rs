@@ -159,6 +159,11 @@ impl RunReport {
         report
     }
 
+    /// The modules whose processes died.
+    pub fn dead_modules(&self) -> BTreeSet<ModuleId> {
+        self.dead.modules()
+    }
+
     /// A spot that a dead module held is open. The verifier may have judged before it found the module silent.
     fn leave_out_the_dead(&mut self) {
         let dead = self.dead.modules();
