@@ -336,3 +336,48 @@ fn a_roster_that_lists_live_modules_which_refuse_it_ends_no_formation() {
     forge_roster(&[5]);
     forge_roster(&[1, 2, 3, 4]);
 }
+
+/// Runs six or more modules between which these links never carry anything, until all but one, at an end of the first link, hold a
+/// plan.
+#[track_caller]
+fn form_without(links: &[(u32, u32)], modules: u32, seed: u64) {
+    let problem = drawn(modules as usize, modules as usize, Grouping::Mixed, seed);
+    let mut trial = Trial::new(&problem, seed);
+    let severed = links.iter();
+    let severed = severed.map(|&(from, to)| (ModuleId(from), ModuleId(to)));
+    trial.cluster.sever(&severed.collect());
+    let without = |out: u32| {
+        (1..=modules)
+            .map(ModuleId)
+            .filter(|&one| one != ModuleId(out))
+            .collect()
+    };
+    let groups: [BTreeSet<ModuleId>; 2] = [without(links[0].0), without(links[0].1)];
+    let end = Duration::from_secs(1_200);
+    let has_formed = |cluster: &Cluster| groups.iter().any(|group| hold_a_plan(cluster, group));
+    let came = trial.cluster.run_until(end, has_formed);
+    trial.run_for(Duration::ZERO);
+    assert!(
+        came,
+        "seed {seed}, {links:?}: {} epochs",
+        trial.convened.len()
+    );
+}
+
+/// The body of the module that is left out moves, and one member does not receive it.
+#[test]
+fn a_link_that_never_carries_anything_does_not_keep_the_others_from_forming() {
+    for seed in 0..20 {
+        for link in [(3, 1), (5, 6), (2, 4)] {
+            form_without(&[link], 6, seed);
+        }
+    }
+}
+
+/// It receives no roster of the second module, and so follows one that the others have left.
+#[test]
+fn a_module_with_several_failed_links_does_not_keep_the_others_from_forming() {
+    for seed in 0..20 {
+        form_without(&[(5, 2), (2, 5), (4, 5)], 7, seed);
+    }
+}

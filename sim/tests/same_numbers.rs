@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use crate::support::{Trial, drawn, hold_a_plan, ids};
 use formation::generate::Grouping;
-use formation::model::{Incarnation, Message, ModuleId, ModuleState, Pose, Removal};
+use formation::model::{Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose, Removal};
 use formation::protocol::Agent;
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
 
@@ -132,5 +132,54 @@ fn the_removal_of_a_run_whose_clock_was_ahead_ends_with_it() {
             form_within(&mut trial, &[1, 2, 3, 4, 5], 300),
             "restart {restart}"
         );
+    }
+}
+
+/// The fifth module is cut off when the third restarts with an earlier clock, moves, and dies. It knows the former run only, which
+/// is the later one by its clock, and where that stood.
+#[test]
+fn the_body_of_a_run_that_is_earlier_by_its_clock_is_not_taken_for_gone() {
+    let third = ModuleId(3);
+    for seed in 0..8 {
+        let agents = with_runs(third, &[LATE, 1_001]);
+        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+        trial.until(Cluster::has_formed);
+        trial.cluster.crash(third);
+        trial.cluster.cut(&ids(&[5]));
+        trial.run_for(Duration::from_secs(60));
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(60));
+        let other = drawn(6, 5, Grouping::Singletons, seed + 100);
+        trial.cluster.announce_problem(&other, 2);
+        trial.run_for(Duration::from_secs(60));
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(60));
+        trial.cluster.heal();
+        trial.run_for(Duration::from_secs(180));
+        assert!(nearest(&trial, third) >= 0.5, "seed {seed}");
+    }
+}
+
+/// The last member of a majority restarts: it counts no more, whatever its clock says.
+#[test]
+fn a_member_that_a_run_replaces_which_is_earlier_by_its_clock_is_missing() {
+    let first = ModuleId(1);
+    for runs in [&[LATE, LATE + 1], &[LATE, 1_001]] {
+        let problem = drawn(3, 3, Grouping::Singletons, 1);
+        let parameters = ClusterParameters {
+            names_founders: true,
+            ..ClusterParameters::default()
+        };
+        let mut trial = Trial::of_agents(&problem, parameters, 1, with_runs(first, runs));
+        trial.until(Cluster::has_formed);
+        trial.cluster.crash(ModuleId(2));
+        trial.run_for(Duration::from_secs(60));
+        trial.cluster.crash(first);
+        trial.run_for(Duration::from_secs(30));
+        trial.cluster.restart(first);
+        trial.run_for(Duration::from_secs(120));
+        let waiting = trial.in_phase(ModulePhase::WaitingForQuorum);
+        assert_eq!(waiting, [first, ModuleId(3)], "{runs:?}");
     }
 }

@@ -314,3 +314,93 @@ fn a_convener_whose_driver_falls_silent_leaves_the_gathering() {
     assert_ne!(trial.rosters.last().unwrap().epoch.convener, silent);
     assert!(!in_phase(&trial.cluster, ModulePhase::Settled).is_empty());
 }
+
+/// Modules in a row at some distance from a target of three spots.
+fn in_a_row(count: u32, distance: u32, planner: &str, speed_units_per_s: f64) -> Trial {
+    let starts = (1..=count).map(|id| format!("{{id: {id}, x: {}, y: {distance}}}", 2 * id));
+    let starts: Vec<String> = starts.collect();
+    let starts = starts.join(", ");
+    let text = format!("target: {{map: 'o-o-o'}}\nsingletons: [{starts}]\n{planner}");
+    let parameters = ClusterParameters {
+        speed_units_per_s,
+        ..ClusterParameters::default()
+    };
+    Trial::with(&scenario(&text), parameters, 3)
+}
+
+/// It moves off in a straight line only. Where modules move along paths, its spot is blocked as by one whose motion failed.
+#[test]
+fn a_retired_module_stays_on_its_spot_where_modules_move_along_paths_only() {
+    let paths = "planner: {motion: paths}";
+    let walls = "obstacles: [{x: 40, y: 40, width: 1, height: 1}]";
+    for (planner, makes_room) in [("", true), (paths, false), (walls, false)] {
+        let mut trial = in_a_row(4, 6, planner, 5.0);
+        trial.until(Cluster::has_formed);
+        let (module, spot) = trial.settled()[0];
+        let before = trial.newest_epoch();
+        trial.cluster.command(module, Command::Retire);
+        trial.until_formed_after(before);
+        let blocked = match makes_room {
+            true => vec![],
+            false => vec![BlockedSpot { spot, module }],
+        };
+        assert_eq!(trial.rosters.last().unwrap().blocked_spots(), blocked);
+        assert_eq!(trial.settled().len(), 3 - blocked.len(), "{planner}");
+    }
+}
+
+#[test]
+fn a_retired_member_leaves_out_no_module_that_moves_along_its_path() {
+    let mut trial = in_a_row(4, 100, "planner: {motion: paths}", 0.3);
+    trial.until(|cluster| cluster.running().len() == 4);
+    trial.cluster.command(ModuleId(1), Command::Retire);
+    trial.until(Cluster::has_formed);
+    let stuck = trial.count(|event| matches!(event, Event::Convened(_, EpochReason::Stuck(_))));
+    assert_eq!(stuck, 0);
+}
+
+/// Neither command means that it stands.
+#[test]
+fn a_module_whose_driver_fell_silent_convenes_no_other_after_a_command() {
+    let silent = ModuleId(1);
+    for command in [Command::Retire, Command::Rejoin] {
+        let mut trial = with_a_silent_driver(silent);
+        trial.run_for(Duration::from_secs(35));
+        trial.cluster.command(silent, command);
+        let announced = TargetAnnouncement::clone(trial.cluster.announcement().unwrap());
+        for (revision, target) in [(2, None), (3, announced.target.clone())] {
+            trial.cluster.announce(TargetAnnouncement {
+                revision,
+                target,
+                ..announced.clone()
+            });
+            trial.run_for(Duration::from_secs(5));
+        }
+        trial.run_for(Duration::from_secs(60));
+        let mut events = trial.noted.iter();
+        let convenes = |(module, event): &(ModuleId, Event)| {
+            *module == silent && matches!(event, Event::Convened(epoch, _) if epoch.number > 1)
+        };
+        assert!(!events.any(convenes), "{command:?}");
+    }
+}
+
+/// No other module knows of it in between, and it shows that it has settled.
+#[test]
+fn a_settled_module_that_retires_and_rejoins_freezes_with_its_spot() {
+    let mut trial = Trial::new(&drawn(6, 5, Grouping::Singletons, 3), 3);
+    trial.until(Cluster::has_formed);
+    let (module, spot) = trial.settled()[2];
+    trial.cluster.cut(&BTreeSet::from([module]));
+    trial.cluster.command(module, Command::Retire);
+    trial.cluster.command(module, Command::Rejoin);
+    trial.cluster.heal();
+    trial.run_for(Duration::from_secs(30));
+    assert_eq!(trial.spot_of(module), Some(spot));
+    let lost = trial.settled()[0].0;
+    trial.cluster.crash(lost);
+    trial.run_for(Duration::from_secs(60));
+    let mut members = trial.rosters.last().unwrap().members.iter();
+    let member = members.find(|one| one.module.id == module).unwrap();
+    assert_eq!(member.module.pin, Some(spot));
+}

@@ -345,9 +345,15 @@ impl Roster {
 
     /// The spots of its target that bodies cover, ascending.
     pub fn blocked_spots(&self) -> Vec<BlockedSpot> {
+        self.blocked_by(&self.bodies)
+    }
+
+    /// The same if these were the bodies of modules that are not members.
+    pub(crate) fn blocked_by(&self, bodies: &[BodyReport]) -> Vec<BlockedSpot> {
+        let motion = self.target.parameters.motion;
         let target = self.target.target.as_ref();
         target.map_or_else(Vec::new, |target| {
-            body::blocked_spots(target, &self.members, &self.bodies)
+            body::blocked_spots(target, motion, &self.members, bodies)
         })
     }
 

@@ -49,7 +49,7 @@ struct Comparison {
     newly_blocked: Vec<BlockedSpot>,
     /// The spots that the roster takes for blocked and that are free now, because a body was removed or because one moved
     /// and more modules can take spots.
-    freed: Vec<SpotId>,
+    freed: Vec<BlockedSpot>,
     /// Bodies that may stand where the roster does not say.
     displaced: Vec<BodyReport>,
 }
@@ -89,24 +89,26 @@ impl Bodies {
         self.removals
     }
 
-    /// Keeps a report, unless a later one is known or there are too many.
+    /// Keeps a report, unless a later one is known or there are too many. Reports that contradict each other are united.
     ///
     /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes the
     /// place of a report on a module of another session that has the same number.
     pub fn note(&mut self, report: BodyReport) {
         let is_of_this_session = report.epoch.is_some();
         let is_of_other_session = self.of_other_sessions.contains(&report.module);
-        let is_new = match self.get(report.module) {
-            Some(known) => {
-                (is_of_other_session && is_of_this_session) || known.compare_age(&report).is_lt()
+        let news = match self.get(report.module) {
+            Some(_) if is_of_other_session && is_of_this_session => Some(report),
+            Some(known) => known.updated_by(&report),
+            None => {
+                let has_room = self.known.len() - self.of_other_sessions.len() < MODULES_MAX;
+                has_room.then_some(report)
             }
-            None => self.known.len() - self.of_other_sessions.len() < MODULES_MAX,
         };
-        if is_new {
+        if let Some(news) = news {
             if is_of_this_session {
-                self.of_other_sessions.remove(&report.module);
+                self.of_other_sessions.remove(&news.module);
             }
-            self.insert(report);
+            self.insert(news);
         }
     }
 
@@ -173,10 +175,10 @@ impl Bodies {
                 unknown.push(report);
                 continue;
             };
-            if known.compare_age(&report).is_lt() {
+            if let Some(news) = known.updated_by(&report) {
                 self.version += 1;
-                self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
-                *known = report;
+                self.removals += u64::from(news.whereabouts == Whereabouts::Removed);
+                *known = news;
             }
         }
         for report in unknown {
@@ -423,27 +425,28 @@ impl Context {
         comparison
     }
 
+    fn was_removed(&self, module: ModuleId) -> bool {
+        let known = self.bodies.get(module);
+        known.is_some_and(|known| known.whereabouts == Whereabouts::Removed)
+    }
+
     fn comparison(&self, roster: &Roster) -> Comparison {
         let Some(target) = &roster.target.target else {
             return Comparison::default();
         };
         let listed = roster.blocked_spots();
         let known = self.bodies.outside(&roster.members);
-        let now = body::blocked_spots(target, &roster.members, &known);
+        let now = roster.blocked_by(&known);
         let room = |blocked: &[BlockedSpot]| {
             let part = body::open_part(target, &roster.members, blocked);
             let spots = part.map_or(0, |part| part.spots().len());
             spots.min(active(roster).count())
         };
         let gains = room(&now) > room(&listed);
-        let was_removed = |module: ModuleId| {
-            let known = self.bodies.get(module);
-            known.is_some_and(|known| known.whereabouts == Whereabouts::Removed)
-        };
-        let freed = except(&listed, &now).filter(|spot| gains || was_removed(spot.module));
+        let freed = except(&listed, &now).filter(|spot| gains || self.was_removed(spot.module));
         Comparison {
             newly_blocked: except(&now, &listed).collect(),
-            freed: freed.map(|blocked| blocked.spot).collect(),
+            freed: freed.collect(),
             displaced: self.displaced(roster, &known),
         }
     }
@@ -460,8 +463,14 @@ impl Context {
             return None;
         }
         let comparison = self.compare_bodies(roster);
-        if !comparison.freed.is_empty() {
-            return Some(EpochReason::SpotsFreed(comparison.freed));
+        // A body that moved is that of a live module, which rosters may have left out for lack of an agreement.
+        let is_reason = |freed: &&BlockedSpot| {
+            self.was_removed(freed.module) || self.peers.is_wanted(self.now, freed.module)
+        };
+        let freed = comparison.freed.iter().filter(is_reason);
+        let freed: Vec<SpotId> = freed.map(|freed| freed.spot).collect();
+        if !freed.is_empty() {
+            return Some(EpochReason::SpotsFreed(freed));
         }
         let mut blocked = comparison.newly_blocked;
         blocked.retain(|blocked| is_to_fill(blocked.spot, self));
@@ -490,7 +499,7 @@ impl Context {
         }
         let mut known = self.bodies.outside(&roster.members);
         known.retain(|body| !newcomers.contains(&body.module));
-        let blocked = body::blocked_spots(target, &roster.members, &known);
+        let blocked = roster.blocked_by(&known);
         let open = body::open_part(target, &roster.members, &blocked);
         let open = open.map_or(0, |part| part.spots().len());
         open.min(members + newcomers.len()) > filled

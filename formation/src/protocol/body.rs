@@ -23,6 +23,8 @@ pub(super) struct Body {
     pub settled_on: Option<SettledOn>,
     /// Whether the drive has a goal and has reported neither a halt nor its arrival.
     pub moving: bool,
+    /// Whether the drive failed, and has not been measured to stand since.
+    pub has_failed: bool,
     /// The modules to which it has asked its ports to dock, or from which to undock, without a report so far.
     pub ports_busy: BTreeSet<ModuleId>,
 }
@@ -36,6 +38,7 @@ impl Body {
             service: Service::Active,
             settled_on: None,
             moving: false,
+            has_failed: false,
             ports_busy: BTreeSet::new(),
         }
     }

@@ -249,7 +249,7 @@ impl Context {
     /// Whether this module may open an epoch. One whose drive failed on the way may never be measured to stand, and then closes
     /// no roster.
     pub fn can_convene(&self) -> bool {
-        self.body.is_at_rest() || self.body.service != Service::MotionFailed
+        self.body.is_at_rest() || !self.body.has_failed
     }
 
     /// The plan of a job; `None` until the host has computed it.

@@ -192,6 +192,16 @@ fn judge_members(
             return Err(Some(EpochReason::Stuck(refusing)));
         }
     }
+    // Members that have gone on without this module judge who is missing. Were it to convene for that, it would halt them again
+    // and again where it does not receive all of them.
+    let gone_on = |run: &ModuleRun| {
+        let peer = context.peers.get(run.module);
+        is_in_charge(*run, context) && peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
+    };
+    let mut runs = others(roster, context).map(RosterMember::run);
+    if outside_since.is_none() && runs.any(|run| gone_on(&run)) {
+        return Ok(());
+    }
     if let Some(reason) = missing_members(roster, context) {
         return Err(Some(reason));
     }
@@ -253,7 +263,7 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
     let (mut restarted, mut silent) = (Vec::new(), Vec::new());
     let others = others(roster, context).map(|member| (member.module.id, member.incarnation));
     for (module, incarnation, peer) in context.peers.along(others) {
-        if peer.is_some_and(|peer| peer.incarnation > incarnation) {
+        if peer.is_some_and(|peer| peer.has_replaced(incarnation)) {
             restarted.push(module);
         }
         if !peer.is_some_and(|peer| liveness.includes(peer)) {

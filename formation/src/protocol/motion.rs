@@ -34,7 +34,7 @@ impl Agent {
                 {
                     return;
                 }
-                body.moving = false;
+                (body.moving, body.has_failed) = (false, false);
                 // A goal that waited for the store meanwhile would have the module set off again.
                 self.context.outbox.withdraw_goals();
                 if acting.is_some_and(|acting| !acting.arrive()) {
@@ -43,7 +43,7 @@ impl Agent {
             }
             MotionReport::Halted(pose) => {
                 body.stand_at(pose, now);
-                body.moving = false;
+                (body.moving, body.has_failed) = (false, false);
                 self.context.outbox.withdraw_goals();
             }
             MotionReport::Docked(module) => {
@@ -66,6 +66,7 @@ impl Agent {
         // It may move on for a while: it freezes, as any other, once its drive has reported that it stands.
         self.context.stand_still();
         self.context.body.ports_busy.clear();
+        self.context.body.has_failed = true;
         let spot = match &mut self.stage {
             Stage::Acting(acting) => acting.abandon(),
             _ => None,
@@ -89,6 +90,11 @@ impl Agent {
         self.context.body.service = service;
         self.context.mark_state_changed();
         self.context.emit(event);
+        if service == Service::Active
+            && let Stage::Acting(acting) = &self.stage
+        {
+            self.context.body.settled_on = acting.settled_on();
+        }
         if service != Service::Active {
             self.context.leave_spot();
             if let Stage::Acting(acting) = &mut self.stage {

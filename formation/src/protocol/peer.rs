@@ -25,6 +25,8 @@ pub(super) struct Peer {
     /// The latest state of another run that may yet take the place of this one: a state comes only once. A later run does so when
     /// this one is silent, and an earlier one when this one has been silent for long.
     pub kept: Option<KeptState>,
+    /// The later run that it replaced after a long silence of that: the clock was set back between the two.
+    pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
     pub source: Option<SourceId>,
     /// When its latest heartbeat was sent, by this module's clock.
@@ -48,6 +50,7 @@ impl Peer {
             heartbeat: None,
             state: None,
             kept: None,
+            replaces: None,
             source,
             alive_at: None,
             first_seen: now,
@@ -62,6 +65,11 @@ impl Peer {
     pub fn voter(&self, module: ModuleId) -> Voter {
         let run = module.run(self.incarnation);
         Voter::new(run, self.heartbeat.and_then(|heartbeat| heartbeat.store))
+    }
+
+    /// Whether it has taken the place of this run.
+    pub fn has_replaced(&self, run: Incarnation) -> bool {
+        self.incarnation > run || (self.incarnation < run && self.replaces >= Some(run))
     }
 
     /// Whether its latest heartbeat shows a later epoch than this.

@@ -188,9 +188,9 @@ impl Peers {
         }
     }
 
-    /// Forgets a run that has long been silent when an earlier one sends: what a silent run claimed keeps no other out. Returns
-    /// the state that was kept meanwhile.
-    fn forget_silent(&mut self, liveness: Liveness, run: ModuleRun) -> Option<KeptState> {
+    /// Forgets a run that has long been silent when an earlier one sends, and returns it: what a silent run claimed keeps no
+    /// other out.
+    fn forget_silent(&mut self, liveness: Liveness, run: ModuleRun) -> Option<Peer> {
         let is_gone = |peer: &Peer| {
             let silence = liveness.now.saturating_sub(peer.last_seen());
             run.incarnation < peer.incarnation && silence > liveness.suspicion * SILENCES_REMEMBERED
@@ -202,7 +202,7 @@ impl Peers {
         let forgotten = self.peers.remove(&run.module)?;
         let later = run.module.run(forgotten.incarnation);
         self.forgotten.push((later, run));
-        forgotten.kept
+        Some(forgotten)
     }
 
     /// The later runs that were forgotten for earlier ones since the last call, with these.
@@ -210,17 +210,17 @@ impl Peers {
         std::mem::take(&mut self.forgotten)
     }
 
-    /// Judges a sender that is not known as such, and makes room for it. Returns the state that was kept meanwhile.
+    /// Judges a sender that is not known as such, and makes room for it. Returns the run that it replaces although that is later.
     fn judge_sender(
         &mut self,
         liveness: Liveness,
         run: ModuleRun,
         source: Option<SourceId>,
-    ) -> Result<Option<KeptState>, Refusal> {
-        let kept = self.forget_silent(liveness, run);
+    ) -> Result<Option<Peer>, Refusal> {
+        let forgotten = self.forget_silent(liveness, run);
         self.check_source(run, source)?;
         if self.peers.contains_key(&run.module) || self.make_room(liveness) {
-            Ok(kept)
+            Ok(forgotten)
         } else {
             Err(Refusal::TooManyModules)
         }
@@ -239,7 +239,7 @@ impl Peers {
         let known = self.peers.get(&run.module);
         let is_known =
             known.is_some_and(|peer| peer.incarnation == run.incarnation && peer.source == source);
-        let kept = if is_known {
+        let forgotten = if is_known {
             None
         } else {
             self.judge_sender(liveness, run, source)?
@@ -259,7 +259,11 @@ impl Peers {
             let kept = peer.kept.take();
             *peer = Peer::new(run.incarnation, source, now);
             peer.state = state_of(kept, run, source);
-        } else if kept.is_some() {
+        } else if let Some(Peer {
+            incarnation, kept, ..
+        }) = forgotten
+        {
+            peer.replaces = Some(incarnation);
             peer.state = state_of(kept, run, source);
         }
         peer.source = peer.source.or(source);

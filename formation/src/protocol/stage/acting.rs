@@ -159,6 +159,15 @@ impl Acting {
         state.steps_done = self.held.motion.planned.paths().map(|_| self.steps_done);
     }
 
+    /// The spot on which it has settled by this plan.
+    pub fn settled_on(&self) -> Option<SettledOn> {
+        let place = self.held.place.filter(|_| self.is_settled())?;
+        Some(SettledOn {
+            spot: place.spot,
+            target: self.held.roster.target_digest(),
+        })
+    }
+
     pub fn steps_done(&self) -> u32 {
         self.steps_done
     }
@@ -200,8 +209,9 @@ impl Acting {
         if context.parameters.plan_only || self.held.refusal(context).is_some() {
             return Vec::new();
         }
-        if let Some(route) = &self.held.motion.route {
-            return self.stuck_on_paths(route, context);
+        if self.held.motion.planned.paths().is_some() {
+            let route = self.held.motion.route.as_ref();
+            return route.map_or_else(Vec::new, |route| self.stuck_on_paths(route, context));
         }
         let (step, since) = self.step_since;
         let limit = context.parameters.motion_limit + context.parameters.stuck;
@@ -388,6 +398,7 @@ impl Acting {
         let unwanted = context.links_except(|link| self.held.ends_linked_to(link));
         if unwanted.is_empty() {
             self.task = Task::Settled;
+            context.body.settled_on = self.settled_on();
             context.mark_state_changed();
         } else if lagging.is_empty() {
             context.undock(unwanted);
