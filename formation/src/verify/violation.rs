@@ -286,6 +286,8 @@ pub enum Missing {
     },
     #[error("{spot} is empty")]
     Spot { spot: SpotId },
+    #[error("all modules are stopped by command, until `formation resume`")]
+    Resumption,
 }
 
 fn or_nothing(spot: Option<SpotId>) -> String {

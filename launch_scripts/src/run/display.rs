@@ -25,6 +25,7 @@ pub fn progress_line(progress: &Progress) -> String {
         planned,
         agreed,
         settled,
+        stopped,
         ..
     } = progress;
     let expected = progress.expected.unwrap_or(0);
@@ -32,8 +33,9 @@ pub fn progress_line(progress: &Progress) -> String {
         [] => String::new(),
         modules => format!("; waiting for {}", listed(modules.iter().copied())),
     };
+    let stopped = if *stopped { ", stopped by command" } else { "" };
     format!(
-        "{stage}: joined {joined}/{expected}, planned {planned}, agreed {agreed}, settled {settled}{waiting}"
+        "{stage}{stopped}: joined {joined}/{expected}, planned {planned}, agreed {agreed}, settled {settled}{waiting}"
     )
 }
 
@@ -227,6 +229,11 @@ mod tests {
             progress_line(&planning(3)),
             "planning: joined 17/17, planned 3, agreed 0, settled 0; waiting for module 4"
         );
+        let stopped = Progress {
+            stopped: true,
+            ..planning(3)
+        };
+        assert!(progress_line(&stopped).starts_with("planning, stopped by command: joined 17/17"));
         let many = Progress {
             waiting_for: (1..=20).map(ModuleId).collect(),
             ..planning(0)

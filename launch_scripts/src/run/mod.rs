@@ -158,13 +158,14 @@ fn form(
     let began = Instant::now();
     let ended = start.all(&mut supervisor).map(|roles| {
         // The verifier's time begins with the target, which is announced last.
-        let deadline = Instant::now() + start.arguments.timeout + VERDICT_MARGIN;
+        let patience = start.arguments.timeout + VERDICT_MARGIN;
         RunLoop {
             supervisor: &mut supervisor,
             roles: &roles,
             modules: start.problem.modules().len(),
             start: began,
-            deadline,
+            deadline: Instant::now() + patience,
+            patience,
             display,
             observed: Observed::default(),
             orders: start.orders(),

@@ -84,6 +84,8 @@ pub struct RunLoop<'a> {
     pub start: Instant,
     /// When to stop waiting for the verdict.
     pub deadline: Instant,
+    /// How long to wait from a command to stop all modules, and from the command to resume.
+    pub patience: Duration,
     /// Where the run is shown.
     pub display: &'a mut Display,
     /// What was observed so far.
@@ -168,6 +170,10 @@ impl RunLoop<'_> {
                     discovery.get_or_insert_with(|| self.start.elapsed());
                 }
                 self.display.show_progress(&progress);
+                let last = self.observed.progress.as_ref();
+                if progress.stopped != last.is_some_and(|last| last.stopped) {
+                    self.deadline = Instant::now() + self.patience;
+                }
                 self.observed.progress = Some(progress);
                 None
             }
@@ -364,6 +370,7 @@ mod tests {
             modules: 2,
             start,
             deadline: start + Duration::from_secs(seconds),
+            patience: Duration::from_secs(seconds),
             display: &mut Display::Lines(LineThrottle::new(Duration::from_secs(1), false)),
             observed: Observed::default(),
             orders: Orders {

@@ -15,8 +15,10 @@ use crate::verify::violation::{Missing, VIOLATIONS_MAX, Violation};
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.
     pub(super) fn judge(&mut self, now: Duration) -> Option<Verdict> {
+        // The limit counts anew from a command to stop, and from the command to resume.
         if self.is_stopped() {
-            // The time of a stop does not count.
+            self.limit_from = *self.stopped_since.get_or_insert(now);
+        } else if self.stopped_since.take().is_some() {
             self.limit_from = now;
         }
         let is_late = now >= self.time_limit();
@@ -63,6 +65,7 @@ impl Observer {
         let mut missing = EndState::new(&self.received, planned).missing();
         missing.extend(self.silent(now, planned));
         if !missing.is_empty() {
+            missing.extend(self.is_stopped().then_some(Missing::Resumption));
             missing.extend(self.absent().map(|module| Missing::Module { module }));
         }
         missing

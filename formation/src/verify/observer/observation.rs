@@ -22,6 +22,8 @@ pub struct Observer {
     broken_since: Option<Duration>,
     /// The time from which the time limit counts.
     pub(super) limit_from: Duration,
+    /// Since when the members are to stand still.
+    pub(super) stopped_since: Option<Duration>,
     /// Whether a target with other content was announced since the verdict.
     has_new_target: bool,
     verdict: Option<Verdict>,
@@ -40,6 +42,7 @@ impl Observer {
             reached_since: None,
             broken_since: None,
             limit_from: Duration::ZERO,
+            stopped_since: None,
             has_new_target: false,
             verdict: None,
         }

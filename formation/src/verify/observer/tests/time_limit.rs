@@ -94,3 +94,33 @@ fn a_spare_that_says_nothing_is_named() {
         phase: Some(ModulePhase::Planning),
     }]);
 }
+
+/// The members stand still from second 100 on. The limit of 120 s counts from then, and from the command to resume.
+#[test]
+fn a_stop_has_a_time_limit_of_its_own() {
+    let mut sequence = good_sequence();
+    sequence
+        .states
+        .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
+    let command = |revision, stopped| {
+        Message::Heartbeat(Heartbeat {
+            stop: Stop { revision, stopped },
+            ..heartbeat(4, 100 + revision, 1)
+        })
+    };
+    let at = Duration::from_secs;
+    let mut stopped = sequence.observe();
+    stopped.handle(at(100), &command(1, true));
+    assert_eq!(stopped.verdict(at(100)), None);
+    assert_eq!(stopped.verdict(at(219)), None);
+    let mut resumed = stopped.clone();
+    resumed.handle(at(219), &command(2, false));
+    assert_eq!(resumed.verdict(at(219)), None);
+    let end = |observer: &mut Observer, seconds| {
+        let missing = &observer.verdict(at(seconds)).unwrap().missing;
+        missing.contains(&Missing::Resumption)
+    };
+    assert!(end(&mut stopped, 220));
+    assert_eq!(resumed.verdict(at(338)), None);
+    assert!(!end(&mut resumed, 339));
+}
