@@ -211,15 +211,24 @@ impl CheckedPlan {
         aligned(heads, self.statistics.assignments.iter().map(row))
     }
 
-    /// The numbers of the plan, for the page of a report.
+    /// How many modules and spots there are, and the numbers of the plan, for the page of a report.
     pub fn facts(&self) -> Vec<Fact> {
         let statistics = &self.statistics;
-        let messages = &statistics.messages;
-        vec![
+        let mut facts = vec![
             Fact::new("modules", self.problem.modules().len()),
             Fact::new("modules without a spot", statistics.unassigned.len()),
             Fact::new("spots", self.problem.target().spots().len()),
             Fact::new("spots left open", statistics.open_spots.len()),
+        ];
+        facts.extend(self.planning_facts());
+        facts
+    }
+
+    /// The numbers of the plan.
+    pub fn planning_facts(&self) -> Vec<Fact> {
+        let statistics = &self.statistics;
+        let messages = &statistics.messages;
+        vec![
             Fact::new("turns", self.outcome.decisions.len()),
             Fact::new("evictions", statistics.changes.evictions),
             Fact::new("links kept", statistics.changes.kept_links),

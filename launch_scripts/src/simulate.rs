@@ -16,6 +16,7 @@ use ros_runtime::exit::Failure;
 use serde::Serialize;
 
 use crate::arguments::SimulateArguments;
+use crate::checked_plan::CheckedPlan;
 use crate::{console, scenario_file};
 
 /// How many lines of a failing run are shown.
@@ -29,11 +30,17 @@ const SHOWN_MAX: usize = 10;
 /// Names what is wrong with the input, or how many runs violated something.
 pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     let parameters = campaign_parameters(arguments)?;
-    let seeds = arguments.first_seed..arguments.first_seed.saturating_add(arguments.seeds);
+    let first = arguments.first_seed;
+    let end = first.checked_add(arguments.seeds).ok_or_else(|| {
+        let count = counted_u64(arguments.seeds, "seed");
+        Failure::bad_input(format_args!(
+            "--first-seed {first}: {count} from there on exceed the highest seed"
+        ))
+    })?;
     let start = Instant::now();
     let mut campaign = Campaign::new(arguments);
     let bar = progress_bar(arguments.seeds);
-    run_seeds(&parameters, seeds, |report| {
+    run_seeds(&parameters, first..end, |report| {
         bar.inc(1);
         campaign.add(report);
         bar.set_message(match campaign.failing.len() {
@@ -59,6 +66,7 @@ fn campaign_parameters(arguments: &SimulateArguments) -> Result<CampaignParamete
     let problem = match &arguments.scenario {
         Some(path) => {
             let scenario = scenario_file::load(path)?;
+            CheckedPlan::of(&scenario)?.refuse_without_motion(path)?;
             Some(Arc::new(scenario.problem().clone()))
         }
         None => None,

@@ -126,6 +126,10 @@ fn bad_input_is_named_and_starts_nothing() {
             "none, crash, partition, mixed, hostile, storm, stops",
         ),
         (&["--seeds", "0"], "--seeds"),
+        (
+            &["--first-seed", "18446744073709551614", "--seeds", "2"],
+            "--first-seed",
+        ),
     ] {
         let output = simulate(options);
         assert_eq!(output.status.code(), Some(2), "{options:?}");
@@ -148,4 +152,31 @@ fn the_help_names_every_kind_of_fault() {
         help.contains(&format!("[possible values: {names}]")),
         "{help}"
     );
+}
+
+#[test]
+fn the_highest_seeds_are_run_once() {
+    let report = json(&[
+        "--first-seed",
+        "18446744073709551613",
+        "--seeds",
+        "2",
+        "--modules",
+        "2",
+    ]);
+    assert_eq!(report["runs"], 2);
+}
+
+/// As `formation check` and `formation run` do.
+#[test]
+fn a_scenario_in_which_no_module_would_move_is_refused() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("walled.yaml");
+    let walled = "obstacles: [{x: 3.5, y: 0, width: 1, height: 6}]\narena: {x: 3.5, y: 0, width: 9, height: 6}\n\
+                  target: {map: 'o-o', origin: [6, 0]}\nsingletons: [{id: 1, x: 0, y: 0}, {id: 2, x: 1, y: 0}]";
+    std::fs::write(&path, walled).unwrap();
+    let output = simulate(&[path.to_str().unwrap(), "--seeds", "1", "--faults", "none"]);
+    assert_eq!(output.status.code(), Some(2));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("no module would move"), "{stderr}");
 }

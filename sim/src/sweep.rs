@@ -17,7 +17,8 @@ pub fn run_seeds(
     mut each: impl FnMut(RunReport),
 ) -> Result<(), CampaignError> {
     let workers = std::thread::available_parallelism().map_or(1, NonZero::get);
-    let next = AtomicU64::new(seeds.start);
+    let (first, count) = (seeds.start, seeds.end.saturating_sub(seeds.start));
+    let next = AtomicU64::new(0);
     let stop = AtomicBool::new(false);
     let (reports, collected) = mpsc::channel();
     std::thread::scope(|scope| {
@@ -26,8 +27,9 @@ pub fn run_seeds(
             let (next, stop) = (&next, &stop);
             scope.spawn(move || {
                 while !stop.load(Ordering::Relaxed) {
-                    let seed = next.fetch_add(1, Ordering::Relaxed);
-                    if seed >= seeds.end || reports.send(run_seed(parameters, seed)).is_err() {
+                    let taken = next.fetch_add(1, Ordering::Relaxed);
+                    if taken >= count || reports.send(run_seed(parameters, first + taken)).is_err()
+                    {
                         return;
                     }
                 }

@@ -39,8 +39,7 @@ pub fn summary(
     result: Result<&RunReport, &Failure>,
 ) -> Summary {
     let report = result.ok();
-    let mut facts = report.map(RunReport::facts).unwrap_or_default();
-    facts.extend(plan.facts());
+    let mut facts = report.map_or_else(|| plan.planning_facts(), |report| report.facts(plan));
     facts.push(Fact::new(
         "speed of simulated modules",
         format!("{} units a second", arguments.motion.speed),

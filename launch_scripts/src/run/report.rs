@@ -201,10 +201,10 @@ impl RunReport {
     pub fn text(&self, plan: &CheckedPlan, name: &str) -> String {
         let mut lines = Vec::new();
         if self.verdict != RunOutcome::Judged(Outcome::Failed) {
-            if self.differences().is_empty() {
-                lines.push(plan.text(name));
-            } else if self.may_differ() {
+            if self.may_differ() {
                 lines.push(self.placement_text());
+            } else if self.differences().is_empty() {
+                lines.push(plan.text(name));
             }
         }
         let timings: Vec<String> = [
@@ -284,8 +284,21 @@ impl RunReport {
         }
     }
 
-    /// The durations of the parts of the run, and what the physical world counted.
-    pub fn facts(&self) -> Vec<Fact> {
+    /// The durations of the parts of the run, what the physical world counted, how many modules and spots there are, and the
+    /// numbers of the plan, unless the modules may have made another one.
+    pub fn facts(&self, plan: &CheckedPlan) -> Vec<Fact> {
+        let statistics = &self.plan.statistics;
+        let without_a_spot = statistics.unassigned.len();
+        let counts = [
+            Fact::new("modules", plan.problem.modules().len()),
+            Fact::new("modules without a spot", without_a_spot),
+            Fact::new("spots", plan.problem.target().spots().len()),
+            Fact::new("spots left open", statistics.open_spots.len()),
+        ];
+        let of_plan = match self.may_differ() {
+            true => Vec::new(),
+            false => plan.planning_facts(),
+        };
         let times = [
             ("all joined after", self.discovery_ms),
             ("from the roster to the last claim", self.planning_ms),
@@ -296,6 +309,8 @@ impl RunReport {
         let world = self.world.iter();
         times
             .chain(world.map(|world| Fact::new("in the physical world", world.to_string())))
+            .chain(counts)
+            .chain(of_plan)
             .collect()
     }
 
@@ -306,6 +321,7 @@ impl RunReport {
         faults.extend(self.time_was_up());
         faults.extend(self.missing.iter().flatten().cloned());
         faults.extend(self.dead.iter().map(ToString::to_string));
+        faults.extend(self.blocked_spots.iter().map(ToString::to_string));
         faults.extend(self.absences());
         if !self.may_differ() {
             let differences = self.differences().into_iter();
@@ -383,7 +399,10 @@ impl RunReport {
             causes.push(format!("{} died", listed_in_full(dead)));
         }
         causes.extend(self.absences());
-        causes.push("and no spare was left".to_owned());
+        causes.extend(self.blocked_spots.iter().map(ToString::to_string));
+        if self.blocked_spots.is_empty() && self.plan.statistics.unassigned.is_empty() {
+            causes.push("and no spare was left".to_owned());
+        }
         let hole = match self.verdict {
             RunOutcome::Judged(_) => {
                 let open = self.plan.statistics.open_spots.iter().copied();
@@ -392,14 +411,22 @@ impl RunReport {
             RunOutcome::Agreed => "the plan has a hole".to_owned(),
         };
         let time = self.time_was_up().map(|time| format!("; {time}"));
-        let advice = match self.participation.left_out.is_empty() {
-            true => "",
-            false => {
-                "; on a busy machine, host several modules in each process with --modules-per-process"
-            }
-        };
         let time = time.unwrap_or_default();
-        format!("{hole}; {}{time}{advice}", causes.join(", "))
+        format!("{hole}; {}{time}{}", causes.join(", "), self.advice())
+    }
+
+    /// What an operator can do about a hole.
+    fn advice(&self) -> String {
+        let mut advice = String::new();
+        if !self.participation.left_out.is_empty() {
+            advice.push_str(
+                "; on a busy machine, host several modules in each process with --modules-per-process",
+            );
+        }
+        if !self.blocked_spots.is_empty() {
+            advice.push_str("; once a body is taken away, report that with `formation remove`");
+        }
+        advice
     }
 
     /// Where the run differs from the plan.

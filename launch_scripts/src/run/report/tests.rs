@@ -340,3 +340,26 @@ fn a_failed_formation_says_why() {
         "{text}"
     );
 }
+
+/// A spare that stands idle is not missing: the spot has no room for it.
+#[test]
+fn a_blocked_spot_is_named_with_what_can_be_done() {
+    let mut partial = half(Outcome::Partial);
+    let (spot, module) = (SpotId(1), ModuleId(7));
+    partial.blocked_spots = vec![BlockedSpot { spot, module }];
+    partial.unassigned = vec![ModuleId(9)];
+    let report = report_without(7, partial);
+    assert_eq!(
+        report.conclusion().unwrap_err().to_string(),
+        "the formation has a hole: spot 1 open; module 7 died, spot 1 is blocked by the body of module 7; once a body is \
+             taken away, report that with `formation remove`"
+    );
+    let blocked = "spot 1 is blocked by the body of module 7".to_owned();
+    assert!(report.faults().contains(&blocked));
+    let facts = format!("{:?}", report.facts(&plan()));
+    assert!(
+        facts.contains("\"spots left open\", value: \"1\""),
+        "{facts}"
+    );
+    assert!(!facts.contains("turns"), "{facts}");
+}
