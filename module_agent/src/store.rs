@@ -6,7 +6,8 @@
 //! another session begins with an empty file, and leaves that of the earlier one as it is.
 //!
 //! A file is written whole, under another name, synced and renamed: at any time it holds the earlier contents or the
-//! later. What modules know of all others is in a second file, because it grows with the formation and seldom changes. Each
+//! later. A line of JSON is followed by its checksum, so that a disk that returns other bytes than it was given is noticed. What
+//! modules know of all others is in a second file, because it grows with the formation and seldom changes. Each
 //! version of that has a name of its own, which the first file gives, so that both change at once.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -22,7 +23,7 @@ use formation::protocol::DurableState;
 use serde::{Deserialize, Serialize};
 
 /// The format that this version writes, and the only one that it reads.
-const FORMAT: u32 = 4;
+const FORMAT: u32 = 5;
 
 /// A larger file is refused: a quorum basis of 1,000 modules takes some 80 kB.
 const FILE_BYTES_MAX: u64 = 256 << 20;
@@ -334,9 +335,11 @@ impl Store {
     }
 }
 
-/// Writes a file under another name, syncs it, and renames it.
+/// Writes a file and its checksum under another name, syncs it, and renames it.
 fn write_whole(path: &Path, content: &impl Serialize) -> io::Result<()> {
-    let text = serde_json::to_vec(content)?;
+    let mut text = serde_json::to_vec(content)?;
+    let checksum = checksum(&text);
+    writeln!(text, "\n{checksum}")?;
     if text.len() as u64 > FILE_BYTES_MAX {
         return Err(io::Error::other(too_large()));
     }
@@ -394,7 +397,8 @@ fn read(path: &Path, session: u32) -> Result<Option<(u64, Contents)>, String> {
     let path = shared_path(path, number);
     let refused = |reason: &dyn fmt::Display| format!("{}: {}", path.display(), damaged(reason));
     let text = text_of(&path)?.ok_or_else(|| refused(&"it is missing"))?;
-    let shared: Shared = serde_json::from_slice(&text).map_err(|error| refused(&error))?;
+    let text = checked(&text).map_err(|reason| refused(&reason))?;
+    let shared: Shared = serde_json::from_slice(text).map_err(|error| refused(&error))?;
     let contents = packed.unpacked(&shared);
     let contents = contents.ok_or_else(|| refused(&"it lacks what a module knows"))?;
     Ok(Some((number, contents)))
@@ -417,18 +421,39 @@ fn text_of(path: &Path) -> Result<Option<Vec<u8>>, String> {
     Ok(Some(text))
 }
 
+/// The last line of a file.
+fn checksum(content: &[u8]) -> String {
+    format!("{:08x}", crc32fast::hash(content))
+}
+
+/// The content of a file: its first line, if the second is the checksum of that.
+fn checked(text: &[u8]) -> Result<&[u8], String> {
+    let content = first_line(text);
+    let rest = &text[content.len()..];
+    match rest == format!("\n{}\n", checksum(content)).as_bytes() {
+        true => Ok(content),
+        false => Err("its checksum is wrong or missing".to_owned()),
+    }
+}
+
+fn first_line(text: &[u8]) -> &[u8] {
+    text.split(|&byte| byte == b'\n').next().unwrap_or(text)
+}
+
 fn damaged(reason: &dyn fmt::Display) -> String {
     format!("is damaged ({reason}); it holds what these modules agreed on, so begin a new session")
 }
 
 fn parsed(text: &[u8], session: u32) -> Result<Packed, String> {
-    let Format { format } = serde_json::from_slice(text).map_err(|error| damaged(&error))?;
+    let Format { format } =
+        serde_json::from_slice(first_line(text)).map_err(|error| damaged(&error))?;
     if format != FORMAT {
         return Err(format!(
             "has format {format}, and this program reads format {FORMAT} only; use the version that wrote it, or begin \
              a new session"
         ));
     }
+    let text = checked(text).map_err(|reason| damaged(&reason))?;
     let packed: Packed = serde_json::from_slice(text).map_err(|error| damaged(&error))?;
     if packed.session != session {
         return Err(format!(

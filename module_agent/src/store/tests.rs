@@ -241,12 +241,31 @@ fn a_torn_file_is_refused_wherever_it_ends() {
     assert!(refusal(&directory).contains("is damaged"));
 }
 
+/// Each is still valid JSON, of the same fields.
+#[test]
+fn a_file_of_which_a_digit_has_changed_is_refused() {
+    let (directory, _) = written();
+    let shared = directory.path().join("modules.session_7.shared_1.json");
+    for changed in [path(&directory), shared] {
+        let whole = fs::read(&changed).unwrap();
+        let end = whole.iter().position(|&byte| byte == b'\n').unwrap();
+        for position in (0..end).filter(|&position| whole[position].is_ascii_digit()) {
+            let mut other = whole.clone();
+            other[position] ^= 1;
+            fs::write(&changed, &other).unwrap();
+            assert!(open(&directory, "modules", &[4, 5]).is_err(), "{position}");
+        }
+        fs::write(&changed, &whole).unwrap();
+        open(&directory, "modules", &[4, 5]).unwrap();
+    }
+}
+
 #[test]
 fn a_file_of_a_later_version_is_refused() {
     let (directory, _) = written();
-    fs::write(path(&directory), r#"{"format": 5, "cells": []}"#).unwrap();
+    fs::write(path(&directory), r#"{"format": 6, "cells": []}"#).unwrap();
     let reason = refusal(&directory);
-    assert!(reason.contains("has format 5"), "{reason}");
+    assert!(reason.contains("has format 6"), "{reason}");
     assert!(reason.contains("use the version that wrote it"), "{reason}");
 }
 
