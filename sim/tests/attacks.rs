@@ -337,8 +337,7 @@ fn a_roster_that_lists_live_modules_which_refuse_it_ends_no_formation() {
     forge_roster(&[1, 2, 3, 4]);
 }
 
-/// Runs six or more modules between which these links never carry anything, until all but one, at an end of the first link, hold a
-/// plan.
+/// Runs modules between which these links never carry anything, until those hold a plan that are left without one end of each.
 #[track_caller]
 fn form_without(links: &[(u32, u32)], modules: u32, seed: u64) {
     let problem = drawn(modules as usize, modules as usize, Grouping::Mixed, seed);
@@ -346,22 +345,20 @@ fn form_without(links: &[(u32, u32)], modules: u32, seed: u64) {
     let severed = links.iter();
     let severed = severed.map(|&(from, to)| (ModuleId(from), ModuleId(to)));
     trial.cluster.sever(&severed.collect());
-    let without = |out: u32| {
-        (1..=modules)
-            .map(ModuleId)
-            .filter(|&one| one != ModuleId(out))
-            .collect()
+    let without_ends = |choice: u32| {
+        let ends = (0..).zip(links);
+        let out = ends.map(|(link, &(from, to))| if choice >> link & 1 == 1 { from } else { to });
+        let out: Vec<u32> = out.collect();
+        let left = (1..=modules).filter(|module| !out.contains(module));
+        left.map(ModuleId).collect::<BTreeSet<ModuleId>>()
     };
-    let groups: [BTreeSet<ModuleId>; 2] = [without(links[0].0), without(links[0].1)];
+    let groups: Vec<_> = (0..1 << links.len()).map(without_ends).collect();
     let end = Duration::from_secs(1_200);
     let has_formed = |cluster: &Cluster| groups.iter().any(|group| hold_a_plan(cluster, group));
     let came = trial.cluster.run_until(end, has_formed);
     trial.run_for(Duration::ZERO);
-    assert!(
-        came,
-        "seed {seed}, {links:?}: {} epochs",
-        trial.convened.len()
-    );
+    let epochs = trial.convened.len();
+    assert!(came, "seed {seed}, {links:?}: {epochs} epochs");
 }
 
 /// The body of the module that is left out moves, and one member does not receive it.
@@ -379,5 +376,18 @@ fn a_link_that_never_carries_anything_does_not_keep_the_others_from_forming() {
 fn a_module_with_several_failed_links_does_not_keep_the_others_from_forming() {
     for seed in 0..20 {
         form_without(&[(5, 2), (2, 5), (4, 5)], 7, seed);
+    }
+}
+
+/// Each of two conveners lists a module of which the other receives nothing, and the two interrupt each other.
+#[test]
+fn two_links_that_never_carry_anything_do_not_keep_the_others_from_forming() {
+    for (modules, links, seed) in [
+        (5, [(2, 1), (3, 4)], 232),
+        (8, [(5, 1), (6, 8)], 49),
+        (6, [(2, 3), (5, 1)], 264),
+        (7, [(2, 5), (6, 1)], 193),
+    ] {
+        form_without(&links, modules, seed);
     }
 }

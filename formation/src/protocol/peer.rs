@@ -13,6 +13,9 @@ pub(super) type KeptState = (Arc<ModuleState>, Option<SourceId>);
 /// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
 const DRIFT_DIVISOR: u32 = 1_000;
 
+/// A module that has left this many rosters of another in a row is left out by that one.
+const INTERRUPTIONS_MAX: u32 = 3;
+
 /// The number of rosters without agreement after which the time for which a module is not wanted no longer doubles.
 const DOUBLINGS_MAX: u32 = 5;
 
@@ -39,6 +42,8 @@ pub(super) struct Peer {
     pub excluded_until: Duration,
     /// The number of rosters that listed it since it last agreed to one.
     rosters_without_agreement: u32,
+    /// How many rosters of this module it left before they agreed, by opening an epoch, since it last agreed to one.
+    interruptions: u32,
     /// Until when no epoch is opened to include it, because rosters with it did not agree, and one without it did.
     pub unwanted_until: Duration,
 }
@@ -57,6 +62,7 @@ impl Peer {
             clock_offset_us: None,
             excluded_until: Duration::ZERO,
             rosters_without_agreement: 0,
+            interruptions: 0,
             unwanted_until: Duration::ZERO,
         }
     }
@@ -125,7 +131,15 @@ impl Peer {
     /// All members of its roster show that they have agreed.
     pub fn note_agreement(&mut self) {
         self.rosters_without_agreement = 0;
+        self.interruptions = 0;
         self.unwanted_until = Duration::ZERO;
+    }
+
+    /// It leaves a roster of this module that has not agreed, and opens an epoch. Returns whether it has done so several times in a
+    /// row.
+    pub fn note_interruption(&mut self) -> bool {
+        self.interruptions = (self.interruptions + 1).min(INTERRUPTIONS_MAX);
+        self.interruptions == INTERRUPTIONS_MAX
     }
 
     /// Whether it shows that it has agreed in an epoch.

@@ -376,6 +376,12 @@ impl Peers {
         }
     }
 
+    /// A module leaves a roster of this one; see [`Peer::note_interruption`].
+    pub fn note_interruption(&mut self, module: ModuleId) -> bool {
+        let peer = self.peers.get_mut(&module);
+        peer.is_some_and(Peer::note_interruption)
+    }
+
     /// A roster lists these modules, in ascending order.
     pub fn note_listed(&mut self, members: impl Iterator<Item = ModuleId>) {
         let mut members = members.peekable();

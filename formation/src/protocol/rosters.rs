@@ -8,6 +8,7 @@ use crate::model::{
 };
 
 use super::Agent;
+use super::AgentParameters;
 use super::io::SourceId;
 use super::memory::Memory;
 use super::refusal::Refusal;
@@ -58,6 +59,7 @@ impl Agent {
         match message {
             RosterMessage::Gather { .. } if current == Some(epoch) => {}
             RosterMessage::Gather { target, .. } => {
+                self.note_interruption(epoch.convener);
                 self.remember_members();
                 let context = &mut self.context;
                 let gathering = Gathering::join(context, epoch, run.incarnation, target);
@@ -72,6 +74,26 @@ impl Agent {
                     self.context.refuse(convener, refusal);
                 }
             },
+        }
+    }
+
+    /// Leaves a member out that has left several rosters of this module in a row by opening an epoch: each lists a module of which
+    /// the other one receives nothing, so that none would ever agree.
+    fn note_interruption(&mut self, convener: ModuleId) {
+        let own = self.context.module();
+        let is_left = self.stage.roster().is_some_and(|roster| {
+            roster.epoch.convener == own && roster.member(convener).is_some()
+        });
+        let context = &mut self.context;
+        if is_left && context.peers.note_interruption(convener) {
+            // Until this module has closed its next roster.
+            let AgentParameters {
+                gather_limit,
+                stuck,
+                ..
+            } = context.parameters;
+            let until = context.now + (gather_limit + stuck) * 2;
+            context.peers.exclude(convener, until);
         }
     }
 
