@@ -29,7 +29,7 @@ Exit status:
   0  done
   1  the formation failed, or its result is wrong
   2  bad input or usage
-  130, 143  interrupted by Ctrl-C (SIGINT), or by SIGTERM";
+  129, 130, 143  interrupted by SIGHUP, Ctrl-C (SIGINT) or SIGTERM";
 
 /// What the launcher can do.
 #[derive(Debug, Subcommand)]

@@ -45,13 +45,25 @@ struct Arguments {
     #[arg(long, value_name = "IDS", value_delimiter = ',', requires = "scenario")]
     founders: Vec<u32>,
     /// The revision of the target; the highest one is formed [default: the wall clock in milliseconds]
-    #[arg(long, value_name = "NUMBER", requires = "scenario")]
+    #[arg(long, value_name = "NUMBER", requires = "scenario", value_parser = plausible_revision)]
     revision: Option<u64>,
     /// Withdraw the target instead: modules then stay where they are
     #[arg(long, requires = "scenario")]
     withdraw: bool,
     #[command(flatten)]
     order: OrderArguments,
+}
+
+/// A revision that other targets can follow: every node refuses one that is too far ahead of its clock.
+fn plausible_revision(text: &str) -> Result<u64, String> {
+    let revision = text.parse().map_err(|_| "must be a number".to_owned())?;
+    let latest = stamp::latest();
+    if revision > latest {
+        return Err(format!(
+            "is too far ahead of the clock: must be at most {latest}"
+        ));
+    }
+    Ok(revision)
 }
 
 /// Commands to all modules. The program gives one, waits until the modules show it, and ends.

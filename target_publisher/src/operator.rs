@@ -306,7 +306,7 @@ impl Operator {
                     .collect();
                 if !live.is_empty() {
                     return Err(format!(
-                        "the heartbeats of {} arrive; end their processes before their bodies are reported as removed",
+                        "heartbeats of {} arrive: end the processes before the bodies are reported as removed",
                         listed_in_full(live)
                     ));
                 }

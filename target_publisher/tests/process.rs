@@ -36,3 +36,13 @@ fn what_belongs_to_a_scenario_needs_one() {
         assert!(stderr.contains("--scenario"), "{stderr}");
     }
 }
+
+/// No other target could follow it.
+#[test]
+fn a_revision_that_is_too_far_ahead_of_the_clock_is_bad_usage() {
+    let highest = u64::MAX.to_string();
+    let output = publisher(&["--scenario", "x.yaml", "--revision", &highest]);
+    assert_eq!(output.status.code(), Some(2));
+    let stderr = String::from_utf8(output.stderr).unwrap();
+    assert!(stderr.contains("too far ahead of the clock"), "{stderr}");
+}

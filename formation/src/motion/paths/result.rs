@@ -348,6 +348,13 @@ impl MotionError {
             Self::OffLattice { .. } | Self::SharedCell(..) | Self::LongEdge(..) => {
                 "put each spot on a cell of its own of one lattice of units, with headings in quarter turns"
             }
+            Self::Starts(faults)
+                if faults
+                    .iter()
+                    .all(|fault| matches!(fault, StartFault::Covered(_))) =>
+            {
+                "place these modules clear of obstacles and within the walls"
+            }
             Self::Starts(_) => {
                 "place these modules further apart, so that each can turn without touching another (`formation generate \
                  --apart` draws such starts)"
@@ -422,5 +429,14 @@ mod tests {
             "starts: module 1 and module 2 are too close and module 2 and module 3 are too close"
         );
         assert!(faults(7).ends_with("module 5 and module 6 are too close and 2 more"));
+    }
+
+    #[test]
+    fn modules_on_obstacles_are_not_to_be_put_further_apart() {
+        let covered = StartFault::Covered(ModuleId(1));
+        let cure = |faults| MotionError::Starts(faults).cure();
+        assert!(cure(vec![covered.clone()]).contains("clear of obstacles"));
+        let close = StartFault::NotApart(ModuleId(2), ModuleId(3));
+        assert!(cure(vec![covered, close]).contains("further apart"));
     }
 }
