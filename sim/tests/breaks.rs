@@ -341,3 +341,9 @@ fn a_revision_of_a_stranger_does_not_end_all_targets() {
         .unwrap();
     assert_eq!(roster.target.target.as_ref(), Some(other.target()));
 }
+
+/// It has waited for a quorum, and moves to another spot as soon as the other members are back.
+#[test]
+fn a_module_that_goes_on_shows_no_more_that_it_waits_for_a_quorum() {
+    run_each(FaultKind::Mixed, [2, 12], &[82_008_280]);
+}

@@ -39,11 +39,15 @@ impl Agent {
                 delay.saturating_add(context.parameters.convene)
             });
         let due = context.pacing.due(context.now, delay);
+        let shortfall = context.shortfall_of(&context.memory, &live, expected);
         if context.now < due {
             context.wake_at(due);
+            if shortfall.is_none() {
+                // Modules are back: the plan goes on, as long as no other epoch is opened.
+                context.set_shortfall(None);
+            }
             return;
         }
-        let shortfall = context.shortfall_of(&context.memory, &live, expected);
         context.set_shortfall(shortfall);
         let announcement = context.target.announcement().cloned();
         if shortfall.is_none()

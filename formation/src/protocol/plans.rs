@@ -70,12 +70,13 @@ pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
     for body in absent {
         let path = body.whereabouts.poses();
         // What a report says cannot make a plan take more memory than there is.
-        if polyline::length(path) <= PATH_SAMPLED_MAX && areas.len() < AREAS_SAMPLED_MAX {
-            let poses = polyline::sampled(path, spacing);
-            areas.extend(poses.map(|pose| Area::of_body(&pose, width)));
+        let is_sampled =
+            polyline::length(path) <= PATH_SAMPLED_MAX && areas.len() < AREAS_SAMPLED_MAX;
+        let lines = polyline::lines(path);
+        if is_sampled {
+            areas.extend(lines.flat_map(|ends| Area::along_line(ends, width, spacing)));
         } else {
-            let lines = polyline::lines(path);
-            areas.extend(lines.map(|ends| Area::of_bodies(ends.into(), width)));
+            areas.extend(lines.map(|ends| Area::around_line(ends, width)));
         }
     }
     areas

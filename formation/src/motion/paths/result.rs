@@ -8,7 +8,9 @@ use super::group::{Rectangle, overlap};
 use super::turning::rotated;
 pub use crate::model::Area;
 use crate::model::text::enumerated;
-use crate::model::{MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId};
+use crate::model::{
+    MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId, polyline,
+};
 
 impl Area {
     /// What a body of this width covers, and the corners between its headings and the axes.
@@ -31,16 +33,54 @@ impl Area {
         }
     }
 
+    /// What a body of this width covers in any heading.
+    fn of_turning_body(pose: &Pose, width: MicroUnits) -> Self {
+        let half = width.0 / 2;
+        let reach = (2 * half * half).isqrt() + 1;
+        let corner = |reach: i64| (MicroUnits(pose.x.0 + reach), MicroUnits(pose.y.0 + reach));
+        Self {
+            low: corner(-reach),
+            high: corner(reach),
+        }
+    }
+
+    /// What a body of this width covers at a pose on the line between two others. Where their headings differ, it may have any.
+    fn of_body_between(ends: (&Pose, &Pose)) -> fn(&Pose, MicroUnits) -> Self {
+        match ends.0.theta == ends.1.theta {
+            true => Self::of_body,
+            false => Self::of_turning_body,
+        }
+    }
+
+    /// What a body of this width may cover on the line between two poses, in rectangles around places at most `spacing` apart.
+    pub(crate) fn along_line(
+        (from, to): (&Pose, &Pose),
+        width: MicroUnits,
+        spacing: MicroUnits,
+    ) -> Vec<Self> {
+        let area_of = Self::of_body_between((from, to));
+        let ends = [*from, *to];
+        let poses = polyline::sampled(&ends, spacing);
+        poses.map(|pose| area_of(&pose, width)).collect()
+    }
+
+    /// The rectangle around all that.
+    pub(crate) fn around_line((from, to): (&Pose, &Pose), width: MicroUnits) -> Self {
+        let area_of = Self::of_body_between((from, to));
+        area_of(from, width).joined(&area_of(to, width))
+    }
+
+    fn joined(&self, other: &Self) -> Self {
+        Self {
+            low: (self.low.0.min(other.low.0), self.low.1.min(other.low.1)),
+            high: (self.high.0.max(other.high.0), self.high.1.max(other.high.1)),
+        }
+    }
+
     /// The rectangle around what bodies of this width cover.
     pub(crate) fn of_bodies(poses: [&Pose; 2], width: MicroUnits) -> Self {
         let [first, second] = poses.map(|pose| Self::of_body(pose, width));
-        Self {
-            low: (first.low.0.min(second.low.0), first.low.1.min(second.low.1)),
-            high: (
-                first.high.0.max(second.high.0),
-                first.high.1.max(second.high.1),
-            ),
-        }
+        first.joined(&second)
     }
 
     /// Both corners, in micro-units.
@@ -438,5 +478,17 @@ mod tests {
         assert!(cure(vec![covered.clone()]).contains("clear of obstacles"));
         let close = StartFault::NotApart(ModuleId(2), ModuleId(3));
         assert!(cure(vec![covered, close]).contains("further apart"));
+    }
+
+    /// Half of the diagonal of a body of 0.9 units is 0.636 units.
+    #[test]
+    fn a_body_that_turns_covers_its_corners_in_every_heading() {
+        let pose = |x, theta| Pose::from_units(x, 0.0, theta).unwrap();
+        let width = crate::model::BODY_WIDTH;
+        let reach = |from, to| Area::around_line((&from, &to), width).high.1.to_units();
+        assert!((reach(pose(0.0, 0.0), pose(2.0, 0.0)) - 0.45).abs() < 0.001);
+        assert!((reach(pose(0.0, 0.0), pose(0.0, 3.0)) - 0.636).abs() < 0.001);
+        let along = Area::along_line((&pose(0.0, 0.0), &pose(0.0, 3.0)), width, width);
+        assert!(along.iter().all(|area| area.high.1.to_units() > 0.636));
     }
 }

@@ -53,7 +53,7 @@ impl HeldPlan {
         let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
         let area_of = |ends: (&Pose, &Pose)| Area::of_bodies(ends.into(), width);
         let standing: Vec<Area> = polyline::lines(body.whereabouts.poses())
-            .map(area_of)
+            .map(|ends| Area::around_line(ends, width))
             .collect();
         let is_in_the_way = |(module, (unit, member)): (ModuleId, PathPlace<'_>)| {
             let done = if module == context.module() {
