@@ -15,7 +15,7 @@ use crate::verify::violation::{Missing, VIOLATIONS_MAX, Violation};
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.
     pub(super) fn judge(&mut self, now: Duration) -> Option<Verdict> {
-        // The limit counts anew from a command to stop, and from the command to resume.
+        // The limit starts again with a command to stop, and with the command to resume.
         if self.is_stopped() {
             self.limit_from = *self.stopped_since.get_or_insert(now);
         } else if self.stopped_since.take().is_some() {
