@@ -106,9 +106,8 @@ impl SharedParts {
         let mut bodies: BTreeMap<ModuleId, BodyReport> = BTreeMap::new();
         for report in self.bodies.iter().flat_map(|reports| reports.iter()) {
             let known = bodies.get(&report.module);
-            let news = known.map_or_else(|| Some(report.clone()), |known| known.updated_by(report));
-            if let Some(news) = news {
-                bodies.insert(report.module, news);
+            if known.is_none_or(|known| known.compare_age(report).is_lt()) {
+                bodies.insert(report.module, report.clone());
             }
         }
         Shared {

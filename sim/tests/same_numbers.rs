@@ -135,32 +135,6 @@ fn the_removal_of_a_run_whose_clock_was_ahead_ends_with_it() {
     }
 }
 
-/// The fifth module is cut off when the third restarts with an earlier clock, moves, and dies. It knows the former run only, which
-/// is the later one by its clock, and where that stood.
-#[test]
-fn the_body_of_a_run_that_is_earlier_by_its_clock_is_not_taken_for_gone() {
-    let third = ModuleId(3);
-    for seed in 0..8 {
-        let agents = with_runs(third, &[LATE, 1_001]);
-        let problem = drawn(6, 5, Grouping::Singletons, seed);
-        let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
-        trial.until(Cluster::has_formed);
-        trial.cluster.crash(third);
-        trial.cluster.cut(&ids(&[5]));
-        trial.run_for(Duration::from_secs(60));
-        trial.cluster.restart(third);
-        trial.run_for(Duration::from_secs(60));
-        let other = drawn(6, 5, Grouping::Singletons, seed + 100);
-        trial.cluster.announce_problem(&other, 2);
-        trial.run_for(Duration::from_secs(60));
-        trial.cluster.crash(third);
-        trial.run_for(Duration::from_secs(60));
-        trial.cluster.heal();
-        trial.run_for(Duration::from_secs(180));
-        assert!(nearest(&trial, third) >= 0.5, "seed {seed}");
-    }
-}
-
 /// The last member of a majority restarts: it counts no more, whatever its clock says.
 #[test]
 fn a_member_that_a_run_replaces_which_is_earlier_by_its_clock_is_missing() {

@@ -81,7 +81,7 @@ impl BodyReport {
         self.module.run(self.incarnation)
     }
 
-    /// Orders reports on one module where [`Self::updated_by`] does not unite them: a later run supersedes an earlier one, and a removal everything else of its run.
+    /// Orders reports on one module: a later run supersedes an earlier one, and a removal everything else of its run.
     #[must_use]
     pub fn compare_age(&self, other: &Self) -> Ordering {
         fn key(report: &BodyReport) -> impl Ord {
@@ -96,48 +96,6 @@ impl BodyReport {
             )
         }
         key(self).cmp(&key(other))
-    }
-
-    /// What is known with another report on the same module; `None` if that adds nothing.
-    ///
-    /// Where it cannot be determined which of two runs is the later one, the body may be at any place of both reports, or between
-    /// these.
-    #[must_use]
-    pub fn updated_by(&self, other: &Self) -> Option<Self> {
-        let by_run = |one: &Self| one.incarnation;
-        let (earlier, later) = if by_run(self) <= by_run(other) {
-            (self, other)
-        } else {
-            (other, self)
-        };
-        let is_later = || self.compare_age(other).is_lt().then(|| other.clone());
-        if !earlier.is_ahead_of(later) {
-            return is_later();
-        }
-        let poses = [earlier, later].map(|report| report.whereabouts.poses());
-        let path = Polyline::through(poses.concat());
-        let Ok(path) = path else {
-            // One of them is a path that is as long as a path may be. The epoch decides.
-            return (self == later).then(|| earlier.clone());
-        };
-        Some(Self {
-            incarnation: later.incarnation,
-            whereabouts: Whereabouts::OnTheWay(path),
-            ..earlier.clone()
-        })
-    }
-
-    /// Whether the numbers of the epochs in which this run and a later one, by its start, were last seen contradict that order: the
-    /// clock was set back between the two, or the later run did not reach an epoch that the earlier one had entered.
-    fn is_ahead_of(&self, later: &Self) -> bool {
-        let number = |report: &Self| report.epoch.map(|epoch| epoch.number);
-        let are_both_there = [self, later]
-            .iter()
-            .all(|report| report.whereabouts != Whereabouts::Removed);
-        self.incarnation < later.incarnation
-            && are_both_there
-            && later.epoch.is_some()
-            && number(self) > number(later)
     }
 
     /// Whether it may stand nearer to a pose than half a unit.

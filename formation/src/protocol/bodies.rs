@@ -89,26 +89,24 @@ impl Bodies {
         self.removals
     }
 
-    /// Keeps a report, unless a later one is known or there are too many. Reports that contradict each other are united.
+    /// Keeps a report, unless a later one is known or there are too many.
     ///
     /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes the
     /// place of a report on a module of another session that has the same number.
     pub fn note(&mut self, report: BodyReport) {
         let is_of_this_session = report.epoch.is_some();
         let is_of_other_session = self.of_other_sessions.contains(&report.module);
-        let news = match self.get(report.module) {
-            Some(_) if is_of_other_session && is_of_this_session => Some(report),
-            Some(known) => known.updated_by(&report),
-            None => {
-                let has_room = self.known.len() - self.of_other_sessions.len() < MODULES_MAX;
-                has_room.then_some(report)
+        let is_new = match self.get(report.module) {
+            Some(known) => {
+                (is_of_other_session && is_of_this_session) || known.compare_age(&report).is_lt()
             }
+            None => self.known.len() - self.of_other_sessions.len() < MODULES_MAX,
         };
-        if let Some(news) = news {
+        if is_new {
             if is_of_this_session {
-                self.of_other_sessions.remove(&news.module);
+                self.of_other_sessions.remove(&report.module);
             }
-            self.insert(news);
+            self.insert(report);
         }
     }
 
@@ -175,10 +173,10 @@ impl Bodies {
                 unknown.push(report);
                 continue;
             };
-            if let Some(news) = known.updated_by(&report) {
+            if known.compare_age(&report).is_lt() {
                 self.version += 1;
-                self.removals += u64::from(news.whereabouts == Whereabouts::Removed);
-                *known = news;
+                self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
+                *known = report;
             }
         }
         for report in unknown {
