@@ -5,7 +5,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, in_phase, scenario, spots};
+use crate::support::{Trial, drawn, hold_a_plan, in_phase, scenario, spots};
 use formation::generate::Grouping;
 use formation::model::{
     BlockedSpot, BodyReport, ModuleId, ModulePhase, Service, TargetAnnouncement, Whereabouts,
@@ -403,4 +403,24 @@ fn a_settled_module_that_retires_and_rejoins_freezes_with_its_spot() {
     let mut members = trial.rosters.last().unwrap().members.iter();
     let member = members.find(|one| one.module.id == module).unwrap();
     assert_eq!(member.module.pin, Some(spot));
+}
+
+/// It alone follows a convener that dies, never freezes, and opens no epoch itself: the others go on without the two.
+#[test]
+fn a_module_that_never_freezes_in_a_later_epoch_is_not_waited_for() {
+    let silent = ModuleId(3);
+    let mut trial = on_the_way(silent, COASTING);
+    let others = [2, 4, 5, 6].map(ModuleId);
+    let links = others.iter().map(|&other| (ModuleId(1), other));
+    trial.cluster.sever(&links.collect());
+    trial.cluster.mute_drive(silent);
+    trial.until(|cluster| {
+        let epoch = cluster.standing(silent).unwrap().epoch;
+        epoch.is_some_and(|epoch| epoch.number > 1)
+    });
+    trial.run_for(Duration::from_millis(200));
+    trial.cluster.crash(ModuleId(1));
+    trial.cluster.heal();
+    trial.run_for(Duration::from_secs(600));
+    assert!(hold_a_plan(&trial.cluster, &BTreeSet::from(others)));
 }

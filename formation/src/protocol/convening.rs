@@ -199,8 +199,13 @@ fn judge_members(
     // Members that have gone on without this module judge who is missing. Were it to convene for that, it would halt them again
     // and again where it does not receive all of them.
     let gone_on = |run: &ModuleRun| {
+        // One that has not frozen there may never stand, and then opens no epoch (E4).
+        let state = context.peers.state(run.module);
+        let has_frozen = state.is_some_and(|state| state.epoch > Some(roster.epoch));
         let peer = context.peers.get(run.module);
-        is_in_charge(*run, context) && peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
+        is_in_charge(*run, context)
+            && has_frozen
+            && peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
     };
     let mut runs = others(roster, context).map(RosterMember::run);
     if outside_since.is_none() && runs.any(|run| gone_on(&run)) {
