@@ -213,15 +213,18 @@ impl CheckedPlan {
 
     /// How many modules and spots there are, and the numbers of the plan, for the page of a report.
     pub fn facts(&self) -> Vec<Fact> {
-        let statistics = &self.statistics;
-        let mut facts = vec![
+        let counts = self.counts(&self.statistics).into_iter();
+        counts.chain(self.planning_facts()).collect()
+    }
+
+    /// How many modules and spots there are, and how many of them are left in the end.
+    pub fn counts(&self, end: &Statistics) -> [Fact; 4] {
+        [
             Fact::new("modules", self.problem.modules().len()),
-            Fact::new("modules without a spot", statistics.unassigned.len()),
+            Fact::new("modules without a spot", end.unassigned.len()),
             Fact::new("spots", self.problem.target().spots().len()),
-            Fact::new("spots left open", statistics.open_spots.len()),
-        ];
-        facts.extend(self.planning_facts());
-        facts
+            Fact::new("spots left open", end.open_spots.len()),
+        ]
     }
 
     /// The numbers of the plan.

@@ -243,10 +243,8 @@ fn a_module_that_was_not_measured_to_stand_is_on_its_way_for_the_others() {
     assert_is_on_its_way(&trial, silent);
 }
 
-#[test]
-fn a_module_that_may_move_on_is_on_its_way_after_the_target_is_withdrawn() {
-    let silent = ModuleId(3);
-    let mut trial = with_a_silent_driver(silent);
+/// Withdraws the first target and announces it again, and waits for this long after each.
+fn withdraw_and_announce(trial: &mut Trial, pause: Duration) {
     let announced = trial.cluster.announcement().unwrap();
     let announced = TargetAnnouncement::clone(announced);
     for (revision, target) in [(2, None), (3, announced.target.clone())] {
@@ -255,8 +253,15 @@ fn a_module_that_may_move_on_is_on_its_way_after_the_target_is_withdrawn() {
             target,
             ..announced.clone()
         });
-        trial.run_for(Duration::from_secs(30));
+        trial.run_for(pause);
     }
+}
+
+#[test]
+fn a_module_that_may_move_on_is_on_its_way_after_the_target_is_withdrawn() {
+    let silent = ModuleId(3);
+    let mut trial = with_a_silent_driver(silent);
+    withdraw_and_announce(&mut trial, Duration::from_secs(30));
     let last = trial.rosters.last().unwrap();
     assert_eq!(last.target.revision, 3);
     assert_is_on_its_way(&trial, silent);
@@ -367,15 +372,7 @@ fn a_module_whose_driver_fell_silent_convenes_no_other_after_a_command() {
         let mut trial = with_a_silent_driver(silent);
         trial.run_for(Duration::from_secs(35));
         trial.cluster.command(silent, command);
-        let announced = TargetAnnouncement::clone(trial.cluster.announcement().unwrap());
-        for (revision, target) in [(2, None), (3, announced.target.clone())] {
-            trial.cluster.announce(TargetAnnouncement {
-                revision,
-                target,
-                ..announced.clone()
-            });
-            trial.run_for(Duration::from_secs(5));
-        }
+        withdraw_and_announce(&mut trial, Duration::from_secs(5));
         trial.run_for(Duration::from_secs(60));
         let mut events = trial.noted.iter();
         let convenes = |(module, event): &(ModuleId, Event)| {

@@ -39,15 +39,16 @@ impl Agent {
                 delay.saturating_add(context.parameters.convene)
             });
         let due = context.pacing.due(context.now, delay);
-        let shortfall = context.shortfall_of(&context.memory, &live, expected);
+        let shortfall = || context.shortfall_of(&context.memory, &live, expected);
         if context.now < due {
-            context.wake_at(due);
-            if shortfall.is_none() {
+            if context.shortfall.is_some() && shortfall().is_none() {
                 // Modules are back: the plan goes on, as long as no other epoch is opened.
                 context.set_shortfall(None);
             }
+            context.wake_at(due);
             return;
         }
+        let shortfall = shortfall();
         context.set_shortfall(shortfall);
         let announcement = context.target.announcement().cloned();
         if shortfall.is_none()
@@ -199,13 +200,10 @@ fn judge_members(
     // Members that have gone on without this module judge who is missing. Were it to convene for that, it would halt them again
     // and again where it does not receive all of them.
     let gone_on = |run: &ModuleRun| {
-        // One that has not frozen there may never stand, and then opens no epoch (E4).
+        // One that has not frozen in that epoch may never stand, and then opens no other (E4).
         let state = context.peers.state(run.module);
         let has_frozen = state.is_some_and(|state| state.epoch > Some(roster.epoch));
-        let peer = context.peers.get(run.module);
-        is_in_charge(*run, context)
-            && has_frozen
-            && peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
+        has_frozen && is_in_charge(*run, context)
     };
     let mut runs = others(roster, context).map(RosterMember::run);
     if outside_since.is_none() && runs.any(|run| gone_on(&run)) {

@@ -28,7 +28,7 @@ pub(super) struct Peer {
     /// The latest state of another run that may yet take the place of this one: a state comes only once. A later run does so when
     /// this one is silent, and an earlier one when this one has been silent for long.
     pub kept: Option<KeptState>,
-    /// The later run that it replaced after a long silence of that: the clock was set back between the two.
+    /// The later run that it, or a run before it, replaced after a long silence of that: a clock was set back in between.
     pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
     pub source: Option<SourceId>,

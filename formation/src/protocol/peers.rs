@@ -256,8 +256,9 @@ impl Peers {
                 return Err(Refusal::DuplicateModule);
             }
             self.changes += 1;
-            let kept = peer.kept.take();
+            let (kept, replaces) = (peer.kept.take(), peer.replaces);
             *peer = Peer::new(run.incarnation, source, now);
+            peer.replaces = replaces;
             peer.state = state_of(kept, run, source);
         } else if let Some(Peer {
             incarnation, kept, ..

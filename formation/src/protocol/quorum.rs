@@ -63,13 +63,11 @@ impl Quorum {
         self.shown.insert(epoch, members.to_vec());
     }
 
-    /// Whether no more rosters can be recorded than those that are known, and none of these has this basis. None is dropped
-    /// to make room: that one may have agreed.
+    /// That no message can hold the known bases with this one. None is dropped to make room: its roster may have agreed.
     pub fn lacks_room_for(&self, basis: &[Voter]) -> Option<Shortfall> {
-        let is_known = self.shown.values().any(|known| known == basis);
-        let known = self.known().count();
-        (known >= QUORUM_BASES_MAX && !is_known)
-            .then_some(Shortfall::WithoutAgreement(self.shown.len()))
+        let is_new = !self.shown.values().any(|known| known == basis);
+        let needed = self.known().count() + usize::from(is_new);
+        (needed > QUORUM_BASES_MAX).then_some(Shortfall::WithoutAgreement(self.shown.len()))
     }
 
     /// Records that all members of a roster showed the same digest for it; earlier ones no longer count.
@@ -355,6 +353,21 @@ mod tests {
         let without_a_majority_of_the_first = modules(&[1, 2, 6]);
         let shortfall = quorum.shortfall(&without_a_majority_of_the_first, Founders::Unknown);
         assert!(shortfall.is_some());
+    }
+
+    /// Each of two modules knows other rosters, and both together more than a message holds.
+    #[test]
+    fn a_roster_that_no_message_can_hold_is_not_published() {
+        let with_the = |run| runs(&[(1, 1), (2, 1), (3, 1), (7, run)]);
+        let (mut one, mut other) = (Quorum::default(), Quorum::default());
+        for run in 1..=200 {
+            one.note_shown(epoch(2 * run), &with_the(2 * run));
+            other.note_shown(epoch(2 * run + 1), &with_the(2 * run + 1));
+        }
+        assert_eq!(one.lacks_room_for(&with_the(2)), None);
+        one.learn(&other.bases());
+        let shortfall = one.lacks_room_for(&with_the(2));
+        assert_eq!(shortfall, Some(Shortfall::WithoutAgreement(400)));
     }
 
     #[test]

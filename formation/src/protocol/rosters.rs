@@ -7,12 +7,11 @@ use crate::model::{
     ClosedRoster, ModuleId, Roster, RosterMember, RosterMessage, Service, Voter, digest,
 };
 
-use super::Agent;
-use super::AgentParameters;
 use super::io::SourceId;
 use super::memory::Memory;
 use super::refusal::Refusal;
 use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
+use super::{Agent, AgentParameters};
 
 /// A message of a convener that is not known yet or whose former run still counts as live, or a roster that lacks a majority. It
 /// comes only once, so it is kept until more is known.

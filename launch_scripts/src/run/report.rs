@@ -287,14 +287,6 @@ impl RunReport {
     /// The durations of the parts of the run, what the physical world counted, how many modules and spots there are, and the
     /// numbers of the plan, unless the modules may have made another one.
     pub fn facts(&self, plan: &CheckedPlan) -> Vec<Fact> {
-        let statistics = &self.plan.statistics;
-        let without_a_spot = statistics.unassigned.len();
-        let counts = [
-            Fact::new("modules", plan.problem.modules().len()),
-            Fact::new("modules without a spot", without_a_spot),
-            Fact::new("spots", plan.problem.target().spots().len()),
-            Fact::new("spots left open", statistics.open_spots.len()),
-        ];
         let of_plan = match self.may_differ() {
             true => Vec::new(),
             false => plan.planning_facts(),
@@ -309,7 +301,7 @@ impl RunReport {
         let world = self.world.iter();
         times
             .chain(world.map(|world| Fact::new("in the physical world", world.to_string())))
-            .chain(counts)
+            .chain(plan.counts(&self.plan.statistics))
             .chain(of_plan)
             .collect()
     }

@@ -53,12 +53,17 @@ fn a_missing_claim_is_named() {
     }]);
 }
 
-#[test]
-fn a_module_that_is_still_on_its_way_is_named() {
+fn with_module_4_on_its_way() -> Sequence {
     let mut sequence = good_sequence();
     sequence
         .states
         .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
+    sequence
+}
+
+#[test]
+fn a_module_that_is_still_on_its_way_is_named() {
+    let sequence = with_module_4_on_its_way();
     sequence.assert_missing(&[Missing::Settled {
         module: ModuleId(4),
         spot: SpotId(4),
@@ -98,10 +103,7 @@ fn a_spare_that_says_nothing_is_named() {
 /// The members stand still from second 100 on. The limit of 120 s counts from then, and from the command to resume.
 #[test]
 fn a_stop_has_a_time_limit_of_its_own() {
-    let mut sequence = good_sequence();
-    sequence
-        .states
-        .retain(|state| state.module != ModuleId(4) || state.phase != ModulePhase::Settled);
+    let sequence = with_module_4_on_its_way();
     let command = |revision, stopped| {
         Message::Heartbeat(Heartbeat {
             stop: Stop { revision, stopped },
