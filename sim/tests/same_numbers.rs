@@ -166,3 +166,40 @@ fn a_member_that_a_run_replaces_which_is_earlier_by_its_clock_is_missing() {
         }
     }
 }
+
+/// A module that was cut off knows a former run of another, which is the later one by its clock: what it reports of that takes no
+/// spot from the body of the present run.
+#[test]
+fn a_module_that_was_cut_off_takes_no_body_from_a_run_that_is_earlier_by_its_clock() {
+    let third = ModuleId(3);
+    let until_it_is_admitted = Duration::from_secs(22);
+    for runs in [&[LATE, 1_001][..], &[LATE, 1_002, 1_001]] {
+        let mut moved = 0;
+        for seed in 0..12 {
+            let problem = drawn(6, 5, Grouping::Singletons, seed);
+            let agents = with_runs(third, runs);
+            let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+            for _ in &runs[2..] {
+                trial.run_for(Duration::from_millis(700));
+                trial.cluster.crash(third);
+                trial.run_for(until_it_is_admitted);
+                trial.cluster.restart(third);
+            }
+            trial.run_for(Duration::from_millis(700));
+            trial.cluster.crash(third);
+            let before = trial.cluster.body(third).unwrap();
+            trial.cluster.cut(&ids(&[5]));
+            trial.run_for(until_it_is_admitted);
+            trial.cluster.restart(third);
+            trial.run_for(Duration::from_secs(300));
+            let after = trial.cluster.body(third).unwrap();
+            moved += usize::from(after.distance_to(&before).to_units() > 0.9);
+            trial.cluster.crash(third);
+            trial.run_for(Duration::from_secs(1));
+            trial.cluster.heal();
+            trial.run_for(Duration::from_secs(180));
+            assert!(nearest(&trial, third) > 0.9, "{runs:?}, seed {seed}");
+        }
+        assert!(moved > 2, "{runs:?}: {moved}");
+    }
+}

@@ -167,9 +167,9 @@ impl Peers {
         self.peers.get(&module)?.state.as_ref()
     }
 
-    /// The latest states of all modules.
-    pub fn states(&self) -> impl Iterator<Item = &Arc<ModuleState>> {
-        self.peers.values().filter_map(|peer| peer.state.as_ref())
+    /// All modules, ascending.
+    pub fn all(&self) -> impl Iterator<Item = &Peer> {
+        self.peers.values()
     }
 
     /// Checks that a message of a run comes from the process that sends for its module, where that is known.
@@ -256,16 +256,13 @@ impl Peers {
                 return Err(Refusal::DuplicateModule);
             }
             self.changes += 1;
-            let (kept, replaces) = (peer.kept.take(), peer.replaces);
+            let (kept, replaced) = (peer.kept.take(), peer.replaced);
             *peer = Peer::new(run.incarnation, source, now);
-            peer.replaces = replaces;
+            peer.replaced = replaced;
             peer.state = state_of(kept, run, source);
-        } else if let Some(Peer {
-            incarnation, kept, ..
-        }) = forgotten
-        {
-            peer.replaces = Some(incarnation);
-            peer.state = state_of(kept, run, source);
+        } else if let Some(forgotten) = forgotten {
+            peer.replaced = Some(forgotten.as_replaced());
+            peer.state = state_of(forgotten.kept, run, source);
         }
         peer.source = peer.source.or(source);
         Ok(peer)
