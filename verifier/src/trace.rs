@@ -11,8 +11,11 @@ use serde::Serialize;
 /// A file of states, one JSON object a line. Each state is written once.
 #[derive(Debug)]
 pub struct TraceFile<W: Write = BufWriter<File>> {
-    /// `None` once a line could not be written.
-    out: Option<W>,
+    /// How the option and its file are named to the user.
+    name: String,
+    out: W,
+    /// Why a line could not be written; then no further one is.
+    failure: Option<io::Error>,
     /// The latest state of each module that was written.
     written: BTreeMap<ModuleId, (Incarnation, u64)>,
 }
@@ -52,16 +55,20 @@ impl TraceFile {
     /// # Errors
     /// Names the file and says why it cannot be written.
     pub fn create(path: &Path) -> Result<Self, String> {
-        let file = File::create(path);
-        let file = file.map_err(|error| format!("--trace {}: {error}", path.display()))?;
-        Ok(Self::of(BufWriter::new(file)))
+        let name = format!("--trace {}", path.display());
+        match File::create(path) {
+            Ok(file) => Ok(Self::of(name, BufWriter::new(file))),
+            Err(error) => Err(format!("{name}: {error}")),
+        }
     }
 }
 
 impl<W: Write> TraceFile<W> {
-    fn of(out: W) -> Self {
+    fn of(name: String, out: W) -> Self {
         Self {
-            out: Some(out),
+            name,
+            out,
+            failure: None,
             written: BTreeMap::new(),
         }
     }
@@ -88,11 +95,22 @@ impl<W: Write> TraceFile<W> {
         self.attempt(W::flush);
     }
 
+    /// Says why the file lacks states, if it does.
+    pub(crate) fn finish(mut self) -> Result<(), String> {
+        self.flush();
+        let Self { name, failure, .. } = self;
+        failure.map_or(Ok(()), |error| {
+            Err(format!("{name}: states are missing from it: {error}"))
+        })
+    }
+
     fn attempt(&mut self, write: impl FnOnce(&mut W) -> io::Result<()>) {
-        let written = self.out.as_mut().map(write);
-        if let Some(Err(error)) = written {
-            tracing::error!("cannot write the trace any further: {error}");
-            self.out = None;
+        if self.failure.is_some() {
+            return;
+        }
+        if let Err(error) = write(&mut self.out) {
+            tracing::error!("{}: no further state is written: {error}", self.name);
+            self.failure = Some(error);
         }
     }
 }
@@ -123,7 +141,7 @@ mod tests {
 
     #[test]
     fn every_state_is_one_line_and_written_once() {
-        let mut trace = TraceFile::of(Vec::new());
+        let mut trace = TraceFile::of("--trace t".to_owned(), Vec::new());
         for (sequence, drive) in [
             (1, DriveState::Moving),
             (2, DriveState::Folding),
@@ -132,7 +150,7 @@ mod tests {
         ] {
             trace.write(&state(sequence, drive));
         }
-        let written = String::from_utf8(trace.out.unwrap()).unwrap();
+        let written = String::from_utf8(trace.out.clone()).unwrap();
         let line = |folding: bool| {
             format!(
                 "{{\"t\":1795349222.123456,\"module\":4,\"x\":1.5,\"y\":-2.0,\"theta\":0.25,\"links\":[5,6],\
@@ -140,6 +158,19 @@ mod tests {
             )
         };
         assert_eq!(written, line(false) + &line(true));
+        assert_eq!(trace.finish(), Ok(()));
+    }
+
+    #[test]
+    fn a_file_that_lacks_states_is_an_error_in_the_end() {
+        let disk = [0_u8; 20];
+        let mut trace = TraceFile::of("--trace t".to_owned(), io::Cursor::new(disk));
+        trace.write(&state(1, DriveState::Moving));
+        let error = trace.finish().unwrap_err();
+        assert!(
+            error.starts_with("--trace t: states are missing from it: "),
+            "{error}"
+        );
     }
 
     #[test]

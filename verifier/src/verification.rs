@@ -62,7 +62,7 @@ impl VerifierProcess {
     /// When the DDS library no longer receives, it starts over with what it receives then.
     ///
     /// # Errors
-    /// The ROS 2 graph could not be joined, or the trace cannot be written.
+    /// The ROS 2 graph could not be joined, or the trace cannot be written, or lacks states.
     pub fn run(
         self,
         stop: &Receiver<()>,
@@ -70,7 +70,10 @@ impl VerifierProcess {
     ) -> Result<Judgement, SessionError> {
         let trace = self.trace.as_deref().map(TraceFile::create).transpose();
         let mut trace = trace.map_err(SessionError::BadInput)?;
-        rejoining(|| self.judge(stop, &mut trace, &mut notify))
+        let judgement = rejoining(|| self.judge(stop, &mut trace, &mut notify))?;
+        let complete = trace.map_or(Ok(()), TraceFile::finish);
+        complete.map_err(SessionError::Failed)?;
+        Ok(judgement)
     }
 
     fn judge(
