@@ -203,3 +203,41 @@ fn a_module_that_was_cut_off_takes_no_body_from_a_run_that_is_earlier_by_its_clo
         assert!(moved > 2, "{runs:?}: {moved}");
     }
 }
+
+/// All others restart after a clock was set back, so that they know only by reports what the second run replaced: the body of a
+/// third one, which they see themselves, counts.
+#[test]
+fn modules_that_restarted_know_the_body_of_a_run_after_a_clock_was_set_back() {
+    let third = ModuleId(3);
+    let mut moved = 0;
+    for seed in 0..8 {
+        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let agents = with_runs(third, &[LATE, 1_001, 1_002]);
+        let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+        trial
+            .cluster
+            .start_late(ModuleId(6), Duration::from_secs(700));
+        trial.run_for(Duration::from_millis(700));
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(22));
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(1));
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(40));
+        for module in [1, 2, 4, 5].map(ModuleId) {
+            trial.cluster.crash(module);
+            trial.run_for(Duration::from_secs(10));
+            trial.cluster.restart(module);
+            trial.run_for(Duration::from_secs(40));
+        }
+        let before = trial.cluster.body(third).unwrap();
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(300));
+        let after = trial.cluster.body(third).unwrap();
+        moved += usize::from(after.distance_to(&before).to_units() > 0.9);
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(400));
+        assert!(nearest(&trial, third) > 0.9, "seed {seed}");
+    }
+    assert!(moved > 2, "{moved}");
+}

@@ -300,10 +300,18 @@ impl Context {
         self.exclude_if_removed(report.module);
     }
 
-    /// Takes up that earlier runs of modules send again, in the place of later ones that are forgotten.
-    pub fn forget_bodies_of_forgotten_runs(&mut self) {
+    /// Takes up that other runs of modules send than before. One that is later than the run of which a body is known has replaced
+    /// what that had replaced, too; one may send again in the place of a later run, which is forgotten.
+    pub fn take_up_other_runs(&mut self) {
         for (forgotten, admitted) in self.peers.take_forgotten() {
             self.bodies.forget_run(forgotten, admitted);
+        }
+        for module in self.peers.take_admitted() {
+            let peer = self.peers.get(module).map(|peer| peer.incarnation);
+            let known = self.bodies.get(module);
+            let before = known.filter(|known| Some(known.incarnation) < peer);
+            let replaced = before.and_then(|known| known.replaced);
+            self.peers.note_replaced(module, replaced);
         }
     }
 
