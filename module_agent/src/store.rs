@@ -105,8 +105,10 @@ impl SharedParts {
     fn shared(&self) -> Shared {
         let mut bodies: BTreeMap<ModuleId, BodyReport> = BTreeMap::new();
         for report in self.bodies.iter().flat_map(|reports| reports.iter()) {
-            let known = bodies.entry(report.module);
-            known.or_insert_with(|| report.clone()).update(report);
+            let known = bodies.get(&report.module);
+            if known.is_none_or(|known| known.compare_age(report).is_lt()) {
+                bodies.insert(report.module, report.clone());
+            }
         }
         Shared {
             known: self.known.clone(),

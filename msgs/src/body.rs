@@ -1,6 +1,6 @@
 //! The bodies of modules that take no part in a plan; states and rosters carry them.
 
-use formation::model::{BodyReport, Incarnation, ModuleId, Polyline, Pose, Replaced, Whereabouts};
+use formation::model::{BodyReport, Incarnation, ModuleId, Polyline, Pose, Whereabouts};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, PATH_NUMBERS_MAX};
@@ -13,8 +13,6 @@ use crate::epoch::Epoch;
 pub struct Body {
     pub module_id: u32,
     pub incarnation: u64,
-    pub replaced_latest: u64,
-    pub replaced_times: u32,
     pub epoch: Epoch,
     pub sequence: u64,
     pub whereabouts: u8,
@@ -46,8 +44,6 @@ impl From<&BodyReport> for Body {
         Self {
             module_id: report.module.0,
             incarnation: report.incarnation.0,
-            replaced_latest: report.replaced.map_or(0, |replaced| replaced.latest.0),
-            replaced_times: report.replaced.map_or(0, |replaced| replaced.times),
             epoch: report.epoch.as_ref().into(),
             sequence: report.sequence,
             whereabouts,
@@ -75,7 +71,6 @@ impl Body {
         Ok(BodyReport {
             module: check::id("module_id", self.module_id, ModuleId)?,
             incarnation: Incarnation(self.incarnation),
-            replaced: self.replaced()?,
             epoch: self.epoch.validated()?,
             sequence: self.sequence,
             whereabouts: match self.whereabouts {
@@ -89,18 +84,6 @@ impl Body {
                 }
             },
         })
-    }
-
-    fn replaced(&self) -> Checked<Option<Replaced>> {
-        let is_none = self.replaced_times == 0;
-        if is_none && self.replaced_latest != 0 {
-            let reason = "`replaced_times` is 0";
-            return Err(FieldError::contradiction("replaced_latest", reason));
-        }
-        Ok((!is_none).then_some(Replaced {
-            latest: Incarnation(self.replaced_latest),
-            times: self.replaced_times,
-        }))
     }
 
     fn path(&self, seen: Pose) -> Checked<Polyline> {

@@ -328,7 +328,7 @@ fn rosters() {
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
-            "roster: protocol_version: is 1, but this program speaks version 5; run the same build everywhere";
+            "roster: protocol_version: is 1, but this program speaks version 4; run the same build everywhere";
         roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
         roster => roster.quorum_bases[1].stores = vec![0],
             "roster: quorum_bases[1].stores: must have as many entries as module_ids";
@@ -377,8 +377,6 @@ fn rosters() {
             "roster: bodies[1].path_micro: the number of entries is not a multiple of three";
         roster => roster.bodies[1] = on_the_way(9, &[0; 768]),
             "roster: bodies[1].path_micro: 768 entries, at most 765 are allowed";
-        roster => roster.bodies[1].replaced_latest = 7,
-            "roster: bodies[1].replaced_latest: `replaced_times` is 0";
         roster => roster.bodies[1].path_micro = vec![1, 2, 3],
             "roster: bodies[1].path_micro: only a body on the way has a path";
         roster => roster.bodies = (0..=10_000).map(body).collect(),
@@ -550,7 +548,7 @@ fn commands() {
     };
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
-            "commands: protocol_version: is 1, but this program speaks version 5; run the same build everywhere";
+            "commands: protocol_version: is 1, but this program speaks version 4; run the same build everywhere";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";
         sample => sample.removals[1].module_id = NONE,
             "commands: removals[1].module_id: 4294967295 stands for none and cannot be used here";

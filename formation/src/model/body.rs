@@ -60,35 +60,6 @@ impl Whereabouts {
     }
 }
 
-/// What a run replaced that is later by its clock, as a clock was set back between the two.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
-pub struct Replaced {
-    /// The latest of the runs of the module.
-    pub latest: Incarnation,
-    /// How often an earlier run has taken the place of a later one since then.
-    pub times: u32,
-}
-
-impl Replaced {
-    /// What a run, and what that is known to have replaced, say of the runs of their module.
-    pub(crate) fn at(run: Incarnation, replaced: Option<Self>) -> Self {
-        let by_clock = Self {
-            latest: run,
-            times: 0,
-        };
-        replaced.map_or(by_clock, |replaced| replaced.max(by_clock))
-    }
-
-    /// What an earlier run replaces that takes the place of this one, with what that had replaced.
-    pub(crate) fn by_earlier(run: Incarnation, replaced: Option<Self>) -> Self {
-        let Self { latest, times } = Self::at(run, replaced);
-        Self {
-            latest,
-            times: times.saturating_add(1),
-        }
-    }
-}
-
 /// What is known of the body of one module, or that it was removed.
 #[derive(Clone, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
 pub struct BodyReport {
@@ -96,8 +67,6 @@ pub struct BodyReport {
     pub module: ModuleId,
     /// The run that was last seen, or that was removed.
     pub incarnation: Incarnation,
-    /// What that run replaced, if a run is known that is later by its clock.
-    pub replaced: Option<Replaced>,
     /// The epoch in which it was last seen; `None` before its first.
     pub epoch: Option<Epoch>,
     /// The sequence number of the state that showed it; 0 if a roster did.
@@ -112,11 +81,13 @@ impl BodyReport {
         self.module.run(self.incarnation)
     }
 
-    /// Orders reports on one module: a run supersedes those before it, and a removal everything else of its run.
-    fn compare_age(&self, other: &Self) -> Ordering {
+    /// Orders reports on one module: a later run supersedes an earlier one, and a removal everything else of its run.
+    #[must_use]
+    pub fn compare_age(&self, other: &Self) -> Ordering {
         fn key(report: &BodyReport) -> impl Ord {
             let whereabouts = &report.whereabouts;
             (
+                report.incarnation,
                 *whereabouts == Whereabouts::Removed,
                 report.epoch,
                 whereabouts.rank(),
@@ -124,41 +95,7 @@ impl BodyReport {
                 whereabouts,
             )
         }
-        if self.incarnation == other.incarnation {
-            key(self).cmp(&key(other))
-        } else {
-            self.order_of_run().cmp(&other.order_of_run())
-        }
-    }
-
-    /// The latest of the runs of the module that it names.
-    pub(crate) fn latest_run(&self) -> Incarnation {
-        Replaced::at(self.incarnation, self.replaced).latest
-    }
-
-    /// The place of its run among the runs of the module: by the clock, unless that was set back in between.
-    fn order_of_run(&self) -> (Replaced, Incarnation) {
-        (
-            Replaced::at(self.incarnation, self.replaced),
-            self.incarnation,
-        )
-    }
-
-    /// Takes over another report on the same module if that is the later one, and what it says that the run replaced. Returns
-    /// whether anything changes.
-    pub fn update(&mut self, report: &Self) -> bool {
-        debug_assert_eq!(self.module, report.module, "of one module");
-        let is_of_same_run = self.incarnation == report.incarnation;
-        let replaced = self.replaced.max(report.replaced);
-        let is_later = self.compare_age(report).is_lt();
-        let names_more = is_of_same_run && replaced != self.replaced;
-        if is_later {
-            *self = report.clone();
-        }
-        if is_of_same_run {
-            self.replaced = replaced;
-        }
-        is_later || names_more
+        key(self).cmp(&key(other))
     }
 
     /// Whether it may stand nearer to a pose than half a unit.
@@ -224,7 +161,6 @@ pub(crate) fn blocked_spots(
         .map(|member| BodyReport {
             module: member.module.id,
             incarnation: member.incarnation,
-            replaced: None,
             epoch: None,
             sequence: 0,
             whereabouts: Whereabouts::Halted(member.module.pose),
@@ -295,7 +231,6 @@ mod tests {
         BodyReport {
             module: ModuleId(module),
             incarnation: Incarnation(1),
-            replaced: None,
             epoch: None,
             sequence: 1,
             whereabouts,
@@ -403,39 +338,6 @@ mod tests {
         assert_eq!(ids(&two, 3), [1, 2], "where a module has settled");
         let everything: Vec<BlockedSpot> = (1..=7).flat_map(blocked).collect();
         assert_eq!(open_part(&target, &two, &everything), None);
-    }
-
-    #[test]
-    fn a_run_that_replaced_a_later_one_supersedes_it() {
-        let of = |run, replaced: Option<(u64, u32)>, x| BodyReport {
-            incarnation: Incarnation(run),
-            replaced: replaced.map(|(latest, times)| Replaced {
-                latest: Incarnation(latest),
-                times,
-            }),
-            ..report(4, Whereabouts::Seen(at(x, 0.0)))
-        };
-        let ascending = [
-            of(9, None, 0.0),
-            of(5, Some((9, 1)), 0.0),
-            of(6, Some((9, 1)), 0.0),
-            of(2, Some((9, 2)), 0.0),
-            of(10, Some((9, 2)), 0.0),
-            of(11, None, 0.0),
-        ];
-        for (index, later) in ascending.iter().enumerate() {
-            for earlier in &ascending[..index] {
-                assert_eq!(earlier.compare_age(later), Ordering::Less, "{earlier:?}");
-            }
-        }
-        // Who saw more of a run need not know what it replaced.
-        let mut known = of(5, Some((9, 1)), 0.0);
-        assert!(known.update(&of(5, None, 1.0)));
-        assert_eq!(known, of(5, Some((9, 1)), 1.0));
-        let mut known = of(5, None, 1.0);
-        assert!(known.update(&of(5, Some((9, 1)), 0.0)));
-        assert_eq!(known, of(5, Some((9, 1)), 1.0));
-        assert!(!known.update(&of(9, None, 2.0)));
     }
 
     #[test]

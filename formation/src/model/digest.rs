@@ -136,8 +136,6 @@ fn put_bodies(canonical: &mut Canonical, bodies: &[BodyReport]) {
     for body in bodies {
         canonical.identifier(Some(body.module.0));
         canonical.number(body.incarnation.0);
-        canonical.number(body.replaced.map_or(0, |replaced| replaced.latest.0));
-        canonical.number(body.replaced.map_or(0, |replaced| replaced.times.into()));
         canonical.number(body.epoch.map_or(0, |epoch| epoch.number));
         canonical.identifier(body.epoch.map(|epoch| epoch.convener.0));
         canonical.number(body.sequence);

@@ -26,7 +26,7 @@ mod target;
 pub mod text;
 mod topology;
 
-pub use body::{BlockedSpot, BodyReport, Replaced, Whereabouts};
+pub use body::{BlockedSpot, BodyReport, Whereabouts};
 pub use closed_roster::ClosedRoster;
 pub use field::FieldError;
 pub use fixed::*;

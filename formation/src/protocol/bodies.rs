@@ -5,7 +5,6 @@
 //! records what it knows of the others: that they stand where they froze, if they cannot have set off, or else that they
 //! are on the way. Frozen states list the bodies of absent modules, and the convener unites them in the roster.
 
-use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet};
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -13,13 +12,11 @@ use std::time::Duration;
 
 use crate::model::{
     BlockedSpot, BodyReport, Epoch, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    MotionMode, Replaced, Roster, RosterMember, Service, SpotId, Whereabouts, body,
+    MotionMode, Roster, RosterMember, Service, SpotId, Whereabouts, body,
 };
 
 use super::context::Context;
 use super::event::{EpochReason, Event};
-use super::peer::Peer;
-use super::peers::Peers;
 use super::refusal::Refusal;
 
 /// The most bodies of other sessions that are kept, so that they take no room from those of this one.
@@ -98,55 +95,43 @@ impl Bodies {
     /// place of a report on a module of another session that has the same number.
     pub fn note(&mut self, report: BodyReport) {
         let is_of_this_session = report.epoch.is_some();
-        if is_of_this_session && self.of_other_sessions.remove(&report.module) {
-            self.insert(report);
-        } else {
-            let has_room = self.known.len() - self.of_other_sessions.len() < MODULES_MAX;
-            self.update(&report, has_room);
-        }
-    }
-
-    /// Keeps a report if it is later than the one that is known, or if none is and there is room. Returns whether it is kept.
-    fn update(&mut self, report: &BodyReport, has_room: bool) -> bool {
-        let is_new = match self.known.get_mut(&report.module) {
-            Some(known) => known.update(report),
-            None if has_room => {
-                self.known.insert(report.module, report.clone());
-                true
+        let is_of_other_session = self.of_other_sessions.contains(&report.module);
+        let is_new = match self.get(report.module) {
+            Some(known) => {
+                (is_of_other_session && is_of_this_session) || known.compare_age(&report).is_lt()
             }
-            None => false,
+            None => self.known.len() - self.of_other_sessions.len() < MODULES_MAX,
         };
         if is_new {
-            self.note_change(report);
+            if is_of_this_session {
+                self.of_other_sessions.remove(&report.module);
+            }
+            self.insert(report);
         }
-        is_new
-    }
-
-    fn note_change(&mut self, report: &BodyReport) {
-        self.version += 1;
-        self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
     }
 
     /// Keeps a report on a module of another session. It never takes the place of one on a module of this session, which may
     /// have the same number; then the result is `false`.
-    pub fn note_of_other_session(&mut self, report: &BodyReport) -> bool {
+    pub fn note_of_other_session(&mut self, report: BodyReport) -> bool {
         debug_assert_eq!(
             report.epoch, None,
             "its epochs are not those of this session"
         );
-        let known = self.get(report.module);
-        if known.is_some_and(|known| known.epoch.is_some()) {
-            return false;
-        }
-        let has_room = self.of_other_sessions.len() < OTHER_SESSIONS_MAX;
-        if self.update(report, has_room) {
+        let is_new = match self.get(report.module) {
+            Some(known) if known.epoch.is_some() => return false,
+            Some(known) => known.compare_age(&report).is_lt(),
+            None => self.of_other_sessions.len() < OTHER_SESSIONS_MAX,
+        };
+        if is_new {
             self.of_other_sessions.insert(report.module);
+            self.insert(report);
         }
         true
     }
 
     fn insert(&mut self, report: BodyReport) {
-        self.note_change(&report);
+        self.version += 1;
+        self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
         self.known.insert(report.module, report);
     }
 
@@ -163,17 +148,14 @@ impl Bodies {
         if known.whereabouts == Whereabouts::Removed {
             self.known.remove(&forgotten.module);
         } else {
-            known.replaced = Some(Replaced::by_earlier(known.incarnation, known.replaced));
             known.incarnation = admitted.incarnation;
             (known.epoch, known.sequence) = (None, 0);
         }
     }
 
     /// Keeps where a module shows itself. In the same epoch, that supersedes no knowledge of its plan.
-    pub fn note_shown_by(&mut self, peer: &Peer) {
-        if let Some(report) = report_of(peer) {
-            self.note(report);
-        }
+    pub fn note_state(&mut self, state: &ModuleState) {
+        self.note(report_of(state));
     }
 
     /// Keeps reports that ascend by module as [`Self::note`] does: one walk along all bodies in place of a search for each.
@@ -191,9 +173,10 @@ impl Bodies {
                 unknown.push(report);
                 continue;
             };
-            if known.update(&report) {
+            if known.compare_age(&report).is_lt() {
                 self.version += 1;
                 self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
+                *known = report;
             }
         }
         for report in unknown {
@@ -202,8 +185,8 @@ impl Bodies {
     }
 
     /// Keeps where modules show themselves, in ascending order.
-    pub fn note_shown(&mut self, peers: &Peers) {
-        self.note_ascending(peers.all().filter_map(report_of));
+    pub fn note_states<'a>(&mut self, states: impl Iterator<Item = &'a Arc<ModuleState>>) {
+        self.note_ascending(states.map(|state| report_of(state)));
     }
 
     /// The run of a module that was reported as removed, with all earlier ones.
@@ -251,15 +234,13 @@ impl Bodies {
     }
 }
 
-/// What a module's latest state shows of its body.
-fn report_of(peer: &Peer) -> Option<BodyReport> {
-    let state = peer.state.as_ref()?;
+/// What a state shows of its module's body.
+fn report_of(state: &ModuleState) -> BodyReport {
     let stays =
         state.epoch.is_some() && matches!(state.phase, ModulePhase::Settled | ModulePhase::Spare);
-    Some(BodyReport {
+    BodyReport {
         module: state.module,
         incarnation: state.incarnation,
-        replaced: peer.replaced,
         epoch: state.epoch,
         sequence: state.sequence,
         whereabouts: if stays {
@@ -267,14 +248,14 @@ fn report_of(peer: &Peer) -> Option<BodyReport> {
         } else {
             Whereabouts::Seen(state.pose)
         },
-    })
+    }
 }
 
 impl Context {
     /// Records the latest states of all other modules.
     fn note_bodies(&mut self) {
         let Self { bodies, peers, .. } = self;
-        bodies.note_shown(peers);
+        bodies.note_states(peers.states());
     }
 
     /// Takes over what another module reports; what it reports of this module is ignored, unless it is a removal.
@@ -286,32 +267,24 @@ impl Context {
             }
             return;
         }
-        if !self.is_plausible(report.latest_run().0) {
+        if !self.is_plausible(report.incarnation.0) {
             return;
         }
         // What others report of a later run than the one that sends to this module is about one that has fallen silent.
         let liveness = self.liveness();
         let followed = self.peers.get(report.module);
         let followed = followed.filter(|peer| liveness.includes(peer));
-        if followed.is_some_and(|peer| peer.latest_run() < report.latest_run()) {
+        if followed.is_some_and(|peer| peer.incarnation < report.incarnation) {
             return;
         }
         self.bodies.note(report.clone());
         self.exclude_if_removed(report.module);
     }
 
-    /// Takes up that other runs of modules send than before. One that is later than the run of which a body is known has replaced
-    /// what that had replaced, too; one may send again in the place of a later run, which is forgotten.
-    pub fn take_up_other_runs(&mut self) {
+    /// Takes up that earlier runs of modules send again, in the place of later ones that are forgotten.
+    pub fn forget_bodies_of_forgotten_runs(&mut self) {
         for (forgotten, admitted) in self.peers.take_forgotten() {
             self.bodies.forget_run(forgotten, admitted);
-        }
-        for module in self.peers.take_admitted() {
-            let peer = self.peers.get(module).map(|peer| peer.incarnation);
-            let known = self.bodies.get(module);
-            let before = known.filter(|known| Some(known.incarnation) < peer);
-            let replaced = before.and_then(|known| known.replaced);
-            self.peers.note_replaced(module, replaced);
         }
     }
 
@@ -367,13 +340,10 @@ impl Context {
     pub fn learn_bodies(&mut self, frozen: &[Arc<ModuleState>]) {
         self.note_bodies();
         let modules: BTreeSet<ModuleId> = frozen.iter().map(|state| state.module).collect();
-        let reports = frozen.iter().flat_map(|state| &state.bodies);
-        let reports = reports.filter(|report| !modules.contains(&report.module));
-        let mut reports: Vec<&BodyReport> = reports.collect();
-        // One that says what its run replaced decides whether a report on another run is later.
-        reports.sort_by_key(|report| Reverse(report.replaced));
-        for report in reports {
-            self.learn_body(report);
+        for report in frozen.iter().flat_map(|state| &state.bodies) {
+            if !modules.contains(&report.module) {
+                self.learn_body(report);
+            }
         }
     }
 
@@ -559,7 +529,6 @@ mod tests {
         BodyReport {
             module: ModuleId(4),
             incarnation: Incarnation(incarnation),
-            replaced: None,
             epoch: epoch.map(|number| Epoch {
                 number,
                 convener: ModuleId(1),
@@ -572,18 +541,18 @@ mod tests {
     #[test]
     fn a_report_of_this_session_replaces_one_of_another_and_never_the_reverse() {
         let mut bodies = Bodies::default();
-        assert!(bodies.note_of_other_session(&seen(9, None, 1.0)));
+        assert!(bodies.note_of_other_session(seen(9, None, 1.0)));
         // A roster passes on what another member knew of its earlier run.
         bodies.note(seen(8, None, 2.0));
         assert_eq!(bodies.get(ModuleId(4)), Some(&seen(9, None, 1.0)));
         assert!(
-            bodies.note_of_other_session(&seen(10, None, 3.0)),
+            bodies.note_of_other_session(seen(10, None, 3.0)),
             "it has restarted"
         );
         assert_eq!(bodies.get(ModuleId(4)), Some(&seen(10, None, 3.0)));
         // A member has the same number, and started before.
         bodies.note_ascending([seen(5, Some(1), 4.0)].into_iter());
-        assert!(!bodies.note_of_other_session(&seen(11, None, 5.0)));
+        assert!(!bodies.note_of_other_session(seen(11, None, 5.0)));
         assert_eq!(bodies.get(ModuleId(4)), Some(&seen(5, Some(1), 4.0)));
     }
 }

@@ -47,9 +47,6 @@ impl Agent {
             reports.push(BodyReport {
                 module,
                 incarnation: member.incarnation,
-                replaced: peer
-                    .filter(|peer| peer.incarnation == member.incarnation)
-                    .and_then(|peer| peer.replaced),
                 epoch: Some(roster.epoch),
                 sequence,
                 whereabouts,
@@ -62,7 +59,7 @@ impl Agent {
     /// acts on another plan. A member may act meanwhile, so each may be on its way to the goal that the plan gives it.
     pub(super) fn bodies_to_store(&self) -> Vec<BodyReport> {
         let mut bodies = self.context.bodies.clone();
-        bodies.note_shown(&self.context.peers);
+        bodies.note_states(self.context.peers.states());
         bodies.note_ascending(self.member_reports(true).into_iter());
         bodies.into_reports().collect()
     }
@@ -83,8 +80,8 @@ impl Agent {
         let roster = self.stage.roster();
         let is_member = roster.is_some_and(|roster| body::lists(&roster.members, module));
         let Context { bodies, peers, .. } = &mut self.context;
-        if let Some(peer) = peers.get(module).filter(|_| !is_member) {
-            bodies.note_shown_by(peer);
+        if let Some(state) = peers.state(module).filter(|_| !is_member) {
+            bodies.note_state(state);
         }
     }
 
@@ -93,7 +90,6 @@ impl Agent {
         let report = BodyReport {
             module: state.module,
             incarnation: state.incarnation,
-            replaced: None,
             epoch: None,
             sequence: state.sequence,
             whereabouts: Whereabouts::Seen(state.pose),
@@ -104,7 +100,7 @@ impl Agent {
         }
         let module = report.module;
         let is_own = module == context.module() || context.peers.get(module).is_some();
-        if is_own || !context.bodies.note_of_other_session(&report) {
+        if is_own || !context.bodies.note_of_other_session(report) {
             context.refuse(Some(module), Refusal::NumberOfOtherSession);
         }
     }
@@ -115,7 +111,6 @@ impl Agent {
         self.context.learn_body(&BodyReport {
             module: run.module,
             incarnation: run.incarnation,
-            replaced: None,
             epoch: None,
             sequence: 0,
             whereabouts: Whereabouts::Removed,

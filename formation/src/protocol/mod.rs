@@ -396,7 +396,7 @@ impl Agent {
         let news = context
             .peers
             .handle_state(context.liveness(), state, source);
-        context.take_up_other_runs();
+        context.forget_bodies_of_forgotten_runs();
         match news {
             Ok(true) => {
                 self.note_body(module);
@@ -418,7 +418,7 @@ impl Agent {
         let context = &mut self.context;
         let liveness = context.liveness();
         let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
-        context.take_up_other_runs();
+        context.forget_bodies_of_forgotten_runs();
         match news {
             Ok(HeartbeatNews::Old) => return false,
             Ok(HeartbeatNews::StillLive { age }) => {

@@ -3,9 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use crate::model::{
-    Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, ModuleState, Replaced, Voter,
-};
+use crate::model::{Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, ModuleState, Voter};
 
 use super::io::SourceId;
 
@@ -30,8 +28,8 @@ pub(super) struct Peer {
     /// The latest state of another run that may yet take the place of this one: a state comes only once. A later run does so when
     /// this one is silent, and an earlier one when this one has been silent for long.
     pub kept: Option<KeptState>,
-    /// What it, or a run before it, replaced after a long silence of that.
-    pub replaced: Option<Replaced>,
+    /// The later run that it, or a run before it, replaced after a long silence of that: a clock was set back in between.
+    pub replaces: Option<Incarnation>,
     /// The participant that sends for this module, where the transport identifies it.
     pub source: Option<SourceId>,
     /// When its latest heartbeat was sent, by this module's clock.
@@ -57,7 +55,7 @@ impl Peer {
             heartbeat: None,
             state: None,
             kept: None,
-            replaced: None,
+            replaces: None,
             source,
             alive_at: None,
             first_seen: now,
@@ -77,18 +75,7 @@ impl Peer {
 
     /// Whether it has taken the place of this run.
     pub fn has_replaced(&self, run: Incarnation) -> bool {
-        let latest = self.replaced.map(|replaced| replaced.latest);
-        self.incarnation > run || (self.incarnation < run && latest >= Some(run))
-    }
-
-    /// The latest of the known runs of its module.
-    pub fn latest_run(&self) -> Incarnation {
-        Replaced::at(self.incarnation, self.replaced).latest
-    }
-
-    /// What a run replaces that takes the place of this one, which is later by its clock.
-    pub fn as_replaced(&self) -> Replaced {
-        Replaced::by_earlier(self.incarnation, self.replaced)
+        self.incarnation > run || (self.incarnation < run && self.replaces >= Some(run))
     }
 
     /// Whether its latest heartbeat shows a later epoch than this.

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use crate::model::{
     Epoch, Heartbeat, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    Replaced, Service,
+    Service,
 };
 
 use super::io::SourceId;
@@ -78,8 +78,6 @@ pub(super) struct Peers {
     shown: Shown,
     /// The later runs that were forgotten lately for earlier ones, with these.
     forgotten: Vec<(ModuleRun, ModuleRun)>,
-    /// The modules of which another run sends now than before.
-    admitted: Vec<ModuleId>,
 }
 
 /// How often a heartbeat showed another epoch or digest than the one before it, and of which module the last of these was.
@@ -112,7 +110,6 @@ impl Default for Peers {
             calm: None,
             shown: Shown::default(),
             forgotten: Vec::new(),
-            admitted: Vec::new(),
         }
     }
 }
@@ -170,9 +167,9 @@ impl Peers {
         self.peers.get(&module)?.state.as_ref()
     }
 
-    /// All modules, ascending.
-    pub fn all(&self) -> impl Iterator<Item = &Peer> {
-        self.peers.values()
+    /// The latest states of all modules.
+    pub fn states(&self) -> impl Iterator<Item = &Arc<ModuleState>> {
+        self.peers.values().filter_map(|peer| peer.state.as_ref())
     }
 
     /// Checks that a message of a run comes from the process that sends for its module, where that is known.
@@ -213,18 +210,6 @@ impl Peers {
         std::mem::take(&mut self.forgotten)
     }
 
-    /// The modules of which another run sends since the last call.
-    pub fn take_admitted(&mut self) -> Vec<ModuleId> {
-        std::mem::take(&mut self.admitted)
-    }
-
-    /// Records what the run of a module replaced, as others know it.
-    pub fn note_replaced(&mut self, module: ModuleId, replaced: Option<Replaced>) {
-        if let Some(peer) = self.peers.get_mut(&module) {
-            peer.replaced = peer.replaced.max(replaced);
-        }
-    }
-
     /// Judges a sender that is not known as such, and makes room for it. Returns the run that it replaces although that is later.
     fn judge_sender(
         &mut self,
@@ -260,10 +245,9 @@ impl Peers {
             self.judge_sender(liveness, run, source)?
         };
         let now = liveness.now;
-        let (changes, admitted) = (&mut self.changes, &mut self.admitted);
+        let changes = &mut self.changes;
         let peer = self.peers.entry(run.module).or_insert_with(|| {
             *changes += 1;
-            admitted.push(run.module);
             Peer::new(run.incarnation, source, now)
         });
         if run.incarnation > peer.incarnation {
@@ -272,14 +256,16 @@ impl Peers {
                 return Err(Refusal::DuplicateModule);
             }
             self.changes += 1;
-            self.admitted.push(run.module);
-            let (kept, replaced) = (peer.kept.take(), peer.replaced);
+            let (kept, replaces) = (peer.kept.take(), peer.replaces);
             *peer = Peer::new(run.incarnation, source, now);
-            peer.replaced = replaced;
+            peer.replaces = replaces;
             peer.state = state_of(kept, run, source);
-        } else if let Some(forgotten) = forgotten {
-            peer.replaced = Some(forgotten.as_replaced());
-            peer.state = state_of(forgotten.kept, run, source);
+        } else if let Some(Peer {
+            incarnation, kept, ..
+        }) = forgotten
+        {
+            peer.replaces = Some(incarnation);
+            peer.state = state_of(kept, run, source);
         }
         peer.source = peer.source.or(source);
         Ok(peer)

@@ -312,7 +312,6 @@ pub(super) mod tests {
             roster.bodies = vec![BodyReport {
                 module: ModuleId(9_000),
                 incarnation: Incarnation(1),
-                replaced: None,
                 epoch: None,
                 sequence: 1,
                 whereabouts: Whereabouts::OnTheWay(Polyline::try_from(path).unwrap()),

@@ -3,7 +3,7 @@
 use std::num::NonZeroU64;
 
 use formation::model::{
-    BodyReport, Digest, Epoch, Polyline, Pose, QuorumBasis, Replaced, Service, SpotId, Stop, Voter,
+    BodyReport, Digest, Epoch, Polyline, Pose, QuorumBasis, Service, SpotId, Stop, Voter,
     VoterMemory, Whereabouts,
 };
 use tempfile::TempDir;
@@ -48,10 +48,6 @@ fn state() -> DurableState {
         bodies: [BodyReport {
             module: ModuleId(6),
             incarnation: Incarnation(u64::MAX),
-            replaced: Some(Replaced {
-                latest: Incarnation(u64::MAX),
-                times: u32::MAX,
-            }),
             epoch: Some(epoch),
             sequence: u64::MAX,
             whereabouts: Whereabouts::OnTheWay(Polyline::line(
@@ -196,7 +192,6 @@ fn a_module_takes_over_what_others_of_its_process_know_of_bodies_but_not_of_its_
     let report = |module, sequence| BodyReport {
         module: ModuleId(module),
         incarnation: Incarnation(1),
-        replaced: None,
         epoch: None,
         sequence,
         whereabouts: Whereabouts::Seen(Pose::default()),

@@ -9,8 +9,8 @@ use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
     ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose,
-    QuorumBasis, RawSpot, RawTarget, Removal, Replaced, Roster, RosterMember, RosterMessage,
-    SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX, Target,
+    QuorumBasis, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime,
+    Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX, Target,
     TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
@@ -259,7 +259,6 @@ fn bodies() -> impl Strategy<Value = Vec<BodyReport>> {
     let body = (
         module_id(),
         incarnation(),
-        option::of((incarnation(), 1..=u32::MAX)),
         option::of(epoch()),
         any::<u64>(),
         whereabouts,
@@ -270,10 +269,9 @@ fn bodies() -> impl Strategy<Value = Vec<BodyReport>> {
         let reports = bodies.into_iter();
         reports
             .map(
-                |(module, incarnation, replaced, epoch, sequence, whereabouts)| BodyReport {
+                |(module, incarnation, epoch, sequence, whereabouts)| BodyReport {
                     module,
                     incarnation,
-                    replaced: replaced.map(|(latest, times)| Replaced { latest, times }),
                     epoch,
                     sequence,
                     whereabouts,
