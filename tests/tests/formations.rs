@@ -13,8 +13,8 @@ use std::time::Duration;
 
 use formation::model::Scenario;
 use formation_tests::{
-    Domain, EIGHT, Finished, Peer, Running, ScenarioFile, overlaps, room_for_many_processes,
-    scenario_path,
+    Domain, EIGHT, Finished, Fleet, Peer, Running, ScenarioFile, Timing, overlaps,
+    room_for_many_processes, scenario_path,
 };
 use serde_json::{Value, json};
 
@@ -129,6 +129,23 @@ fn fifty_modules_that_start_apart_form_and_no_two_bodies_overlap() {
     assert_eq!(run["verdict"], "COMPLETE");
     assert_eq!(run["open_spots"].as_array().unwrap().len(), 0);
     assert_free_of_collisions(&run, &trace, 50);
+}
+
+#[test]
+fn a_trace_that_lacks_states_is_an_error_of_the_verifier() {
+    let one = "{target: {spots: [{id: 1, x: 5, y: 5}]}, singletons: [{id: 4, x: 1, y: 1}]}";
+    let domain = &*Domain::for_processes(3);
+    let mut fleet = Fleet::new("one", one, domain, Timing::Quick);
+    let limit = PATIENCE.as_secs().to_string();
+    let options = ["--trace", "/dev/full", "--time-limit-s", &limit];
+    let verifier = Running::start("verifier", domain, &options);
+    let _announcer = fleet.announce(None);
+    fleet.start_all();
+    let ended = verifier.finish(PATIENCE);
+    assert!(ended.stdout.starts_with("COMPLETE"), "{}", ended.stdout);
+    assert_eq!(ended.status, 1);
+    let reason = "--trace /dev/full: states are missing from it: ";
+    assert!(ended.stderr.contains(reason), "{}", ended.stderr);
 }
 
 #[test]

@@ -71,8 +71,9 @@ impl VerifierProcess {
         let trace = self.trace.as_deref().map(TraceFile::create).transpose();
         let mut trace = trace.map_err(SessionError::BadInput)?;
         let judgement = rejoining(|| self.judge(stop, &mut trace, &mut notify))?;
-        let complete = trace.map_or(Ok(()), TraceFile::finish);
-        complete.map_err(SessionError::Failed)?;
+        if let Some(trace) = trace {
+            trace.finish().map_err(SessionError::Failed)?;
+        }
         Ok(judgement)
     }
 
