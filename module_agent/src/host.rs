@@ -221,6 +221,7 @@ impl Host {
     pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
         let modules = self.modules.iter().map(|hosted| {
             let identity = Identity {
+                incarnation: hosted.agent.run().incarnation,
                 pose: hosted.agent.pose(),
                 links: hosted.agent.links().clone(),
                 ..hosted.identity.clone()
@@ -470,7 +471,7 @@ impl Host {
                     let journal = self.journal.as_mut();
                     debug_assert!(journal.is_some(), "only a module with a store gives to it");
                     if let Some(journal) = journal {
-                        journal.persist(identity.module, number, *state);
+                        journal.persist(agent.run(), number, *state);
                     }
                 }
             }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 
-use formation::model::{Incarnation, ModuleId, Service};
+use formation::model::{Incarnation, ModuleId, ModuleRun, Service};
 use formation::protocol::{DurableState, Identity};
 
 use crate::arguments::single_module;
@@ -152,15 +152,16 @@ impl Journal {
         self.create(identity, true)
     }
 
-    /// Takes in what an agent gives to its store under this number.
-    pub(crate) fn persist(&mut self, module: ModuleId, number: u64, state: DurableState) {
-        let entry = self.contents.modules.get_mut(&module);
-        debug_assert!(entry.is_some(), "{module} has a store");
+    /// Takes in what the agent of a run gives to its store under this number.
+    pub(crate) fn persist(&mut self, run: ModuleRun, number: u64, state: DurableState) {
+        let entry = self.contents.modules.get_mut(&run.module);
+        debug_assert!(entry.is_some(), "{} has a store", run.module);
         if let Some(entry) = entry {
+            entry.incarnation = run.incarnation;
             entry.state = Some(state);
         }
         self.changes += 1;
-        let waiting = Waiting::Agent(module, number);
+        let waiting = Waiting::Agent(run.module, number);
         self.waiting.push_back((self.changes, waiting));
     }
 

@@ -285,6 +285,7 @@ fn noted(event: &Event) -> Entry {
             .with("sender", or_unknown(module.map(|module| module.0)))
             .with("reason", reason.name()),
         Event::DuplicateModule(module) => Entry::of("duplicate_module").module(*module),
+        Event::RunRenumbered(_) => Entry::of("run_renumbered"),
         Event::TargetWithdrawn => Entry::of("target_withdrawn"),
         Event::WaitingFor(modules) => Entry::of("waiting_for").modules("modules", modules),
         Event::MotionBegun(spot) => Entry::of("moving").spot("spot", Some(*spot)),

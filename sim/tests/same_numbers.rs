@@ -166,3 +166,115 @@ fn a_member_that_a_run_replaces_which_is_earlier_by_its_clock_is_missing() {
         }
     }
 }
+
+/// A module that was cut off knows a former run of another, which is the later one by its clock: what it reports of that takes no
+/// spot from the body of the present run.
+#[test]
+fn a_module_that_was_cut_off_takes_no_body_from_a_run_that_is_earlier_by_its_clock() {
+    let third = ModuleId(3);
+    let until_it_is_admitted = Duration::from_secs(22);
+    for runs in [&[LATE, 1_001][..], &[LATE, 1_002, 1_001]] {
+        let mut moved = 0;
+        for seed in 0..12 {
+            let problem = drawn(6, 5, Grouping::Singletons, seed);
+            let agents = with_runs(third, runs);
+            let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+            for _ in &runs[2..] {
+                trial.run_for(Duration::from_millis(700));
+                trial.cluster.crash(third);
+                trial.run_for(until_it_is_admitted);
+                trial.cluster.restart(third);
+            }
+            trial.run_for(Duration::from_millis(700));
+            trial.cluster.crash(third);
+            let before = trial.cluster.body(third).unwrap();
+            trial.cluster.cut(&ids(&[5]));
+            trial.run_for(until_it_is_admitted);
+            trial.cluster.restart(third);
+            trial.run_for(Duration::from_secs(300));
+            let after = trial.cluster.body(third).unwrap();
+            moved += usize::from(after.distance_to(&before).to_units() > 0.9);
+            trial.cluster.crash(third);
+            trial.run_for(Duration::from_secs(1));
+            trial.cluster.heal();
+            trial.run_for(Duration::from_secs(180));
+            assert!(nearest(&trial, third) > 0.9, "{runs:?}, seed {seed}");
+        }
+        assert!(moved > 2, "{runs:?}: {moved}");
+    }
+}
+
+/// All others restart after a clock was set back, so that they know only by reports what the second run replaced: the body of a
+/// third one, which they see themselves, counts.
+#[test]
+fn modules_that_restarted_know_the_body_of_a_run_after_a_clock_was_set_back() {
+    let third = ModuleId(3);
+    let mut moved = 0;
+    for seed in 0..8 {
+        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let agents = with_runs(third, &[LATE, 1_001, 1_002]);
+        let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+        trial
+            .cluster
+            .start_late(ModuleId(6), Duration::from_secs(700));
+        trial.run_for(Duration::from_millis(700));
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(22));
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(1));
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(40));
+        for module in [1, 2, 4, 5].map(ModuleId) {
+            trial.cluster.crash(module);
+            trial.run_for(Duration::from_secs(10));
+            trial.cluster.restart(module);
+            trial.run_for(Duration::from_secs(40));
+        }
+        let before = trial.cluster.body(third).unwrap();
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(300));
+        let after = trial.cluster.body(third).unwrap();
+        moved += usize::from(after.distance_to(&before).to_units() > 0.9);
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(400));
+        assert!(nearest(&trial, third) > 0.9, "seed {seed}");
+    }
+    assert!(moved > 2, "{moved}");
+}
+
+/// All restart at once, the others from stores that hold a former run of one whose clock was set back.
+#[test]
+fn what_stores_hold_of_a_run_whose_clock_was_ahead_takes_no_spot_from_a_later_one() {
+    let third = ModuleId(3);
+    let mut moved = 0;
+    for seed in 0..8 {
+        let agents = with_runs(third, &[LATE, 1_001]);
+        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let parameters = ClusterParameters {
+            stores: true,
+            ..ClusterParameters::default()
+        };
+        let mut trial = Trial::of_agents(&problem, parameters, seed, agents);
+        trial.cluster.take_store(third);
+        trial
+            .cluster
+            .start_late(ModuleId(6), Duration::from_secs(500));
+        trial.run_for(Duration::from_secs(1));
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(60));
+        let before = trial.cluster.body(third).unwrap();
+        for module in [1, 2, 4, 5].map(ModuleId) {
+            trial.cluster.crash(module);
+        }
+        for module in [1, 2, 3, 4, 5].map(ModuleId) {
+            trial.cluster.restart(module);
+        }
+        trial.run_for(Duration::from_secs(300));
+        let after = trial.cluster.body(third).unwrap();
+        moved += usize::from(after.distance_to(&before).to_units() > 0.9);
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(400));
+        assert!(nearest(&trial, third) > 0.9, "seed {seed}");
+    }
+    assert!(moved > 2, "{moved}");
+}

@@ -11,8 +11,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    BlockedSpot, BodyReport, Epoch, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    MotionMode, Roster, RosterMember, Service, SpotId, Whereabouts, body,
+    BlockedSpot, BodyReport, Epoch, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun,
+    ModuleState, MotionMode, Roster, RosterMember, Service, SpotId, Whereabouts, body,
 };
 
 use super::context::Context;
@@ -36,6 +36,8 @@ pub(super) struct Bodies {
     contested: Option<(Epoch, BTreeSet<ModuleId>)>,
     /// Whether this run of this module was reported as removed.
     own_run_is_removed: bool,
+    /// The runs that send although reports on later ones are known. The states of this module list these reports.
+    outdated: BTreeMap<ModuleId, Incarnation>,
     /// The blocked spots that were last reported.
     reported: Vec<BlockedSpot>,
     /// What was last found by [`Context::compare_bodies`].
@@ -64,6 +66,7 @@ impl Hash for Bodies {
             removals: _,
             contested,
             own_run_is_removed,
+            outdated,
             reported,
             compared: _,
         } = self;
@@ -72,6 +75,7 @@ impl Hash for Bodies {
             of_other_sessions,
             contested,
             own_run_is_removed,
+            outdated,
             reported,
         )
             .hash(state);
@@ -135,22 +139,27 @@ impl Bodies {
         self.known.insert(report.module, report);
     }
 
-    /// An earlier run of a module sends again, and a later one is forgotten: what was reported of that one is about the same
-    /// body, which the next report on the earlier run replaces; and a removal of that one is over.
-    pub fn forget_run(&mut self, forgotten: ModuleRun, admitted: ModuleRun) {
-        let Some(known) = self.known.get_mut(&forgotten.module) else {
-            return;
-        };
-        if known.incarnation < forgotten.incarnation {
-            return;
-        }
-        self.version += 1;
-        if known.whereabouts == Whereabouts::Removed {
-            self.known.remove(&forgotten.module);
+    /// A run sends. Returns whether it has to be told that a later one is known, because it has not been yet.
+    fn is_to_be_told(&mut self, run: ModuleRun) -> bool {
+        let known = self.known.get(&run.module);
+        if known.is_some_and(|known| known.incarnation > run.incarnation) {
+            self.outdated.insert(run.module, run.incarnation) != Some(run.incarnation)
         } else {
-            known.incarnation = admitted.incarnation;
-            (known.epoch, known.sequence) = (None, 0);
+            self.outdated.remove(&run.module);
+            false
         }
+    }
+
+    /// Whether the latest run of a module that sends is earlier than one of which a report is known.
+    pub fn is_outdated(&self, module: ModuleId) -> bool {
+        self.outdated.contains_key(&module)
+    }
+
+    /// The reports on later runs than those that send, for the states of this module: they tell these runs of the later ones.
+    pub fn of_outdated_runs(&self) -> Vec<BodyReport> {
+        let modules = self.outdated.keys();
+        let reports = modules.filter_map(|module| self.known.get(module));
+        reports.cloned().collect()
     }
 
     /// Keeps where a module shows itself. In the same epoch, that supersedes no knowledge of its plan.
@@ -281,15 +290,19 @@ impl Context {
         self.exclude_if_removed(report.module);
     }
 
-    /// Takes up that earlier runs of modules send again, in the place of later ones that are forgotten.
-    pub fn forget_bodies_of_forgotten_runs(&mut self) {
-        for (forgotten, admitted) in self.peers.take_forgotten() {
-            self.bodies.forget_run(forgotten, admitted);
+    /// A run sends. If the report on a body is about a later one, which is silent, the state of this module says so: the run then
+    /// takes a later number.
+    pub fn note_run(&mut self, run: ModuleRun) {
+        let liveness = self.liveness();
+        let peer = self.peers.get(run.module);
+        let is_replaced =
+            peer.is_some_and(|peer| peer.incarnation > run.incarnation && liveness.includes(peer));
+        if !is_replaced && self.bodies.is_to_be_told(run) {
+            self.mark_state_changed();
         }
     }
 
-    /// Considers a module failed whose present run was reported as removed. What was reported as removed of a later run than the
-    /// live one is dropped: that run never was, or was forgotten.
+    /// Considers a module failed whose present run was reported as removed. One that is earlier by its clock takes a later number.
     pub fn exclude_if_removed(&mut self, module: ModuleId) {
         if self.bodies.removals() == 0 {
             return;
@@ -303,7 +316,7 @@ impl Context {
             return;
         };
         if removed.incarnation > run.incarnation && is_live {
-            self.bodies.forget_run(removed, run);
+            self.note_run(run);
         } else if removed.incarnation >= run.incarnation {
             self.peers.exclude(module, Duration::MAX);
         }
@@ -320,8 +333,8 @@ impl Context {
         self.bodies.own_run_is_removed
     }
 
-    /// What a frozen state lists: the bodies and removals of absent modules, of those that a roster left out, and of those
-    /// that were reported to block spots.
+    /// What a frozen state lists: the bodies and removals of absent modules, of those that a roster left out, of those that were
+    /// reported to block spots, and of those whose present run is earlier than one of which a report is known.
     pub fn absent_bodies(&mut self) -> Vec<BodyReport> {
         self.note_bodies();
         let liveness = self.liveness();
@@ -332,6 +345,7 @@ impl Context {
             !peer.is_some_and(|peer| liveness.includes(peer))
                 || contested.is_some_and(|(_, modules)| modules.contains(&module))
                 || blocking.iter().any(|blocked| blocked.module == module)
+                || self.bodies.is_outdated(module)
         });
         listed.map(|(_, report, _)| report.clone()).collect()
     }
@@ -462,9 +476,8 @@ impl Context {
         }
         let comparison = self.compare_bodies(roster);
         // A body that moved is that of a live module, which rosters may have left out for lack of an agreement.
-        let is_reason = |freed: &&BlockedSpot| {
-            self.was_removed(freed.module) || self.peers.is_wanted(self.now, freed.module)
-        };
+        let is_reason =
+            |freed: &&BlockedSpot| self.was_removed(freed.module) || self.is_wanted(freed.module);
         let freed = comparison.freed.iter().filter(is_reason);
         let freed: Vec<SpotId> = freed.map(|freed| freed.spot).collect();
         if !freed.is_empty() {

@@ -29,6 +29,8 @@ use super::refusal::Refusal;
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Own {
     pub run: ModuleRun,
+    /// The time of its start by its clock, in microseconds since 1970. `run` may have taken a later number.
+    pub start_stamp: u64,
     pub store: Option<StoreId>,
     pub configuration: Option<ConfigurationId>,
     pub leader: Option<ModuleId>,
@@ -67,6 +69,7 @@ impl Context {
             now,
             own: Own {
                 run: identity.run(),
+                start_stamp: identity.incarnation.0,
                 store: identity.store,
                 configuration: identity.configuration,
                 leader: identity.leader,
@@ -98,7 +101,7 @@ impl Context {
     pub fn latest_stamp(&self) -> u64 {
         let uptime = self.now.saturating_sub(self.own.started).as_micros();
         let uptime = u64::try_from(uptime).unwrap_or(u64::MAX);
-        let own = self.own.run.incarnation.0.saturating_add(uptime);
+        let own = self.own.start_stamp.saturating_add(uptime);
         own.saturating_add(STAMP_AHEAD_MAX)
     }
 
@@ -140,6 +143,11 @@ impl Context {
     /// Whether a module's service is known and active.
     pub fn is_active(&self, module: ModuleId) -> bool {
         self.service_of(module) == Some(Service::Active)
+    }
+
+    /// Whether an epoch may be opened to include a module. A run that is yet to take a later number would be no member.
+    pub fn is_wanted(&self, module: ModuleId) -> bool {
+        self.peers.is_wanted(self.now, module) && !self.bodies.is_outdated(module)
     }
 
     /// The service of a module; `None` before its first state.

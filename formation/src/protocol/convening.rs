@@ -76,7 +76,7 @@ fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
         let takes_part = context.peers.is_live(context.liveness(), module)
             && follows(module, roster.epoch, context)
             && stands(module, context)
-            && context.peers.is_wanted(context.now, module);
+            && context.is_wanted(module);
         takes_part || context.bodies.get(module).is_some_and(was_removed)
     };
     let gone = listed.filter(|body| is_gone(body.module));
@@ -322,7 +322,7 @@ fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> 
         .filter(|&module| context.is_active(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| stands(module, context))
-        .filter(|&module| context.peers.is_wanted(context.now, module))
+        .filter(|&module| context.is_wanted(module))
         .collect();
     if !context.could_fill_more(roster, &newcomers) {
         newcomers.clear();
@@ -342,7 +342,7 @@ fn strays(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<Module
         .filter(|&module| roster.member(module).is_none() && waits(module))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| stands(module, context))
-        .filter(|&module| context.peers.is_wanted(context.now, module))
+        .filter(|&module| context.is_wanted(module))
         .collect()
 }
 

@@ -11,7 +11,9 @@ use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
 
-use crate::model::{BodyReport, Digest, Epoch, ModuleId, Pose, QuorumBasis, Service, SpotId, Stop};
+use crate::model::{
+    BodyReport, Digest, Epoch, Incarnation, ModuleId, Pose, QuorumBasis, Service, SpotId, Stop,
+};
 
 use super::body::SettledOn;
 
@@ -49,6 +51,7 @@ pub struct DurableState {
 /// The part of a durable state without which nothing may be published.
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 pub(super) struct SyncKey {
+    pub incarnation: Incarnation,
     pub entered: Option<Epoch>,
     pub shows_digest: bool,
     pub service: Service,

@@ -5,7 +5,9 @@ use std::time::Duration;
 use thiserror::Error;
 
 use crate::model::text::joined;
-use crate::model::{AssemblyWarning, BlockedSpot, Digest, Epoch, ModuleId, Service, SpotId};
+use crate::model::{
+    AssemblyWarning, BlockedSpot, Digest, Epoch, Incarnation, ModuleId, Service, SpotId,
+};
 
 use crate::motion::paths::{MotionError, StartFault};
 
@@ -123,6 +125,11 @@ pub enum Event {
     /// It halted because agreement lapsed; it continues when all members show agreement again.
     #[error("halted: agreement of modules {} lapsed", ids(.0))]
     AgreementLapsed(Vec<ModuleId>),
+    /// A former run of its module has a later number: its clock was set back in between.
+    #[error(
+        "others know a later run of this module, which is silent: was the clock set back? This run goes on as {}", .0.0
+    )]
+    RunRenumbered(Incarnation),
     /// It did not reach its spot in time.
     #[error("did not {} within motion_limit_s", aim(*.0))]
     MotionOverdue(Option<SpotId>),
@@ -282,6 +289,7 @@ impl Event {
             Self::Refused { .. }
             | Self::Missing { .. }
             | Self::PlanOverdue(_)
+            | Self::RunRenumbered(_)
             | Self::WaitingForQuorum(Shortfall::Majority { .. })
             | Self::AgreementLapsed(_)
             | Self::SpotsLeftOpen(_)

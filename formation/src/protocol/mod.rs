@@ -63,8 +63,8 @@ pub use quorum::Shortfall;
 pub use refusal::{Refusal, RefusalCounts};
 
 use crate::model::{
-    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleState, Plan, Pose, Service,
-    SpotClaim, TargetAnnouncement,
+    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Plan, Pose,
+    Service, SpotClaim, TargetAnnouncement,
 };
 
 use context::Context;
@@ -206,6 +206,12 @@ impl Agent {
         self.context.module()
     }
 
+    /// The module, and the number of this run of its process, which may rise.
+    #[must_use]
+    pub fn run(&self) -> ModuleRun {
+        self.context.own.run
+    }
+
     /// What the module is doing.
     #[must_use]
     pub fn phase(&self) -> ModulePhase {
@@ -296,6 +302,9 @@ impl Agent {
     fn step(&mut self) {
         self.context.outbox.forget_wakes();
         let stands_back = self.succession.still_stands_back(self.context.now);
+        if !stands_back {
+            self.exceed_silent_run();
+        }
         if self.context.is_removed() {
             self.leave_epoch();
         } else if !stands_back && self.context.target.is_set() {
@@ -392,13 +401,21 @@ impl Agent {
             self.handle_duplicate(incarnation);
             return true;
         }
+        let named = state
+            .bodies
+            .iter()
+            .find(|body| body.module == self.module());
+        let named = named.map(|body| body.incarnation);
         let context = &mut self.context;
         let news = context
             .peers
             .handle_state(context.liveness(), state, source);
-        context.forget_bodies_of_forgotten_runs();
+        context.note_run(module.run(incarnation));
         match news {
             Ok(true) => {
+                if let Some(named) = named {
+                    self.note_named_run(named);
+                }
                 self.note_body(module);
                 self.adjust_links_to(module);
             }
@@ -418,7 +435,6 @@ impl Agent {
         let context = &mut self.context;
         let liveness = context.liveness();
         let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
-        context.forget_bodies_of_forgotten_runs();
         match news {
             Ok(HeartbeatNews::Old) => return false,
             Ok(HeartbeatNews::StillLive { age }) => {
@@ -436,11 +452,15 @@ impl Agent {
             }
             Ok(HeartbeatNews::New) => {
                 self.handle_stop(heartbeat.stop);
+                self.context.note_run(module.run(incarnation));
                 self.context.exclude_if_removed(module);
                 self.note_shown(&heartbeat);
                 self.handle_kept_roster_of(module);
             }
-            Err(refusal) => self.refuse_run(module, incarnation, refusal),
+            Err(refusal) => {
+                self.context.note_run(module.run(incarnation));
+                self.refuse_run(module, incarnation, refusal);
+            }
         }
         true
     }

@@ -4,7 +4,7 @@ use std::collections::VecDeque;
 use std::hash::{Hash, Hasher};
 use std::time::Duration;
 
-use crate::model::{Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, Stop};
+use crate::model::{Digest, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase, Stop};
 
 use super::durable::{DurableState, StoredBodies, SyncKey};
 use super::event::Event;
@@ -14,6 +14,7 @@ use super::refusal::{Refusal, RefusalCounts};
 /// What a heartbeat shows of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub(super) struct Shown {
+    pub incarnation: Incarnation,
     pub epoch: Option<Epoch>,
     pub digest: Option<Digest>,
     pub phase: ModulePhase,
@@ -23,6 +24,7 @@ pub(super) struct Shown {
 impl Shown {
     fn of(heartbeat: &Heartbeat) -> Self {
         Self {
+            incarnation: heartbeat.incarnation,
             epoch: heartbeat.epoch,
             digest: heartbeat.digest,
             phase: heartbeat.phase,

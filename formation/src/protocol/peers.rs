@@ -76,8 +76,6 @@ pub(super) struct Peers {
     /// The last judgement without a reason. Between changes it saves a look at every peer at every message.
     calm: Option<Calm>,
     shown: Shown,
-    /// The later runs that were forgotten lately for earlier ones, with these.
-    forgotten: Vec<(ModuleRun, ModuleRun)>,
 }
 
 /// How often a heartbeat showed another epoch or digest than the one before it, and of which module the last of these was.
@@ -109,7 +107,6 @@ impl Default for Peers {
             changes: 0,
             calm: None,
             shown: Shown::default(),
-            forgotten: Vec::new(),
         }
     }
 }
@@ -199,15 +196,7 @@ impl Peers {
             return None;
         }
         self.changes += 1;
-        let forgotten = self.peers.remove(&run.module)?;
-        let later = run.module.run(forgotten.incarnation);
-        self.forgotten.push((later, run));
-        Some(forgotten)
-    }
-
-    /// The later runs that were forgotten for earlier ones since the last call, with these.
-    pub fn take_forgotten(&mut self) -> Vec<(ModuleRun, ModuleRun)> {
-        std::mem::take(&mut self.forgotten)
+        self.peers.remove(&run.module)
     }
 
     /// Judges a sender that is not known as such, and makes room for it. Returns the run that it replaces although that is later.
@@ -252,7 +241,10 @@ impl Peers {
         });
         if run.incarnation > peer.incarnation {
             let silence = now.saturating_sub(peer.last_seen());
-            if !liveness.bugs.ignore_restarts() && silence <= liveness.suspicion {
+            // A process that goes on under a later number is no second one.
+            let goes_on = source.is_some() && source == peer.source;
+            let is_free = goes_on || silence > liveness.suspicion;
+            if !liveness.bugs.ignore_restarts() && !is_free {
                 return Err(Refusal::DuplicateModule);
             }
             self.changes += 1;

@@ -30,6 +30,7 @@ impl Agent {
             self.context.publish(Message::ModuleState(state.into()));
         }
         let new = Shown {
+            incarnation: self.context.own.run.incarnation,
             epoch: self.epoch(),
             digest: self.digest(),
             phase: self.phase(),
@@ -76,6 +77,7 @@ impl Agent {
             links: context.body.links.clone(),
             configuration: context.own.configuration,
             leader: context.own.leader,
+            bodies: context.bodies.of_outdated_runs(),
             ..ModuleState::standing(context.own.run, context.body.pose)
         };
         self.stage.describe(&mut state, &mut self.context);
@@ -89,7 +91,7 @@ impl Agent {
         let heartbeats = &mut self.context.outbox.heartbeats;
         Heartbeat {
             module: own.run.module,
-            incarnation: own.run.incarnation,
+            incarnation: shown.incarnation,
             store: own.store,
             sequence: heartbeats.sequence,
             uptime: self.context.now.saturating_sub(own.started),

@@ -170,7 +170,13 @@ impl Agent {
             self.context.note_opened(roster.epoch);
             self.context.mark_state_changed();
             let since = self.context.now;
+            let bodies = &roster.bodies;
+            let named = bodies.iter().find(|body| body.module == own);
+            let named = named.map(|body| body.incarnation);
             self.stage = Stage::Outsider(Outsider { roster, since });
+            if let Some(named) = named {
+                self.note_named_run(named);
+            }
         }
         Ok(())
     }
@@ -185,8 +191,7 @@ impl Agent {
         let own = self.context.own.run.incarnation;
         if mine.incarnation > own {
             // The others have let a later run of this module take its place.
-            self.succession.note_successor(mine.incarnation);
-            self.stand_back();
+            self.note_named_run(mine.incarnation);
             return Err(Refusal::DuplicateModule);
         }
         if mine.incarnation < own {

@@ -3,6 +3,10 @@
 //! The process that started later stands back until the earlier has been silent for `suspicion`. If the earlier had been
 //! silent for that long already, the other modules have let the later one take its place, and accept only that. An earlier
 //! process that continues after having been stopped then stands back itself.
+//!
+//! If nothing is heard from the later run meanwhile, it has ended, and a clock that was set back made this one the earlier. It
+//! then takes a number above that of the former run, as in Lamport's logical clocks, so that the numbers of a module's runs
+//! ascend for all who know of them.
 
 use std::time::Duration;
 
@@ -17,8 +21,8 @@ use super::refusal::Refusal;
 pub(super) struct Succession {
     /// Until when this process stands back because another one runs as its module.
     standing_back_until: Option<Duration>,
-    /// The later run of this module by which the others have replaced this one.
-    succeeded_by: Option<Incarnation>,
+    /// The latest run of this module that the others have named.
+    latest_named: Option<Incarnation>,
     /// The run of a duplicate, of this or another module, that was last reported.
     reported: Option<Incarnation>,
 }
@@ -47,15 +51,23 @@ impl Succession {
         false
     }
 
-    /// The others have replaced this run of the module by a later one.
-    pub fn note_successor(&mut self, later: Incarnation) {
-        self.succeeded_by = self.succeeded_by.max(Some(later));
+    /// Others name a run of this module; returns whether it is later than all that were named before.
+    fn note_named(&mut self, named: Incarnation) -> bool {
+        let is_later = self.latest_named < Some(named);
+        self.latest_named = self.latest_named.max(Some(named));
+        is_later
+    }
+
+    /// The number that a run takes which has stood back for a later one in vain, if this is one.
+    fn number_above(&self, own: Incarnation) -> Option<Incarnation> {
+        let later = self.latest_named.filter(|&later| later > own)?;
+        later.0.checked_add(1).map(Incarnation)
     }
 
     /// Whether this run has to stand back for another; `listened` if it has been running for longer than `suspicion`.
     pub fn yields_to(&self, other: Incarnation, own: Incarnation, listened: bool) -> bool {
         let has_succeeded = listened && !self.is_standing_back();
-        let is_succeeded = self.succeeded_by.is_some_and(|later| other >= later);
+        let is_succeeded = self.latest_named.is_some_and(|later| other >= later);
         (other < own && !has_succeeded) || is_succeeded
     }
 
@@ -82,6 +94,24 @@ impl Agent {
             self.stand_back();
         }
         self.refuse_run(own.run.module, incarnation, Refusal::DuplicateModule);
+    }
+
+    /// Others name this run of this module: stands back for it if it is later.
+    pub(super) fn note_named_run(&mut self, named: Incarnation) {
+        let is_later = named > self.context.own.run.incarnation;
+        if is_later && self.context.is_plausible(named.0) && self.succession.note_named(named) {
+            self.stand_back();
+        }
+    }
+
+    /// Takes a number above that of a later run for which this one stood back, and which has not been heard meanwhile.
+    pub(super) fn exceed_silent_run(&mut self) {
+        let own = &mut self.context.own.run.incarnation;
+        if let Some(next) = self.succession.number_above(*own) {
+            *own = next;
+            self.context.mark_state_changed();
+            self.context.emit(Event::RunRenumbered(next));
+        }
     }
 
     /// Refuses a message of a run; a duplicate is reported once.

@@ -85,6 +85,7 @@ impl Agent {
     pub(super) fn sync_key(&self) -> SyncKey {
         let body = &self.context.body;
         SyncKey {
+            incarnation: self.context.own.run.incarnation,
             entered: self.stage.epoch(),
             shows_digest: self.stage.held_plan().is_some(),
             service: body.service,

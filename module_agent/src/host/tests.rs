@@ -409,11 +409,12 @@ fn a_link_that_one_of_two_stores_lacks_is_there_again() {
     let (before, ..) = form_with_stores(directory.path());
     for module in [4, 5, 17] {
         let (host, _) = host_with(SCENARIO, &[module], Some(directory.path()));
+        let run = host.modules[0].agent.run();
         let mut journal = host.journal.unwrap();
         let mut state = journal.state_of(ModuleId(module)).unwrap();
         assert!(!state.links.is_empty(), "module {module}");
         state.links.clear();
-        journal.persist(ModuleId(module), 1, state);
+        journal.persist(run, 1, state);
         let store = journal.store();
         journal.next_job().unwrap().run(&store).unwrap();
         drop((journal, store));

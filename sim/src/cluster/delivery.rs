@@ -112,14 +112,14 @@ impl Cluster {
         let Participant::Module(module) = writer else {
             return None;
         };
-        let run = self.run_of(module)?;
+        let run = self.process_run_of(module)?;
         Some(SourceId(
             u128::from(module.0) << 64 | u128::from(run.incarnation.0),
         ))
     }
 
     pub(super) fn send(&mut self, channel: Channel, sample: u64, message: Message) {
-        let Some(reader) = self.run_of(channel.to) else {
+        let Some(reader) = self.process_run_of(channel.to) else {
             return;
         };
         if !self.transport.network.connects(channel.from, channel.to) {

@@ -7,7 +7,7 @@ use std::time::Duration;
 use formation::model::{Message, ModuleId, ModuleRun};
 use formation::motion::MotionReport;
 use formation::motion::SimulatedDrive;
-use formation::protocol::{Input, Output, PlanJob, SourceId};
+use formation::protocol::{Event, Input, Output, PlanJob, SourceId};
 
 use super::Cluster;
 use super::schedule::{Delivery, Happening};
@@ -58,7 +58,7 @@ impl Cluster {
         let channel = delivery.channel;
         let is_skipped =
             self.transport.is_replaced(channel, delivery.sample) && self.random.below(2) == 0;
-        if !is_skipped && self.run_of(channel.to) == Some(delivery.reader) {
+        if !is_skipped && self.process_run_of(channel.to) == Some(delivery.reader) {
             if let Message::ModuleState(state) = &delivery.message {
                 let seen = self.sightings.entry(delivery.reader).or_default();
                 seen.insert(state.module);
@@ -223,7 +223,12 @@ impl Cluster {
                     }
                     self.publish(module, &message);
                 }
-                Output::Event(event) => self.observe(Observation::Noted(module, event)),
+                Output::Event(event) => {
+                    if let Event::RunRenumbered(_) = event {
+                        self.renumbered.insert(process.agent.run(), process.run);
+                    }
+                    self.observe(Observation::Noted(module, event));
+                }
                 Output::Move(goal) => {
                     let plan = process.agent.epoch().zip(process.agent.digest());
                     if process.drive_broken {

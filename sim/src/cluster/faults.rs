@@ -69,6 +69,13 @@ impl Cluster {
         }
     }
 
+    /// A module that is yet to start has no store.
+    pub fn take_store(&mut self, module: ModuleId) {
+        if let Some(body) = self.bodies.get_mut(&module) {
+            body.store = None;
+        }
+    }
+
     /// From now on, some claims are preceded by a forged one that claims something else for the same turn. It reaches
     /// half of the readers, from a sender that the transport does not identify.
     pub fn forge_claims(&mut self) {
@@ -211,6 +218,12 @@ impl Cluster {
         let Some(run) = self.bodies.get(&module).map(Identity::run) else {
             return;
         };
+        let numbers = self.renumbered.iter().rev();
+        let run = numbers
+            .filter(|&(_, process)| *process == run)
+            .map(|(&number, _)| number)
+            .next()
+            .unwrap_or(run);
         self.note(Fault::Remove(module));
         for other in self.running() {
             if other != module {

@@ -83,6 +83,8 @@ pub struct Cluster {
     stores: BTreeMap<ModuleId, Stored>,
     /// The modules of which each run received a state, or knew from its store.
     sightings: BTreeMap<ModuleRun, BTreeSet<ModuleId>>,
+    /// The runs that took a later number, and the same runs by the number at their start.
+    renumbered: BTreeMap<ModuleRun, ModuleRun>,
     /// The crashed modules whose bodies were taken away.
     taken_away: BTreeSet<ModuleId>,
     announcement: Option<Arc<TargetAnnouncement>>,
@@ -122,6 +124,7 @@ impl Cluster {
             bodies: BTreeMap::new(),
             stores: BTreeMap::new(),
             sightings: BTreeMap::new(),
+            renumbered: BTreeMap::new(),
             taken_away: BTreeSet::new(),
             announcement: None,
             late: BTreeMap::new(),

@@ -62,6 +62,11 @@ impl Cluster {
     /// The run of a module's process, if it is running.
     #[must_use]
     pub fn run_of(&self, module: ModuleId) -> Option<ModuleRun> {
+        Some(self.agent(module)?.run())
+    }
+
+    /// The same under the number that the process had at its start.
+    pub(super) fn process_run_of(&self, module: ModuleId) -> Option<ModuleRun> {
         Some(self.processes.get(&module)?.run)
     }
 
@@ -125,7 +130,8 @@ impl Cluster {
     /// The modules of which a run received a state, or knew from its store.
     #[must_use]
     pub fn seen_by(&self, run: ModuleRun) -> BTreeSet<ModuleId> {
-        self.sightings.get(&run).cloned().unwrap_or_default()
+        let process = self.renumbered.get(&run).unwrap_or(&run);
+        self.sightings.get(process).cloned().unwrap_or_default()
     }
 
     /// Where a module's body is: where its drive is, or where its last process left it. `None` once it was taken away.

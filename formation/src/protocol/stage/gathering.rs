@@ -324,13 +324,14 @@ impl Collection {
     }
 }
 
-/// The states of the live modules that have frozen for this epoch.
+/// The states of the live modules that have frozen for this epoch, and of which no later run is known.
 fn frozen_states(epoch: Epoch, context: &Context) -> Vec<Arc<ModuleState>> {
     context
         .peers
         .live(context.liveness())
         .filter_map(|(_, peer)| peer.state.clone())
         .filter(|state| state.epoch == Some(epoch) && state.phase == ModulePhase::Gathered)
+        .filter(|state| !context.bodies.is_outdated(state.module))
         .collect()
 }
 
