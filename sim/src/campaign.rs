@@ -154,9 +154,11 @@ fn cluster_parameters(faults: FaultKind) -> ClusterParameters {
             ..defaults.agent
         },
         network: match faults {
-            FaultKind::Mixed | FaultKind::Hostile | FaultKind::Storm | FaultKind::Churn => {
-                NetworkParameters::rough()
-            }
+            FaultKind::Mixed
+            | FaultKind::Hostile
+            | FaultKind::Storm
+            | FaultKind::Churn
+            | FaultKind::Clocks => NetworkParameters::rough(),
             _ => defaults.network,
         },
         drift_ppm_max: match faults {
@@ -189,7 +191,8 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     let drawn = memory.below(2) == 0;
     let stores = parameters.stores.unwrap_or(drawn);
     // docs/fault_model.md excepts restarts without stores if the founders are not named, and churn consists of them.
-    let always_named = stores || parameters.faults == FaultKind::Churn;
+    let is_churn = matches!(parameters.faults, FaultKind::Churn | FaultKind::Clocks);
+    let always_named = stores || is_churn;
     let others = cluster_parameters(parameters.faults);
     let cluster_parameters = ClusterParameters {
         stores,
@@ -304,6 +307,7 @@ impl MonitoredRun<'_> {
             Fault::Crash(module) => cluster.crash(*module),
             Fault::Restart(module) => cluster.restart(*module),
             Fault::Remove(module) => cluster.remove(*module),
+            Fault::SetClock(module, ahead) => cluster.set_clock_ahead(*module, *ahead),
             Fault::Pause(module, span) => cluster.pause(*module, *span),
             Fault::Slow { module, lag, span } => cluster.slow_down(*module, *lag, *span),
             Fault::Cut(aside) => cluster.cut(aside),

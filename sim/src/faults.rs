@@ -40,11 +40,13 @@ pub enum FaultKind {
     /// Modules crash and restart one by one while the network changes, slowly enough for the rest to agree in between, so that
     /// majorities are handed on; in some runs a stranger publishes rosters.
     Churn,
+    /// Churn in which the clock of a module is set forward or back between two of its runs.
+    Clocks,
 }
 
 impl FaultKind {
     /// All kinds with their names.
-    pub const NAMED: [(&'static str, Self); 8] = [
+    pub const NAMED: [(&'static str, Self); 9] = [
         ("none", Self::None),
         ("crash", Self::Crash),
         ("partition", Self::Partition),
@@ -53,6 +55,7 @@ impl FaultKind {
         ("storm", Self::Storm),
         ("stops", Self::Stops),
         ("churn", Self::Churn),
+        ("clocks", Self::Clocks),
     ];
 }
 
@@ -83,6 +86,8 @@ pub enum Fault {
     Crash(ModuleId),
     /// A crashed process starts again.
     Restart(ModuleId),
+    /// The clock of a module whose process has ended is ahead of the others by this much from now on.
+    SetClock(ModuleId, Duration),
     /// The body of a crashed module is taken away, and that is reported.
     Remove(ModuleId),
     /// A process stops for a while.
@@ -181,6 +186,10 @@ pub fn draw(
         FaultKind::Storm => drawing.storm(),
         FaultKind::Stops => drawing.stops(),
         FaultKind::Churn => drawing.churn(),
+        FaultKind::Clocks => {
+            drawing.churn();
+            drawing.clocks();
+        }
     }
     drawing.faults.sort_by_key(|fault| fault.at);
     drawing.removals();

@@ -407,6 +407,9 @@ fn fault_entry(fault: &Fault) -> Entry {
             "drive_repaired"
         })
         .module(*module),
+        Fault::SetClock(module, ahead) => Entry::of("set_clock")
+            .module(*module)
+            .with("ahead_s", ahead.as_secs()),
         Fault::SilentDriver(module) => Entry::of("silent_driver").module(*module),
         Fault::ForgeClaims => Entry::of("forge_claims"),
         Fault::ForgeRoster => Entry::of("forge_roster"),

@@ -65,14 +65,16 @@ fn hostile_faults_leave_no_hole() {
 
 #[test]
 fn churn_leaves_no_hole_and_no_module_alone() {
-    for modules_max in [4, 9] {
-        let parameters = CampaignParameters {
-            faults: FaultKind::Churn,
-            modules_min: 2,
-            modules_max,
-            ..CampaignParameters::default()
-        };
-        run_all(&parameters, 0..seeds());
+    for faults in [FaultKind::Churn, FaultKind::Clocks] {
+        for modules_max in [4, 9] {
+            let parameters = CampaignParameters {
+                faults,
+                modules_min: 2,
+                modules_max,
+                ..CampaignParameters::default()
+            };
+            run_all(&parameters, 0..seeds());
+        }
     }
 }
 

@@ -13,8 +13,15 @@ use std::time::Duration;
 use crate::model::{Incarnation, ModuleId};
 
 use super::Agent;
+use super::context::Own;
 use super::event::Event;
 use super::refusal::Refusal;
+
+/// Fibonacci hashing (Knuth, The Art of Computer Programming 3, section 6.4): 2^64 divided by the golden ratio.
+const SCATTERING: u64 = 0x9e37_79b9_7f4a_7c15;
+
+/// All but 20 bits, so that a number rises by a second at most.
+const SCATTERED_BITS_UNUSED: u32 = 44;
 
 /// What a process knows of other processes that run as the same module.
 #[derive(Clone, Debug, Default, Hash)]
@@ -58,10 +65,13 @@ impl Succession {
         is_later
     }
 
-    /// The number that a run takes which has stood back for a later one in vain, if this is one.
-    fn number_above(&self, own: Incarnation) -> Option<Incarnation> {
-        let later = self.latest_named.filter(|&later| later > own)?;
-        later.0.checked_add(1).map(Incarnation)
+    /// The number that a run takes which has stood back for a later one in vain, if this is one. Another run of the module may have
+    /// taken, or will take, a number above the same later one, so that what is added depends on the start of this one.
+    fn number_above(&self, own: Own) -> Option<Incarnation> {
+        let named = self.latest_named?;
+        let scattered = own.start_stamp.wrapping_mul(SCATTERING) >> SCATTERED_BITS_UNUSED;
+        let next = named.0.checked_add(1)?.checked_add(scattered)?;
+        (named > own.run.incarnation).then_some(Incarnation(next))
     }
 
     /// Whether this run has to stand back for another; `listened` if it has been running for longer than `suspicion`.
@@ -106,9 +116,8 @@ impl Agent {
 
     /// Takes a number above that of a later run for which this one stood back, and which has not been heard meanwhile.
     pub(super) fn exceed_silent_run(&mut self) {
-        let own = &mut self.context.own.run.incarnation;
-        if let Some(next) = self.succession.number_above(*own) {
-            *own = next;
+        if let Some(next) = self.succession.number_above(self.context.own) {
+            self.context.own.run.incarnation = next;
             self.context.mark_state_changed();
             self.context.emit(Event::RunRenumbered(next));
         }

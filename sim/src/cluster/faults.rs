@@ -16,6 +16,9 @@ use super::schedule::Happening;
 use crate::faults::Fault;
 use crate::observation::Observation;
 
+/// A second in the numbers of runs, which count the starts of a module below that.
+const CLOCK_SECOND: u64 = 1_000_000;
+
 impl Cluster {
     /// Lets a module's process start no earlier than `at`; for calls before the first step.
     pub fn start_late(&mut self, module: ModuleId, at: Duration) {
@@ -62,10 +65,15 @@ impl Cluster {
         }
     }
 
-    /// The clock of a module that is yet to start is ahead of the others.
+    /// The clock of a module that is yet to start is ahead of that of the test by this many seconds. What a store holds of its last
+    /// run is no later than the next.
     pub fn set_clock_ahead(&mut self, module: ModuleId, ahead: Duration) {
+        self.note(Fault::SetClock(module, ahead));
         if let Some(body) = self.bodies.get_mut(&module) {
-            body.incarnation.0 += ahead.as_secs() * 1_000_000;
+            let starts = body.incarnation.0 % CLOCK_SECOND;
+            let set = Incarnation(ahead.as_secs() * CLOCK_SECOND + starts);
+            let last = body.store.is_some().then_some(body.incarnation);
+            body.incarnation = set.max(last.unwrap_or(set));
         }
     }
 

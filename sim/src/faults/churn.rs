@@ -1,6 +1,7 @@
 //! The faults of a run in which the membership changes step by step.
 
 use std::collections::BTreeSet;
+use std::time::Duration;
 
 use super::{Drawing, Fault};
 
@@ -29,6 +30,19 @@ impl Drawing<'_> {
         }
         if self.one_in(2) {
             self.add(end, Fault::Heal);
+        }
+    }
+
+    /// The clock of a module is set before it restarts, to a time that differs from run to run.
+    pub(super) fn clocks(&mut self) {
+        let restarts = self.faults.iter().filter_map(|fault| match fault.fault {
+            Fault::Restart(module) => Some((fault.at, module)),
+            _ => None,
+        });
+        for (at, module) in restarts.collect::<Vec<_>>() {
+            let ahead = Duration::from_secs(self.random.below(100));
+            let before = at.saturating_sub(Duration::from_micros(1));
+            self.add(before, Fault::SetClock(module, ahead));
         }
     }
 }
