@@ -347,3 +347,22 @@ fn a_revision_of_a_stranger_does_not_end_all_targets() {
 fn a_module_that_goes_on_shows_no_more_that_it_waits_for_a_quorum() {
     run_each(FaultKind::Mixed, [2, 12], &[82_008_280]);
 }
+
+/// A module that restarts keeps rosters until it knows their conveners; that of a stranger takes the place of none.
+#[test]
+fn a_roster_of_a_stranger_keeps_no_restarted_module_outside() {
+    run_each(FaultKind::Clocks, [2, 9], &[37_422, 44_789]);
+}
+
+/// A module knows the target by the roster of others alone. The founders that it names found the formation.
+#[test]
+fn founders_whom_a_roster_names_count_for_a_module_that_stands_aside() {
+    run_each(FaultKind::Clocks, [2, 9], &[41_959]);
+}
+
+/// Two runs of a module are told of the same former run, and each takes a number above that.
+#[test]
+fn two_runs_never_take_the_same_number() {
+    let seeds = [19_019, 24_259, 28_000, 33_584, 34_261, 34_512, 38_915];
+    run_each(FaultKind::Clocks, [2, 9], &seeds);
+}

@@ -176,13 +176,13 @@ impl Context {
         &self,
         memory: &Memory,
         present: &[Voter],
-        expected: Option<u32>,
+        target: Option<&TargetAnnouncement>,
     ) -> Option<Shortfall> {
         if self.bugs.ignore_quorum() {
             return None;
         }
         let counted = self.bugs.counted(present, || memory.quorum.bases());
-        memory.shortfall(&counted, expected)
+        memory.shortfall(&counted, target)
     }
 
     /// Records the majority that is missing for the next epoch, and reports it if it differs.

@@ -39,7 +39,8 @@ impl Agent {
                 delay.saturating_add(context.parameters.convene)
             });
         let due = context.pacing.due(context.now, delay);
-        let shortfall = || context.shortfall_of(&context.memory, &live, expected);
+        let target = context.target.announcement().cloned();
+        let shortfall = || context.shortfall_of(&context.memory, &live, target.as_deref());
         if context.now < due {
             if context.shortfall.is_some() && shortfall().is_none() {
                 // Modules are back: the plan goes on, as long as no other epoch is opened.
@@ -50,9 +51,8 @@ impl Agent {
         }
         let shortfall = shortfall();
         context.set_shortfall(shortfall);
-        let announcement = context.target.announcement().cloned();
         if shortfall.is_none()
-            && let Some(announcement) = announcement
+            && let Some(announcement) = target
         {
             self.remember_members();
             let gathering = Gathering::convene(&mut self.context, &announcement, reason);

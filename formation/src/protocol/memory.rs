@@ -29,22 +29,34 @@ impl Memory {
         self.highest_epoch
     }
 
-    fn founders(founders: &[ModuleId], expected: Option<u32>) -> Founders<'_> {
-        match expected {
-            _ if !founders.is_empty() => Founders::Named(founders),
+    /// The founders that are known, or else those of an announcement, which a roster may have shown to a module that stands aside.
+    fn founders<'a>(known: &'a [ModuleId], target: Option<&'a TargetAnnouncement>) -> Founders<'a> {
+        let named = target.map_or(&[][..], |target| &target.founders);
+        let named = if known.is_empty() { named } else { known };
+        match target.and_then(|target| target.expected_modules) {
+            _ if !named.is_empty() => Founders::Named(named),
             Some(number) => Founders::Number(number as usize),
             None => Founders::Unknown,
         }
     }
 
-    /// The first majority that these modules lack. `expected` is the number of modules, if it is known.
-    pub fn shortfall(&self, present: &[Voter], expected: Option<u32>) -> Option<Shortfall> {
-        let founders = Self::founders(&self.founders, expected);
+    /// The first majority that these modules lack.
+    pub fn shortfall(
+        &self,
+        present: &[Voter],
+        target: Option<&TargetAnnouncement>,
+    ) -> Option<Shortfall> {
+        let founders = Self::founders(&self.founders, target);
         self.quorum.shortfall(present, founders)
     }
 
     /// Adds the quorum bases that frozen modules report, as far as they are credible in a gathering for this epoch.
-    pub fn learn_from(&mut self, frozen: &[Arc<ModuleState>], epoch: Epoch, expected: Option<u32>) {
+    pub fn learn_from(
+        &mut self,
+        frozen: &[Arc<ModuleState>],
+        epoch: Epoch,
+        target: Option<&TargetAnnouncement>,
+    ) {
         let precedes = |state: &&Arc<ModuleState>| {
             let mut bases = state.quorum_bases.iter();
             bases.all(|basis| basis.epoch < epoch)
@@ -54,7 +66,7 @@ impl Memory {
             .filter(precedes)
             .map(|state| (state.voter(), state.quorum_bases.as_slice()))
             .collect();
-        let founders = Self::founders(&self.founders, expected);
+        let founders = Self::founders(&self.founders, target);
         self.quorum.learn_from(&reports, founders);
     }
 

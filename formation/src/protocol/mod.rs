@@ -69,7 +69,7 @@ use crate::model::{
 
 use context::Context;
 use peers::HeartbeatNews;
-use rosters::KeptRoster;
+use rosters::KeptRosters;
 use stage::{Stage, Step};
 use succession::Succession;
 
@@ -82,7 +82,7 @@ pub struct Agent {
     context: Context,
     stage: Stage,
     succession: Succession,
-    kept_roster: Option<KeptRoster>,
+    kept_rosters: KeptRosters,
 }
 
 impl Agent {
@@ -93,7 +93,7 @@ impl Agent {
             context: Context::new(identity, parameters, now),
             stage: Stage::Listening(None),
             succession: Succession::default(),
-            kept_roster: None,
+            kept_rosters: KeptRosters::default(),
         }
     }
 
@@ -291,10 +291,10 @@ impl Agent {
             context,
             stage,
             succession,
-            kept_roster,
+            kept_rosters,
         } = self;
         let mut hasher = DefaultHasher::new();
-        (context, stage, succession, kept_roster).hash(&mut hasher);
+        (context, stage, succession, kept_rosters).hash(&mut hasher);
         hasher.finish()
     }
 

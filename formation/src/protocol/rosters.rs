@@ -1,5 +1,7 @@
 //! Handling what a convener publishes: calls to gather, and rosters.
 
+use std::cmp::Reverse;
+use std::collections::BTreeMap;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 
@@ -13,12 +15,36 @@ use super::refusal::Refusal;
 use super::stage::{Gathering, Outsider, Planning, Stage, hash_roster};
 use super::{Agent, AgentParameters};
 
+/// The latest messages of at most this many conveners are kept, so that few strangers take the place of none.
+const KEPT_MAX: usize = 16;
+
 /// A message of a convener that is not known yet or whose former run still counts as live, or a roster that lacks a majority. It
 /// comes only once, so it is kept until more is known.
 #[derive(Clone, Debug)]
-pub(super) struct KeptRoster {
+struct KeptRoster {
     source: Option<SourceId>,
     message: RosterMessage,
+}
+
+/// The latest kept message of each convener.
+#[derive(Clone, Debug, Default, Hash)]
+pub(super) struct KeptRosters(BTreeMap<ModuleId, KeptRoster>);
+
+impl KeptRosters {
+    /// Keeps a message, if need be in the place of the one of the earliest epoch.
+    fn keep(&mut self, kept: KeptRoster) {
+        let epoch = kept.message.epoch();
+        let known = self.0.get(&epoch.convener);
+        if known.is_some_and(|known| known.message.epoch() > epoch) {
+            return;
+        }
+        self.0.insert(epoch.convener, kept);
+        if self.0.len() > KEPT_MAX {
+            let epochs = self.0.values().map(|kept| kept.message.epoch());
+            let earliest = epochs.min().map(|epoch| epoch.convener);
+            earliest.and_then(|convener| self.0.remove(&convener));
+        }
+    }
 }
 
 impl Hash for KeptRoster {
@@ -65,7 +91,7 @@ impl Agent {
                 self.stage = Stage::Gathering(gathering);
             }
             RosterMessage::Plan(roster) => match self.follow(Arc::clone(&roster)) {
-                Ok(()) => self.handle_kept_roster(),
+                Ok(()) => self.handle_kept_rosters(),
                 Err(refusal) => {
                     if refusal == Refusal::NoQuorum {
                         self.lack_quorum_for(roster, source);
@@ -111,24 +137,23 @@ impl Agent {
     }
 
     fn keep_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
-        let known = self.kept_roster.as_ref();
-        if known.is_none_or(|known| known.message.epoch() <= message.epoch()) {
-            self.kept_roster = Some(KeptRoster { source, message });
-        }
+        self.kept_rosters.keep(KeptRoster { source, message });
     }
 
-    /// Handles the kept message again, as this module knows more.
-    fn handle_kept_roster(&mut self) {
-        if let Some(KeptRoster { source, message }) = self.kept_roster.take() {
+    /// Handles the kept messages again, the latest epoch first, as this module knows more.
+    fn handle_kept_rosters(&mut self) {
+        let kept = std::mem::take(&mut self.kept_rosters.0).into_values();
+        let mut kept: Vec<KeptRoster> = kept.collect();
+        kept.sort_by_key(|kept| Reverse(kept.message.epoch()));
+        for KeptRoster { source, message } in kept {
             self.handle_roster(source, message);
         }
     }
 
-    /// The same when this convener shows more, if the message is its.
+    /// Handles the kept message of a convener again, as that shows more.
     pub(super) fn handle_kept_roster_of(&mut self, convener: ModuleId) {
-        let kept = self.kept_roster.as_ref();
-        if kept.is_some_and(|kept| kept.message.epoch().convener == convener) {
-            self.handle_kept_roster();
+        if let Some(KeptRoster { source, message }) = self.kept_rosters.0.remove(&convener) {
+            self.handle_roster(source, message);
         }
     }
 
@@ -232,7 +257,7 @@ impl Agent {
             context.memory = memory.clone();
         }
         let voters: Vec<Voter> = roster.members.iter().map(RosterMember::voter).collect();
-        let shortfall = context.shortfall_of(&memory, &voters, roster.target.expected_modules);
+        let shortfall = context.shortfall_of(&memory, &voters, Some(&roster.target));
         match shortfall.or_else(|| memory.quorum.lacks_room_for(&roster.quorum_basis())) {
             None => Ok(memory),
             Some(_) => Err(Refusal::NoQuorum),

@@ -154,8 +154,9 @@ impl Gathering {
         // without a store, a member may know of a majority that the convener cannot learn of.
         let lacks_quorum = || {
             let live = context.live_voters();
-            let expected = context.target.expected_modules();
-            let shortfall = context.shortfall_of(&context.memory, &live, expected);
+            let target = context.target.announcement();
+            let target = target.map(Arc::as_ref);
+            let shortfall = context.shortfall_of(&context.memory, &live, target);
             shortfall.is_some()
         };
         let is_overdue =
@@ -187,8 +188,9 @@ impl Gathering {
         if !context.body.is_at_rest() {
             return Step::Stay(Stage::Gathering(self));
         }
-        let expected = context.target.expected_modules();
-        context.memory.learn_from(&frozen, self.epoch, expected);
+        let target = context.target.announcement().cloned();
+        let memory = &mut context.memory;
+        memory.learn_from(&frozen, self.epoch, target.as_deref());
         context.learn_bodies(&frozen);
         if reports_limit {
             report_missing(&frozen, context);
@@ -229,15 +231,13 @@ impl Gathering {
             quorum_bases: context.memory.quorum.bases(),
             timing: context.parameters.timing(),
         };
-        let shortfall =
-            context.shortfall_of(&context.memory, &voters, announcement.expected_modules);
+        let shortfall = context.shortfall_of(&context.memory, &voters, Some(&announcement));
         let shortfall =
             shortfall.or_else(|| context.memory.quorum.lacks_room_for(&roster.quorum_basis()));
         context.set_shortfall(shortfall);
         if shortfall.is_some() {
             let live = context.live_voters();
-            let expected = announcement.expected_modules;
-            let lacks_live = context.shortfall_of(&context.memory, &live, expected);
+            let lacks_live = context.shortfall_of(&context.memory, &live, Some(&announcement));
             if lacks_live.is_none() {
                 return self.wait_for_others(&announcement, context);
             }
