@@ -15,7 +15,7 @@ use formation::protocol::{
     Agent, AgentParameters, Command, ComputedPlan, Event, Identity, Input, Output, PlanJob,
     RefusalCounts, Severity, SharedPlans, SourceId,
 };
-use formation_node::topics;
+use formation_node::{stamp, topics};
 use ros_runtime::diagnostics::Report;
 use ros_runtime::topic_statistics::is_logged;
 
@@ -124,6 +124,7 @@ impl Host {
     fn push(&mut self, now: Duration, identity: Identity, service: Service) {
         let mut agent = Agent::new(identity.clone(), self.parameters, now)
             .in_service(service)
+            .started_at(stamp::incarnation().0)
             .with_plans_of_host()
             .with_shared_samples();
         if self.motion.mode == MotionMode::External {

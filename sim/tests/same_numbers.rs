@@ -2,13 +2,17 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, hold_a_plan, ids};
 use formation::generate::Grouping;
-use formation::model::{Incarnation, Message, ModuleId, ModulePhase, ModuleState, Pose, Removal};
+use formation::model::{
+    BodyReport, ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
+    Pose, Removal, Roster, RosterMessage, Whereabouts,
+};
 use formation::protocol::Agent;
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
 
@@ -38,6 +42,17 @@ fn form_within(trial: &mut Trial, modules: &[u32], seconds: u32) -> bool {
         trial.run_for(Duration::from_secs(1));
         hold_a_plan(&trial.cluster, &ids(modules))
     })
+}
+
+/// The links between these groups of modules.
+fn between(groups: &[&[u32]]) -> BTreeSet<(ModuleId, ModuleId)> {
+    let group_of = |module| groups.iter().position(|group| group.contains(&module));
+    let modules = || groups.iter().flat_map(|group| group.iter().copied());
+    let pairs = modules().flat_map(|from| modules().map(move |to| (from, to)));
+    let apart = pairs.filter(|&(from, to)| group_of(from) != group_of(to));
+    apart
+        .map(|(from, to)| (ModuleId(from), ModuleId(to)))
+        .collect()
 }
 
 /// Agents of which this one has these incarnations, one a run.
@@ -277,4 +292,146 @@ fn what_stores_hold_of_a_run_whose_clock_was_ahead_takes_no_spot_from_a_later_on
         assert!(nearest(&trial, third) > 0.9, "seed {seed}");
     }
     assert!(moved > 2, "{moved}");
+}
+
+/// Only the fifth module knows the former run of the third, which moves in a run that is earlier by its clock. They come together,
+/// and the third ends `wait` later; `severed` links carry nothing from then on.
+fn end_after(wait: Duration, severed: &BTreeSet<(ModuleId, ModuleId)>) {
+    let third = ModuleId(3);
+    let mut moved = 0;
+    for seed in 0..12 {
+        let problem = drawn(6, 5, Grouping::Singletons, seed);
+        let agents = with_runs(third, &[LATE, 1_001]);
+        let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), seed, agents);
+        trial
+            .cluster
+            .start_late(ModuleId(6), Duration::from_secs(200));
+        trial.cluster.sever(&between(&[&[3, 5], &[1, 2, 4, 6]]));
+        trial.run_for(Duration::from_millis(1_500));
+        trial.cluster.crash(third);
+        let before = trial.cluster.body(third).unwrap();
+        trial.cluster.sever(&between(&[&[1, 2, 3, 4, 6], &[5]]));
+        trial.run_for(Duration::from_secs(1));
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(190));
+        let after = trial.cluster.body(third).unwrap();
+        moved += usize::from(after.distance_to(&before).to_units() > 0.9);
+        trial.cluster.sever(severed);
+        trial.run_for(wait);
+        trial.cluster.crash(third);
+        trial.run_for(Duration::from_secs(250));
+        assert!(nearest(&trial, third) > 0.9, "{wait:?}, seed {seed}");
+    }
+    assert!(moved > 6, "{moved}");
+}
+
+#[test]
+fn a_run_that_ends_when_others_learn_of_it_keeps_its_spot() {
+    for seconds in [1, 3, 6, 20] {
+        end_after(Duration::from_secs(seconds), &BTreeSet::new());
+    }
+    end_after(
+        Duration::from_secs(100),
+        &[(ModuleId(5), ModuleId(3))].into(),
+    );
+}
+
+/// Five modules have formed without stores, and a stranger names later runs of all of them.
+#[test]
+fn what_a_stranger_says_of_later_runs_costs_no_memory() {
+    for seed in 0..3 {
+        for in_roster in [false, true] {
+            let problem = drawn(5, 5, Grouping::Singletons, seed);
+            let mut trial = Trial::new(&problem, seed);
+            trial.until(Cluster::has_formed);
+            let stranger = ModuleId(99).run(Incarnation(5));
+            let last = trial.rosters.last().unwrap().clone();
+            let message = if in_roster {
+                let epoch = Epoch {
+                    number: last.epoch.number + 3,
+                    convener: stranger.module,
+                };
+                let mut members = last.members.clone();
+                for member in &mut members {
+                    member.incarnation = Incarnation(LATE);
+                }
+                trial.cluster.forge_heartbeat(stranger, 1, Some(epoch));
+                let roster = ClosedRoster::from(Roster {
+                    epoch,
+                    target: last.target.clone(),
+                    members,
+                    quorum_bases: Vec::new(),
+                    timing: last.timing,
+                    bodies: Vec::new(),
+                });
+                Message::Roster(RosterMessage::Plan(Arc::new(roster)))
+            } else {
+                let elsewhere = |module: u32| BodyReport {
+                    module: ModuleId(module),
+                    incarnation: Incarnation(LATE),
+                    epoch: None,
+                    sequence: 0,
+                    whereabouts: Whereabouts::Seen(
+                        Pose::from_units(600.0, f64::from(module), 0.0).unwrap(),
+                    ),
+                };
+                let pose = Pose::from_units(500.0, 500.0, 0.0).unwrap();
+                Message::ModuleState(Arc::new(ModuleState {
+                    sequence: 1,
+                    bodies: (1..=5).map(elsewhere).collect(),
+                    ..ModuleState::standing(stranger, pose)
+                }))
+            };
+            trial.cluster.inject(&message);
+            trial.run_for(Duration::from_secs(200));
+            let together = hold_a_plan(&trial.cluster, &ids(&[1, 2, 3, 4, 5]));
+            assert!(together, "seed {seed}, in a roster: {in_roster}");
+        }
+    }
+}
+
+/// Two runs of the third module learn of the same former one, on two sides of a cut, and the first of them is in a majority.
+#[test]
+fn a_later_run_does_not_count_as_one_that_learned_of_the_same_former_run() {
+    let third = ModuleId(3);
+    for seed in 0..6 {
+        let problem = drawn(5, 5, Grouping::Singletons, seed);
+        let parameters = ClusterParameters {
+            stores: true,
+            names_founders: true,
+            ..ClusterParameters::default()
+        };
+        let agents = with_runs(third, &[LATE, 1_001, 1_002]);
+        let mut trial = Trial::of_agents(&problem, parameters, seed, agents);
+        trial.cluster.take_store(third);
+        trial.until(Cluster::has_formed);
+        trial.cluster.crash(third);
+        trial.cluster.sever(&between(&[&[1, 2, 3, 4], &[5]]));
+        trial.run_for(Duration::from_secs(25));
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(90));
+        let second_run = trial.cluster.run_of(third).unwrap();
+        trial.cluster.sever(&between(&[&[1, 3], &[2, 4], &[5]]));
+        trial.run_for(Duration::from_secs(60));
+        trial.cluster.crash(third);
+        trial.cluster.sever(&between(&[&[1], &[2, 4], &[3, 5]]));
+        trial.run_for(Duration::from_secs(25));
+        trial.cluster.restart(third);
+        trial.run_for(Duration::from_secs(30));
+        let third_run = trial.cluster.run_of(third).unwrap();
+        assert!(second_run.incarnation > Incarnation(LATE), "{second_run:?}");
+        assert!(third_run.incarnation > Incarnation(LATE), "{third_run:?}");
+        for module in [2, 4].map(ModuleId) {
+            trial.cluster.crash(module);
+            trial.cluster.restart(module);
+        }
+        trial.run_for(Duration::from_secs(1));
+        trial.cluster.sever(&between(&[&[1], &[2, 3, 4, 5]]));
+        for _ in 0..120 {
+            trial.run_for(Duration::from_secs(1));
+            let both = hold_a_plan(&trial.cluster, &ids(&[1]))
+                && hold_a_plan(&trial.cluster, &ids(&[2, 3, 4, 5]));
+            assert!(!both, "seed {seed}");
+        }
+    }
 }

@@ -17,6 +17,7 @@ use crate::model::{
 
 use super::context::Context;
 use super::event::{EpochReason, Event};
+use super::peers::SILENCES_REMEMBERED;
 use super::refusal::Refusal;
 
 /// The most bodies of other sessions that are kept, so that they take no room from those of this one.
@@ -36,8 +37,8 @@ pub(super) struct Bodies {
     contested: Option<(Epoch, BTreeSet<ModuleId>)>,
     /// Whether this run of this module was reported as removed.
     own_run_is_removed: bool,
-    /// The runs that send although reports on later ones are known. The states of this module list these reports.
-    outdated: BTreeMap<ModuleId, Incarnation>,
+    /// The modules whose runs send under earlier numbers than former ones had that are known.
+    outdated: BTreeMap<ModuleId, Outdated>,
     /// The blocked spots that were last reported.
     reported: Vec<BlockedSpot>,
     /// What was last found by [`Context::compare_bodies`].
@@ -54,6 +55,15 @@ struct Comparison {
     freed: Vec<BlockedSpot>,
     /// Bodies that may stand where the roster does not say.
     displaced: Vec<BodyReport>,
+}
+
+/// A module whose run sends under an earlier number than a former one had.
+#[derive(Clone, Copy, Debug, Hash)]
+struct Outdated {
+    /// The number of the former run.
+    former: Incarnation,
+    /// Since when the states of this module say so.
+    since: Duration,
 }
 
 impl Hash for Bodies {
@@ -139,27 +149,58 @@ impl Bodies {
         self.known.insert(report.module, report);
     }
 
-    /// A run sends. Returns whether it has to be told that a later one is known, because it has not been yet.
-    fn is_to_be_told(&mut self, run: ModuleRun) -> bool {
-        let known = self.known.get(&run.module);
-        if known.is_some_and(|known| known.incarnation > run.incarnation) {
-            self.outdated.insert(run.module, run.incarnation) != Some(run.incarnation)
-        } else {
+    /// A run sends under a later number than all former ones that are known, or with a plan, so that it keeps its number.
+    fn forget_outdated(&mut self, run: ModuleRun, holds_plan: bool) {
+        let outdated = self.outdated.get(&run.module);
+        if outdated.is_some_and(|outdated| holds_plan || outdated.former <= run.incarnation) {
             self.outdated.remove(&run.module);
-            false
         }
     }
 
-    /// Whether the latest run of a module that sends is earlier than one of which a report is known.
-    pub fn is_outdated(&self, module: ModuleId) -> bool {
-        self.outdated.contains_key(&module)
+    /// A run sends under an earlier number than the known one of its module. Returns whether that is news.
+    fn note_outdated(&mut self, module: ModuleId, former: Incarnation, now: Duration) -> bool {
+        let known = self.outdated.get(&module);
+        let is_new = known.is_none_or(|known| known.former < former);
+        if is_new {
+            let outdated = Outdated { former, since: now };
+            self.outdated.insert(module, outdated);
+        }
+        is_new
     }
 
-    /// The reports on later runs than those that send, for the states of this module: they tell these runs of the later ones.
+    /// A run has taken the place of a former one: what was reported of that one is about the same body, which the next report on
+    /// the present run replaces; and a removal of that one is over.
+    fn take_over(&mut self, run: ModuleRun) {
+        let Some(known) = self.known.get_mut(&run.module) else {
+            return;
+        };
+        self.version += 1;
+        if known.whereabouts == Whereabouts::Removed {
+            self.known.remove(&run.module);
+        } else {
+            known.incarnation = run.incarnation;
+            (known.epoch, known.sequence) = (None, 0);
+        }
+    }
+
+    /// The report on a body, under the number of the former run if the present one has an earlier number: in a state of this
+    /// module it tells that run of it.
+    fn told(&self, report: &BodyReport) -> BodyReport {
+        let mut report = report.clone();
+        if let Some(outdated) = self.outdated.get(&report.module)
+            && outdated.former > report.incarnation
+        {
+            report.incarnation = outdated.former;
+            (report.epoch, report.sequence) = (None, 0);
+        }
+        report
+    }
+
+    /// The reports that tell runs of former ones with later numbers.
     pub fn of_outdated_runs(&self) -> Vec<BodyReport> {
         let modules = self.outdated.keys();
         let reports = modules.filter_map(|module| self.known.get(module));
-        reports.cloned().collect()
+        reports.map(|report| self.told(report)).collect()
     }
 
     /// Keeps where a module shows itself. In the same epoch, that supersedes no knowledge of its plan.
@@ -290,19 +331,38 @@ impl Context {
         self.exclude_if_removed(report.module);
     }
 
-    /// A run sends. If the report on a body is about a later one, which is silent, the state of this module says so: the run then
-    /// takes a later number.
-    pub fn note_run(&mut self, run: ModuleRun) {
+    /// A run sends, and holds a plan or not. If the report on its body is about a former run with a later number, which is silent,
+    /// the state of this module says so. A run that holds no plan then takes a later number itself.
+    pub fn note_run(&mut self, run: ModuleRun, holds_plan: bool) {
+        self.bodies.forget_outdated(run, holds_plan);
+        let known = self.bodies.get(run.module);
+        let Some(former) = known.map(|known| known.incarnation) else {
+            return;
+        };
         let liveness = self.liveness();
         let peer = self.peers.get(run.module);
-        let is_replaced =
-            peer.is_some_and(|peer| peer.incarnation > run.incarnation && liveness.includes(peer));
-        if !is_replaced && self.bodies.is_to_be_told(run) {
+        let later = peer.filter(|peer| peer.incarnation > run.incarnation);
+        if former <= run.incarnation || later.is_some_and(|peer| liveness.includes(peer)) {
+            return;
+        }
+        if peer.is_some_and(|peer| peer.incarnation == run.incarnation) {
+            self.bodies.take_over(run);
+        }
+        if !holds_plan && self.bodies.note_outdated(run.module, former, self.now) {
             self.mark_state_changed();
         }
     }
 
-    /// Considers a module failed whose present run was reported as removed. One that is earlier by its clock takes a later number.
+    /// Whether a module is expected to take a later number soon. One that does not, because it counts in a majority, takes part as it
+    /// is after the time for which it would be refused.
+    pub fn is_outdated(&self, module: ModuleId) -> bool {
+        let limit = self.parameters.suspicion * SILENCES_REMEMBERED;
+        let outdated = self.bodies.outdated.get(&module);
+        outdated.is_some_and(|outdated| self.now < outdated.since + limit)
+    }
+
+    /// Considers a module failed whose present run was reported as removed. What was reported as removed of a former run with a
+    /// later number than the live one is over.
     pub fn exclude_if_removed(&mut self, module: ModuleId) {
         if self.bodies.removals() == 0 {
             return;
@@ -316,7 +376,7 @@ impl Context {
             return;
         };
         if removed.incarnation > run.incarnation && is_live {
-            self.note_run(run);
+            self.bodies.take_over(run);
         } else if removed.incarnation >= run.incarnation {
             self.peers.exclude(module, Duration::MAX);
         }
@@ -334,7 +394,7 @@ impl Context {
     }
 
     /// What a frozen state lists: the bodies and removals of absent modules, of those that a roster left out, of those that were
-    /// reported to block spots, and of those whose present run is earlier than one of which a report is known.
+    /// reported to block spots, and of those whose run has an earlier number than a former one.
     pub fn absent_bodies(&mut self) -> Vec<BodyReport> {
         self.note_bodies();
         let liveness = self.liveness();
@@ -345,9 +405,11 @@ impl Context {
             !peer.is_some_and(|peer| liveness.includes(peer))
                 || contested.is_some_and(|(_, modules)| modules.contains(&module))
                 || blocking.iter().any(|blocked| blocked.module == module)
-                || self.bodies.is_outdated(module)
+                || self.bodies.outdated.contains_key(&module)
         });
-        listed.map(|(_, report, _)| report.clone()).collect()
+        listed
+            .map(|(_, report, _)| self.bodies.told(report))
+            .collect()
     }
 
     /// Adds what frozen members report of modules that are not frozen themselves.
@@ -384,6 +446,9 @@ impl Context {
     /// Takes over the bodies in a roster.
     pub fn learn_roster_bodies(&mut self, roster: &Roster) {
         self.note_bodies();
+        for member in &roster.members {
+            self.bodies.forget_outdated(member.run(), true);
+        }
         for report in &roster.bodies {
             if !body::lists(&roster.members, report.module) {
                 self.learn_body(report);

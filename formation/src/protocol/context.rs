@@ -147,7 +147,7 @@ impl Context {
 
     /// Whether an epoch may be opened to include a module. A run that is yet to take a later number would be no member.
     pub fn is_wanted(&self, module: ModuleId) -> bool {
-        self.peers.is_wanted(self.now, module) && !self.bodies.is_outdated(module)
+        self.peers.is_wanted(self.now, module) && !self.is_outdated(module)
     }
 
     /// The service of a module; `None` before its first state.

@@ -104,6 +104,14 @@ impl Agent {
         self
     }
 
+    /// The same agent, which started when the clock of its machine showed this time, in microseconds since 1970. Without it, that is
+    /// its incarnation, which a store or a former run may have raised.
+    #[must_use]
+    pub fn started_at(mut self, stamp: u64) -> Self {
+        self.context.own.start_stamp = stamp;
+        self
+    }
+
     /// The same agent, which asks its host for plans by [`Output::Compute`] and does not compute them itself.
     #[must_use]
     pub fn with_plans_of_host(mut self) -> Self {
@@ -301,9 +309,11 @@ impl Agent {
     /// Does what is due.
     fn step(&mut self) {
         self.context.outbox.forget_wakes();
+        let stood_back = self.succession.is_standing_back();
         let stands_back = self.succession.still_stands_back(self.context.now);
-        if !stands_back {
+        if stood_back && !stands_back {
             self.exceed_silent_run();
+            self.handle_kept_rosters();
         }
         if self.context.is_removed() {
             self.leave_epoch();
@@ -396,46 +406,48 @@ impl Agent {
     /// Handles a state; one that is known already changes nothing that is due. A process sends the states of all its modules
     /// when one of them changes, so most of those that arrive are known.
     fn handle_state(&mut self, source: Option<SourceId>, state: Arc<ModuleState>) -> bool {
-        let (module, incarnation) = (state.module, state.incarnation);
-        if module == self.module() {
-            self.handle_duplicate(incarnation);
+        let run = state.module.run(state.incarnation);
+        if run.module == self.module() {
+            self.handle_duplicate(run.incarnation);
             return true;
         }
-        let named = state
-            .bodies
-            .iter()
-            .find(|body| body.module == self.module());
-        let named = named.map(|body| body.incarnation);
+        let holds_plan = state.digest.is_some();
         let context = &mut self.context;
-        let news = context
-            .peers
-            .handle_state(context.liveness(), state, source);
-        context.note_run(module.run(incarnation));
-        match news {
+        let liveness = context.liveness();
+        match context.peers.handle_state(liveness, state, source) {
             Ok(true) => {
-                if let Some(named) = named {
-                    self.note_named_run(named);
-                }
-                self.note_body(module);
-                self.adjust_links_to(module);
+                context.note_run(run, holds_plan);
+                self.note_body(run.module);
+                self.adjust_links_to(run.module);
+                self.handle_names_in_state_of(run.module);
             }
             Ok(false) => return false,
-            Err(refusal) => self.refuse_run(module, incarnation, refusal),
+            Err(refusal) => self.refuse_run(run, refusal),
         }
         true
     }
 
+    /// Handles that a module reports the body of another run of this one.
+    fn handle_names_in_state_of(&mut self, module: ModuleId) {
+        let own = self.module();
+        let state = self.context.peers.state(module);
+        let mut bodies = state.iter().flat_map(|state| &state.bodies);
+        let named = bodies.find(|body| body.module == own);
+        if let Some(named) = named.map(|body| body.incarnation) {
+            self.note_named_run(named);
+        }
+    }
+
     /// Handles a heartbeat; one that shows nothing new changes nothing that is due.
     fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
-        let (module, incarnation) = (heartbeat.module, heartbeat.incarnation);
-        if module == self.module() {
-            self.handle_duplicate(incarnation);
+        let run = heartbeat.module.run(heartbeat.incarnation);
+        if run.module == self.module() {
+            self.handle_duplicate(run.incarnation);
             return true;
         }
         let context = &mut self.context;
         let liveness = context.liveness();
-        let news = context.peers.handle_heartbeat(liveness, heartbeat, source);
-        match news {
+        match context.peers.handle_heartbeat(liveness, heartbeat, source) {
             Ok(HeartbeatNews::Old) => return false,
             Ok(HeartbeatNews::StillLive { age }) => {
                 // What was too far ahead of this clock may be near enough by now.
@@ -452,15 +464,14 @@ impl Agent {
             }
             Ok(HeartbeatNews::New) => {
                 self.handle_stop(heartbeat.stop);
-                self.context.note_run(module.run(incarnation));
-                self.context.exclude_if_removed(module);
+                self.context.note_run(run, heartbeat.digest.is_some());
+                self.context.exclude_if_removed(run.module);
                 self.note_shown(&heartbeat);
-                self.handle_kept_roster_of(module);
+                // A state that was kept may have become its own.
+                self.handle_names_in_state_of(run.module);
+                self.handle_kept_roster_of(run.module);
             }
-            Err(refusal) => {
-                self.context.note_run(module.run(incarnation));
-                self.refuse_run(module, incarnation, refusal);
-            }
+            Err(refusal) => self.refuse_run(run, refusal),
         }
         true
     }

@@ -19,7 +19,7 @@ use super::refusal::Refusal;
 const PEERS_MIN: usize = 1_024;
 
 /// A run that has been silent for this many times `suspicion` no longer keeps an earlier run of its module out.
-const SILENCES_REMEMBERED: u32 = 4;
+pub(super) const SILENCES_REMEMBERED: u32 = 4;
 
 /// When, and by which limit, modules are judged to be live.
 #[derive(Clone, Copy, Debug)]

@@ -121,7 +121,12 @@ impl Quorum {
             Founders::Named(named) => named.contains(&voter.module),
             Founders::Number(_) | Founders::Unknown => true,
         };
-        (self.agreed.is_none() && founds) || self.known().any(|basis| basis.contains(&voter))
+        (self.agreed.is_none() && founds) || self.lists(voter)
+    }
+
+    /// Whether a module counts in a known basis.
+    pub fn lists(&self, voter: Voter) -> bool {
+        self.known().any(|basis| basis.contains(&voter))
     }
 
     /// The members of every known basis.

@@ -18,8 +18,8 @@ use super::{Agent, AgentParameters};
 /// The latest messages of at most this many conveners are kept, so that few strangers take the place of none.
 const KEPT_MAX: usize = 16;
 
-/// A message of a convener that is not known yet or whose former run still counts as live, or a roster that lacks a majority. It
-/// comes only once, so it is kept until more is known.
+/// A message of a convener that is not known yet or whose former run still counts as live, one that comes while this module stands
+/// back, or a roster that lacks a majority. It comes only once, so it is kept until more is known.
 #[derive(Clone, Debug)]
 struct KeptRoster {
     source: Option<SourceId>,
@@ -64,7 +64,10 @@ impl Agent {
             self.context.note_epoch(epoch);
             return;
         }
-        let Some(convener) = self.context.peers.get(epoch.convener) else {
+        // To follow a call without freezing for it would have the others call again and again.
+        let convener = self.context.peers.get(epoch.convener);
+        let convener = convener.filter(|_| !self.succession.is_standing_back());
+        let Some(convener) = convener else {
             return self.keep_roster(source, message);
         };
         let run = epoch.convener.run(convener.incarnation);
@@ -141,7 +144,7 @@ impl Agent {
     }
 
     /// Handles the kept messages again, the latest epoch first, as this module knows more.
-    fn handle_kept_rosters(&mut self) {
+    pub(super) fn handle_kept_rosters(&mut self) {
         let kept = std::mem::take(&mut self.kept_rosters.0).into_values();
         let mut kept: Vec<KeptRoster> = kept.collect();
         kept.sort_by_key(|kept| Reverse(kept.message.epoch()));
@@ -217,6 +220,8 @@ impl Agent {
         if mine.incarnation > own {
             // The others have let a later run of this module take its place.
             self.note_named_run(mine.incarnation);
+            self.succession.note_successor(mine.incarnation);
+            self.stand_back();
             return Err(Refusal::DuplicateModule);
         }
         if mine.incarnation < own {

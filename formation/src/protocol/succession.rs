@@ -10,7 +10,7 @@
 
 use std::time::Duration;
 
-use crate::model::{Incarnation, ModuleId};
+use crate::model::{Incarnation, ModuleRun, Voter};
 
 use super::Agent;
 use super::context::Own;
@@ -28,8 +28,10 @@ const SCATTERED_BITS_UNUSED: u32 = 44;
 pub(super) struct Succession {
     /// Until when this process stands back because another one runs as its module.
     standing_back_until: Option<Duration>,
-    /// The latest run of this module that the others have named.
-    latest_named: Option<Incarnation>,
+    /// The later run of this module by which the others have replaced this one.
+    succeeded_by: Option<Incarnation>,
+    /// The number that this run is to exceed once it has stood back, as it counts in no majority yet.
+    to_exceed: Option<Incarnation>,
     /// The run of a duplicate, of this or another module, that was last reported.
     reported: Option<Incarnation>,
 }
@@ -58,27 +60,25 @@ impl Succession {
         false
     }
 
-    /// Others name a run of this module; returns whether it is later than all that were named before.
-    fn note_named(&mut self, named: Incarnation) -> bool {
-        let is_later = self.latest_named < Some(named);
-        self.latest_named = self.latest_named.max(Some(named));
-        is_later
+    /// The others have replaced this run of the module by a later one.
+    pub fn note_successor(&mut self, later: Incarnation) {
+        self.succeeded_by = self.succeeded_by.max(Some(later));
     }
 
     /// The number that a run takes which has stood back for a later one in vain, if this is one. Another run of the module may have
     /// taken, or will take, a number above the same later one, so that what is added depends on the start of this one.
-    fn number_above(&self, own: Own) -> Option<Incarnation> {
-        let named = self.latest_named?;
+    fn take_number_above(&mut self, own: Own) -> Option<Incarnation> {
+        let former = self.to_exceed.take()?;
         let scattered = own.start_stamp.wrapping_mul(SCATTERING) >> SCATTERED_BITS_UNUSED;
-        let next = named.0.checked_add(1)?.checked_add(scattered)?;
-        (named > own.run.incarnation).then_some(Incarnation(next))
+        let next = former.0.checked_add(1)?.checked_add(scattered)?;
+        (former > own.run.incarnation).then_some(Incarnation(next))
     }
 
     /// Whether this run has to stand back for another; `listened` if it has been running for longer than `suspicion`.
     pub fn yields_to(&self, other: Incarnation, own: Incarnation, listened: bool) -> bool {
         let has_succeeded = listened && !self.is_standing_back();
-        let is_succeeded = self.latest_named.is_some_and(|later| other >= later);
-        (other < own && !has_succeeded) || is_succeeded
+        let is_succeeded = self.succeeded_by.is_some_and(|later| other >= later);
+        (other < own && !has_succeeded) || (other > own && is_succeeded)
     }
 
     /// Whether a duplicate has not been reported last.
@@ -103,20 +103,26 @@ impl Agent {
         {
             self.stand_back();
         }
-        self.refuse_run(own.run.module, incarnation, Refusal::DuplicateModule);
+        self.refuse_run(own.run.module.run(incarnation), Refusal::DuplicateModule);
     }
 
-    /// Others name this run of this module: stands back for it if it is later.
+    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A run that
+    /// counts in a majority keeps its number, with which its memory would be lost; those who hear it know where its body is.
     pub(super) fn note_named_run(&mut self, named: Incarnation) {
-        let is_later = named > self.context.own.run.incarnation;
-        if is_later && self.context.is_plausible(named.0) && self.succession.note_named(named) {
+        let context = &self.context;
+        let own = Voter::new(context.own.run, context.own.store);
+        let is_later = named > context.own.run.incarnation && context.is_plausible(named.0);
+        let is_new = self.succession.to_exceed < Some(named);
+        if is_later && is_new && !context.memory.quorum.lists(own) {
+            self.succession.to_exceed = Some(named);
+            self.succession.note_successor(named);
             self.stand_back();
         }
     }
 
     /// Takes a number above that of a later run for which this one stood back, and which has not been heard meanwhile.
     pub(super) fn exceed_silent_run(&mut self) {
-        if let Some(next) = self.succession.number_above(self.context.own) {
+        if let Some(next) = self.succession.take_number_above(self.context.own) {
             self.context.own.run.incarnation = next;
             self.context.mark_state_changed();
             self.context.emit(Event::RunRenumbered(next));
@@ -124,18 +130,16 @@ impl Agent {
     }
 
     /// Refuses a message of a run; a duplicate is reported once.
-    pub(super) fn refuse_run(
-        &mut self,
-        module: ModuleId,
-        incarnation: Incarnation,
-        reason: Refusal,
-    ) {
+    pub(super) fn refuse_run(&mut self, run: ModuleRun, reason: Refusal) {
+        if reason == Refusal::StaleIncarnation {
+            self.context.note_run(run, false);
+        }
         if reason != Refusal::DuplicateModule {
-            return self.context.refuse(Some(module), reason);
+            return self.context.refuse(Some(run.module), reason);
         }
         self.context.outbox.refusals.add(reason);
-        if self.succession.is_news(incarnation) {
-            self.context.emit(Event::DuplicateModule(module));
+        if self.succession.is_news(run.incarnation) {
+            self.context.emit(Event::DuplicateModule(run.module));
         }
     }
 

@@ -324,14 +324,14 @@ impl Collection {
     }
 }
 
-/// The states of the live modules that have frozen for this epoch, and of which no later run is known.
+/// The states of the live modules that have frozen for this epoch, and that are not about to take a later number.
 fn frozen_states(epoch: Epoch, context: &Context) -> Vec<Arc<ModuleState>> {
     context
         .peers
         .live(context.liveness())
         .filter_map(|(_, peer)| peer.state.clone())
         .filter(|state| state.epoch == Some(epoch) && state.phase == ModulePhase::Gathered)
-        .filter(|state| !context.bodies.is_outdated(state.module))
+        .filter(|state| !context.is_outdated(state.module))
         .collect()
 }
 
