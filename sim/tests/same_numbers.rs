@@ -182,8 +182,8 @@ fn a_member_that_a_run_replaces_which_is_earlier_by_its_clock_is_missing() {
     }
 }
 
-/// A module that was cut off knows a former run of another, which is the later one by its clock: what it reports of that takes no
-/// spot from the body of the present run.
+/// A module that was cut off knows a former run of another, which is the later one by its clock: what it reports of that takes
+/// no spot from the body of the present run.
 #[test]
 fn a_module_that_was_cut_off_takes_no_body_from_a_run_that_is_earlier_by_its_clock() {
     let third = ModuleId(3);
@@ -294,8 +294,8 @@ fn what_stores_hold_of_a_run_whose_clock_was_ahead_takes_no_spot_from_a_later_on
     assert!(moved > 2, "{moved}");
 }
 
-/// Only the fifth module knows the former run of the third, which moves in a run that is earlier by its clock. They come together,
-/// and the third ends `wait` later; `severed` links carry nothing from then on.
+/// Only the fifth module knows the former run of the third, which moves in a run that is earlier by its clock. They come
+/// together, and the third ends `wait` later; `severed` links carry nothing from then on.
 fn end_after(wait: Duration, severed: &BTreeSet<(ModuleId, ModuleId)>) {
     let third = ModuleId(3);
     let mut moved = 0;

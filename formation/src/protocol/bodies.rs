@@ -11,13 +11,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::model::{
-    BlockedSpot, BodyReport, Epoch, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun,
-    ModuleState, MotionMode, Roster, RosterMember, Service, SpotId, Whereabouts, body,
+    BlockedSpot, BodyReport, Epoch, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    MotionMode, Roster, RosterMember, Service, SpotId, Whereabouts, body,
 };
 
 use super::context::Context;
 use super::event::{EpochReason, Event};
-use super::peers::SILENCES_REMEMBERED;
+use super::outdated::Outdated;
 use super::refusal::Refusal;
 
 /// The most bodies of other sessions that are kept, so that they take no room from those of this one.
@@ -26,11 +26,11 @@ const OTHER_SESSIONS_MAX: usize = 1_024;
 /// The bodies of other modules.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Bodies {
-    known: BTreeMap<ModuleId, BodyReport>,
+    pub(super) known: BTreeMap<ModuleId, BodyReport>,
     /// The modules in `known` whose bodies belong to other sessions.
     of_other_sessions: BTreeSet<ModuleId>,
     /// Rises whenever something becomes known.
-    version: u64,
+    pub(super) version: u64,
     /// Rises whenever a removal becomes known.
     removals: u64,
     /// An epoch whose roster opens spots on which this module knows bodies, and the modules of these bodies.
@@ -38,7 +38,7 @@ pub(super) struct Bodies {
     /// Whether this run of this module was reported as removed.
     own_run_is_removed: bool,
     /// The modules whose runs send under earlier numbers than former ones had that are known.
-    outdated: BTreeMap<ModuleId, Outdated>,
+    pub(super) outdated: BTreeMap<ModuleId, Outdated>,
     /// The blocked spots that were last reported.
     reported: Vec<BlockedSpot>,
     /// What was last found by [`Context::compare_bodies`].
@@ -55,15 +55,6 @@ struct Comparison {
     freed: Vec<BlockedSpot>,
     /// Bodies that may stand where the roster does not say.
     displaced: Vec<BodyReport>,
-}
-
-/// A module whose run sends under an earlier number than a former one had.
-#[derive(Clone, Copy, Debug, Hash)]
-struct Outdated {
-    /// The number of the former run.
-    former: Incarnation,
-    /// Since when the states of this module say so.
-    since: Duration,
 }
 
 impl Hash for Bodies {
@@ -105,8 +96,8 @@ impl Bodies {
 
     /// Keeps a report, unless a later one is known or there are too many.
     ///
-    /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes the
-    /// place of a report on a module of another session that has the same number.
+    /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes
+    /// the place of a report on a module of another session that has the same number.
     pub fn note(&mut self, report: BodyReport) {
         let is_of_this_session = report.epoch.is_some();
         let is_of_other_session = self.of_other_sessions.contains(&report.module);
@@ -147,60 +138,6 @@ impl Bodies {
         self.version += 1;
         self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
         self.known.insert(report.module, report);
-    }
-
-    /// A run sends under a later number than all former ones that are known, or with a plan, so that it keeps its number.
-    fn forget_outdated(&mut self, run: ModuleRun, holds_plan: bool) {
-        let outdated = self.outdated.get(&run.module);
-        if outdated.is_some_and(|outdated| holds_plan || outdated.former <= run.incarnation) {
-            self.outdated.remove(&run.module);
-        }
-    }
-
-    /// A run sends under an earlier number than the known one of its module. Returns whether that is news.
-    fn note_outdated(&mut self, module: ModuleId, former: Incarnation, now: Duration) -> bool {
-        let known = self.outdated.get(&module);
-        let is_new = known.is_none_or(|known| known.former < former);
-        if is_new {
-            let outdated = Outdated { former, since: now };
-            self.outdated.insert(module, outdated);
-        }
-        is_new
-    }
-
-    /// A run has taken the place of a former one: what was reported of that one is about the same body, which the next report on
-    /// the present run replaces; and a removal of that one is over.
-    fn take_over(&mut self, run: ModuleRun) {
-        let Some(known) = self.known.get_mut(&run.module) else {
-            return;
-        };
-        self.version += 1;
-        if known.whereabouts == Whereabouts::Removed {
-            self.known.remove(&run.module);
-        } else {
-            known.incarnation = run.incarnation;
-            (known.epoch, known.sequence) = (None, 0);
-        }
-    }
-
-    /// The report on a body, under the number of the former run if the present one has an earlier number: in a state of this
-    /// module it tells that run of it.
-    fn told(&self, report: &BodyReport) -> BodyReport {
-        let mut report = report.clone();
-        if let Some(outdated) = self.outdated.get(&report.module)
-            && outdated.former > report.incarnation
-        {
-            report.incarnation = outdated.former;
-            (report.epoch, report.sequence) = (None, 0);
-        }
-        report
-    }
-
-    /// The reports that tell runs of former ones with later numbers.
-    pub fn of_outdated_runs(&self) -> Vec<BodyReport> {
-        let modules = self.outdated.keys();
-        let reports = modules.filter_map(|module| self.known.get(module));
-        reports.map(|report| self.told(report)).collect()
     }
 
     /// Keeps where a module shows itself. In the same epoch, that supersedes no knowledge of its plan.
@@ -331,36 +268,6 @@ impl Context {
         self.exclude_if_removed(report.module);
     }
 
-    /// A run sends, and holds a plan or not. If the report on its body is about a former run with a later number, which is silent,
-    /// the state of this module says so. A run that holds no plan then takes a later number itself.
-    pub fn note_run(&mut self, run: ModuleRun, holds_plan: bool) {
-        self.bodies.forget_outdated(run, holds_plan);
-        let known = self.bodies.get(run.module);
-        let Some(former) = known.map(|known| known.incarnation) else {
-            return;
-        };
-        let liveness = self.liveness();
-        let peer = self.peers.get(run.module);
-        let later = peer.filter(|peer| peer.incarnation > run.incarnation);
-        if former <= run.incarnation || later.is_some_and(|peer| liveness.includes(peer)) {
-            return;
-        }
-        if peer.is_some_and(|peer| peer.incarnation == run.incarnation) {
-            self.bodies.take_over(run);
-        }
-        if !holds_plan && self.bodies.note_outdated(run.module, former, self.now) {
-            self.mark_state_changed();
-        }
-    }
-
-    /// Whether a module is expected to take a later number soon. One that does not, because it counts in a majority, takes part as it
-    /// is after the time for which it would be refused.
-    pub fn is_outdated(&self, module: ModuleId) -> bool {
-        let limit = self.parameters.suspicion * SILENCES_REMEMBERED;
-        let outdated = self.bodies.outdated.get(&module);
-        outdated.is_some_and(|outdated| self.now < outdated.since + limit)
-    }
-
     /// Considers a module failed whose present run was reported as removed. What was reported as removed of a former run with a
     /// later number than the live one is over.
     pub fn exclude_if_removed(&mut self, module: ModuleId) {
@@ -393,8 +300,8 @@ impl Context {
         self.bodies.own_run_is_removed
     }
 
-    /// What a frozen state lists: the bodies and removals of absent modules, of those that a roster left out, of those that were
-    /// reported to block spots, and of those whose run has an earlier number than a former one.
+    /// What a frozen state lists: the bodies and removals of absent modules, of those that a roster left out, of those that
+    /// were reported to block spots, and of those whose run has an earlier number than a former one.
     pub fn absent_bodies(&mut self) -> Vec<BodyReport> {
         self.note_bodies();
         let liveness = self.liveness();
@@ -456,8 +363,8 @@ impl Context {
         }
     }
 
-    /// Takes over the bodies in a roster, and refuses it if it opens a spot on which this module knows a body, or if paths may lead
-    /// through one.
+    /// Takes over the bodies in a roster, and refuses it if it opens a spot on which this module knows a body, or if paths may
+    /// lead through one.
     pub fn check_bodies(&mut self, roster: &Roster) -> Result<(), Refusal> {
         self.learn_roster_bodies(roster);
         let Comparison {
@@ -528,8 +435,8 @@ impl Context {
         }
     }
 
-    /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled and some paths
-    /// lie ahead.
+    /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled and some
+    /// paths lie ahead.
     pub fn doubt_bodies(
         &mut self,
         roster: &Roster,

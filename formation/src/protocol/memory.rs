@@ -29,7 +29,8 @@ impl Memory {
         self.highest_epoch
     }
 
-    /// The founders that are known, or else those of an announcement, which a roster may have shown to a module that stands aside.
+    /// The founders that are known, or else those of an announcement, which a roster may have shown to a module that stands
+    /// aside.
     fn founders<'a>(known: &'a [ModuleId], target: Option<&'a TargetAnnouncement>) -> Founders<'a> {
         let named = target.map_or(&[][..], |target| &target.founders);
         let named = if known.is_empty() { named } else { known };

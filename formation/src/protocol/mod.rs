@@ -29,6 +29,7 @@ mod memory;
 mod motion;
 mod mutation;
 mod outbox;
+mod outdated;
 mod pacing;
 mod parameters;
 mod peer;

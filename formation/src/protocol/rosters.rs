@@ -18,8 +18,8 @@ use super::{Agent, AgentParameters};
 /// The latest messages of at most this many conveners are kept, so that few strangers take the place of none.
 const KEPT_MAX: usize = 16;
 
-/// A message of a convener that is not known yet or whose former run still counts as live, one that comes while this module stands
-/// back, or a roster that lacks a majority. It comes only once, so it is kept until more is known.
+/// A message of a convener that is not known yet or whose former run still counts as live, one that comes while this module
+/// stands back, or a roster that lacks a majority. It comes only once, so it is kept until more is known.
 #[derive(Clone, Debug)]
 struct KeptRoster {
     source: Option<SourceId>,
@@ -105,8 +105,8 @@ impl Agent {
         }
     }
 
-    /// Leaves a member out that has left several rosters of this module in a row by opening an epoch: each lists a module of which
-    /// the other one receives nothing, so that none would ever agree.
+    /// Leaves a member out that has left several rosters of this module in a row by opening an epoch: each lists a module of
+    /// which the other one receives nothing, so that none would ever agree.
     fn note_interruption(&mut self, convener: ModuleId) {
         let own = self.context.module();
         let is_left = self.stage.roster().is_some_and(|roster| {
@@ -125,9 +125,9 @@ impl Agent {
         }
     }
 
-    /// Keeps a roster that lacks a majority, as it is judged again when this module follows another or its convener shows more. A
-    /// module that waits for a quorum, or stands aside for an earlier roster, shows the epoch that it could not follow, so that the
-    /// members of that call it to the next one.
+    /// Keeps a roster that lacks a majority, as it is judged again when this module follows another or its convener shows
+    /// more. A module that waits for a quorum, or stands aside for an earlier roster, shows the epoch that it could not
+    /// follow, so that the members of that call it to the next one.
     fn lack_quorum_for(&mut self, roster: Arc<ClosedRoster>, source: Option<SourceId>) {
         let epoch = roster.epoch;
         if self.context.shortfall.is_some() || matches!(self.stage, Stage::Outsider(_)) {

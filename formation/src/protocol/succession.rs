@@ -65,8 +65,8 @@ impl Succession {
         self.succeeded_by = self.succeeded_by.max(Some(later));
     }
 
-    /// The number that a run takes which has stood back for a later one in vain, if this is one. Another run of the module may have
-    /// taken, or will take, a number above the same later one, so that what is added depends on the start of this one.
+    /// The number that a run takes which has stood back for a later one in vain, if this is one. Another run of the module may
+    /// have taken, or will take, a number above the same later one, so that what is added depends on the start of this one.
     fn take_number_above(&mut self, own: Own) -> Option<Incarnation> {
         let former = self.to_exceed.take()?;
         let scattered = own.start_stamp.wrapping_mul(SCATTERING) >> SCATTERED_BITS_UNUSED;
@@ -106,8 +106,9 @@ impl Agent {
         self.refuse_run(own.run.module.run(incarnation), Refusal::DuplicateModule);
     }
 
-    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A run that
-    /// counts in a majority keeps its number, with which its memory would be lost; those who hear it know where its body is.
+    /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A
+    /// run that counts in a majority keeps its number, with which its memory would be lost; those who hear it know where its
+    /// body is.
     pub(super) fn note_named_run(&mut self, named: Incarnation) {
         let context = &self.context;
         let own = Voter::new(context.own.run, context.own.store);
