@@ -219,7 +219,7 @@ fn a_run_stays_below_a_later_one_as_long_as_that_sends() {
     }
 }
 
-/// Each was told of the other while that did not send: the later one goes on.
+/// Each learned of the other while that did not send: the later one goes on.
 #[test]
 fn two_processes_of_one_module_do_not_stand_back_for_each_other_for_good() {
     let mut agent = run(None);

@@ -360,7 +360,7 @@ fn founders_whom_a_roster_names_count_for_a_module_that_stands_aside() {
     run_each(FaultKind::Clocks, [2, 9], &[41_959]);
 }
 
-/// Two runs of a module are told of the same former run, and each takes a number above that.
+/// Two runs of a module learn of the same former run, and each takes a number above that.
 #[test]
 fn two_runs_never_take_the_same_number() {
     let seeds = [19_019, 24_259, 28_000, 33_584, 34_261, 34_512, 38_915];

@@ -315,7 +315,7 @@ impl Context {
                 || self.bodies.outdated.contains_key(&module)
         });
         listed
-            .map(|(_, report, _)| self.bodies.told(report))
+            .map(|(_, report, _)| self.bodies.under_former_number(report))
             .collect()
     }
 

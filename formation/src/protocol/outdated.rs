@@ -58,8 +58,8 @@ impl Bodies {
     }
 
     /// The report on a body, under the number of the former run if the present one has an earlier number: in a state of this
-    /// module it tells that run of it.
-    pub(super) fn told(&self, report: &BodyReport) -> BodyReport {
+    /// module it makes the former one known to that run.
+    pub(super) fn under_former_number(&self, report: &BodyReport) -> BodyReport {
         let mut report = report.clone();
         if let Some(outdated) = self.outdated.get(&report.module)
             && outdated.former > report.incarnation
@@ -70,11 +70,13 @@ impl Bodies {
         report
     }
 
-    /// The reports that tell runs of former ones with later numbers.
+    /// The reports that make former runs with later numbers known to those that send.
     pub fn of_outdated_runs(&self) -> Vec<BodyReport> {
         let modules = self.outdated.keys();
         let reports = modules.filter_map(|module| self.known.get(module));
-        reports.map(|report| self.told(report)).collect()
+        reports
+            .map(|report| self.under_former_number(report))
+            .collect()
     }
 }
 

@@ -4,7 +4,7 @@
 //! silent for that long already, the other modules have let the later one take its place, and accept only that. An earlier
 //! process that continues after having been stopped then stands back itself.
 //!
-//! If nothing is heard from the later run meanwhile, it has ended, and a clock that was set back made this one the earlier. It
+//! If nothing is received from the later run meanwhile, it has ended, and a clock that was set back made this one the earlier. It
 //! then takes a number above that of the former run, as in Lamport's logical clocks, so that the numbers of a module's runs
 //! ascend for all who know of them.
 
@@ -65,7 +65,7 @@ impl Succession {
         self.succeeded_by = self.succeeded_by.max(Some(later));
     }
 
-    /// The number that a run takes which has stood back for a later one in vain, if this is one. Another run of the module may
+    /// The number that a run takes which has stood back for a later one that did not send, if this is one. Another run of the module may
     /// have taken, or will take, a number above the same later one, so that what is added depends on the start of this one.
     fn take_number_above(&mut self, own: Own) -> Option<Incarnation> {
         let former = self.to_exceed.take()?;
@@ -107,7 +107,7 @@ impl Agent {
     }
 
     /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A
-    /// run that counts in a majority keeps its number, with which its memory would be lost; those who hear it know where its
+    /// run that counts in a majority keeps its number, with which its memory would be lost; those who receive it know where its
     /// body is.
     pub(super) fn note_named_run(&mut self, named: Incarnation) {
         let context = &self.context;
@@ -121,7 +121,7 @@ impl Agent {
         }
     }
 
-    /// Takes a number above that of a later run for which this one stood back, and which has not been heard meanwhile.
+    /// Takes a number above that of a later run for which this one stood back, and which has not sent meanwhile.
     pub(super) fn exceed_silent_run(&mut self) {
         if let Some(next) = self.succession.take_number_above(self.context.own) {
             self.context.own.run.incarnation = next;
