@@ -354,12 +354,6 @@ fn a_roster_of_a_stranger_keeps_no_restarted_module_outside() {
     run_each(FaultKind::Clocks, [2, 9], &[37_422, 44_789]);
 }
 
-/// A module knows the target by the roster of others alone. The founders that it names found the formation.
-#[test]
-fn founders_whom_a_roster_names_count_for_a_module_that_stands_aside() {
-    run_each(FaultKind::Clocks, [2, 9], &[41_959]);
-}
-
 /// Two runs of a module learn of the same former run, and each takes a number above that.
 #[test]
 fn two_runs_never_take_the_same_number() {

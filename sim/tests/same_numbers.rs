@@ -44,6 +44,17 @@ fn form_within(trial: &mut Trial, modules: &[u32], seconds: u32) -> bool {
     })
 }
 
+/// The third module restarts, and ends after this time; whether it moved in between.
+fn restart_for(trial: &mut Trial, seconds: u64) -> bool {
+    let third = ModuleId(3);
+    let before = trial.cluster.body(third).unwrap();
+    trial.cluster.restart(third);
+    trial.run_for(Duration::from_secs(seconds));
+    let after = trial.cluster.body(third).unwrap();
+    trial.cluster.crash(third);
+    after.distance_to(&before).to_units() > 0.9
+}
+
 /// The links between these groups of modules.
 fn between(groups: &[&[u32]]) -> BTreeSet<(ModuleId, ModuleId)> {
     let group_of = |module| groups.iter().position(|group| group.contains(&module));
@@ -202,14 +213,9 @@ fn a_module_that_was_cut_off_takes_no_body_from_a_run_that_is_earlier_by_its_clo
             }
             trial.run_for(Duration::from_millis(700));
             trial.cluster.crash(third);
-            let before = trial.cluster.body(third).unwrap();
             trial.cluster.cut(&ids(&[5]));
             trial.run_for(until_it_is_admitted);
-            trial.cluster.restart(third);
-            trial.run_for(Duration::from_secs(300));
-            let after = trial.cluster.body(third).unwrap();
-            moved += usize::from(after.distance_to(&before).to_units() > 0.9);
-            trial.cluster.crash(third);
+            moved += usize::from(restart_for(&mut trial, 300));
             trial.run_for(Duration::from_secs(1));
             trial.cluster.heal();
             trial.run_for(Duration::from_secs(180));
@@ -245,12 +251,7 @@ fn modules_that_restarted_know_the_body_of_a_run_after_a_clock_was_set_back() {
             trial.cluster.restart(module);
             trial.run_for(Duration::from_secs(40));
         }
-        let before = trial.cluster.body(third).unwrap();
-        trial.cluster.restart(third);
-        trial.run_for(Duration::from_secs(300));
-        let after = trial.cluster.body(third).unwrap();
-        moved += usize::from(after.distance_to(&before).to_units() > 0.9);
-        trial.cluster.crash(third);
+        moved += usize::from(restart_for(&mut trial, 300));
         trial.run_for(Duration::from_secs(400));
         assert!(nearest(&trial, third) > 0.9, "seed {seed}");
     }
@@ -277,17 +278,11 @@ fn what_stores_hold_of_a_run_whose_clock_was_ahead_takes_no_spot_from_a_later_on
         trial.run_for(Duration::from_secs(1));
         trial.cluster.crash(third);
         trial.run_for(Duration::from_secs(60));
-        let before = trial.cluster.body(third).unwrap();
         for module in [1, 2, 4, 5].map(ModuleId) {
             trial.cluster.crash(module);
-        }
-        for module in [1, 2, 3, 4, 5].map(ModuleId) {
             trial.cluster.restart(module);
         }
-        trial.run_for(Duration::from_secs(300));
-        let after = trial.cluster.body(third).unwrap();
-        moved += usize::from(after.distance_to(&before).to_units() > 0.9);
-        trial.cluster.crash(third);
+        moved += usize::from(restart_for(&mut trial, 300));
         trial.run_for(Duration::from_secs(400));
         assert!(nearest(&trial, third) > 0.9, "seed {seed}");
     }

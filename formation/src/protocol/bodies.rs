@@ -96,8 +96,8 @@ impl Bodies {
 
     /// Keeps a report, unless a later one is known or there are too many.
     ///
-    /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes
-    /// the place of a report on a module of another session that has the same number.
+    /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes the
+    /// place of a report on a module of another session that has the same number.
     pub fn note(&mut self, report: BodyReport) {
         let is_of_this_session = report.epoch.is_some();
         let is_of_other_session = self.of_other_sessions.contains(&report.module);
@@ -363,8 +363,8 @@ impl Context {
         }
     }
 
-    /// Takes over the bodies in a roster, and refuses it if it opens a spot on which this module knows a body, or if paths may
-    /// lead through one.
+    /// Takes over the bodies in a roster, and refuses it if it opens a spot on which this module knows a body, or if paths may lead
+    /// through one.
     pub fn check_bodies(&mut self, roster: &Roster) -> Result<(), Refusal> {
         self.learn_roster_bodies(roster);
         let Comparison {
@@ -435,8 +435,8 @@ impl Context {
         }
     }
 
-    /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled and some
-    /// paths lie ahead.
+    /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled and some paths
+    /// lie ahead.
     pub fn doubt_bodies(
         &mut self,
         roster: &Roster,

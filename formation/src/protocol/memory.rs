@@ -136,3 +136,41 @@ impl Hash for KnownTarget {
         self.revision().hash(state);
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::model::{Incarnation, PlanningProblem, Scenario};
+
+    fn problem() -> PlanningProblem {
+        let yaml = "
+target: {spots: [{id: 1, x: 0.0, y: 0.0}], edges: []}
+singletons: [{id: 1, x: 5.0, y: 0.0}]
+";
+        Scenario::from_yaml(yaml).unwrap().problem().clone()
+    }
+
+    #[test]
+    fn founders_whom_an_announcement_names_count_while_none_are_known() {
+        let voter = |id| Voter::new(ModuleId(id).run(Incarnation(1)), None);
+        let three: Vec<Voter> = (1..=3).map(voter).collect();
+        let all: Vec<Voter> = (1..=5).map(voter).collect();
+        let by_number = TargetAnnouncement {
+            expected_modules: Some(5),
+            ..TargetAnnouncement::new(&problem(), 1)
+        };
+        let by_name = TargetAnnouncement {
+            founders: (1..=5).map(ModuleId).collect(),
+            ..by_number.clone()
+        };
+        let memory = Memory::default();
+        assert_eq!(memory.shortfall(&three, Some(&by_number)), None);
+        assert!(memory.shortfall(&three, Some(&by_name)).is_some());
+        assert_eq!(memory.shortfall(&all, Some(&by_name)), None);
+        let memory = Memory {
+            founders: vec![ModuleId(1), ModuleId(2)],
+            ..Memory::default()
+        };
+        assert_eq!(memory.shortfall(&three, Some(&by_name)), None, "the known");
+    }
+}

@@ -420,7 +420,7 @@ impl Agent {
                 context.note_run(run, holds_plan);
                 self.note_body(run.module);
                 self.adjust_links_to(run.module);
-                self.handle_names_in_state_of(run.module);
+                self.handle_bodies_of(run.module);
             }
             Ok(false) => return false,
             Err(refusal) => self.refuse_run(run, refusal),
@@ -428,14 +428,10 @@ impl Agent {
         true
     }
 
-    /// Handles that a module reports the body of another run of this one.
-    fn handle_names_in_state_of(&mut self, module: ModuleId) {
-        let own = self.module();
-        let state = self.context.peers.state(module);
-        let mut bodies = state.iter().flat_map(|state| &state.bodies);
-        let named = bodies.find(|body| body.module == own);
-        if let Some(named) = named.map(|body| body.incarnation) {
-            self.note_named_run(named);
+    /// Handles that the latest state of a module may report the body of another run of this one.
+    fn handle_bodies_of(&mut self, module: ModuleId) {
+        if let Some(state) = self.context.peers.state(module).cloned() {
+            self.note_run_named_in(&state.bodies);
         }
     }
 
@@ -469,7 +465,7 @@ impl Agent {
                 self.context.exclude_if_removed(run.module);
                 self.note_shown(&heartbeat);
                 // A state that was kept may have become its own.
-                self.handle_names_in_state_of(run.module);
+                self.handle_bodies_of(run.module);
                 self.handle_kept_roster_of(run.module);
             }
             Err(refusal) => self.refuse_run(run, refusal),

@@ -198,13 +198,9 @@ impl Agent {
             self.context.note_opened(roster.epoch);
             self.context.mark_state_changed();
             let since = self.context.now;
-            let bodies = &roster.bodies;
-            let named = bodies.iter().find(|body| body.module == own);
-            let named = named.map(|body| body.incarnation);
+            let listed = Arc::clone(&roster);
             self.stage = Stage::Outsider(Outsider { roster, since });
-            if let Some(named) = named {
-                self.note_named_run(named);
-            }
+            self.note_run_named_in(&listed.bodies);
         }
         Ok(())
     }

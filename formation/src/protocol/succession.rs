@@ -10,7 +10,7 @@
 
 use std::time::Duration;
 
-use crate::model::{Incarnation, ModuleRun, Voter};
+use crate::model::{BodyReport, Incarnation, ModuleRun, Voter};
 
 use super::Agent;
 use super::context::Own;
@@ -104,6 +104,15 @@ impl Agent {
             self.stand_back();
         }
         self.refuse_run(own.run.module.run(incarnation), Refusal::DuplicateModule);
+    }
+
+    /// Others report these bodies, which ascend by module; there may be one of another run of this module.
+    pub(super) fn note_run_named_in(&mut self, bodies: &[BodyReport]) {
+        let own = self.context.module();
+        let named = bodies.binary_search_by_key(&own, |body| body.module);
+        if let Some(body) = named.ok().and_then(|index| bodies.get(index)) {
+            self.note_named_run(body.incarnation);
+        }
     }
 
     /// Others name this run of this module. If it is later, this one stands back for it, and is to take a number above it. A

@@ -226,12 +226,9 @@ impl Cluster {
         let Some(run) = self.bodies.get(&module).map(Identity::run) else {
             return;
         };
-        let numbers = self.renumbered.iter().rev();
-        let run = numbers
-            .filter(|&(_, process)| *process == run)
-            .map(|(&number, _)| number)
-            .next()
-            .unwrap_or(run);
+        let mut numbers = self.renumbered.iter().rev();
+        let latest = numbers.find(|&(_, process)| *process == run);
+        let run = latest.map_or(run, |(&number, _)| number);
         self.note(Fault::Remove(module));
         for other in self.running() {
             if other != module {
