@@ -170,6 +170,46 @@ fn modules_halt_when_the_motion_of_another_fails() {
     assert_eq!(trial.settled().len(), 5);
 }
 
+/// Docked modules turn together onto the lattice. They are one body as long as all of them stay docked: each halts by its
+/// own clock.
+#[test]
+fn a_spare_that_leaves_service_while_all_turn_together_stays_docked_until_a_plan_without_it() {
+    let problem = scenario(
+        "target: {map: 'o-o'}
+configurations:
+  - id: 1
+    modules:
+      - {id: 1, x: 20.0, y: 0.0, theta: 0.5}
+      - {id: 2, x: 20.877583, y: 0.479426, theta: 0.5}
+      - {id: 3, x: 21.755165, y: 0.958851, theta: 0.5}
+    edges: [[1, 2], [2, 3]]",
+    );
+    let (spare, neighbour, other) = (ModuleId(3), ModuleId(2), ModuleId(1));
+    for breaks in [true, false] {
+        let parameters = ClusterParameters {
+            speed_units_per_s: 0.3,
+            ..ClusterParameters::default()
+        };
+        let mut trial = Trial::with(&problem, parameters, 3);
+        trial.until(|cluster| cluster.running().len() == 3);
+        trial.cluster.break_drive(spare, breaks);
+        trial.until(|cluster| cluster.is_moving(other));
+        if !breaks {
+            trial.until(|cluster| cluster.is_moving(spare));
+            trial.cluster.command(spare, Command::Retire);
+        }
+        while trial.rosters.len() < 2 {
+            let links = trial.cluster.links(spare);
+            assert_eq!(links, Some(&BTreeSet::from([neighbour])), "{breaks}");
+            trial.run_for(Duration::from_millis(1));
+        }
+        trial.until(Cluster::has_formed);
+        let docked = |cluster: &Cluster| !cluster.links(spare).unwrap().is_empty();
+        trial.until(|cluster| !docked(cluster));
+        assert_eq!(trial.settled().len(), 2, "{breaks}");
+    }
+}
+
 /// A spare takes its spot only after it has moved off, which it never does.
 #[test]
 fn a_retired_module_that_cannot_make_room_blocks_its_spot() {

@@ -304,8 +304,11 @@ impl Acting {
                 self.make_room(to_act, &lagging, context)
             }
             None => {
-                // A module out of service undocks as soon as a plan without it is agreed on.
-                if lagging.is_empty() && context.body.service != Service::Active {
+                // A module out of service undocks as soon as a plan without it is agreed on. Along the paths of a plan with it, it
+                // may be part of a body that turns.
+                let takes_part = self.held.motion.route.is_some();
+                let is_active = context.body.service == Service::Active;
+                if lagging.is_empty() && !is_active && !takes_part {
                     let links = context.body.links.clone();
                     context.undock(links);
                 }
