@@ -4,7 +4,7 @@
 
 use std::time::Duration;
 
-use crate::support::{Trial, drawn, spots};
+use crate::support::{Trial, drawn, run_each, spots};
 use formation::generate::Grouping;
 use formation::model::{ModuleId, Stop};
 use formation::protocol::{Agent, AgentParameters, Mutation};
@@ -187,6 +187,13 @@ fn after_a_storm_all_modules_with_stores_form() {
 fn after_a_storm_modules_without_stores_form_or_rightly_wait() {
     let formed = storms(false, 0..60);
     assert!((5..60).contains(&formed), "{formed} of 60 formed");
+}
+
+/// A convener that restarted without a store opens an epoch again whose number it used before. The monitor counts both rosters.
+#[test]
+fn after_a_storm_modules_wait_rightly_for_those_of_an_epoch_that_was_opened_twice() {
+    let seeds = [77_012_747, 77_019_096, 77_020_627];
+    run_each(FaultKind::Storm, [2, 12], &seeds);
 }
 
 #[test]

@@ -196,18 +196,18 @@ impl Monitor {
         {
             return false;
         }
-        let bases = self.planned.iter();
-        bases
-            .filter(|&&epoch| Some(epoch) >= agreed)
-            .filter_map(|epoch| self.rosters.get(epoch))
-            .all(|known| {
-                let is_present = |voter: &&Voter| {
-                    modules.contains(&voter.module) && cluster.voter(voter.module) == Some(**voter)
-                };
-                let present = known.active.iter().filter(is_present).count() * 2;
-                let lowest = known.active.first().filter(is_present).is_some();
-                present > known.active.len() || (present == known.active.len() && lowest)
-            })
+        let planned = self.planned.iter();
+        let planned = planned.filter_map(|epoch| Some((*epoch, &self.rosters.get(epoch)?.active)));
+        let replaced = self.replaced.iter();
+        let mut bases = planned.chain(replaced.map(|(epoch, active)| (*epoch, active)));
+        bases.all(|(epoch, active)| {
+            let is_present = |voter: &&Voter| {
+                modules.contains(&voter.module) && cluster.voter(voter.module) == Some(**voter)
+            };
+            let present = active.iter().filter(is_present).count() * 2;
+            let lowest = active.first().filter(is_present).is_some();
+            Some(epoch) < agreed || present > active.len() || (present == active.len() && lowest)
+        })
     }
 
     /// Whether several formations are the one exception that docs/fault_model.md states: founders that the target does not

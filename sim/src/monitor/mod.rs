@@ -65,6 +65,8 @@ pub(crate) struct Monitor {
     shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
     /// The epochs of which some member had the whole plan. It may show the digest then, so the roster counts for its majorities.
     planned: BTreeSet<Epoch>,
+    /// The active members of such an epoch, where a later run of its convener has opened it again.
+    replaced: Vec<(Epoch, BTreeSet<Voter>)>,
     /// The epoch that each module shows, and since when.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     /// The spot, and the roster with its target, on which each run has settled and that it has not left.
@@ -155,12 +157,14 @@ impl Monitor {
         };
         // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
         let run_of_convener = |roster: &Roster| member(roster, convener).map(RosterMember::run);
-        let earlier = self.rosters.insert(roster.epoch, known);
-        if earlier
-            .is_some_and(|earlier| run_of_convener(&earlier.roster) == run_of_convener(roster))
-        {
-            let detail = format!("{} by {convener}", roster.epoch);
-            self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
+        if let Some(earlier) = self.rosters.insert(roster.epoch, known) {
+            if run_of_convener(&earlier.roster) == run_of_convener(roster) {
+                let detail = format!("{} by {convener}", roster.epoch);
+                self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
+            }
+            if self.planned.contains(&roster.epoch) {
+                self.replaced.push((roster.epoch, earlier.active));
+            }
         }
     }
 
