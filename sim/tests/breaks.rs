@@ -360,3 +360,11 @@ fn two_runs_never_take_the_same_number() {
     let seeds = [19_019, 24_259, 28_000, 33_584, 34_261, 34_512, 38_915];
     run_each(FaultKind::Clocks, [2, 9], &seeds);
 }
+
+/// A member comes back from behind a cut, where it was in a later epoch that lacks a majority now. Those that stayed settled or spare
+/// take all members to be live.
+#[test]
+fn members_leave_their_epoch_when_one_of_them_waits_for_a_quorum_in_a_later_one() {
+    run_each(FaultKind::Clocks, [2, 12], &[77_011_167]);
+    run_each(FaultKind::Churn, [2, 12], &[77_016_776]);
+}

@@ -212,13 +212,12 @@ fn judge_members(
     if let Some(reason) = missing_members(roster, context) {
         return Err(Some(reason));
     }
-    if outside_since.is_some() {
-        let members = roster.members.iter().map(|member| member.module.id);
-        let ahead = ahead_of(roster, members, context);
-        if !ahead.is_empty() {
-            // They wait for a quorum in a later epoch: this one is over.
-            return Err(Some(EpochReason::MembersAhead(ahead)));
-        }
+    // This epoch is over once a member waits for a quorum in a later one. To this module it looks complete: all members are live.
+    let members = roster.members.iter().map(|member| member.module.id);
+    let mut ahead = ahead_of(roster, members, context);
+    ahead.retain(|&module| waits_for_quorum(module, context));
+    if !ahead.is_empty() {
+        return Err(Some(EpochReason::MembersAhead(ahead)));
     }
     let leaving = leaving(roster, context);
     if leaving.is_empty() {
@@ -333,17 +332,18 @@ fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> 
 /// Those of some live modules that the roster does not list, that know its epoch, or a later one, and that wait for a quorum:
 /// they know of a majority that the members do not need, and learn in a gathering only that it no longer counts.
 fn strays(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
-    let waits = |module: ModuleId| {
-        let heartbeat = context.peers.heartbeat(module);
-        heartbeat.is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
-    };
     let others = others.iter().copied();
     others
-        .filter(|&module| roster.member(module).is_none() && waits(module))
+        .filter(|&module| roster.member(module).is_none() && waits_for_quorum(module, context))
         .filter(|&module| follows(module, roster.epoch, context))
         .filter(|&module| stands(module, context))
         .filter(|&module| context.is_wanted(module))
         .collect()
+}
+
+fn waits_for_quorum(module: ModuleId, context: &Context) -> bool {
+    let heartbeat = context.peers.heartbeat(module);
+    heartbeat.is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
 }
 
 /// Whether a module is at rest, or known by no state. One that moves, such as one whose driver has fallen silent, would not freeze.
