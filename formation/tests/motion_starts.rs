@@ -194,6 +194,47 @@ fn starts_that_are_too_close_are_named() {
     assert!(motion(&problem, &outcome, &[], MotionParameters::default()).is_ok());
 }
 
+/// Three docked modules that were halted at different moments, and a single one at the corner of the third.
+fn askew_next_to_a_single(single: (f64, f64)) -> Arc<PlanningProblem> {
+    let starts = [(8.0, 7.0, 0.0), (8.0, 8.0, 0.0), (8.1, 8.9, 0.0)];
+    let starts: Vec<_> = starts
+        .into_iter()
+        .chain([(single.0, single.1, 0.0)])
+        .collect();
+    let singles = row(&[(0.0, 0.0), (1.0, 0.0), (2.0, 0.0), (3.0, 0.0)], &starts);
+    let modules = singles.modules().iter().map(|module| PlanningModule {
+        links: match module.id.0 {
+            2 => [1, 3].map(ModuleId).into(),
+            1 | 3 => [ModuleId(2)].into(),
+            _ => BTreeSet::new(),
+        },
+        ..module.clone()
+    });
+    let modules = modules.collect();
+    let problem =
+        PlanningProblem::new(Arc::clone(singles.target()), *singles.parameters(), modules);
+    Arc::new(problem.unwrap())
+}
+
+/// In line, the third would be apart from the single one. It is not where it stands.
+#[test]
+fn docked_modules_that_are_out_of_line_are_compared_where_they_stand() {
+    let problem = askew_next_to_a_single((9.0, 8.0));
+    let outcome = plan(Arc::clone(&problem));
+    let found = motion(&problem, &outcome, &[], MotionParameters::default());
+    let expected = StartFault::NotApart(ModuleId(3), ModuleId(4));
+    assert_eq!(found, Err(MotionError::Starts(vec![expected])));
+
+    let problem = askew_next_to_a_single((9.1, 8.0));
+    let outcome = plan(Arc::clone(&problem));
+    let planned = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
+    assert_sound_within(0.1, &problem, &outcome, &planned);
+    let mut numbers = Numbers(1);
+    let waits = waits_of(&planned);
+    let contacts = run_with_bodies(&planned, &waits, 20, &mut numbers, MEASURED_BODY);
+    assert!(contacts.is_empty(), "{contacts:?}");
+}
+
 /// Such as a module that restarts with a pose of its own, away from the modules that it is docked to.
 #[test]
 fn modules_that_report_docks_over_a_distance_are_no_rigid_block() {

@@ -151,7 +151,8 @@ fn a_module_that_stands_aside_and_refuses_a_later_roster_is_not_left_behind() {
 /// goal at which its module has arrived meanwhile. In the rest, bodies stay where their modules crashed on paths, in passing
 /// settled modules, or are put back by a restart. In the first of those with five modules or more, a body stands where the members
 /// know and the convener does not; in the others, a driver falls silent on its way: its module shows no place in later epochs, and
-/// counts for no majority. In the last one, a module crashed while it turned.
+/// counts for no majority. In the last but one, a module crashed while it turned. In the last, a block that was halted out of line
+/// stands next to a module that was docked to one that failed.
 #[test]
 fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
     let seeds = [50_001_993, 50_002_332, 60_001_552, 100_019_419, 30_002_089];
@@ -162,5 +163,5 @@ fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
     run_each(FaultKind::Mixed, [2, 12], &seeds);
     let seeds = [53_002_973, 54_009_264, 54_011_057];
     run_each(FaultKind::Hostile, [5, 12], &seeds);
-    run_each(FaultKind::Hostile, [2, 12], &[81_000_746]);
+    run_each(FaultKind::Hostile, [2, 12], &[81_000_746, 77_013_560]);
 }

@@ -73,7 +73,7 @@ pub(super) struct Group {
     pub modules: Vec<usize>,
     /// About this point it turns.
     pub centre: Point,
-    /// How far its corners reach from the centre.
+    /// How far its corners reach from the centre before and after the turn.
     pub radius: i64,
     /// By how much it turns.
     pub turn: i64,
@@ -86,6 +86,8 @@ pub(super) struct Group {
     pub steps: Vec<Alignment>,
     /// Whether its modules have to come into line with each other in their first step.
     pub is_askew: bool,
+    /// If so, where they are.
+    measured: Vec<Point>,
     /// If they regroup: what the body of each module sweeps.
     pub ways: Vec<Shape>,
 }
@@ -159,6 +161,7 @@ impl Group {
         }
         let (middle, reach) = centre_of(&cells);
         let mut centre = point(&all[modules[middle]].pose);
+        let mut radius = reach;
         if is_askew {
             let headings = modules.iter().map(|&module| all[module].pose.theta.0);
             let headings: Vec<i64> = headings.collect();
@@ -175,6 +178,8 @@ impl Group {
             let turned = (measured.fit(middle, None), most);
             let mut fits = straight.into_iter().chain([turned]);
             let (fit, _) = fits.find(|(fit, most)| measured.farthest(fit) <= *most)?;
+            // A corner is off by no more than along both axes at once.
+            radius += measured.farthest(&fit) * 3 / 2;
             let (right, up) = rotated(fit.offset, off);
             centre = (first.x.0 + right, first.y.0 + up);
             off += fit.turned;
@@ -195,7 +200,7 @@ impl Group {
         let under = lattice.point(site);
         Some(Self {
             centre,
-            radius: reach,
+            radius,
             turn: if turns {
                 shortest(angle_of(extra) - off)
             } else {
@@ -204,6 +209,10 @@ impl Group {
             offsets,
             shift: (under.0 - centre.0, under.1 - centre.1),
             site,
+            measured: match is_askew {
+                true => modules.iter().map(|&it| point(&all[it].pose)).collect(),
+                false => Vec::new(),
+            },
             modules,
             steps: Vec::new(),
             is_askew,
@@ -223,6 +232,7 @@ impl Group {
             site,
             steps: Vec::new(),
             is_askew: false,
+            measured: Vec::new(),
             ways: Vec::new(),
         }
     }
@@ -265,6 +275,16 @@ impl Group {
         middle
     }
 
+    /// Where a member is before it shifts in a phase.
+    pub fn position_before(&self, member: usize, phase: Phase) -> Point {
+        let is_first = self.steps.first().is_none_or(|step| step.phase == phase);
+        let measured = self.measured.get(member).filter(|_| is_first);
+        measured.map_or_else(
+            || self.position_after(member, phase.before_shift()),
+            |it| *it,
+        )
+    }
+
     /// The cell of a member on the lattice.
     pub fn site_of(&self, member: usize) -> Site {
         (
@@ -288,16 +308,15 @@ impl Group {
             Phase::Turn => vec![self.circle()],
             Phase::Column | Phase::Row => members
                 .map(|member| {
-                    let ends = [phase.before_shift(), phase];
-                    let [from, to] = ends.map(|end| self.position_after(member, end));
-                    Shape::square(from, HALF).moved((from, to))
+                    let from = self.position_before(member, phase);
+                    Shape::square(from, HALF).moved((from, self.position_after(member, phase)))
                 })
                 .collect(),
         }
     }
 
     /// What the group covers before it shifts: the circle in which it turns, what its modules sweep while they regroup, or
-    /// their cells.
+    /// their cells, from where they are to where they are in line.
     pub fn bodies(&self) -> Vec<Shape> {
         if !self.ways.is_empty() {
             return self.ways.clone();
@@ -307,7 +326,11 @@ impl Group {
         }
         let members = 0..self.offsets.len();
         members
-            .map(|member| Shape::square(self.position_after(member, Phase::Turn), HALF))
+            .map(|member| {
+                let in_line = self.position_after(member, Phase::Turn);
+                let from = self.measured.get(member).map_or(in_line, |it| *it);
+                Shape::square(from, HALF).moved((from, in_line))
+            })
             .collect()
     }
 

@@ -141,9 +141,9 @@ fn groups_of(
     (groups, faults)
 }
 
-/// Whether a body whose members were halted at different moments lacks the room to turn.
+/// Whether a body whose members were halted at different moments lacks the room to come into line.
 fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack: i64) -> bool {
-    if !group.is_askew || group.turn == 0 {
+    if !group.is_askew {
         return false;
     }
     let around = group.surroundings();
@@ -283,13 +283,11 @@ fn must_follow(group: &Group, ahead: &Group, phase: Phase, slack: i64) -> bool {
     if shift.signum() * shift_ahead.signum() != 1 {
         return false;
     }
-    let bodies = |of: &Group, phase: Phase| -> Vec<Rectangle> {
-        (0..of.offsets.len())
-            .map(|member| square(of.position_after(member, phase)))
-            .collect()
-    };
-    let rest = bodies(ahead, phase.before_shift());
-    bodies(group, phase)
-        .iter()
-        .any(|body| rest.iter().any(|other| overlap(body, other, slack)))
+    let members = 0..ahead.offsets.len();
+    let rest = members.map(|member| square(ahead.position_before(member, phase)));
+    let rest: Vec<Rectangle> = rest.collect();
+    (0..group.offsets.len()).any(|member| {
+        let body = square(group.position_after(member, phase));
+        rest.iter().any(|other| overlap(&body, other, slack))
+    })
 }
