@@ -390,11 +390,7 @@ fn overlap(one: &Segment, two: &Segment, (begin, end): (f64, f64), width: f64) -
                 centre: other,
                 radius: reach,
             },
-        ) => {
-            // A body is nearer to the centre than its cell is, by half of what the cell has beyond it at least.
-            let reach = radius + reach - (1.0 - width);
-            (centre.0 - other.0).hypot(centre.1 - other.1) < reach - SLACK
-        }
+        ) => (centre.0 - other.0).hypot(centre.1 - other.1) < radius + reach - SLACK,
         (Shape::Disc { centre, radius }, Shape::Square { .. }) => {
             disc_meets(centre, radius, two, (begin, end), width)
         }
