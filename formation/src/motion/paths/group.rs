@@ -73,7 +73,7 @@ pub(super) struct Group {
     pub modules: Vec<usize>,
     /// About this point it turns.
     pub centre: Point,
-    /// How far its corners reach from the centre before and after the turn.
+    /// How far its cells reach from the centre in line, and its bodies where they are.
     pub radius: i64,
     /// By how much it turns.
     pub turn: i64,
@@ -84,9 +84,7 @@ pub(super) struct Group {
     /// The cell under the centre.
     pub site: Site,
     pub steps: Vec<Alignment>,
-    /// Whether its modules have to come into line with each other in their first step.
-    pub is_askew: bool,
-    /// If so, where they are.
+    /// Where its modules are, if they have to come into line with each other in their first step.
     measured: Vec<Point>,
     /// If they regroup: what the body of each module sweeps.
     pub ways: Vec<Shape>,
@@ -178,10 +176,9 @@ impl Group {
             let turned = (measured.fit(middle, None), most);
             let mut fits = straight.into_iter().chain([turned]);
             let (fit, _) = fits.find(|(fit, most)| measured.farthest(fit) <= *most)?;
-            // A corner is off by no more than along both axes at once.
-            radius += measured.farthest(&fit) * 3 / 2;
             let (right, up) = rotated(fit.offset, off);
             centre = (first.x.0 + right, first.y.0 + up);
+            radius = reach.max(reach_of_bodies(problem, &modules, centre));
             off += fit.turned;
         }
         // The farthest corner of a group moves no farther than that of a single module that is turned by the slack.
@@ -215,7 +212,6 @@ impl Group {
             },
             modules,
             steps: Vec::new(),
-            is_askew,
             ways: Vec::new(),
         })
     }
@@ -231,7 +227,6 @@ impl Group {
             shift: (0, 0),
             site,
             steps: Vec::new(),
-            is_askew: false,
             measured: Vec::new(),
             ways: Vec::new(),
         }
@@ -252,6 +247,11 @@ impl Group {
             modules,
             ..Self::standing(0, site, lattice)
         }
+    }
+
+    /// Whether its modules have to come into line with each other in their first step.
+    pub fn is_askew(&self) -> bool {
+        !self.measured.is_empty()
     }
 
     /// The heading of a module after the turn.
@@ -348,6 +348,19 @@ impl Group {
     pub fn ready(&self) -> Time {
         self.steps.last().map_or(0, |step| step.begin + 1)
     }
+}
+
+/// How far the corners of bodies reach from a point, rounded up.
+fn reach_of_bodies(problem: &PlanningProblem, modules: &[usize], from: Point) -> i64 {
+    let half = problem.target().surroundings().body_width().0 / 2;
+    let corners = modules.iter().flat_map(|&module| {
+        let pose = &problem.modules()[module].pose;
+        let middle = (pose.x.0 - from.0, pose.y.0 - from.1);
+        Shape::turned_square(middle, half, off_quarter(pose.theta.0)).into_points()
+    });
+    let squared = |(x, y): Point| i128::from(x).pow(2) + i128::from(y).pow(2);
+    let farthest = corners.map(squared).max().unwrap_or_default();
+    i64::try_from(farthest.isqrt() + 1).unwrap_or(i64::MAX)
 }
 
 /// The member that is nearest to all others, and how far their corners reach from its middle, rounded up.

@@ -37,6 +37,11 @@ impl Shape {
         }
     }
 
+    /// The corners of its hull, before they are rounded.
+    pub fn into_points(self) -> Vec<Point> {
+        self.points
+    }
+
     /// What this shape covers while its middle moves along a straight line.
     pub fn moved(mut self, (from, to): (Point, Point)) -> Self {
         let moved = |&(x, y): &Point| (x + to.0 - from.0, y + to.1 - from.1);

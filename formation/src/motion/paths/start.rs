@@ -50,7 +50,7 @@ pub(super) fn align(
         ];
         let needed = moves.into_iter().filter(|&(_, by)| by.abs() > tolerance.0);
         group.steps = needed.map(|(phase, _)| Alignment::at_once(phase)).collect();
-        if group.is_askew && group.steps.is_empty() {
+        if group.is_askew() && group.steps.is_empty() {
             group.steps = vec![Alignment::at_once(Phase::Column)];
         }
     }
@@ -143,7 +143,7 @@ fn groups_of(
 
 /// Whether a body whose members were halted at different moments lacks the room to come into line.
 fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack: i64) -> bool {
-    if !group.is_askew {
+    if !group.is_askew() {
         return false;
     }
     let around = group.surroundings();
