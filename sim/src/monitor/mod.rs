@@ -63,10 +63,9 @@ pub(crate) struct Monitor {
     latest: BTreeMap<ModuleRun, Latest>,
     /// When each member first showed the digest of a plan.
     shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
-    /// The epochs of which some member had the whole plan. It may show the digest then, so the roster counts for its majorities.
-    planned: BTreeSet<Epoch>,
-    /// The active members of such an epoch, where a later run of its convener has opened it again.
-    replaced: Vec<(Epoch, BTreeSet<Voter>)>,
+    /// The active members of the rosters of which some member had the whole plan. It may show the digest then, so they count for
+    /// its majorities. Several of one epoch, where a later run of its convener has opened it again.
+    planned: BTreeSet<(Epoch, BTreeSet<Voter>)>,
     /// The epoch that each module shows, and since when.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     /// The spot, and the roster with its target, on which each run has settled and that it has not left.
@@ -123,7 +122,8 @@ impl Monitor {
                     }
                 }
                 Observation::Noted(_, Event::Planned { epoch, .. }) => {
-                    self.planned.insert(epoch);
+                    let active = self.rosters.get(&epoch).map(|known| known.active.clone());
+                    self.planned.extend(active.map(|active| (epoch, active)));
                 }
                 Observation::Noted(..) | Observation::Announced(_) | Observation::Fault(_) => {}
             }
@@ -157,14 +157,12 @@ impl Monitor {
         };
         // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
         let run_of_convener = |roster: &Roster| member(roster, convener).map(RosterMember::run);
-        if let Some(earlier) = self.rosters.insert(roster.epoch, known) {
-            if run_of_convener(&earlier.roster) == run_of_convener(roster) {
-                let detail = format!("{} by {convener}", roster.epoch);
-                self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
-            }
-            if self.planned.contains(&roster.epoch) {
-                self.replaced.push((roster.epoch, earlier.active));
-            }
+        let earlier = self.rosters.insert(roster.epoch, known);
+        if earlier
+            .is_some_and(|earlier| run_of_convener(&earlier.roster) == run_of_convener(roster))
+        {
+            let detail = format!("{} by {convener}", roster.epoch);
+            self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
         }
     }
 
