@@ -196,6 +196,12 @@ fn after_a_storm_modules_wait_rightly_for_those_of_an_epoch_that_was_opened_twic
     run_each(FaultKind::Storm, [2, 12], &seeds);
 }
 
+/// A convener has the whole plan, and its store the roster, before the roster is published. The monitor counts that roster.
+#[test]
+fn modules_wait_rightly_for_those_of_a_roster_that_was_planned_before_it_was_published() {
+    run_each(FaultKind::Mixed, [2, 12], &[77_017_863]);
+}
+
 #[test]
 #[ignore = "a soak: 2,000 storms of each kind"]
 fn two_thousand_storms() {

@@ -196,13 +196,17 @@ impl Monitor {
         {
             return false;
         }
-        self.planned.iter().all(|(epoch, active)| {
+        let planned = self.planned.iter();
+        let planned = planned.filter_map(|epoch| Some((*epoch, &self.rosters.get(epoch)?.active)));
+        let replaced = self.replaced.iter();
+        let mut bases = planned.chain(replaced.map(|(epoch, active)| (*epoch, active)));
+        bases.all(|(epoch, active)| {
             let is_present = |voter: &&Voter| {
                 modules.contains(&voter.module) && cluster.voter(voter.module) == Some(**voter)
             };
             let present = active.iter().filter(is_present).count() * 2;
             let lowest = active.first().filter(is_present).is_some();
-            Some(*epoch) < agreed || present > active.len() || (present == active.len() && lowest)
+            Some(epoch) < agreed || present > active.len() || (present == active.len() && lowest)
         })
     }
 
@@ -219,8 +223,7 @@ impl Monitor {
                 .into_iter()
                 .flat_map(|known| &known.active)
         };
-        let planned = self.planned.iter().map(|(epoch, _)| epoch);
-        let planned: BTreeSet<&Voter> = planned.flat_map(active_in).collect();
+        let planned: BTreeSet<&Voter> = self.planned.iter().flat_map(active_in).collect();
         let forgot = |now: &Voter| {
             let mut before = planned.iter().filter(|voter| voter.module == now.module);
             before.any(|voter| voter.memory != now.memory)

@@ -63,9 +63,11 @@ pub(crate) struct Monitor {
     latest: BTreeMap<ModuleRun, Latest>,
     /// When each member first showed the digest of a plan.
     shown: BTreeMap<PlanKey, BTreeMap<ModuleId, Duration>>,
-    /// The active members of the rosters of which some member had the whole plan. It may show the digest then, so they count for
-    /// its majorities. Several of one epoch, where a later run of its convener has opened it again.
-    planned: BTreeSet<(Epoch, BTreeSet<Voter>)>,
+    /// The epochs of which some member had the whole plan. It may show the digest then, so the roster counts for its majorities.
+    /// A convener with a store has the plan before its roster is published.
+    planned: BTreeSet<Epoch>,
+    /// The active members of such an epoch, where a later run of its convener has opened it again.
+    replaced: Vec<(Epoch, BTreeSet<Voter>)>,
     /// The epoch that each module shows, and since when.
     left: BTreeMap<ModuleId, (Option<Epoch>, Duration)>,
     /// The spot, and the roster with its target, on which each run has settled and that it has not left.
@@ -122,8 +124,7 @@ impl Monitor {
                     }
                 }
                 Observation::Noted(_, Event::Planned { epoch, .. }) => {
-                    let active = self.rosters.get(&epoch).map(|known| known.active.clone());
-                    self.planned.extend(active.map(|active| (epoch, active)));
+                    self.planned.insert(epoch);
                 }
                 Observation::Noted(..) | Observation::Announced(_) | Observation::Fault(_) => {}
             }
@@ -157,12 +158,14 @@ impl Monitor {
         };
         // Where all have forgotten an epoch, a later run of its convener opens it again for other runs of the members.
         let run_of_convener = |roster: &Roster| member(roster, convener).map(RosterMember::run);
-        let earlier = self.rosters.insert(roster.epoch, known);
-        if earlier
-            .is_some_and(|earlier| run_of_convener(&earlier.roster) == run_of_convener(roster))
-        {
-            let detail = format!("{} by {convener}", roster.epoch);
-            self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
+        if let Some(earlier) = self.rosters.insert(roster.epoch, known) {
+            if run_of_convener(&earlier.roster) == run_of_convener(roster) {
+                let detail = format!("{} by {convener}", roster.epoch);
+                self.violate(at, ViolationKind::TwoRostersForOneEpoch, detail);
+            }
+            if self.planned.contains(&roster.epoch) {
+                self.replaced.push((roster.epoch, earlier.active));
+            }
         }
     }
 
