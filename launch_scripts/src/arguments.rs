@@ -408,10 +408,17 @@ pub struct GenerateArguments {
     /// The most links that one spot or module has: 3 or 4.
     #[arg(long, value_name = "D", default_value_t = 3)]
     pub degree: usize,
-    /// Keep the starts so far apart that all modules can move at the same time without contact, in a square field about the
-    /// target that is F times the square root of the number of modules wide [default of F: 3]
-    #[arg(long, value_name = "F", num_args = 0..=1, default_missing_value = "3", value_parser = field_width)]
-    pub apart: Option<u32>,
+    /// Width of the square field about the target in which the modules start, as a multiple of the square root of their number.
+    /// They start so far apart that all can move at the same time without contact
+    #[arg(
+        long, value_name = "F", num_args = 0..=1, default_value = "3", default_missing_value = "3",
+        value_parser = field_width
+    )]
+    pub apart: u32,
+    /// Draw the starts as in the paper, in a box of 16 by 16 units: modules of different configurations can overlap, and then move
+    /// in straight lines, one unit after another
+    #[arg(long, conflicts_with = "apart")]
+    pub touching: bool,
     /// The seed of the random numbers.
     #[arg(long, value_name = "X")]
     pub seed: u64,
