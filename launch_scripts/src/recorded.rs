@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use anyhow::anyhow;
 use formation::model::{ModuleId, PlanningProblem, SpotId};
+use formation::motion::PlannedMotion;
 use formation::planner::plan;
 use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
 use formation_msgs::Verdict;
@@ -43,9 +44,12 @@ pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
     }
     let judged = replay.verdict.as_ref().map(settled);
     let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let outcome = plan(Arc::clone(problem));
+    let mut outcome = plan(Arc::clone(problem));
+    let (motion, planned) = PlannedMotion::of(problem, outcome.plan, &[]);
+    outcome.plan = planned;
     let (name, course) = (one_line(&name), recording.entries());
-    let subject = Subject::of_course(&name, problem, &outcome, course, judged.as_ref());
+    let subject = Subject::of_course(&name, problem, &outcome, course, judged.as_ref())
+        .with_paths(&motion, &outcome);
     let summary = summary(&replay, problem, &recording);
     report.write_pictures(&subject, recording.entries(), &summary)?;
     console::result_line(&text(&replay, &summary, &directory))?;
