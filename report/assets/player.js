@@ -322,7 +322,7 @@
   scrub.max = film.length;
   scrub.min = begin;
   for (const id of ["player", "counters", "steps-box"]) byId(id).hidden = false;
-  byId("turns").hidden = begin === 0;
+  for (const id of ["turns", "turns-hint"]) byId(id).hidden = begin === 0;
   fit();
   render();
 })();
