@@ -113,8 +113,8 @@ pub enum Command {
     },
     /// Generate a random scenario from a seed and print it as YAML.
     ///
-    /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of
-    /// 16 x 16 units. The same options give the same scenario.
+    /// Targets and configurations are trees on the unit lattice. The modules start at random poses in a square field about the
+    /// target. The same options give the same scenario.
     Generate(GenerateArguments),
     /// Simulate agents that form targets in one process, under virtual time, on a seeded network and with faults.
     ///

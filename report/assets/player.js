@@ -114,8 +114,9 @@
     let points = follows ? module.path : recorded.points;
     const known = isLong(points);
     if (!known && spot) points = [points[0], [spot.x, spot.y]];
+    const corners = points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`);
     way.line.setAttribute("class", known ? "path" : "claim");
-    way.line.setAttribute("d", isLong(points) ? `M${points.map((point) => point.map((one) => one.toFixed(1)).join(" ")).join("L")}` : "");
+    way.line.setAttribute("d", isLong(points) ? `M${corners.join("L")}` : "");
   };
 
   const stepButtons = film.steps.map((step) => {

@@ -91,18 +91,9 @@ fn recorded(mut run: Value, recording: &Path, directory: &Path) -> Value {
     run
 }
 
-#[test]
-fn reports_are_watched_in_a_browser() {
-    let browser = on_path(&["chromium", "chromium-browser", "google-chrome"])
-        .and_then(|_| on_path(&["chromedriver"]));
-    if tool_or_skip(Tool::Browser, browser).is_none() {
-        return;
-    }
-    let Some(python) = Python::find() else {
-        return;
-    };
-    let directory = tempfile::tempdir().unwrap();
-    let place = |name: &str| directory.path().join(name);
+/// Has the reports written at which the browser looks.
+fn cases(directory: &Path) -> Vec<Value> {
+    let place = |name: &str| directory.join(name);
     let hundred = place("hundred.yaml");
     let generated = launch(
         &Domain::for_processes(4),
@@ -114,7 +105,6 @@ fn reports_are_watched_in_a_browser() {
             "100",
             "--configuration-size",
             "4",
-            "--touching",
             "--seed",
             "7",
         ],
@@ -144,7 +134,7 @@ fn reports_are_watched_in_a_browser() {
     );
     rooms["walls"] = true.into();
     let recording = recording_of(&place("run"));
-    let cases = [
+    vec![
         recorded(run.clone(), &recording, &place("recorded")),
         run,
         rooms,
@@ -164,8 +154,22 @@ fn reports_are_watched_in_a_browser() {
             true,
         ),
         case("plan", &hostile, &place("hostile"), HOSTILE_NAME, false),
-    ];
-    let size = fs::metadata(place("hundred").join("report.html"))
+    ]
+}
+
+#[test]
+fn reports_are_watched_in_a_browser() {
+    let browser = on_path(&["chromium", "chromium-browser", "google-chrome"])
+        .and_then(|_| on_path(&["chromedriver"]));
+    if tool_or_skip(Tool::Browser, browser).is_none() {
+        return;
+    }
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let cases = cases(directory.path());
+    let size = fs::metadata(directory.path().join("hundred/report.html"))
         .unwrap()
         .len();
     assert!(size < PAGE_BYTES_MAX, "the page has {size} bytes");
