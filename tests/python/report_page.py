@@ -243,7 +243,7 @@ class Page:
 
     def begins_at_the_first_motion(self):
         opened = self.browser.run(PICTURE)
-        check(not self.plays(), "the film plays before anybody asked for it")
+        check(not self.plays(), "the film plays at once")
         phases = [phase for _, phase, *_ in json.loads(opened)[0]]
         check("MOVING" in phases, f"at first nothing moves: {sorted(set(phases))}")
         self.browser.run("""
