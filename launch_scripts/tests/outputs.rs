@@ -70,16 +70,8 @@ fn places_that_cannot_be_written_are_refused_before_anything_starts() {
         ("--record", "/proc/out", "/proc/out: "),
         ("--report", &file, "is a file; name a directory"),
         ("--state-dir", &file, "is a file; name a directory"),
-        (
-            "--report",
-            &within,
-            "scenario.yaml` is a file and no directory",
-        ),
-        (
-            "--state-dir",
-            &within,
-            "scenario.yaml` is a file and no directory",
-        ),
+        ("--report", &within, "scenario.yaml` is no directory"),
+        ("--state-dir", &within, "scenario.yaml` is no directory"),
     ] {
         let (status, last) = said(&launcher, &["run", &scenario, option, path]);
         assert_eq!(status, Some(2), "{option} {path}: {last}");

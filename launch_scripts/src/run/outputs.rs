@@ -89,7 +89,7 @@ fn check_directory(path: &Path) -> Result<(), String> {
             Ok(found) if !found.is_dir() => {
                 return Err(match above == absolute {
                     true => "is a file; name a directory".to_owned(),
-                    false => format!("`{}` is a file and no directory", above.display()),
+                    false => format!("`{}` is no directory", above.display()),
                 });
             }
             Ok(_) => {
