@@ -38,6 +38,9 @@ pub enum Command {
     Check {
         /// The scenario file (YAML).
         scenario: PathBuf,
+        /// How the robots drive: in every direction, or along their heading only, for which they turn in place.
+        #[arg(long, value_name = "KIND", default_value = HOLONOMIC, value_parser = [HOLONOMIC, DIFFERENTIAL])]
+        drive: String,
     },
     /// Draw a scenario whose modules and spots stand on a lattice as text, as its file may have it.
     Show {
@@ -105,7 +108,7 @@ pub enum Command {
     ///
     /// A damaged recording is read up to the damage; the exit status is then 1.
     Report {
-        /// The recording (MCAP), as `formation run --record` and the program `recorder` write it.
+        /// The recording (MCAP), as `formation run --record` and the program `recorder` write it, or the folder of a bag.
         recording: PathBuf,
         /// Write into this directory [default: the name of the recording without its end]
         #[arg(long, value_name = "DIR")]
@@ -341,6 +344,16 @@ impl WorldArguments {
             .collect()
     }
 
+    /// Whether its robots have differential drives.
+    pub fn is_differential(&self) -> bool {
+        let words: Vec<&str> = self.world_option.iter().map(String::as_str).collect();
+        let joined = format!("--drive={DIFFERENTIAL}");
+        words.contains(&joined.as_str())
+            || words
+                .windows(2)
+                .any(|pair| pair == ["--drive", DIFFERENTIAL])
+    }
+
     /// The tolerances of modules, where the noise needs more than they have by themselves: a module that stands still is to be
     /// within them nearly always.
     pub fn module_options(&self) -> Vec<String> {
@@ -365,6 +378,10 @@ impl WorldArguments {
             .collect()
     }
 }
+
+const HOLONOMIC: &str = "holonomic";
+/// The drive of robots that turn in place.
+pub const DIFFERENTIAL: &str = "differential";
 
 const SIMULATED: &str = "simulated";
 const EXTERNAL: &str = "external";
