@@ -108,7 +108,8 @@ impl TryFrom<ScenarioFile> for RawScenario {
             }
             let mut lattice = lattice("modules", drawn.origin, drawn.pitch)?;
             let map = Map::read("modules", &drawn.map)?;
-            if drawn.origin.is_none() {
+            // Within walls there may be no room beside the target.
+            if drawn.origin.is_none() && file.arena.is_none() {
                 lattice = map.clear_of(&target.spots, lattice);
             }
             (configurations, singletons) = map.modules(lattice, drawn.ids.as_deref())?;
