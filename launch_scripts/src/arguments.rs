@@ -36,15 +36,18 @@ Exit status:
 pub enum Command {
     /// Validate and plan a scenario file, and say what is wrong and where, or which spot cannot be reached and why.
     Check {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// How the robots drive: in every direction, or along their heading only, for which they turn in place.
         #[arg(long, value_name = "KIND", default_value = HOLONOMIC, value_parser = [HOLONOMIC, DIFFERENTIAL])]
         drive: String,
+        /// Print one JSON object instead of a line.
+        #[arg(long)]
+        json: bool,
     },
     /// Draw a scenario whose modules and spots stand on a lattice as text, as its file may have it.
     Show {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// Print a picture in SVG instead, for which nothing needs to stand on a lattice.
         #[arg(long)]
@@ -83,7 +86,7 @@ pub enum Command {
     },
     /// Plan offline which module takes which spot, by the same core as in every module.
     Plan {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// Write pictures, a page that plays the plan, and the object that --json prints into this directory.
         #[arg(long, value_name = "DIR")]
@@ -95,7 +98,7 @@ pub enum Command {
     /// Say why a module gets its spot in the offline plan, or none: the turns that concern it, who evicts whom, and what
     /// other spots would cost.
     Explain {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// The identifier of the module.
         #[arg(long, value_name = "ID")]
@@ -460,7 +463,8 @@ fn field_width(text: &str) -> Result<u32, String> {
 /// What to simulate.
 #[derive(Debug, Args)]
 pub struct SimulateArguments {
-    /// A scenario file (YAML): its modules and target in every run [default: drawn from each seed]
+    /// A scenario file (YAML), or - for the standard input: its modules and target in every run [default: drawn from each
+    /// seed]
     pub scenario: Option<PathBuf>,
     /// How many seeds to run; a single one is printed in full.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
