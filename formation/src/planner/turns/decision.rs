@@ -53,7 +53,9 @@ impl Planning {
             evictions: &mut result.evictions,
         };
         if unit.is_block() {
-            (result.blocks, result.detached) = turn.allocate_block(&unit.members);
+            let block = turn.allocate_block(&unit.members);
+            (result.blocks, result.detached) = (block.blocks, block.detached);
+            result.proven = block.proven;
         } else {
             turn.allocate_spot(unit.leader);
         }

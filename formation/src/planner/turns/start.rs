@@ -10,11 +10,12 @@ use crate::planner::assignment::{Allocation, ChainSearch, Holder, Instance};
 use crate::planner::baseline::{self, Favourites};
 
 impl Planning {
-    /// Starts to plan. With fewer modules than spots, the target is trimmed first, unless the parameters forbid it.
+    /// Starts to plan. With fewer modules than spots, the target is trimmed first, unless the parameters forbid it or the policy is the
+    /// paper's, which does not trim.
     pub fn new(problem: Arc<PlanningProblem>) -> Self {
         let full = Arc::clone(problem.target());
         let order = problem.parameters().order;
-        if problem.parameters().keep_all_spots || problem.modules().len() >= full.spots().len() {
+        if !problem.parameters().trims_target() || problem.modules().len() >= full.spots().len() {
             return Self::for_target(problem, full, order, &[]);
         }
         let mut dry_run = Self::for_target(
