@@ -81,7 +81,9 @@ impl Acting {
         let may_begin = lagging.is_empty() && !context.parameters.plan_only;
         match self.task {
             Task::Waiting if self.is_pinned() => {
-                self.stay(lagging, context);
+                if let Some(place) = self.held.place {
+                    self.stay(place, lagging, context);
+                }
                 Progress::Wait
             }
             Task::Waiting | Task::Pausing if may_begin => self.begin_step(context),
