@@ -290,12 +290,18 @@ impl Bodies {
         ))
     }
 
-    /// Whether two modules were docked, directly or through others, while a segment lasted.
+    /// Whether two modules may have been docked, directly or through others, while a segment lasted: where states of one between
+    /// them are missing, it may have been.
     fn are_docked(&self, segment: &Segment, other: ModuleId) -> bool {
         let mut docked = BTreeSet::from([segment.module]);
         let mut open = vec![segment.module];
+        let leg = segment.leg;
         while let Some(next) = open.pop() {
             for link in self.links(next, segment) {
+                let track = self.tracks.get(&link);
+                if track.is_none_or(|track| !track.is_whole(leg.begin, leg.end)) {
+                    return true;
+                }
                 if self.links(link, segment).contains(&next) && docked.insert(link) {
                     open.push(link);
                 }
