@@ -150,6 +150,49 @@ fn every_bug_is_found() {
     assert!(missed.is_empty(), "{missed:?}");
 }
 
+/// Where all messages arrive, the verifier reports what they show of a bug, and reports nothing without it.
+#[test]
+fn the_verifier_reports_bugs_by_the_messages_alone() {
+    let run = |mutation, seed| {
+        let parameters = CampaignParameters {
+            faults: FaultKind::None,
+            modules_max: 16,
+            agents: agents(mutation),
+            ..CampaignParameters::default()
+        };
+        run_seed(&parameters, seed).unwrap()
+    };
+    for (mutation, kind) in [
+        (Mutation::MoveOutOfOrder, ViolationKind::TwoUnitsInMotion),
+        (
+            Mutation::EvictConfigurationMember,
+            ViolationKind::ConfigurationMemberEvicted,
+        ),
+    ] {
+        let (mut seen, mut reported) = (0, 0);
+        for seed in 0..40 {
+            let report = run(Some(mutation), seed);
+            let has = |kind| report.violations.iter().any(|one| one.kind == kind);
+            assert!(!has(ViolationKind::MissedByVerifier), "{mutation:?} {seed}");
+            seen += u32::from(has(kind));
+            reported += u32::from(has(kind) && !report.reported.is_empty());
+        }
+        println!("{mutation:?}: {reported} of {seen} runs");
+        assert!(
+            seen > 0 && reported > 0,
+            "{mutation:?}: {reported} of {seen}"
+        );
+    }
+    for seed in 0..40 {
+        let report = run(None, seed);
+        assert!(
+            report.reported.is_empty(),
+            "seed {seed}: {:?}",
+            report.reported
+        );
+    }
+}
+
 #[test]
 fn without_the_bugs_the_same_seeds_are_clean() {
     for (_, seed, _) in FOUND {
