@@ -217,7 +217,8 @@ impl Received {
             }));
             violations.extend(replay_claims(planned).replay.violations);
             violations.extend(Acts::new(planned).violations(self.position_tolerance));
-            let is_known = |module| planned.knows_body(module, &self.modules);
+            let is_known =
+                |module, was_at: &dyn Fn(Pose) -> bool| planned.knows_body(module, was_at);
             violations.extend(self.bodies.violations(epoch, is_known));
         }
         violations

@@ -9,7 +9,7 @@ use super::verdict::CollisionRisk;
 use crate::model::{
     CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits,
     ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
-    SpotClaim, SpotId, Stop, TURNS_MAX, Whereabouts,
+    SpotClaim, SpotId, Stop, TURNS_MAX,
 };
 use crate::verify::Violation;
 
@@ -289,27 +289,16 @@ impl<'a> PlannedEpoch<'a> {
         })
     }
 
-    /// Whether the plan is made around the body of a module where its latest state shows it: it is a member, or an absent module
-    /// whose body the roster lists there. Where the roster lists it elsewhere, states of it did not arrive.
-    pub(super) fn knows_body(
-        &self,
-        module: ModuleId,
-        modules: &BTreeMap<ModuleId, ModuleRecord>,
-    ) -> bool {
+    /// Whether the plan is made around the body of a module where it was by its states: it is a member, or an absent module whose
+    /// body the roster lists there. Where the roster lists it elsewhere, states of it did not arrive.
+    pub(super) fn knows_body(&self, module: ModuleId, was_at: &dyn Fn(Pose) -> bool) -> bool {
         let roster = &self.roster.roster;
-        if RosterMember::find(&roster.members, module).is_some() {
-            return true;
-        }
         let mut bodies = roster.bodies.iter();
-        bodies.any(|body| {
-            let run = modules
-                .get(&module)
-                .and_then(|record| record.run_of(body.incarnation));
-            let latest = run.and_then(|run| run.latest.as_ref());
-            body.module == module
-                && body.whereabouts != Whereabouts::Removed
-                && latest.is_some_and(|state| body.whereabouts.poses().contains(&state.pose))
-        })
+        RosterMember::find(&roster.members, module).is_some()
+            || bodies.any(|body| {
+                let mut poses = body.whereabouts.poses().iter();
+                body.module == module && poses.any(|&pose| was_at(pose))
+            })
     }
 
     /// The acts of a member, in the run that the roster names.
