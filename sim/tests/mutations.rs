@@ -162,27 +162,18 @@ fn the_verifier_reports_bugs_by_the_messages_alone() {
         };
         run_seed(&parameters, seed).unwrap()
     };
-    for (mutation, kind) in [
-        (Mutation::MoveOutOfOrder, ViolationKind::TwoUnitsInMotion),
-        (
-            Mutation::EvictConfigurationMember,
-            ViolationKind::ConfigurationMemberEvicted,
-        ),
-    ] {
-        let (mut seen, mut reported) = (0, 0);
-        for seed in 0..40 {
-            let report = run(Some(mutation), seed);
-            let has = |kind| report.violations.iter().any(|one| one.kind == kind);
-            assert!(!has(ViolationKind::MissedByVerifier), "{mutation:?} {seed}");
-            seen += u32::from(has(kind));
-            reported += u32::from(has(kind) && !report.reported.is_empty());
+    let (mut seen, mut reported) = (0, 0);
+    for seed in 0..40 {
+        let report = run(Some(Mutation::MoveOutOfOrder), seed);
+        let has = |kind| report.violations.iter().any(|one| one.kind == kind);
+        assert!(!has(ViolationKind::MissedByVerifier), "seed {seed}");
+        if has(ViolationKind::TwoUnitsInMotion) {
+            seen += 1;
+            reported += u32::from(!report.reported.is_empty());
         }
-        println!("{mutation:?}: {reported} of {seen} runs");
-        assert!(
-            seen > 0 && reported > 0,
-            "{mutation:?}: {reported} of {seen}"
-        );
     }
+    println!("{reported} of {seen} runs");
+    assert!(seen > 0 && reported == seen, "{reported} of {seen} runs");
     for seed in 0..40 {
         let report = run(None, seed);
         assert!(
