@@ -18,6 +18,7 @@ mod obstacles;
 mod oracles;
 mod planning;
 mod properties;
+mod removals;
 mod scenario_text;
 mod support;
 mod theorems;
