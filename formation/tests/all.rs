@@ -19,6 +19,7 @@ mod oracles;
 mod paper;
 mod planning;
 mod properties;
+mod removals;
 mod scenario_text;
 mod support;
 mod theorems;

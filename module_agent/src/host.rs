@@ -1,6 +1,7 @@
 //! The modules that one process hosts: their agents, their drives, and what they publish together.
 
 mod handled_states;
+mod removals;
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -25,6 +26,7 @@ use crate::drivers::DriverMessage;
 use crate::journal::{Journal, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
 use handled_states::HandledStates;
+pub(crate) use removals::REMOVE_MODULE;
 
 /// What the process has to publish.
 #[derive(Clone, Debug, PartialEq)]
@@ -69,6 +71,8 @@ struct Hosted {
     refusals: u64,
     /// How many messages of a second process with the same identifier it reported.
     duplicates: u64,
+    /// The number of events about reports that bodies were taken away.
+    removals: u64,
     diagnostics: ModuleDiagnostics,
 }
 
@@ -143,6 +147,7 @@ impl Host {
             heartbeat: None,
             refusals: 0,
             duplicates: 0,
+            removals: 0,
             diagnostics: ModuleDiagnostics::default(),
         });
     }
@@ -533,6 +538,9 @@ impl Hosted {
         let count = match event {
             Event::Refused { .. } => Some(&mut self.refusals),
             Event::DuplicateModule(_) => Some(&mut self.duplicates),
+            Event::RemovalProposed(_) | Event::RemovalRefuted(_) | Event::RemovalOverruled(_) => {
+                Some(&mut self.removals)
+            }
             _ => None,
         };
         if let Some(count) = count {

@@ -9,16 +9,21 @@ use async_channel::Receiver;
 use formation::model::{Incarnation, ModuleId, ModuleSize, Service};
 use formation::motion::PlannedMotion;
 use formation::protocol::{ComputedPlan, Identity, PlanJob};
-use formation_msgs::{Eviction, Heartbeat, InSession, ModuleStates, Roster, SpotClaim};
+use formation_msgs::{
+    Eviction, Heartbeat, InSession, ModuleStates, RemoveModuleRequest, RemoveModuleResponse,
+    Roster, SpotClaim,
+};
 use formation_node::messages::{
     Received, module_size_of, session_of, source_id, subscribe, subscribe_all,
 };
+use formation_node::removal_requests::Requests;
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::diagnostics::Report;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::parameters::{NodeParameters, ParameterError, Tunables, Values};
+use ros_runtime::service::Call;
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 use ros_runtime::stamp::since_boot;
@@ -27,7 +32,7 @@ use serde::Serialize;
 
 use crate::arguments::{HostedModules, Memory, Motion, MotionMode, Timing};
 use crate::drivers::{self, DriverMessage, DriverPublishers};
-use crate::host::{Host, Outgoing};
+use crate::host::{Host, Outgoing, REMOVE_MODULE};
 use crate::journal::{Journal, WriteJob};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
 use crate::worker::Worker;
@@ -121,6 +126,7 @@ impl ModuleProcess {
             publishers,
             host: Host::new(source, starting, timing.0, &motion, journal.take()),
             workers,
+            removals: Requests::default(),
             failure: None,
             frame_id: self.hosted.frame_id.clone(),
             module_size: module_size_of(&session),
@@ -181,6 +187,7 @@ fn add_topics_and_services(
         inputs.add(retire, |call| {
             Input::Membership(MembershipRequest::Retire(call))
         });
+        inputs.add(session.serve(&REMOVE_MODULE)?, Input::Removal);
     }
     Ok(())
 }
@@ -189,6 +196,7 @@ enum Input {
     Messages(Received),
     Driver(ModuleId, DriverMessage),
     Membership(MembershipRequest),
+    Removal(Call<RemoveModuleRequest, RemoveModuleResponse>),
     Computed(Arc<ComputedPlan>),
     /// The store holds the contents of this number.
     Written(u64),
@@ -246,6 +254,8 @@ struct ModuleNode {
     publishers: Publishers,
     host: Host,
     workers: Workers,
+    /// The requests to report bodies as removed that wait until the modules have listened.
+    removals: Requests,
     /// Why the process cannot go on.
     failure: Option<String>,
     frame_id: String,
@@ -276,6 +286,7 @@ impl Node for ModuleNode {
             Input::Membership(request) => {
                 request.carry_out(&mut self.host, self.module_size, now);
             }
+            Input::Removal(call) => self.removals.add(now, self.host.timing(), call),
             Input::Computed(computed) => self.host.handle_computed(now, &computed),
             Input::Written(number) => self.host.handle_written(now, number),
             Input::Failed(reason) => self.failure = Some(reason),
@@ -288,6 +299,9 @@ impl Node for ModuleNode {
         }
         // Others wait for the claims of a plan that has just come; what they sent can be handled afterwards.
         self.publish_all(session)?;
+        for request in self.removals.take_due(self.now()) {
+            self.host.report_removal(request);
+        }
         self.host.advance(self.now());
         if let Some(job) = self.host.next_job() {
             self.workers.plans.start_job(job);
@@ -302,7 +316,8 @@ impl Node for ModuleNode {
     }
 
     fn due(&self) -> Option<Instant> {
-        let due = self.host.due()?;
+        let due = self.host.due().into_iter();
+        let due = due.chain(self.removals.due()).min()?;
         // After a suspension this is late by at most the interval between two looks of the event loop.
         Some(Instant::now() + due.saturating_sub(self.now()))
     }

@@ -15,6 +15,7 @@ use crate::body::{Body, bodies};
 use crate::bounds::MODULES_MAX;
 use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
 use crate::epoch::{Epoch, QuorumBasis, quorum_bases, store, store_to_wire};
+use crate::operator::{Removal, removals};
 use crate::standard::{Header, Time};
 
 /// See `CausalMark.msg`.
@@ -53,6 +54,8 @@ pub struct ModuleState {
     pub agreed_on: Vec<CausalMark>,
     pub quorum_bases: Vec<QuorumBasis>,
     pub bodies: Vec<Body>,
+    pub proposed_removals: Vec<Removal>,
+    pub refuted_removals: Vec<Removal>,
 }
 
 /// See `ModuleStates.msg`.
@@ -153,6 +156,8 @@ impl ModuleState {
             agreed_on: state.agreed_on.iter().map(CausalMark::from).collect(),
             quorum_bases: state.quorum_bases.iter().map(QuorumBasis::from).collect(),
             bodies: state.bodies.iter().map(Body::from).collect(),
+            proposed_removals: state.proposed_removals.iter().map(Removal::from).collect(),
+            refuted_removals: state.refuted_removals.iter().map(Removal::from).collect(),
         }
     }
 }
@@ -198,6 +203,8 @@ impl ModuleState {
             agreed_on: marks("agreed_on", &self.agreed_on)?,
             quorum_bases: quorum_bases("quorum_bases", &self.quorum_bases)?,
             bodies: bodies("bodies", &self.bodies)?,
+            proposed_removals: removals("proposed_removals", &self.proposed_removals)?,
+            refuted_removals: removals("refuted_removals", &self.refuted_removals)?,
         })
     }
 }

@@ -1,10 +1,10 @@
 //! What travels on `commands`.
 
-use formation::model::{self, Incarnation, Message, ModuleId};
+use formation::model::{self, Incarnation, Message, ModuleId, ModuleRun};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;
-use crate::check::{self, Checked, PROTOCOL_VERSION};
+use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
 
 /// See `Stop.msg`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
@@ -40,22 +40,32 @@ pub struct Removal {
     pub incarnation: u64,
 }
 
-impl From<&model::Removal> for Removal {
-    fn from(removal: &model::Removal) -> Self {
+impl From<&ModuleRun> for Removal {
+    fn from(run: &ModuleRun) -> Self {
         Self {
-            module_id: removal.module.0,
-            incarnation: removal.incarnation.map_or(0, |incarnation| incarnation.0),
+            module_id: run.module.0,
+            incarnation: run.incarnation.0,
         }
     }
 }
 
 impl Removal {
-    fn validated(&self) -> Checked<model::Removal> {
-        Ok(model::Removal {
-            module: check::id("module_id", self.module_id, ModuleId)?,
-            incarnation: (self.incarnation != 0).then_some(Incarnation(self.incarnation)),
-        })
+    fn validated(&self) -> Checked<ModuleRun> {
+        let module = check::id("module_id", self.module_id, ModuleId)?;
+        // Whoever reports a removal knows which run is gone; a receiver behind a cut does not.
+        if self.incarnation == 0 {
+            let reason = "0 names no run; give the incarnation that heartbeats or a roster showed";
+            return Err(FieldError::contradiction("incarnation", reason));
+        }
+        Ok(module.run(Incarnation(self.incarnation)))
     }
+}
+
+/// The runs of distinct modules, ascending.
+pub(crate) fn removals(field: &str, raw: &[Removal]) -> Checked<Vec<ModuleRun>> {
+    let runs = check::entries(field, raw, MODULES_MAX, Removal::validated)?;
+    check::ascending(field, runs.iter().map(|run| run.module))?;
+    Ok(runs)
 }
 
 /// See `OperatorCommand.msg`.
@@ -71,10 +81,7 @@ pub struct OperatorCommand {
 impl OperatorCommand {
     /// A sample with these commands, for every session.
     #[must_use]
-    pub fn new<'a>(
-        stop: model::Stop,
-        removals: impl IntoIterator<Item = &'a model::Removal>,
-    ) -> Self {
+    pub fn new<'a>(stop: model::Stop, removals: impl IntoIterator<Item = &'a ModuleRun>) -> Self {
         Self {
             protocol_version: PROTOCOL_VERSION,
             session: 0,
@@ -88,7 +95,7 @@ impl OperatorCommand {
         check::version(self.protocol_version)?;
         let validate = Removal::validated;
         let removals = check::entries("removals", &self.removals, MODULES_MAX, validate)?;
-        let modules = removals.iter().map(|removal| removal.module);
+        let modules = removals.iter().map(|run| run.module);
         check::distinct("removals", modules)?;
         let stop = Some(self.stop.to_core()).filter(|stop| stop.revision > 0);
         let stop = stop.into_iter().map(Message::Stop);

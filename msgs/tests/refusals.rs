@@ -107,6 +107,15 @@ fn state() -> wire::ModuleState {
         agreed_on: vec![mark(1)],
         quorum_bases: vec![basis(1), basis(2)],
         bodies: vec![body(7), body(9)],
+        proposed_removals: vec![removal(7), removal(9)],
+        refuted_removals: vec![removal(8)],
+    }
+}
+
+fn removal(module_id: u32) -> wire::Removal {
+    wire::Removal {
+        module_id,
+        incarnation: 3,
     }
 }
 
@@ -560,10 +569,6 @@ fn heartbeats() {
 
 #[test]
 fn commands() {
-    let removal = |module_id| wire::Removal {
-        module_id,
-        incarnation: 0,
-    };
     let valid = wire::OperatorCommand {
         protocol_version: PROTOCOL_VERSION,
         session: 0,
@@ -576,6 +581,8 @@ fn commands() {
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
             "commands: protocol_version: is 1, but this program speaks version 5; run the same build everywhere";
+        sample => sample.removals[1].incarnation = 0,
+            "commands: removals[1].incarnation: 0 names no run; give the incarnation that heartbeats or a roster showed";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";
         sample => sample.removals[1].module_id = NONE,
             "commands: removals[1].module_id: 4294967295 stands for none and cannot be used here";

@@ -5,6 +5,7 @@ mod find_sessions;
 pub mod messages;
 mod module_list;
 mod pose_source;
+pub mod removal_requests;
 pub mod scenario;
 pub mod stamp;
 pub mod topics;

@@ -307,7 +307,16 @@ fn noted(event: &Event) -> Entry {
         Event::SpotsCutOff(spots) => Entry::of("spots_cut_off").spots(spots),
         Event::MakingRoom => Entry::of("making_room"),
         Event::BodyRemoved(module) => Entry::of("body_removed").module(*module),
-        Event::RunRemoved => Entry::of("run_removed"),
+        Event::RemovalProposed(module) => Entry::of("removal_proposed").module(*module),
+        Event::RemovalRefuted(module) => Entry::of("removal_refuted").module(*module),
+        Event::RemovalOverruled(module) => Entry::of("removal_overruled").module(*module),
+        Event::RemovalsHeard { epoch, modules } => Entry::of("removals_heard")
+            .epoch(*epoch)
+            .modules("modules", modules),
+        Event::RemovalsEarly { epoch, modules } => Entry::of("removals_early")
+            .epoch(*epoch)
+            .modules("modules", modules),
+        Event::RunRemoved(epoch) => Entry::of("run_removed").epoch(*epoch),
         Event::Stopped => Entry::of("stopped"),
         Event::Resumed => Entry::of("resumed"),
         Event::NoPaths(error) => Entry::of("no_paths").with("reason", error),
@@ -360,6 +369,7 @@ fn because(entry: Entry, reason: &EpochReason) -> Entry {
         EpochReason::Stuck(modules) => of("stuck").modules("modules", modules),
         EpochReason::MembersAhead(modules) => of("members_ahead").modules("modules", modules),
         EpochReason::BodiesUnlisted(modules) => of("bodies_unlisted").modules("modules", modules),
+        EpochReason::RemovalsRefused(modules) => of("removals_refused").modules("modules", modules),
         EpochReason::SpotsBlocked(blocked) => blocked_spots(of("spots_blocked"), blocked),
         EpochReason::SpotsFreed(spots) => of("spots_freed").spots(spots),
         EpochReason::BodiesGone(modules) => of("bodies_gone").modules("modules", modules),
@@ -397,7 +407,6 @@ fn fault_entry(fault: &Fault) -> Entry {
         Fault::Command(module, command) => Entry::of(match command {
             Command::Retire => "command_retire",
             Command::Rejoin => "command_rejoin",
-            Command::Remove(_) => "command_remove",
         })
         .module(*module),
         Fault::Stop(stop) => {

@@ -21,6 +21,7 @@ mod observed;
 mod paths;
 mod planning;
 mod recovery;
+mod removals;
 mod same_numbers;
 mod service;
 mod stop;

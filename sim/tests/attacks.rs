@@ -9,8 +9,8 @@ use std::time::Duration;
 use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, settled, spots};
 use formation::generate::Grouping;
 use formation::model::{
-    ClosedRoster, Epoch, Incarnation, Message, ModuleId, PlanningModule, Pose, QuorumBasis,
-    Removal, Roster, RosterMember, RosterMessage, STAMP_AHEAD_MAX, Service, TargetAnnouncement,
+    ClosedRoster, Epoch, Incarnation, Message, ModuleId, PlanningModule, Pose, QuorumBasis, Roster,
+    RosterMember, RosterMessage, STAMP_AHEAD_MAX, Service, TargetAnnouncement,
 };
 use formation::protocol::{Agent, AgentParameters, Command, Event, Mutation};
 use formation_sim::{
@@ -265,22 +265,6 @@ fn a_link_that_fails_in_one_direction_interrupts_less_and_less() {
         let epochs = trial.convened.len() - before;
         assert!(epochs < 20, "nothing from {from} to {to}: {epochs} epochs");
     }
-}
-
-/// The report names a later run than any.
-#[test]
-fn a_removal_of_a_run_that_never_was_keeps_no_module_out() {
-    let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
-    trial.until(Cluster::has_formed);
-    trial.cluster.crash(ModuleId(5));
-    trial.run_for(Duration::from_secs(30));
-    trial.cluster.inject(&Message::Removal(Removal {
-        module: ModuleId(5),
-        incarnation: Some(Incarnation(1 << 51)),
-    }));
-    trial.run_for(Duration::from_secs(5));
-    trial.cluster.restart(ModuleId(5));
-    trial.until(|cluster| cluster.has_formed() && hold_a_plan(cluster, &all()));
 }
 
 /// A stranger's number is near enough to the clock of module 1, which is a minute ahead, and too far from the others'.

@@ -3,7 +3,6 @@
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
 use std::collections::BTreeSet;
-use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, spots};
 use formation::generate::Grouping;
@@ -131,30 +130,6 @@ fn a_module_that_died_on_its_way_blocks_all_that_it_may_have_reached() {
         trial.until_formed_after(before);
         assert_eq!(spots(&trial.settled()).len(), 6, "seed {seed}");
     }
-}
-
-#[test]
-fn a_run_that_was_reported_as_removed_takes_no_part_until_it_restarts() {
-    let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 2), 2);
-    trial.until(Cluster::has_formed);
-    let (lost, _) = trial.settled()[2];
-    trial.cluster.cut(&[lost].into());
-    let before = trial.newest_epoch();
-    trial.cluster.report_removed(lost);
-    trial.until(|cluster| others_have_formed(cluster, lost, before));
-    trial.cluster.heal();
-    trial.run_for(Duration::from_secs(60));
-    assert_eq!(
-        trial.count(|event| matches!(event, Event::RunRemoved)),
-        1,
-        "{}",
-        trial.cluster.transcript()
-    );
-    assert_eq!(trial.settled().len(), 4);
-    trial.cluster.crash(lost);
-    trial.cluster.restart(lost);
-    trial.until_formed_again();
-    assert_eq!(trial.settled().len(), 5);
 }
 
 #[test]

@@ -11,13 +11,13 @@ use crate::support::{Trial, drawn, hold_a_plan, ids};
 use formation::generate::Grouping;
 use formation::model::{
     BodyReport, ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
-    Pose, Removal, Roster, RosterMessage, Whereabouts,
+    Pose, Roster, RosterMessage, Whereabouts,
 };
 use formation::protocol::Agent;
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
 
 /// An incarnation that is later than every other.
-const LATE: u64 = 1 << 40;
+pub const LATE: u64 = 1 << 40;
 
 /// The distance from the body of a module to the nearest other one, in units.
 fn nearest(trial: &Trial, module: ModuleId) -> f64 {
@@ -67,7 +67,7 @@ fn between(groups: &[&[u32]]) -> BTreeSet<(ModuleId, ModuleId)> {
 }
 
 /// Agents of which this one has these incarnations, one a run.
-fn with_runs(module: ModuleId, incarnations: &'static [u64]) -> AgentFactory {
+pub fn with_runs(module: ModuleId, incarnations: &'static [u64]) -> AgentFactory {
     let runs = AtomicU64::new(0);
     AgentFactory::new(move |mut identity, parameters, now| {
         if identity.module == module {
@@ -145,13 +145,10 @@ fn the_removal_of_a_run_whose_clock_was_ahead_ends_with_it() {
     let mut trial = Trial::of_agents(&problem, ClusterParameters::default(), 5, agents);
     trial.until(Cluster::has_formed);
     for restart in 0..2 {
+        let run = trial.cluster.run_of(ModuleId(5)).unwrap();
         trial.cluster.crash(ModuleId(5));
         trial.run_for(Duration::from_secs(30));
-        let removal = Removal {
-            module: ModuleId(5),
-            incarnation: None,
-        };
-        trial.cluster.inject(&Message::Removal(removal));
+        trial.cluster.inject(&Message::Removal(run));
         trial.run_for(Duration::from_secs(30));
         trial.cluster.restart(ModuleId(5));
         assert!(

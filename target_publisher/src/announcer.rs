@@ -130,7 +130,7 @@ impl Node for Announcer<'_> {
             Input::Messages(Received { messages, .. }) => {
                 let mut is_commanded = false;
                 for message in messages {
-                    is_commanded |= self.commander.handle_message(&message);
+                    is_commanded |= self.commander.handle_message(now, &message);
                     self.tracker.handle_message(now, &message);
                 }
                 if is_commanded {
@@ -152,11 +152,7 @@ impl Node for Announcer<'_> {
                 let outcome = self.commander.stop(!request.resume);
                 reply(outcome.inspect(|_| self.publish_commands()).into());
             }
-            Input::RemoveModule(Call { request, reply }) => {
-                let commander = &mut self.commander;
-                let outcome = commander.remove(request.module_id, request.incarnation);
-                reply(outcome.inspect(|_| self.publish_commands()).into());
-            }
+            Input::RemoveModule(call) => self.commander.ask_removal(now, call),
             Input::Action(request) => self.handle_action(now, request),
         }
     }
@@ -165,6 +161,13 @@ impl Node for Announcer<'_> {
         let now = self.start.elapsed();
         self.tracker.advance(now, &self.parameters);
         self.publish_target();
+        let reported = self.commander.report_removals(now);
+        if !reported.is_empty() {
+            self.publish_commands();
+        }
+        for (request, text) in reported {
+            request.answer(Ok(text));
+        }
         if let Some(action) = &self.action {
             if let Some((goal, feedback)) = self.tracker.take_feedback(now) {
                 action.publish_feedback(goal, feedback);
@@ -180,7 +183,8 @@ impl Node for Announcer<'_> {
     }
 
     fn due(&self) -> Option<Instant> {
-        let due = self.tracker.due(&self.parameters);
+        let due = self.tracker.due(&self.parameters).into_iter();
+        let due = due.chain(self.commander.due()).min();
         due.map(|due| self.start + due)
     }
 

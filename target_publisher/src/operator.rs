@@ -10,14 +10,18 @@ use std::time::{Duration, Instant};
 use async_channel::Receiver;
 use formation::model::text::listed_in_full;
 use formation::model::{
-    Heartbeat, Incarnation, MODULES_MAX, Message, ModuleId, NO_ID, Removal, RosterMessage, Stop,
+    Heartbeat, Incarnation, MODULES_MAX, Message, ModuleId, ModuleRun, RosterMessage, Stop, Timing,
 };
-use formation_msgs::{InSession, OperatorCommand, SessionId};
+use formation_msgs::{
+    InSession, OperatorCommand, RemoveModuleRequest, RemoveModuleResponse, SessionId,
+};
 use formation_node::messages::{Received, session_of, subscribe_every_size};
+use formation_node::removal_requests::{self, Request, Requests};
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
+use ros_runtime::service::Call;
 use ros_runtime::session::{Session, SessionError};
 use ros_runtime::settings::Settings;
 
@@ -27,7 +31,7 @@ const NODE_NAME: &str = "operator";
 const LISTENING: Duration = Duration::from_millis(1_500);
 /// The time between two publications: a module may be discovered after the first.
 const REPEAT: Duration = Duration::from_millis(500);
-/// How long the report of a removal repeats. Rosters carry it on.
+/// How long the report of a removal repeats. Frozen states carry it on.
 const REMOVAL_REPEATS: Duration = Duration::from_secs(3);
 /// How long the modules have to appear and to show the command.
 const PATIENCE: Duration = Duration::from_secs(15);
@@ -49,6 +53,8 @@ pub(crate) enum Order {
 pub(crate) struct Known {
     stop: Stop,
     runs: BTreeMap<ModuleId, Incarnation>,
+    /// The times of the latest roster.
+    timing: Option<Timing>,
 }
 
 impl Known {
@@ -63,6 +69,7 @@ impl Known {
                 self.note_run(heartbeat.module, heartbeat.incarnation);
             }
             Message::Roster(RosterMessage::Plan(roster)) => {
+                self.timing = Some(roster.timing);
                 for member in &roster.members {
                     self.note_run(member.module.id, member.incarnation);
                 }
@@ -92,29 +99,34 @@ impl Known {
         Ok(self.stop)
     }
 
-    /// The report that the body of a module was taken away, in its latest known run.
-    pub(crate) fn removal(&self, module: ModuleId) -> Removal {
-        Removal {
-            module,
-            incarnation: self.runs.get(&module).copied(),
-        }
+    /// The latest known run of a module.
+    pub(crate) fn run_of(&self, module: ModuleId) -> Option<ModuleRun> {
+        let incarnation = self.runs.get(&module)?;
+        Some(module.run(*incarnation))
     }
 }
 
 /// The commands of a target publisher's clients.
-#[derive(Debug, Default)]
+#[derive(Default)]
 pub(crate) struct Commander {
     known: Known,
-    removals: BTreeMap<ModuleId, Removal>,
+    /// The runs that were reported as removed and have not been heard since.
+    removals: BTreeMap<ModuleId, ModuleRun>,
+    requests: Requests,
 }
 
 impl Commander {
-    /// Takes in a message of a module. Returns whether it shows a later command to stop or to resume: that one is published
-    /// again, so that it outlives a restart of all modules.
-    pub(crate) fn handle_message(&mut self, message: &Message) -> bool {
+    /// Takes in a message of a module. Returns whether the commands in force change: it shows a later one to stop or to resume, which
+    /// is published again so that it outlives a restart of all modules, or that a module lives whose body was reported as removed.
+    pub(crate) fn handle_message(&mut self, now: Duration, message: &Message) -> bool {
         let before = self.known.stop;
         self.known.handle_message(message);
-        self.known.stop > before
+        let mut is_over = false;
+        if let Message::Heartbeat(heartbeat) = message {
+            self.requests.refuse_living(now, heartbeat.module);
+            is_over = self.removals.remove(&heartbeat.module).is_some();
+        }
+        self.known.stop > before || is_over
     }
 
     /// Stops or resumes all modules. Says what will happen, or why nothing does.
@@ -129,31 +141,43 @@ impl Commander {
         })
     }
 
-    /// Reports the body of a module as removed. Says what will happen, or why nothing does.
-    pub(crate) fn remove(&mut self, module: u32, incarnation: u64) -> Result<String, String> {
-        let module = ModuleId(module);
-        if module.0 == NO_ID {
-            return Err(format!("module_id: {NO_ID} is reserved and cannot be used"));
+    /// Takes a request to report the body of a module as removed, which is answered after listening for the module.
+    pub(crate) fn ask_removal(
+        &mut self,
+        now: Duration,
+        call: Call<RemoveModuleRequest, RemoveModuleResponse>,
+    ) {
+        self.requests.add(now, self.known.timing, call);
+    }
+
+    /// Takes the requests for which it has listened. The sample holds those that it grants, and they are to be answered with these texts
+    /// once that is published; the others are refused.
+    pub(crate) fn report_removals(&mut self, now: Duration) -> Vec<(Request, String)> {
+        let mut reported = Vec::new();
+        for request in self.requests.take_due(now) {
+            match self.report_removal(&request) {
+                Ok(text) => reported.push((request, text)),
+                Err(reason) => request.answer(Err(reason)),
+            }
         }
-        let mut removal = self.known.removal(module);
-        if incarnation != 0 {
-            removal.incarnation = Some(Incarnation(incarnation));
-        }
-        if removal.incarnation.is_none() {
-            return Err(format!(
-                "no message of {module} or of a roster that lists it was received; name the incarnation that is gone"
-            ));
-        }
+        reported
+    }
+
+    fn report_removal(&mut self, request: &Request) -> Result<String, String> {
+        let module = request.module;
+        let run = request.resolve(self.known.run_of(module))?;
         if self.removals.len() >= MODULES_MAX && !self.removals.contains_key(&module) {
             return Err(format!(
                 "{MODULES_MAX} bodies were reported as removed already"
             ));
         }
-        self.removals.insert(module, removal);
-        tracing::info!(module = module.0, "reported a body as removed");
-        Ok(format!(
-            "the body of {module} blocks no spot any more; if its process still runs, it takes no part until it restarts"
-        ))
+        self.removals.insert(module, run);
+        Ok(removal_requests::were_reported([module], self.known.timing))
+    }
+
+    /// When the next request is due.
+    pub(crate) fn due(&self) -> Option<Duration> {
+        self.requests.due()
     }
 
     /// Whether any command is in force.
@@ -289,10 +313,10 @@ impl Operator {
         };
         let is_late = now > self.began + PATIENCE;
         if self.given.is_none() {
-            if now < first + LISTENING {
+            if now < first + self.listening() {
                 return None;
             }
-            match self.make() {
+            match self.make(is_late)? {
                 Ok(command) => self.given = Some((command, now)),
                 Err(reason) => return Some(Err(reason)),
             }
@@ -302,21 +326,13 @@ impl Operator {
             .publish(command.clone().in_session(self.session));
         match &self.order {
             Order::Remove(modules) => {
-                // The roster that lists the module may come from a convener that has yet to notice its death.
-                let known = |module: &ModuleId| self.known.removal(*module).incarnation;
-                let unknown = modules.iter().filter(|module| known(module).is_none());
-                let unknown: Vec<ModuleId> = unknown.copied().collect();
-                if unknown.is_empty() {
-                    let modules = listed_in_full(modules.iter().copied());
-                    let done = now > *given + REMOVAL_REPEATS;
-                    return done.then(|| Ok(format!("reported the body of {modules} as removed")));
+                if let Some(reason) = self.are_alive(modules) {
+                    return Some(Err(reason));
                 }
-                is_late.then(|| {
-                    Err(format!(
-                        "no message of {} came, nor a roster that lists it; is the number right?",
-                        listed_in_full(unknown)
-                    ))
-                })
+                let timing = self.known.timing;
+                let modules = modules.iter().copied();
+                (now > *given + REMOVAL_REPEATS)
+                    .then(|| Ok(removal_requests::were_reported(modules, timing)))
             }
             Order::Stop(stopped) => {
                 let wanted = self.known.stop.revision;
@@ -327,24 +343,43 @@ impl Operator {
         }
     }
 
-    fn make(&mut self) -> Result<OperatorCommand, String> {
-        Ok(match &self.order {
-            Order::Stop(stopped) => OperatorCommand::new(self.known.next_stop(*stopped)?, []),
-            Order::Remove(modules) => {
-                let live = modules.iter().copied();
-                let live: Vec<ModuleId> = live
-                    .filter(|module| self.heartbeats.contains_key(module))
-                    .collect();
-                if !live.is_empty() {
-                    return Err(format!(
-                        "heartbeats of {} arrive: end the processes before the bodies are reported as removed",
-                        listed_in_full(live)
-                    ));
-                }
-                let removals = modules.iter().map(|&module| self.known.removal(module));
-                OperatorCommand::new(Stop::default(), &removals.collect::<Vec<_>>())
+    /// How long to listen before the command is given.
+    fn listening(&self) -> Duration {
+        match self.order {
+            Order::Stop(_) => LISTENING,
+            Order::Remove(_) => removal_requests::listening(self.known.timing),
+        }
+    }
+
+    /// The command, or why there is none; `None` while that is open.
+    fn make(&mut self, is_late: bool) -> Option<Result<OperatorCommand, String>> {
+        let modules = match &self.order {
+            Order::Stop(stopped) => {
+                let stop = self.known.next_stop(*stopped);
+                return Some(stop.map(|stop| OperatorCommand::new(stop, [])));
             }
-        })
+            Order::Remove(modules) => modules,
+        };
+        if let Some(reason) = self.are_alive(modules) {
+            return Some(Err(reason));
+        }
+        let runs = modules.iter().map(|&module| self.known.run_of(module));
+        let runs: Vec<ModuleRun> = runs.flatten().collect();
+        if runs.len() == modules.len() {
+            return Some(Ok(OperatorCommand::new(Stop::default(), &runs)));
+        }
+        // The roster that lists the module may come from a convener that has yet to notice its death.
+        let unknown = modules.iter().copied();
+        let unknown = unknown.filter(|&module| self.known.run_of(module).is_none());
+        is_late.then(|| Err(removal_requests::are_unknown(unknown)))
+    }
+
+    /// That heartbeats of some of these modules arrived, if so.
+    fn are_alive(&self, modules: &BTreeSet<ModuleId>) -> Option<String> {
+        let alive = modules.iter().copied();
+        let alive = alive.filter(|module| self.heartbeats.contains_key(module));
+        let alive: Vec<ModuleId> = alive.collect();
+        (!alive.is_empty()).then(|| removal_requests::are_alive(alive))
     }
 }
 
@@ -377,6 +412,9 @@ fn judge_stop(
 
 #[cfg(test)]
 mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+
     use formation::model::ModulePhase;
 
     use super::*;
@@ -436,29 +474,77 @@ mod tests {
     #[test]
     fn a_stop_that_modules_show_is_published_again() {
         let heartbeat = |revision| Message::Heartbeat(heartbeat_of(4, revision));
+        let now = Duration::ZERO;
         let mut commander = Commander::default();
-        assert!(!commander.handle_message(&heartbeat(0)) && !commander.has_commands());
-        assert!(commander.handle_message(&heartbeat(3)) && commander.has_commands());
-        assert!(!commander.handle_message(&heartbeat(3)), "it is known");
+        assert!(!commander.handle_message(now, &heartbeat(0)) && !commander.has_commands());
+        assert!(commander.handle_message(now, &heartbeat(3)) && commander.has_commands());
+        assert!(!commander.handle_message(now, &heartbeat(3)), "it is known");
         let forged = heartbeat(u64::MAX);
         assert!(
-            !commander.handle_message(&forged),
+            !commander.handle_message(now, &forged),
             "no command could follow"
         );
         assert_eq!(commander.sample().stop.revision, 3);
-        // A removal of a module of which nothing is known has to name the run.
-        assert!(commander.remove(9, 0).is_err());
-        assert!(commander.remove(9, 5).is_ok());
-        assert_eq!(commander.sample().removals.len(), 1);
+    }
+
+    #[test]
+    fn a_report_is_in_the_sample_after_listening_and_until_a_heartbeat_comes() {
+        let answers = Rc::new(RefCell::new(Vec::new()));
+        let call = |module_id, incarnation| {
+            let answers = Rc::clone(&answers);
+            Call {
+                request: RemoveModuleRequest {
+                    module_id,
+                    incarnation,
+                },
+                reply: Box::new(move |answer: RemoveModuleResponse| {
+                    answers.borrow_mut().push((module_id, answer.success));
+                }),
+            }
+        };
+        let mut commander = Commander::default();
+        let heartbeat = |module| Message::Heartbeat(heartbeat_of(module, 0));
+        for module in [4, 5] {
+            commander.handle_message(Duration::ZERO, &heartbeat(module));
+        }
+        let second = Duration::from_secs(1);
+        for (module, incarnation) in [(4, 0), (5, 0), (9, 0), (9, 5), (4, 2)] {
+            commander.ask_removal(second, call(module, incarnation));
+        }
+        commander.handle_message(second * 2, &heartbeat(5));
+        assert_eq!(*answers.borrow(), [(5, false)]);
+        assert!(!commander.has_commands());
+        let due = commander.due().unwrap();
+        let reported = commander.report_removals(due);
+        assert_eq!(
+            *answers.borrow(),
+            [(5, false), (9, false), (9, false), (4, false)]
+        );
+        let removals = commander.sample().removals;
+        assert_eq!(
+            removals
+                .iter()
+                .map(|one| (one.module_id, one.incarnation))
+                .collect::<Vec<_>>(),
+            [(4, 1)]
+        );
+        for (request, text) in reported {
+            assert!(text.contains("takes effect in the next roster"), "{text}");
+            request.answer(Ok(text));
+        }
+        assert_eq!(answers.borrow().last(), Some(&(4, true)));
+        // A late module is not told of a removal that is over.
+        assert!(commander.handle_message(due * 2, &heartbeat(4)));
+        assert!(commander.sample().removals.is_empty());
     }
 
     #[test]
     fn a_removal_names_the_latest_run_that_is_known() {
         let mut known = Known::default();
         let module = ModuleId(4);
-        assert_eq!(known.removal(module).incarnation, None);
+        assert_eq!(known.run_of(module), None);
         known.note_run(module, Incarnation(7));
         known.note_run(module, Incarnation(5));
-        assert_eq!(known.removal(module).incarnation, Some(Incarnation(7)));
+        assert_eq!(known.run_of(module), Some(module.run(Incarnation(7))));
     }
 }

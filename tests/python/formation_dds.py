@@ -34,6 +34,7 @@ TOPICS = {
     "claims": ("SpotClaim", True),
     "evictions": ("Eviction", True),
     "heartbeats": ("Heartbeat", False),
+    "commands": ("OperatorCommand", True),
     "verdict": ("Verdict", True),
 }
 

@@ -198,6 +198,11 @@ pub struct ModuleState {
     pub quorum_bases: Vec<QuorumBasis>,
     /// In GATHERED: the known bodies and removals of modules that are absent, ascending by module.
     pub bodies: Vec<BodyReport>,
+    /// In GATHERED: the runs whose bodies were reported as removed, and that this module has not heard for `suspicion`; ascending by
+    /// module.
+    pub proposed_removals: Vec<ModuleRun>,
+    /// In GATHERED: the runs that this module has heard since their bodies were reported as removed; ascending by module.
+    pub refuted_removals: Vec<ModuleRun>,
 }
 
 impl ModuleState {
@@ -227,6 +232,8 @@ impl ModuleState {
             agreed_on: Vec::new(),
             quorum_bases: Vec::new(),
             bodies: Vec::new(),
+            proposed_removals: Vec::new(),
+            refuted_removals: Vec::new(),
         }
     }
 
@@ -498,15 +505,6 @@ pub struct Stop {
     pub stopped: bool,
 }
 
-/// The report that the body of a module was taken away.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Removal {
-    /// The module.
-    pub module: ModuleId,
-    /// The run of its process that is gone, with all earlier ones; `None` for the latest that the receiver knows.
-    pub incarnation: Option<Incarnation>,
-}
-
 /// A message that an agent can receive, by its topic.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Message {
@@ -526,6 +524,6 @@ pub enum Message {
     Heartbeat(Heartbeat),
     /// On `commands`.
     Stop(Stop),
-    /// On `commands`.
-    Removal(Removal),
+    /// On `commands`: the body of this run, with those of all earlier ones, was taken away.
+    Removal(ModuleRun),
 }

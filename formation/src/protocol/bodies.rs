@@ -19,6 +19,7 @@ use super::context::Context;
 use super::event::{EpochReason, Event};
 use super::outdated::Outdated;
 use super::refusal::Refusal;
+use super::removals;
 
 /// The most bodies of other sessions that are kept, so that they take no room from those of this one.
 const OTHER_SESSIONS_MAX: usize = 1_024;
@@ -31,12 +32,10 @@ pub(super) struct Bodies {
     of_other_sessions: BTreeSet<ModuleId>,
     /// Rises whenever something becomes known.
     pub(super) version: u64,
-    /// Rises whenever a removal becomes known.
+    /// Rises whenever a removal that took effect is over.
     removals: u64,
     /// An epoch whose roster opens spots on which this module knows bodies, and the modules of these bodies.
     contested: Option<(Epoch, BTreeSet<ModuleId>)>,
-    /// Whether this run of this module was reported as removed.
-    own_run_is_removed: bool,
     /// The modules whose runs send under earlier numbers than former ones had that are known.
     pub(super) outdated: BTreeMap<ModuleId, Outdated>,
     /// The blocked spots that were last reported.
@@ -50,8 +49,8 @@ pub(super) struct Bodies {
 struct Comparison {
     /// The spots that are blocked now and that the roster leaves open.
     newly_blocked: Vec<BlockedSpot>,
-    /// The spots that the roster takes for blocked and that are free now, because a body was removed or because one moved
-    /// and more modules can take spots.
+    /// The spots that the roster takes for blocked and that are free now, or once a roster lists the removals that are due, if more
+    /// modules can take spots then.
     freed: Vec<BlockedSpot>,
     /// Bodies that may stand where the roster does not say.
     displaced: Vec<BodyReport>,
@@ -66,20 +65,11 @@ impl Hash for Bodies {
             version: _,
             removals: _,
             contested,
-            own_run_is_removed,
             outdated,
             reported,
             compared: _,
         } = self;
-        (
-            known,
-            of_other_sessions,
-            contested,
-            own_run_is_removed,
-            outdated,
-            reported,
-        )
-            .hash(state);
+        (known, of_other_sessions, contested, outdated, reported).hash(state);
     }
 }
 
@@ -89,9 +79,21 @@ impl Bodies {
         self.version
     }
 
-    /// Rises whenever a removal becomes known.
+    /// Rises whenever a removal that took effect is over.
     pub fn removals(&self) -> u64 {
         self.removals
+    }
+
+    /// What follows from the bodies is to be found again.
+    pub fn mark_changed(&mut self) {
+        self.version += 1;
+    }
+
+    /// The removal of a module's body is over.
+    pub fn forget_removal(&mut self, module: ModuleId) {
+        self.version += 1;
+        self.removals += 1;
+        self.known.remove(&module);
     }
 
     /// Keeps a report, unless a later one is known or there are too many.
@@ -136,7 +138,6 @@ impl Bodies {
 
     fn insert(&mut self, report: BodyReport) {
         self.version += 1;
-        self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
         self.known.insert(report.module, report);
     }
 
@@ -162,7 +163,6 @@ impl Bodies {
             };
             if known.compare_age(&report).is_lt() {
                 self.version += 1;
-                self.removals += u64::from(report.whereabouts == Whereabouts::Removed);
                 *known = report;
             }
         }
@@ -176,8 +176,8 @@ impl Bodies {
         self.note_ascending(states.map(|state| report_of(state)));
     }
 
-    /// The run of a module that was reported as removed, with all earlier ones.
-    fn removed_run(&self, module: ModuleId) -> Option<ModuleRun> {
+    /// The run of a module whose body was removed, with those of all earlier ones.
+    pub fn removed_run(&self, module: ModuleId) -> Option<ModuleRun> {
         let known = self.get(module)?;
         (known.whereabouts == Whereabouts::Removed).then(|| known.run())
     }
@@ -245,16 +245,14 @@ impl Context {
         bodies.note_states(peers.states());
     }
 
-    /// Takes over what another module reports; what it reports of this module is ignored, unless it is a removal.
-    pub fn learn_body(&mut self, report: &BodyReport) {
-        if report.module == self.module() {
-            let is_own = report.incarnation == self.own.run.incarnation;
-            if is_own && report.whereabouts == Whereabouts::Removed {
-                self.note_own_removal();
-            }
-            return;
-        }
-        if !self.is_plausible(report.incarnation.0) {
+    /// Takes over what another module reports; what it reports of this module is ignored.
+    fn learn_body(&mut self, report: &BodyReport) {
+        debug_assert_ne!(
+            report.whereabouts,
+            Whereabouts::Removed,
+            "that is a proposal"
+        );
+        if report.module == self.module() || !self.is_plausible(report.incarnation.0) {
             return;
         }
         // What others report of a later run than the one that sends to this module is about one that has fallen silent.
@@ -265,77 +263,52 @@ impl Context {
             return;
         }
         self.bodies.note(report.clone());
-        self.exclude_if_removed(report.module);
-    }
-
-    /// Considers a module failed whose present run was reported as removed. What was reported as removed of a former run with a
-    /// later number than the live one is over.
-    pub fn exclude_if_removed(&mut self, module: ModuleId) {
-        if self.bodies.removals() == 0 {
-            return;
-        }
-        let Some(peer) = self.peers.get(module) else {
-            return;
-        };
-        let run = module.run(peer.incarnation);
-        let is_live = self.liveness().includes(peer);
-        let Some(removed) = self.bodies.removed_run(module) else {
-            return;
-        };
-        if removed.incarnation > run.incarnation && is_live {
-            self.bodies.take_over(run);
-        } else if removed.incarnation >= run.incarnation {
-            self.peers.exclude(module, Duration::MAX);
-        }
-    }
-
-    fn note_own_removal(&mut self) {
-        if !std::mem::replace(&mut self.bodies.own_run_is_removed, true) {
-            self.emit(Event::RunRemoved);
-        }
-    }
-
-    /// Whether this run was reported as removed: it takes no part until its process restarts.
-    pub fn is_removed(&self) -> bool {
-        self.bodies.own_run_is_removed
     }
 
     /// What a frozen state lists: the bodies and removals of absent modules, of those that a roster left out, of those that
-    /// were reported to block spots, and of those whose run has an earlier number than a former one.
+    /// were reported to block spots, of those whose run has an earlier number than a former one, and of those that were reported as
+    /// removed and live.
     pub fn absent_bodies(&mut self) -> Vec<BodyReport> {
         self.note_bodies();
         let liveness = self.liveness();
         let contested = self.bodies.contested.as_ref();
         let blocking = &self.bodies.reported;
         let bodies = self.peers.along(self.bodies.known());
-        let listed = bodies.filter(|&(module, _, peer)| {
+        let listed = bodies.filter(|&(module, report, peer)| {
             !peer.is_some_and(|peer| liveness.includes(peer))
                 || contested.is_some_and(|(_, modules)| modules.contains(&module))
                 || blocking.iter().any(|blocked| blocked.module == module)
                 || self.bodies.outdated.contains_key(&module)
+                || self.removals.is_refuted(report.run())
         });
         listed
             .map(|(_, report, _)| self.bodies.under_former_number(report))
             .collect()
     }
 
-    /// Adds what frozen members report of modules that are not frozen themselves.
-    pub fn learn_bodies(&mut self, frozen: &[Arc<ModuleState>]) {
+    /// Adds what frozen members report of modules that are not frozen themselves; this one has been frozen since `frozen_at`.
+    pub fn learn_bodies(&mut self, frozen: &[Arc<ModuleState>], frozen_at: Duration) {
         self.note_bodies();
+        self.learn_refutations(frozen, frozen_at);
         let modules: BTreeSet<ModuleId> = frozen.iter().map(|state| state.module).collect();
         for report in frozen.iter().flat_map(|state| &state.bodies) {
-            if !modules.contains(&report.module) {
+            let stands = report.whereabouts != Whereabouts::Removed;
+            if stands && !modules.contains(&report.module) {
                 self.learn_body(report);
             }
         }
+        self.learn_proposals(frozen);
     }
 
-    /// The reports on modules that are not among these members (ascending), for their roster.
-    pub fn bodies_outside(&self, members: &[RosterMember]) -> Vec<BodyReport> {
+    /// The reports on modules that are not among these members (ascending), for their roster of this epoch.
+    pub fn bodies_outside(&self, members: &[RosterMember], epoch: Epoch) -> Vec<BodyReport> {
         if self.bugs.ignore_bodies() {
             return Vec::new();
         }
-        self.bodies.outside(members)
+        let bodies = self.bodies.outside(members).into_iter();
+        bodies
+            .map(|report| self.listed_in_roster(report, epoch))
+            .collect()
     }
 
     /// Reports which spots are blocked, unless that was reported last; returns whether it was not.
@@ -350,15 +323,22 @@ impl Context {
         is_new
     }
 
-    /// Takes over the bodies in a roster.
+    /// Takes over the bodies in a roster. The removals in it are proposals until the members agree.
     pub fn learn_roster_bodies(&mut self, roster: &Roster) {
         self.note_bodies();
         for member in &roster.members {
             self.bodies.forget_outdated(member.run(), true);
         }
         for report in &roster.bodies {
-            if !body::lists(&roster.members, report.module) {
+            if body::lists(&roster.members, report.module) {
+                continue;
+            }
+            if report.whereabouts != Whereabouts::Removed {
                 self.learn_body(report);
+            } else if report.run() == self.own.run {
+                self.emit(Event::RunRemoved(roster.epoch));
+            } else {
+                self.learn_removal(report.run());
             }
         }
     }
@@ -409,9 +389,12 @@ impl Context {
         comparison
     }
 
-    fn was_removed(&self, module: ModuleId) -> bool {
+    /// Whether a module's body was removed, or a roster may say so.
+    pub fn is_removable(&self, module: ModuleId) -> bool {
         let known = self.bodies.get(module);
-        known.is_some_and(|known| known.whereabouts == Whereabouts::Removed)
+        known.is_some_and(|known| {
+            known.whereabouts == Whereabouts::Removed || self.removals.is_due(known.run())
+        })
     }
 
     fn comparison(&self, roster: &Roster) -> Comparison {
@@ -419,15 +402,22 @@ impl Context {
             return Comparison::default();
         };
         let listed = roster.blocked_spots();
-        let known = self.bodies.outside(&roster.members);
+        let mut known = self.bodies.outside(&roster.members);
+        // What the roster lists as removed stands nowhere, unless this module has heard it since.
+        known.retain(|body| {
+            self.removals.is_refuted(body.run()) || !removals::lists(roster, body.run())
+        });
         let now = roster.blocked_by(&known);
+        let mut left = known.clone();
+        left.retain(|body| !self.removals.is_due(body.run()));
+        let soon = roster.blocked_by(&left);
         let room = |blocked: &[BlockedSpot]| {
             let part = body::open_part(target, &roster.members, blocked);
             let spots = part.map_or(0, |part| part.spots().len());
             spots.min(active(roster).count())
         };
-        let gains = room(&now) > room(&listed);
-        let freed = except(&listed, &now).filter(|spot| gains || self.was_removed(spot.module));
+        let gains = room(&soon) > room(&listed);
+        let freed = except(&listed, &soon).filter(|_| gains);
         Comparison {
             newly_blocked: except(&now, &listed).collect(),
             freed: freed.collect(),
@@ -449,7 +439,7 @@ impl Context {
         let comparison = self.compare_bodies(roster);
         // A body that moved is that of a live module, which rosters may have left out for lack of an agreement.
         let is_reason =
-            |freed: &&BlockedSpot| self.was_removed(freed.module) || self.is_wanted(freed.module);
+            |freed: &&BlockedSpot| self.is_removable(freed.module) || self.is_wanted(freed.module);
         let freed = comparison.freed.iter().filter(is_reason);
         let freed: Vec<SpotId> = freed.map(|freed| freed.spot).collect();
         if !freed.is_empty() {
@@ -481,7 +471,7 @@ impl Context {
             return false;
         }
         let mut known = self.bodies.outside(&roster.members);
-        known.retain(|body| !newcomers.contains(&body.module));
+        known.retain(|body| !newcomers.contains(&body.module) && !self.removals.is_due(body.run()));
         let blocked = roster.blocked_by(&known);
         let open = body::open_part(target, &roster.members, &blocked);
         let open = open.map_or(0, |part| part.spots().len());

@@ -24,6 +24,7 @@ use super::peers::{Liveness, Peers};
 use super::plans::{ComputedPlan, PlanJob, Plans};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
+use super::removals::Removals;
 
 /// Which module this is, and which run of its process.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +53,8 @@ pub(super) struct Context {
     pub body: Body,
     pub peers: Peers,
     pub bodies: Bodies,
+    /// The reports that bodies were taken away, which have not taken effect.
+    pub removals: Removals,
     /// The latest command to stop or to resume.
     pub stop: Stop,
     pub target: KnownTarget,
@@ -82,6 +85,7 @@ impl Context {
             body: Body::new(identity.pose, identity.links),
             peers: Peers::default(),
             bodies: Bodies::default(),
+            removals: Removals::default(),
             stop: Stop::default(),
             target: KnownTarget::default(),
             memory: Memory::default(),
@@ -331,6 +335,7 @@ impl Hash for Context {
             body,
             peers,
             bodies,
+            removals,
             stop,
             target,
             memory,
@@ -339,7 +344,7 @@ impl Hash for Context {
             shortfall,
             outbox,
         } = self;
-        (own.run, body, peers, bodies, stop, target).hash(state);
+        (own.run, body, peers, bodies, removals, stop, target).hash(state);
         (memory, pacing, shortfall, outbox).hash(state);
     }
 }

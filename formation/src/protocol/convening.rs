@@ -68,7 +68,8 @@ fn has_no_epoch(module: ModuleId, context: &Context) -> bool {
     heartbeat.is_none_or(|heartbeat| heartbeat.epoch.is_none())
 }
 
-/// The modules whose bodies a roster lists and that are in the way no more: the body was removed, or its module can take part.
+/// The modules whose bodies a roster lists and that are in the way no more: the body was removed, or a roster may say so, or its module
+/// can take part.
 fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
     let was_removed = |body: &BodyReport| body.whereabouts == Whereabouts::Removed;
     let listed = roster.bodies.iter().filter(|body| !was_removed(body));
@@ -77,7 +78,7 @@ fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
             && follows(module, roster.epoch, context)
             && stands(module, context)
             && context.is_wanted(module);
-        takes_part || context.bodies.get(module).is_some_and(was_removed)
+        takes_part || context.is_removable(module)
     };
     let gone = listed.filter(|body| is_gone(body.module));
     gone.map(|body| body.module).collect()

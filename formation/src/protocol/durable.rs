@@ -59,7 +59,7 @@ pub(super) struct SyncKey {
     /// Where the module stands; `None` on its way.
     pub stands_at: Option<Pose>,
     pub links: BTreeSet<ModuleId>,
-    /// Identifies the removals that are known. The bodies are written with the rest: before a plan is shown in which they count.
+    /// Rises whenever a removal is over. One that a roster lists is written before the digest of the plan is shown.
     pub removals: u64,
     pub stop: Stop,
 }

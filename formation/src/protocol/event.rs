@@ -160,11 +160,48 @@ pub enum Event {
     #[error("moving off a spot that another module takes")]
     MakingRoom,
     /// It received the report that the body of this module was removed.
-    #[error("the body of {0} was reported as removed")]
+    #[error(
+        "the body of {0} was reported as removed: that takes effect in a roster, once no member has heard {0} for suspicion_s"
+    )]
+    RemovalProposed(ModuleId),
+    /// A heartbeat of this module came that was sent after its body was reported as removed.
+    #[error(
+        "the report that the body of {0} was removed is dropped: {0} has sent a heartbeat since"
+    )]
+    RemovalRefuted(ModuleId),
+    /// Another member has heard this module since its body was reported as removed.
+    #[error(
+        "the report that the body of {0} was removed is dropped: another member has heard {0} since"
+    )]
+    RemovalOverruled(ModuleId),
+    /// It refused the roster of this epoch, which lists modules as removed that it hears.
+    #[error(
+        "refused the roster of {epoch}, which lists as removed what sends heartbeats: modules {}",
+        ids(modules)
+    )]
+    RemovalsHeard {
+        /// The epoch.
+        epoch: Epoch,
+        /// The modules.
+        modules: Vec<ModuleId>,
+    },
+    /// It refused the roster of this epoch, which lists modules as removed for which it has not listened for `suspicion`.
+    #[error(
+        "refused the roster of {epoch}, as this process has listened for less than suspicion_s for what that lists as removed: modules {}",
+        ids(modules)
+    )]
+    RemovalsEarly {
+        /// The epoch.
+        epoch: Epoch,
+        /// The modules.
+        modules: Vec<ModuleId>,
+    },
+    /// All members agree that the body of this module was removed.
+    #[error("the body of {0} was removed, by the roster that all members agree on")]
     BodyRemoved(ModuleId),
-    /// This run of its module was reported as removed; it takes no part until its process restarts.
-    #[error("this run was reported as removed: it takes no part until its process restarts")]
-    RunRemoved,
+    /// The roster of this epoch, which does not list this module, says that its body was removed.
+    #[error("the roster of {0} lists this run as removed: none of its members heard it")]
+    RunRemoved(Epoch),
     /// All modules stand still on command, until they are resumed.
     #[error("stopped on command: no module moves until resumed")]
     Stopped,
@@ -209,11 +246,14 @@ pub enum EpochReason {
     /// A roster opened spots that the bodies of these modules cover, or does not say where these bodies are.
     #[error("the roster lacks bodies: {}", ids(.0))]
     BodiesUnlisted(Vec<ModuleId>),
+    /// A roster listed these modules as removed, although this one hears them or has not listened for long enough.
+    #[error("the roster lists as removed what may live: {}", ids(.0))]
+    RemovalsRefused(Vec<ModuleId>),
     /// Bodies cover spots that the plan is still to fill.
     #[error("{}", joined(.0, "; "))]
     SpotsBlocked(Vec<BlockedSpot>),
     /// Bodies no longer cover these spots.
-    #[error("no body blocks these spots any more: {}", spot_ids(.0))]
+    #[error("no body blocks these spots any more, or need do so: {}", spot_ids(.0))]
     SpotsFreed(Vec<SpotId>),
     /// These bodies, for which no module could move, are in the way no more.
     #[error("no longer in the way of all: {}", ids(.0))]
@@ -281,7 +321,7 @@ impl Event {
             | Self::PlansDiffer(_)
             | Self::DuplicateModule(_)
             | Self::MotionOverdue(_)
-            | Self::RunRemoved
+            | Self::RunRemoved(_)
             | Self::NotMoving(_)
             | Self::InvalidStart(_)
             | Self::WaitingForQuorum(Shortfall::WithoutAgreement(_))
@@ -295,6 +335,10 @@ impl Event {
             | Self::SpotsLeftOpen(_)
             | Self::SpotsBlocked(_)
             | Self::SpotsCutOff(_)
+            | Self::RemovalRefuted(_)
+            | Self::RemovalOverruled(_)
+            | Self::RemovalsHeard { .. }
+            | Self::RemovalsEarly { .. }
             | Self::Stopped
             | Self::NoPaths(_)
             | Self::AssemblyWarning(_) => Severity::Warning,

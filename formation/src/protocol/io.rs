@@ -56,8 +56,6 @@ pub enum Command {
     Retire,
     /// Take part again, after [`Self::Retire`] or after a failure of the drive or ports.
     Rejoin,
-    /// The body of this run of another module, and of all its earlier ones, was taken away: it blocks no spot any more.
-    Remove(ModuleRun),
 }
 
 /// One input of an agent.

@@ -1,12 +1,14 @@
 //! What an agent records of the bodies of others: when it leaves an epoch, for its store, and as they show themselves.
 
+use std::time::Duration;
+
 use crate::model::{
-    BodyReport, ModuleId, ModuleRun, ModuleState, Pose, Roster, RosterMember, Whereabouts, body,
+    BodyReport, ModuleId, ModuleRun, ModuleState, Pose, Roster, RosterMember, Timing, Whereabouts,
+    body,
 };
 
 use super::Agent;
 use super::context::Context;
-use super::event::Event;
 use super::peer::Peer;
 use super::refusal::Refusal;
 use super::stage::{HeldPlan, Stage};
@@ -56,11 +58,17 @@ impl Agent {
     }
 
     /// What the store holds of the bodies of others: where each may be until the next write, which comes before this module
-    /// acts on another plan. A member may act meanwhile, so each may be on its way to the goal that the plan gives it.
+    /// acts on another plan. A member may act meanwhile, so each may be on its way to the goal that the plan gives it. What the roster of
+    /// the plan lists as removed is.
     pub(super) fn bodies_to_store(&self) -> Vec<BodyReport> {
         let mut bodies = self.context.bodies.clone();
         bodies.note_states(self.context.peers.states());
         bodies.note_ascending(self.member_reports(true).into_iter());
+        if let Some(held) = self.stage.held_plan() {
+            for report in self.context.removals.in_effect_by(&held.roster) {
+                bodies.note(report.clone());
+            }
+        }
         bodies.into_reports().collect()
     }
 
@@ -105,20 +113,25 @@ impl Agent {
         }
     }
 
-    /// The body of a module was taken away: by that report, it stands nowhere any more.
-    pub(super) fn handle_removal(&mut self, run: ModuleRun) {
-        let before = self.context.bodies.removals();
-        self.context.learn_body(&BodyReport {
-            module: run.module,
-            incarnation: run.incarnation,
-            epoch: None,
-            sequence: 0,
-            whereabouts: Whereabouts::Removed,
-        });
-        // Reports repeat, for modules that are discovered late.
-        if self.context.bodies.removals() > before {
-            self.context.emit(Event::BodyRemoved(run.module));
-        }
+    /// When the latest heartbeat of another module was sent, on the clock of [`Self::handle`].
+    #[must_use]
+    pub fn last_heard(&self, module: ModuleId) -> Option<Duration> {
+        let peer = self.context.peers.get(module)?;
+        peer.heartbeat.map(|_| peer.last_seen())
+    }
+
+    /// Whether the latest roster that it took over lists it.
+    #[must_use]
+    pub fn is_member(&self) -> bool {
+        let own = self.context.module();
+        let roster = self.stage.roster();
+        roster.is_some_and(|roster| body::lists(&roster.members, own))
+    }
+
+    /// The times that its roster names, or would.
+    #[must_use]
+    pub fn timing(&self) -> Timing {
+        self.context.parameters.timing()
     }
 
     /// The latest run of another module from which this one received a message, or whose body it knows.

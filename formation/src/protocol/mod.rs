@@ -39,6 +39,7 @@ mod plans;
 mod publishing;
 mod quorum;
 mod refusal;
+mod removals;
 mod roster_plan;
 mod rosters;
 mod snapshot;
@@ -316,9 +317,11 @@ impl Agent {
             self.exceed_silent_run();
             self.handle_kept_rosters();
         }
-        if self.context.is_removed() {
-            self.leave_epoch();
-        } else if !stands_back && self.context.target.is_set() {
+        let are_removals_new = self.context.refresh_removals();
+        if are_removals_new && matches!(self.stage, Stage::Gathering(_)) {
+            self.context.mark_state_changed();
+        }
+        if !stands_back && self.context.target.is_set() {
             let had_settled = self.stage.is_settled();
             self.run_stage();
             if self.context.body.moving && self.context.bugs.forget_pin_before_goal() {
@@ -365,7 +368,7 @@ impl Agent {
             Message::Eviction(_) => {}
             Message::OtherSessionState(state) => self.handle_other_session_state(&state),
             Message::Stop(stop) => self.handle_stop(stop),
-            Message::Removal(removal) => self.handle_removal_report(removal),
+            Message::Removal(run) => self.context.handle_removal_report(run),
         }
         true
     }
@@ -447,6 +450,7 @@ impl Agent {
         match context.peers.handle_heartbeat(liveness, heartbeat, source) {
             Ok(HeartbeatNews::Old) => return false,
             Ok(HeartbeatNews::StillLive { age }) => {
+                context.note_heard(run);
                 // What was too far ahead of this clock may be near enough by now.
                 if let Some(epoch) = heartbeat.epoch {
                     context.note_epoch(epoch);
@@ -462,13 +466,18 @@ impl Agent {
             Ok(HeartbeatNews::New) => {
                 self.handle_stop(heartbeat.stop);
                 self.context.note_run(run, heartbeat.digest.is_some());
-                self.context.exclude_if_removed(run.module);
+                self.context.note_heard(run);
                 self.note_shown(&heartbeat);
                 // A state that was kept may have become its own.
                 self.handle_bodies_of(run.module);
                 self.handle_kept_roster_of(run.module);
             }
-            Err(refusal) => self.refuse_run(run, refusal),
+            Err(refusal) => {
+                if refusal == Refusal::StaleIncarnation {
+                    self.context.note_heard(run);
+                }
+                self.refuse_run(run, refusal);
+            }
         }
         true
     }

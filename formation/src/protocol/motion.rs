@@ -82,7 +82,6 @@ impl Agent {
         let (service, event) = match command {
             Command::Retire => (Service::Retired, Event::Retired),
             Command::Rejoin => (Service::Active, Event::Rejoined),
-            Command::Remove(run) => return self.handle_removal(run),
         };
         if self.context.body.service == service {
             return;

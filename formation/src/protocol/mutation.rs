@@ -66,6 +66,8 @@ pub enum Mutation {
     ForgetPinBeforeGoal,
     /// Restarts without the bodies that its store holds.
     ForgetStoredBodies,
+    /// Drops a module as soon as somebody reports its body as removed.
+    TrustRemovals,
 }
 
 /// The bug that an agent has, if any; none outside of tests.
@@ -177,4 +179,5 @@ predicates! {
     exclude_members_ahead: ExcludeMembersAhead,
     forget_pin_before_goal: ForgetPinBeforeGoal,
     forget_stored_bodies: ForgetStoredBodies,
+    trust_removals: TrustRemovals,
 }

@@ -51,6 +51,10 @@ refusals! {
     NoQuorum = "no_quorum": "its roster lacks a majority of an earlier one",
     /// Its roster opens a spot on which this module knows a body, or does not say where a body is.
     UnlistedBody = "unlisted_body": "its roster lacks a body that is known to stand on a spot or in the way",
+    /// Its roster lists as removed a module that this one hears, or for which it has not listened for long enough.
+    RemovalOfLiving = "removal_of_living": "its roster lists as removed a module that we hear, or have not listened for long enough",
+    /// It reports as removed a run of which no message came, or this one.
+    RemovalOfUnknownRun = "removal_of_unknown_run": "it reports as removed a run of which no message came, or our own",
     /// The revision of its command to stop or to resume is too far ahead of this module's clock.
     ImplausibleStop = "implausible_stop": "the revision of its stop command is too far ahead of our clock",
     /// Its epoch is too far ahead of this module's clock.
@@ -72,10 +76,13 @@ refusals! {
 }
 
 impl Refusal {
-    /// Whether it is the ordinary lateness of a network, which is counted but not logged.
+    /// Whether it is counted but not logged: the ordinary lateness of a network, and what one message may hold thousands of.
     #[must_use]
     pub fn is_ordinary(self) -> bool {
-        matches!(self, Self::StaleEpoch | Self::StaleIncarnation)
+        matches!(
+            self,
+            Self::StaleEpoch | Self::StaleIncarnation | Self::RemovalOfUnknownRun
+        )
     }
 }
 

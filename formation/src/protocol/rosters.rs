@@ -183,6 +183,7 @@ impl Agent {
         let memory = self.judge_quorum(&roster)?;
         // Members answer for what they learn. To a module that stands aside a stranger may show any roster of its own.
         if mine.is_some() {
+            self.context.check_removals(&roster)?;
             self.context.check_bodies(&roster)?;
             self.context.memory = memory;
         }

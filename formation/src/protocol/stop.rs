@@ -5,7 +5,7 @@
 //! it says to stop, epochs are opened and plans are made as ever, and no module moves. A module that receives no heartbeat
 //! of a member halts within the lease in any case.
 
-use crate::model::{Removal, Stop};
+use crate::model::Stop;
 
 use super::Agent;
 use super::event::Event;
@@ -30,21 +30,6 @@ impl Agent {
             }
             (true, false) => context.emit(Event::Resumed),
             _ => {}
-        }
-    }
-
-    /// Handles the report that a body was taken away.
-    pub(super) fn handle_removal_report(&mut self, removal: Removal) {
-        let run = match removal.incarnation {
-            Some(incarnation) => Some(removal.module.run(incarnation)),
-            // No run of this module is later than its own, which is not gone.
-            None => self.latest_run_of(removal.module),
-        };
-        match run {
-            Some(run) => self.handle_removal(run),
-            None => self
-                .context
-                .refuse(Some(removal.module), Refusal::UnknownModule),
         }
     }
 }

@@ -222,13 +222,20 @@ impl RunLoop<'_> {
     }
 
     /// Whether a verdict counts on a module whose process ended, which the verifier may not have found yet, or on a body whose
-    /// removal is reported.
+    /// removal is reported while a spare could take its spot.
     fn relies_on_the_dead(&self, verdict: &VerdictReport) -> bool {
         let dead = self.observed.deaths.modules();
         let mut settled = verdict.assignments.iter();
         let mut blocked = verdict.blocked_spots.iter();
+        let roster = verdict
+            .epoch
+            .and_then(|epoch| self.observed.recording.roster(epoch));
+        let out_of_service = roster.map_or(&[][..], |roster| roster.out_of_service);
+        let mut unassigned = verdict.unassigned.iter();
         settled.any(|assignment| dead.contains(&assignment.module))
-            || self.orders.bodies_vanish && blocked.any(|blocked| dead.contains(&blocked.module))
+            || self.orders.bodies_vanish
+                && blocked.any(|blocked| dead.contains(&blocked.module))
+                && unassigned.any(|spare| !dead.contains(spare) && !out_of_service.contains(spare))
     }
 
     /// Reports the bodies of these modules as removed: simulated robots vanish with their process.

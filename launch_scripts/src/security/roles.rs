@@ -61,7 +61,7 @@ impl Role {
     /// The services that it offers besides those of every node.
     fn serves(self) -> &'static [&'static str] {
         match self {
-            Self::Module => &["*/add_module", "*/retire_module"],
+            Self::Module => &["*/add_module", "*/retire_module", "*/remove_module"],
             Self::Publisher => &[
                 "query_status",
                 "withdraw_target",

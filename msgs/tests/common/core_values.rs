@@ -1,6 +1,6 @@
 //! Strategies for everything that agents may send to each other.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
@@ -8,10 +8,10 @@ use std::time::Duration;
 use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
-    ModuleState, MotionMode, PaperBundle, PaperOptions, PlannerParameters, PlanningModule, Policy,
-    Polyline, Pose, QuorumBasis, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage,
-    SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX, Target,
-    TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
+    ModuleRun, ModuleState, MotionMode, PaperBundle, PaperOptions, PlannerParameters,
+    PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawSpot, RawTarget, Roster, RosterMember,
+    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX,
+    Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -354,7 +354,14 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
             option::of(any::<u32>()),
             any::<u64>(),
         ),
-        (marks(), marks(), quorum_bases(), bodies()),
+        (
+            marks(),
+            marks(),
+            quorum_bases(),
+            bodies(),
+            removals(),
+            removals(),
+        ),
     )
         .prop_map(
             |(
@@ -362,7 +369,7 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 ((incarnation, store), sequence, (epoch, digest)),
                 (phase, service, at, drive),
                 (unit, steps_done, since),
-                (waited_for, agreed_on, quorum_bases, bodies),
+                (waited_for, agreed_on, quorum_bases, bodies, proposed_removals, refuted_removals),
             )| ModuleState {
                 module: module.id,
                 incarnation,
@@ -386,6 +393,8 @@ pub fn module_state() -> impl Strategy<Value = ModuleState> {
                 agreed_on,
                 quorum_bases,
                 bodies,
+                proposed_removals,
+                refuted_removals,
             },
         )
 }
@@ -568,20 +577,19 @@ pub fn heartbeats() -> impl Strategy<Value = Vec<Heartbeat>> {
     })
 }
 
-/// A command to stop or to resume, and bodies that were taken away.
-pub fn commands() -> impl Strategy<Value = (Stop, Vec<Removal>)> {
-    let removal = (
-        module_id(),
-        option::of((1..=u64::MAX).prop_map(Incarnation)),
-    );
-    (any::<(u64, bool)>(), vec(removal, 0..4)).prop_map(|((revision, stopped), removals)| {
-        let mut seen = BTreeSet::new();
-        let removals = removals.into_iter();
-        let removals = removals.map(|(module, incarnation)| Removal {
-            module,
-            incarnation,
-        });
-        let distinct = removals.filter(|removal| seen.insert(removal.module));
-        (Stop { revision, stopped }, distinct.collect())
+/// The runs of distinct modules, ascending.
+fn removals() -> impl Strategy<Value = Vec<ModuleRun>> {
+    let run = (module_id(), (1..=u64::MAX).prop_map(Incarnation));
+    vec(run, 0..4).prop_map(|runs| {
+        let runs: BTreeMap<ModuleId, Incarnation> = runs.into_iter().collect();
+        let runs = runs.into_iter();
+        runs.map(|(module, incarnation)| module.run(incarnation))
+            .collect()
     })
+}
+
+/// A command to stop or to resume, and bodies that were taken away.
+pub fn commands() -> impl Strategy<Value = (Stop, Vec<ModuleRun>)> {
+    (any::<(u64, bool)>(), removals())
+        .prop_map(|((revision, stopped), removals)| (Stop { revision, stopped }, removals))
 }

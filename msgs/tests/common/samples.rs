@@ -65,6 +65,7 @@ impl Collection {
             self.add_all(&state.waited_for);
             self.add_all(&state.quorum_bases);
             self.add_all(&state.bodies);
+            self.add_all(&state.proposed_removals);
         }
     }
 

@@ -171,12 +171,17 @@ impl Cluster {
 
     /// Delivers a message to every module at once, from a participant that is no module.
     pub fn inject(&mut self, message: &Message) {
-        let source = Some(Self::STRANGER);
         self.observe(Observation::Injected(message.clone()));
         for reader in self.running() {
-            let message = message.clone();
-            self.input(reader, Input::Message { source, message });
+            self.tell(reader, message);
         }
+    }
+
+    /// Delivers a message to one module at once, from a participant that is no module.
+    pub fn tell(&mut self, reader: ModuleId, message: &Message) {
+        let source = Some(Self::STRANGER);
+        let message = message.clone();
+        self.input(reader, Input::Message { source, message });
     }
 
     /// Makes each input keep a process busy for `lag`, for a while.
@@ -234,7 +239,7 @@ impl Cluster {
         self.note(Fault::Remove(module));
         for other in self.running() {
             if other != module {
-                self.input(other, Input::Command(Command::Remove(run)));
+                self.tell(other, &Message::Removal(run));
             }
         }
     }

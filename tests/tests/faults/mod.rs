@@ -13,6 +13,7 @@ mod hostile;
 mod kills;
 mod launcher;
 mod partition;
+mod removals;
 mod restarts;
 mod stop;
 mod stores;

@@ -90,6 +90,7 @@ impl Acting {
         let basis = held.roster.quorum_basis();
         context.memory.quorum.note_agreed(epoch, &basis);
         context.memory.mismatches = 0;
+        context.settle_removals(&held.roster);
         context.pacing.relax(context.parameters.epoch_interval);
         context.mark_state_changed();
         context.emit(Event::Agreed(epoch));

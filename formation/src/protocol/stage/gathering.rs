@@ -125,6 +125,7 @@ impl Gathering {
 
     pub fn describe(&self, state: &mut ModuleState, context: &mut Context) {
         state.bodies = context.absent_bodies();
+        context.describe_removals(state, self.epoch, self.since);
         state.spot = context.pin_for(|| self.target);
         state.quorum_bases = context.memory.quorum.bases();
     }
@@ -134,7 +135,8 @@ impl Gathering {
         let Role::Member(incarnation) = self.role else {
             return None;
         };
-        if let Some(reason) = context.bodies.contested_in(self.epoch) {
+        let refused = context.removals.refused_in(self.epoch);
+        if let Some(reason) = refused.or_else(|| context.bodies.contested_in(self.epoch)) {
             return Some(reason);
         }
         let convener = self.epoch.convener;
@@ -191,7 +193,7 @@ impl Gathering {
         let target = context.target.announcement().cloned();
         let memory = &mut context.memory;
         memory.learn_from(&frozen, self.epoch, target.as_deref());
-        context.learn_bodies(&frozen);
+        context.learn_bodies(&frozen, self.since);
         if reports_limit {
             report_missing(&frozen, context);
         }
@@ -226,7 +228,7 @@ impl Gathering {
         let mut roster = Roster {
             epoch: self.epoch,
             target: (*announcement).clone(),
-            bodies: context.bodies_outside(&members),
+            bodies: context.bodies_outside(&members, self.epoch),
             members,
             quorum_bases: context.memory.quorum.bases(),
             timing: context.parameters.timing(),

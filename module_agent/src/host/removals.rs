@@ -1,0 +1,136 @@
+//! Reports that bodies were taken away, by a service of each process of modules: where a user's program announces the target, no target
+//! publisher serves them.
+
+use formation::model::{Message, Timing};
+use formation::protocol::Agent;
+use formation_msgs::{RemoveModuleRequest, RemoveModuleResponse};
+use formation_node::removal_requests::{self, Request};
+use ros_runtime::service::Service as Served;
+
+use super::{Arrived, Host};
+
+pub(crate) const REMOVE_MODULE: Served<RemoveModuleRequest, RemoveModuleResponse> =
+    Served::new("~/remove_module", "formation_msgs", "RemoveModule");
+
+impl Host {
+    /// Proposes the removal that a client asked for before its modules listened, and answers.
+    pub(crate) fn report_removal(&mut self, request: Request) {
+        let outcome = self.propose_removal(&request);
+        request.answer(outcome);
+    }
+
+    /// Has the hosted modules propose a removal. Says what takes effect when, or why nothing does.
+    fn propose_removal(&mut self, request: &Request) -> Result<String, String> {
+        let module = request.module;
+        if self.index_of(module).is_some() {
+            return Err(format!(
+                "{module} lives in this process, so nothing was removed"
+            ));
+        }
+        let agents = || self.modules.iter().map(|hosted| &hosted.agent);
+        let last = agents().filter_map(|agent| agent.last_heard(module)).max();
+        if last.is_some_and(|last| last > request.heard_after) {
+            return Err(removal_requests::are_alive([module]));
+        }
+        let latest = agents().filter_map(|agent| agent.latest_run_of(module));
+        let run = request.resolve(latest.max())?;
+        if !agents().any(Agent::is_member) {
+            return Err(format!(
+                "no module of this process is a member of the formation, so nothing was removed: ask the process of one that is, \
+                 or use `formation remove {}`",
+                module.0
+            ));
+        }
+        let timing = agents().next().map(Agent::timing);
+        self.arrived.push(Arrived {
+            source: self.source,
+            sender: None,
+            message: Message::Removal(run),
+        });
+        Ok(removal_requests::were_reported([module], timing))
+    }
+
+    /// How long to listen for heartbeats before a request is answered.
+    pub(crate) fn timing(&self) -> Option<Timing> {
+        self.modules.first().map(|hosted| hosted.agent.timing())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cell::RefCell;
+    use std::rc::Rc;
+    use std::time::Duration;
+
+    use formation::model::{Heartbeat, Incarnation, ModuleId, ModulePhase, Pose, Service, Stop};
+    use formation::protocol::{AgentParameters, SourceId};
+    use formation_node::removal_requests::Requests;
+    use ros_runtime::service::Call;
+
+    use super::*;
+    use crate::arguments::{Motion, single_module};
+
+    const SECOND: Duration = Duration::from_secs(1);
+
+    fn heartbeat(module: u32, sequence: u64) -> Message {
+        Message::Heartbeat(Heartbeat {
+            module: ModuleId(module),
+            incarnation: Incarnation(7),
+            store: None,
+            sequence,
+            uptime: SECOND * u32::try_from(sequence).unwrap(),
+            epoch: None,
+            digest: None,
+            digest_since: 0,
+            applied_turns: 0,
+            steps_done: 0,
+            phase: ModulePhase::Listening,
+            stop: Stop::default(),
+        })
+    }
+
+    /// The answer of a process of module 4 that has heard module 5 before the request, and after it or not.
+    fn answer(module_id: u32, is_heard_after: bool) -> RemoveModuleResponse {
+        let pose = Pose::from_units(0.0, 0.0, 0.0).unwrap();
+        let modules = [(single_module(ModuleId(4), pose), Service::Active)];
+        let parameters = AgentParameters::default();
+        let motion = Motion::default();
+        let mut host = Host::new(SourceId(1), modules, parameters, &motion, None);
+        host.take_message(SourceId(2), heartbeat(5, 1));
+        host.advance(SECOND);
+        let answer = Rc::new(RefCell::new(None));
+        let given = Rc::clone(&answer);
+        let call = Call {
+            request: RemoveModuleRequest {
+                module_id,
+                incarnation: 0,
+            },
+            reply: Box::new(move |answer| *given.borrow_mut() = Some(answer)),
+        };
+        let mut requests = Requests::default();
+        requests.add(SECOND, host.timing(), call);
+        if is_heard_after {
+            host.take_message(SourceId(2), heartbeat(5, 2));
+            host.advance(SECOND * 2);
+        }
+        for request in requests.take_due(SECOND * 10) {
+            host.report_removal(request);
+        }
+        answer.take().unwrap()
+    }
+
+    #[test]
+    fn a_process_of_modules_refuses_to_report_what_lives_or_is_unknown() {
+        for (module, is_heard_after, reason) in [
+            (4, false, "module 4 lives in this process"),
+            (5, true, "heartbeats of module 5 arrive"),
+            (6, false, "no message of module 6 came"),
+            // Module 5 is known and silent, and module 4 has listened alone.
+            (5, false, "no module of this process is a member"),
+        ] {
+            let answer = answer(module, is_heard_after);
+            assert!(!answer.success);
+            assert!(answer.message.contains(reason), "{answer:?}");
+        }
+    }
+}
