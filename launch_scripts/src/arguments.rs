@@ -101,16 +101,10 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Make the pictures and the page of a recorded run, and list what the recording holds.
+    /// Draw a recorded run: pictures, a page that plays it, or an animated picture.
     ///
     /// A damaged recording is read up to the damage; the exit status is then 1.
-    Report {
-        /// The recording (MCAP), as `formation run --record` and the program `recorder` write it.
-        recording: PathBuf,
-        /// Write into this directory [default: the name of the recording without its end]
-        #[arg(long, value_name = "DIR")]
-        report: Option<PathBuf>,
-    },
+    Report(ReportArguments),
     /// Generate a random scenario from a seed and print it as YAML.
     ///
     /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of
@@ -127,6 +121,22 @@ pub enum Command {
     /// Writes a CSV file for each figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. Measurements are
     /// kept: after an interruption the same command continues where it stopped.
     Experiments(ExperimentsArguments),
+}
+
+/// What to draw of a recording.
+#[derive(Debug, Args)]
+pub struct ReportArguments {
+    /// The recording (MCAP), as `formation run --record` and the program `recorder` write it.
+    pub recording: PathBuf,
+    /// Write pictures and page into this directory [default: the name of the recording without its end, unless --film is given]
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    /// Write an animated picture (SVG) to this file; it plays wherever a picture may stand, such as in a README.
+    #[arg(long, value_name = "FILE")]
+    pub film: Option<PathBuf>,
+    /// Draw the film for a dark page.
+    #[arg(long, requires = "film")]
+    pub dark: bool,
 }
 
 /// What can be done for the security of a formation.

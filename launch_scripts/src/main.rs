@@ -66,9 +66,9 @@ fn main() -> ExitCode {
             json,
         } => explain::run(&scenario, module, json),
         #[cfg(feature = "recordings")]
-        Command::Report { recording, report } => recorded::run(&recording, report.as_deref()),
+        Command::Report(arguments) => recorded::run(&arguments),
         #[cfg(not(feature = "recordings"))]
-        Command::Report { .. } => Err(ros_runtime::exit::Failure::bad_input(
+        Command::Report(_) => Err(ros_runtime::exit::Failure::bad_input(
             "this program was built without recordings; `cargo build --release -p launch_scripts` includes them",
         )),
         Command::Completions { shell } => completions(&mut Arguments::command(), &shell)

@@ -12,12 +12,17 @@ const JUMP_S: f64 = 0.3;
 
 /// Time, x, y and turn: seconds, pixels and degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-struct Keyframe(f64, f64, f64, f64);
+pub(crate) struct Keyframe(
+    pub(crate) f64,
+    pub(crate) f64,
+    pub(crate) f64,
+    pub(crate) f64,
+);
 
 /// Keyframes in the order of time.
 #[derive(Clone, Debug, Serialize)]
 #[serde(transparent)]
-pub(super) struct Track {
+pub(crate) struct Track {
     frames: Vec<Keyframe>,
     #[serde(skip)]
     most: usize,
@@ -30,6 +35,11 @@ impl Track {
             frames: vec![keyframe(0.0, frame, pose)],
             most,
         }
+    }
+
+    /// The keyframes in the order of time; there is at least one.
+    pub(crate) fn keyframes(&self) -> &[Keyframe] {
+        &self.frames
     }
 
     /// Takes the pose of a state, before which the module was in phase `was`.
