@@ -30,6 +30,8 @@ complete() { "$root/usr/lib/formation/formation" completions "$1" | install -D -
 complete bash bash-completion/completions/formation
 complete zsh zsh/vendor-completions/_formation
 complete fish fish/vendor_completions.d/formation.fish
+"$root/usr/lib/formation/formation" manual "$root/usr/share/man/man1" >&2
+gzip -9n "$root"/usr/share/man/man1/*.1
 for unit in "$here"/*.service; do
     install -D -m 644 "$unit" "$root/usr/lib/systemd/system/${unit##*/}"
 done

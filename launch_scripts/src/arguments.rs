@@ -54,6 +54,8 @@ pub enum Command {
         /// The shell: bash, elvish, fish, powershell or zsh.
         shell: String,
     },
+    /// Write the manual pages of all commands into a directory, or print them as Markdown.
+    Manual(ManualArguments),
     /// Form the target with real processes over DDS or Zenoh, and have the outcome verified.
     Run(Box<RunArguments>),
     /// Show a formation that runs elsewhere, as `formation run` shows it, until its verdict; changes nothing.
@@ -121,6 +123,17 @@ pub enum Command {
     /// Writes a CSV file for each figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. Measurements are
     /// kept: after an interruption the same command continues where it stopped.
     Experiments(ExperimentsArguments),
+}
+
+/// Where the manual goes.
+#[derive(Debug, Args)]
+pub struct ManualArguments {
+    /// Write the pages, formation.1 and one for each command, into this directory.
+    #[arg(value_name = "DIR", required_unless_present = "markdown")]
+    pub directory: Option<PathBuf>,
+    /// Print one page of Markdown instead.
+    #[arg(long, conflicts_with = "directory")]
+    pub markdown: bool,
 }
 
 /// What to draw of a recording.

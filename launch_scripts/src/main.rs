@@ -9,6 +9,7 @@ mod experiments;
 mod explain;
 mod generate;
 mod joining;
+mod manual;
 mod motion;
 mod plan;
 #[cfg(feature = "recordings")]
@@ -73,6 +74,7 @@ fn main() -> ExitCode {
         )),
         Command::Completions { shell } => completions(&mut Arguments::command(), &shell)
             .and_then(|script| console::result_line(script.trim_end())),
+        Command::Manual(arguments) => manual::run(Arguments::command(), &arguments),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(feature = "experiments")]

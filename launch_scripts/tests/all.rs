@@ -11,6 +11,7 @@ mod check;
 mod experiments;
 mod explain;
 mod generate;
+mod manual;
 mod plan;
 mod run;
 mod show;

@@ -1,5 +1,7 @@
 //! The documents are true of the repository, and its text keeps to the rules of layout.
 
+mod book;
 mod files;
+mod parameters;
 mod references;
 mod sources;
