@@ -30,7 +30,11 @@ fn the_page_on_the_command_line_is_what_the_program_says() {
 fn each_command_has_a_manual_page() {
     let folder = tempfile::tempdir().unwrap();
     manual(folder.path().to_str().unwrap());
-    for page in ["formation.1", "formation-run.1", "formation-security-create.1"] {
+    for page in [
+        "formation.1",
+        "formation-run.1",
+        "formation-security-create.1",
+    ] {
         let text = fs::read_to_string(folder.path().join(page)).unwrap();
         assert!(text.contains(".SH NAME"), "{page}: {text}");
     }

@@ -29,7 +29,11 @@ fn typed(name: &str, domain: &Domain, python: Option<&Path>) -> String {
     let programs = program("formation");
     let mut path = vec![programs.parent().unwrap().to_owned()];
     let of_python = python.and_then(Path::parent);
-    path.extend(of_python.filter(|folder| *folder != Path::new("")).map(Path::to_owned));
+    path.extend(
+        of_python
+            .filter(|folder| *folder != Path::new(""))
+            .map(Path::to_owned),
+    );
     let inherited = std::env::var_os("PATH").unwrap();
     path.extend(std::env::split_paths(&inherited));
     let output = Command::new("bash")
@@ -85,7 +89,11 @@ fn six_robots() {
     let Some(python) = Python::find() else {
         return;
     };
-    let printed = typed("six_robots.md", &Domain::for_processes(10), Some(python.path()));
+    let printed = typed(
+        "six_robots.md",
+        &Domain::for_processes(10),
+        Some(python.path()),
+    );
     assert_eq!(printed.matches(COMPLETE).count(), 3, "{printed}");
     assert!(printed.contains("status 1"), "{printed}");
 }

@@ -15,7 +15,10 @@ fn text_of(page: &str) -> String {
 
 /// Where links of a text lead: what stands in `](...)`, and in `src` and `srcset` of pictures.
 fn links(text: &str) -> Vec<String> {
-    let markdown = text.split("](").skip(1).filter_map(|rest| rest.split(')').next());
+    let markdown = text
+        .split("](")
+        .skip(1)
+        .filter_map(|rest| rest.split(')').next());
     let pictures = ["src=\"", "srcset=\""].into_iter().flat_map(|attribute| {
         let found = text.split(attribute).skip(1);
         found.filter_map(|rest| rest.split('"').next())
@@ -61,8 +64,12 @@ fn normal(path: &Path) -> PathBuf {
 }
 
 fn pages() -> BTreeMap<PathBuf, TextFile> {
-    let pages = files::all().into_iter().filter(|file| file.ends_with(".md"));
-    pages.map(|page| (PathBuf::from(&page.path), page)).collect()
+    let pages = files::all()
+        .into_iter()
+        .filter(|file| file.ends_with(".md"));
+    pages
+        .map(|page| (PathBuf::from(&page.path), page))
+        .collect()
 }
 
 #[test]
@@ -113,7 +120,8 @@ fn the_book_has_every_page_and_links_within_itself() {
 
 #[test]
 fn anchors_are_those_of_code_hosts() {
-    let page = "# One, two\n```sh\n# no heading\n```\n## `formation run`\n### What *grows*, and how\n";
+    let page =
+        "# One, two\n```sh\n# no heading\n```\n## `formation run`\n### What *grows*, and how\n";
     let wanted = ["one-two", "formation-run", "what-grows-and-how"];
     assert_eq!(anchors(page), wanted.map(str::to_owned).into());
 }
