@@ -240,7 +240,7 @@ struct Publishers {
 struct ModuleNode {
     /// The time since the machine started, when the node did.
     start: Duration,
-    /// The same moment since 1970.
+    /// The time since 1970 at that moment.
     clock_zero: Duration,
     publishers: Publishers,
     host: Host,

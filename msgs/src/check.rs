@@ -36,7 +36,7 @@ impl FieldError {
         Self::new(field, Fault::UnknownValue { value, known })
     }
 
-    /// The same fault, seen from the message that holds `outer`.
+    /// Prefixes the field with `outer`, the field of the message around it.
     pub(crate) fn within(mut self, outer: impl fmt::Display) -> Self {
         self.field = if self.field.is_empty() {
             outer.to_string()
@@ -46,7 +46,7 @@ impl FieldError {
         self
     }
 
-    /// The same fault, seen from the list that holds `outer`.
+    /// Prefixes the field with an entry of the list `outer`.
     pub(crate) fn within_entry(self, outer: &str, index: usize) -> Self {
         self.within(format_args!("{outer}[{index}]"))
     }

@@ -116,7 +116,7 @@ impl Subject {
         }
     }
 
-    /// The same with modules whose processes died.
+    /// Marks the modules whose processes died.
     #[must_use]
     pub fn with_dead(mut self, dead: &BTreeSet<ModuleId>) -> Self {
         for module in &mut self.modules {

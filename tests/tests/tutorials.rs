@@ -68,8 +68,8 @@ fn policies_compared() {
     let page = std::fs::read_to_string(root().join("docs/tutorials/policies.md")).unwrap();
     // The page promises an order, and that the exact planner reaches the optimum of single modules.
     let number = |policy: &str, key: &str, from: usize| -> f64 {
-        let lines = printed.lines().filter(|line| line.starts_with(policy));
-        let line = lines.skip(from).next().unwrap();
+        let mut lines = printed.lines().filter(|line| line.starts_with(policy));
+        let line = lines.nth(from).unwrap();
         let (_, after) = line.split_once(&format!("\"{key}\":")).unwrap();
         after.split(' ').next().unwrap().parse().unwrap()
     };

@@ -83,10 +83,10 @@ fn every_link_leads_to_a_file_and_a_heading() {
                 "" => path.clone(),
                 _ => normal(&path.parent().unwrap().join(file)),
             };
-            let has_anchor = || anchors(&pages[&target].text).contains(anchor);
-            if !root().join(&target).exists()
-                || !anchor.is_empty() && !(pages.contains_key(&target) && has_anchor())
-            {
+            let page = pages.get(&target);
+            let has_anchor =
+                anchor.is_empty() || page.is_some_and(|page| anchors(&page.text).contains(anchor));
+            if !root().join(&target).exists() || !has_anchor {
                 broken.push(format!("{}: {link}", path.display()));
             }
         }
