@@ -57,7 +57,7 @@ Recommends: iproute2
 Section: science
 Priority: optional
 Description: modular robots that form a target shape, as ROS 2 nodes
- The modules of a modular robot decide among themselves, over DDS, which module takes which spot of a target configuration.
+ Modular robots that decide for themselves, over DDS, which module takes which spot of a target configuration.
  This package has the nodes and the launcher; they need no ROS installation.
 CONTROL
 printf '/etc/default/formation\n' >"$root/DEBIAN/conffiles"

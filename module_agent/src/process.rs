@@ -195,7 +195,7 @@ enum Input {
     Failed(String),
 }
 
-/// What takes long, each on a thread of its own.
+/// Slow work, each kind on its own thread.
 struct Workers {
     plans: Worker<PlanJob>,
     /// `None` without a store.

@@ -30,7 +30,7 @@ impl FieldError {
         Self::new(field, Fault::Contradiction(reason))
     }
 
-    /// A number stands for nothing that is known.
+    /// A number that has no meaning here.
     pub(crate) fn unknown(field: &str, value: impl Into<i64>, known: &'static str) -> Self {
         let value = value.into();
         Self::new(field, Fault::UnknownValue { value, known })

@@ -125,7 +125,7 @@ fn refuse_interruption(signal: &AtomicUsize) -> Result<(), Failure> {
     }
 }
 
-/// How a watch ended by itself.
+/// Why a watch ended, unless it was interrupted.
 enum End {
     /// With the verdict of a verifier.
     Judged(Box<Verdict>),
