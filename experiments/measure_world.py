@@ -28,7 +28,7 @@ def scenario_file(formation, name, run, folder):
     """The file of a scenario in its n-th run."""
     if name == "figure1":
         return ROOT / "launch_scripts" / "scenarios" / "figure1_ladder17.yaml"
-    command = [formation, "generate", "--modules", "30", "--spots", "30", "--apart", "--seed", str(run)]
+    command = [formation, "generate", "--modules", "30", "--spots", "30", "--seed", str(run)]
     generated = subprocess.run(command, check=True, capture_output=True, text=True).stdout
     path = Path(folder) / f"singles30_{run}.yaml"
     path.write_text(generated, encoding="utf-8")

@@ -72,7 +72,7 @@ cargo build --release --locked --manifest-path "$repository/Cargo.toml" --target
 scenario="$repository/launch_scripts/scenarios/figure1_ladder17.yaml"
 if [ -n "${drawn:-}" ]; then
     scenario="$target/modules_$modules.yaml"
-    "$target/release/formation" generate --modules "$modules" --spots "$modules" --apart --seed 1 >"$scenario"
+    "$target/release/formation" generate --modules "$modules" --spots "$modules" --seed 1 >"$scenario"
 fi
 
 # Replaced rather than started, so that signals and the exit status are the launcher's own.

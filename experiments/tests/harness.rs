@@ -57,6 +57,37 @@ fn every_experiment_has_its_table_and_its_section() {
         let reason = row.last().unwrap();
         assert_eq!(row[5] == "behind", !reason.is_empty(), "{row:?}");
     }
+    assert_counts_all(&summary, &comparison, 1);
+}
+
+/// Checks that a text counts every row of a comparison, with the head, each time that it says in how many ours is ahead or equal.
+fn assert_counts_all(text: &str, comparison: &[Vec<String>], times: usize) {
+    let rows = &comparison[1..];
+    let ahead = rows.iter().filter(|row| row[5] != "behind").count();
+    // The text wraps, so that any space can be a line feed.
+    let text: Vec<&str> = text.split_whitespace().collect();
+    let text = text.join(" ");
+    let counts = [
+        format!("in {ahead} of {}", rows.len()),
+        format!("in {ahead} of the {} numbers", rows.len()),
+    ];
+    let said: usize = counts.iter().map(|count| text.matches(count).count()).sum();
+    assert_eq!(said, times, "ours is ahead or equal {counts:?}");
+}
+
+#[test]
+fn the_published_evaluation_counts_all_metrics() {
+    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
+    let text = fs::read_to_string(docs.join("evaluation.md")).unwrap();
+    let comparison = rows(&docs.join("evaluation/comparison.csv"));
+    assert_counts_all(&text, &comparison, 2);
+    let (_, table) = text
+        .split_once("### Ours against the paper policy")
+        .unwrap();
+    let heads = table.lines().find(|line| line.starts_with('|')).unwrap();
+    let metrics: Vec<&String> = comparison[1..10].iter().map(|row| &row[2]).collect();
+    // Besides the metrics: the instances, the filled spots, and where ours is behind.
+    assert_eq!(heads.matches(" |").count(), metrics.len() + 3, "{heads}");
 }
 
 #[test]

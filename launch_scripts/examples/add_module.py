@@ -17,9 +17,10 @@ import rclpy
 from ask import ask
 from formation_msgs.msg import ModuleState, ModuleStates
 from formation_msgs.srv import AddModule
-from rclpy.executors import ExternalShutdownException
+from interrupts import interrupted_once
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 
 TRANSIENT_LOCAL = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -73,7 +74,8 @@ def main():
     parser.add_argument("--agent", help="the node of a running agent that is to host the module, such as module_4")
     parser.add_argument("--program", default="module_agent", help="the program, if it is not on the PATH")
     options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
-    rclpy.init(args=sys.argv)
+    interrupted_once(raises=True)
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     observer = ModuleObserver(options.module, options.namespace)
     process = None
     try:
@@ -87,9 +89,9 @@ def main():
             settled = observer.state.phase == ModuleState.PHASE_SETTLED
             where = f"settled on spot {observer.state.spot_id}" if settled else "is a spare"
             print(f"module {options.module} {where}", flush=True)
-        if process is not None:
-            process.wait()
-    except (KeyboardInterrupt, ExternalShutdownException):
+        while process is not None and process.poll() is None:
+            rclpy.spin_once(observer, timeout_sec=0.5)
+    except KeyboardInterrupt:
         pass
     finally:
         if process is not None:

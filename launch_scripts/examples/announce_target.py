@@ -12,9 +12,10 @@ import time
 import rclpy
 import yaml
 from formation_msgs.msg import Area, Edge, Spot, TargetConfiguration
-from rclpy.executors import ExternalShutdownException
+from interrupts import interrupted_once
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 
 TRANSIENT_LOCAL = QoSProfile(depth=1, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -76,13 +77,12 @@ def main():
     parser.add_argument("--session", type=int, default=0, help="the session of the agents, which `formation run` prints")
     parser.add_argument("--namespace", default="/formation")
     options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
-    rclpy.init(args=sys.argv)
-    try:
-        rclpy.spin(Announcer(options))
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
+    interrupted = interrupted_once()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    node = Announcer(options)
+    while not interrupted.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

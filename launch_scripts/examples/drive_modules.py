@@ -11,13 +11,15 @@ For your own robots keep the topics, and replace `robot_model.Robot` by your rob
 import argparse
 import math
 import sys
+import time
 
 import rclpy
 from formation_msgs.msg import DockingRequest, DockingResult
 from geometry_msgs.msg import PoseStamped
+from interrupts import interrupted_once
 from nav_msgs.msg import Odometry
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 from robot_model import Pose, Robot, start_poses
 
 
@@ -39,11 +41,14 @@ class ModuleDriver:
 
     def handle_goal(self, message):
         position, orientation = message.pose.position, message.pose.orientation
-        heading = 2.0 * math.atan2(orientation.z, orientation.w)
-        self.robot.handle_goal(self.node.now(), Pose(position.x, position.y, heading))
+        goal = Pose(position.x, position.y, 2.0 * math.atan2(orientation.z, orientation.w))
+        echo = message.header.stamp
+        age = self.node.stamp_time() - (echo.sec + echo.nanosec * 1e-9)
+        if not self.robot.handle_goal(time.monotonic(), goal, age):
+            self.node.get_logger().warning(f"dropped a goal of module {self.module}, which echoes a pose of {age:.2f} s ago")
 
     def handle_request(self, message):
-        if not self.robot.is_docked(self.node.now(), message.request):
+        if not self.robot.is_docked(time.monotonic(), message.request):
             # The request repeats until it is answered.
             return
         what = "docked to" if message.action == DockingRequest.ACTION_DOCK else "undocked from"
@@ -53,7 +58,7 @@ class ModuleDriver:
         self.results.publish(result)
 
     def step(self, elapsed, frame_id):
-        self.robot.step(self.node.now(), elapsed)
+        self.robot.step(time.monotonic(), elapsed)
         message = self.poses.msg_type()
         message.header.stamp = self.node.get_clock().now().to_msg()
         message.header.frame_id = frame_id
@@ -76,14 +81,15 @@ class Drivers(Node):
             ModuleDriver(self, module, Robot(pose, speed=options.speed), options.pose_source)
             for module, pose in sorted(start_poses(options.scenario).items())
         ]
-        self.last_step = self.now()
+        self.last_step = time.monotonic()
         self.create_timer(1.0 / options.rate, self.step)
 
-    def now(self):
+    def stamp_time(self):
+        """The present time by the clock that stamps the poses, in seconds."""
         return self.get_clock().now().nanoseconds * 1e-9
 
     def step(self):
-        elapsed = self.now() - self.last_step
+        elapsed = time.monotonic() - self.last_step
         self.last_step += elapsed
         for driver in self.drivers:
             driver.step(elapsed, self.frame_id)
@@ -99,13 +105,12 @@ def main():
     parser.add_argument("--rate", type=float, default=20.0, help="poses a second")
     arguments = rclpy.utilities.remove_ros_args(sys.argv)
     options = parser.parse_args(arguments[1:])
-    rclpy.init(args=sys.argv)
-    try:
-        rclpy.spin(Drivers(options))
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
+    interrupted = interrupted_once()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    node = Drivers(options)
+    while not interrupted.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

@@ -8,9 +8,10 @@ import sys
 
 import rclpy
 from formation_msgs.msg import EvictionRecord, SpotClaim
-from rclpy.executors import ExternalShutdownException
+from interrupts import interrupted_once
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 
 # Claims that were made before the start of this program arrive as well.
 TRANSIENT_LOCAL = QoSProfile(depth=1000, durability=DurabilityPolicy.TRANSIENT_LOCAL)
@@ -41,13 +42,12 @@ class ClaimEcho(Node):
 
 
 def main():
-    rclpy.init(args=sys.argv)
-    try:
-        rclpy.spin(ClaimEcho())
-    except (KeyboardInterrupt, ExternalShutdownException):
-        pass
-    finally:
-        rclpy.try_shutdown()
+    interrupted = interrupted_once()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
+    node = ClaimEcho()
+    while not interrupted.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+    rclpy.try_shutdown()
 
 
 if __name__ == "__main__":

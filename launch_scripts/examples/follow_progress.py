@@ -11,9 +11,10 @@ import sys
 
 import rclpy
 from formation_msgs.msg import ModuleState, ModuleStates, Verdict
-from rclpy.executors import ExternalShutdownException
+from interrupts import interrupted_once
 from rclpy.node import Node
 from rclpy.qos import DurabilityPolicy, QoSProfile
+from rclpy.signals import SignalHandlerOptions
 
 TRANSIENT_LOCAL = QoSProfile(depth=100, durability=DurabilityPolicy.TRANSIENT_LOCAL)
 
@@ -67,15 +68,14 @@ class Follower(Node):
 
 
 def main():
-    rclpy.init(args=sys.argv)
+    interrupted = interrupted_once()
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     follower = Follower()
-    try:
-        while follower.verdict is None:
-            rclpy.spin_once(follower)
-    except (KeyboardInterrupt, ExternalShutdownException):
+    while follower.verdict is None and not interrupted.is_set():
+        rclpy.spin_once(follower, timeout_sec=0.1)
+    rclpy.try_shutdown()
+    if follower.verdict is None:
         return 130
-    finally:
-        rclpy.try_shutdown()
     return 1 if follower.verdict.outcome == Verdict.OUTCOME_FAILED else 0
 
 

@@ -13,6 +13,7 @@ import rclpy
 from action_msgs.msg import GoalStatus
 from formation_msgs.action import FormConfiguration
 from formation_msgs.msg import Progress
+from interrupts import interrupted_once
 from rclpy.action import ActionClient
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -41,6 +42,7 @@ def main():
     parser.add_argument("--namespace", default="/formation")
     options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
     # Ctrl-C must leave the node alive, so that it can cancel its goal.
+    interrupted_once(raises=True)
     rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = Node("form_target", namespace=options.namespace)
     client = ActionClient(node, FormConfiguration, "form_configuration")

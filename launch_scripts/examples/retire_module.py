@@ -11,7 +11,9 @@ import sys
 import rclpy
 from ask import ask
 from formation_msgs.srv import RetireModule
+from interrupts import interrupted_once
 from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
 
 
 def main():
@@ -21,11 +23,15 @@ def main():
     parser.add_argument("--rejoin", action="store_true", help="take it back instead")
     parser.add_argument("--namespace", default="/formation")
     options = parser.parse_args(rclpy.utilities.remove_ros_args(sys.argv)[1:])
-    rclpy.init(args=sys.argv)
+    interrupted_once(raises=True)
+    rclpy.init(args=sys.argv, signal_handler_options=SignalHandlerOptions.NO)
     node = Node("retire_module", namespace=options.namespace)
     client = node.create_client(RetireModule, f"{options.agent}/retire_module")
     request = RetireModule.Request(module_id=options.module, rejoin=options.rejoin)
-    response: RetireModule.Response = ask(node, client, request)
+    try:
+        response: RetireModule.Response = ask(node, client, request)
+    except KeyboardInterrupt:
+        return 130
     print(response.message)
     rclpy.try_shutdown()
     return 0 if response.success else 1

@@ -5,6 +5,7 @@ This file does not use ROS; the nodes next to it handle messages.
 A real driver follows the same rules:
 
 * it drives to the latest goal while goals arrive, and stops when none arrived for `PATIENCE_S`;
+* it drops a goal that echoes the stamp of a pose of more than `ECHO_AGE_MAX_S` ago;
 * it always publishes its pose, whether it moves or not;
 * it answers every docking request, including one that it has answered before: requests repeat until they are answered.
 """
@@ -17,6 +18,8 @@ import yaml
 
 # Goals repeat every 0.5 s unless `--heartbeat-s` says otherwise.
 PATIENCE_S = 1.5
+# A module counts as standing once its poses stay where they are for 0.5 s. A goal that waited must not set it off then.
+ECHO_AGE_MAX_S = 0.4
 
 
 @dataclasses.dataclass(frozen=True)
@@ -46,10 +49,17 @@ class Robot:
         self.request = None
         self.request_began = 0.0
 
-    def handle_goal(self, now, goal):
-        """Takes a goal; it holds until the next one, or for `PATIENCE_S`."""
+    def handle_goal(self, now, goal, echo_age):
+        """Takes a goal; it holds until the next one, or for `PATIENCE_S`. Returns whether it came in time.
+
+        The header of a goal has the stamp of the last pose that the module received from this driver. `echo_age` is how long
+        ago that was, by the clock that stamps the poses; the module's clock does not matter.
+        """
+        if not 0.0 <= echo_age <= ECHO_AGE_MAX_S:
+            return False
         self.goal = goal
         self.goal_received = now
+        return True
 
     def step(self, now, elapsed):
         """Moves for `elapsed` seconds, if there is a goal that still holds."""

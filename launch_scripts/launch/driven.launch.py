@@ -7,9 +7,10 @@ import os
 
 from ament_index_python.packages import get_package_share_directory
 from launch import LaunchDescription
-from launch.actions import DeclareLaunchArgument, ExecuteProcess, IncludeLaunchDescription, OpaqueFunction
+from launch.actions import DeclareLaunchArgument, IncludeLaunchDescription, OpaqueFunction
 from launch.launch_description_sources import PythonLaunchDescriptionSource
 from launch.substitutions import LaunchConfiguration
+from launch_ros.actions import Node
 
 PACKAGE = "formation_launch"
 
@@ -20,10 +21,11 @@ def launch_setup(context):
     record = LaunchConfiguration("record").perform(context)
     path = name if os.path.isfile(name) else os.path.join(share, "scenarios", f"{name}.yaml")
     formation = PythonLaunchDescriptionSource(os.path.join(share, "launch", "formation.launch.py"))
-    driver = os.path.join(share, "examples", "drive_modules.py")
+    # The examples are installed next to the programs.
+    driver = Node(package=PACKAGE, executable="drive_modules.py", arguments=["--scenario", path], output="screen")
     return [
         IncludeLaunchDescription(formation, launch_arguments={"scenario": path, "motion": "external", "record": record}.items()),
-        ExecuteProcess(cmd=["python3", driver, "--scenario", path], output="screen"),
+        driver,
     ]
 
 

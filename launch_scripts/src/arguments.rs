@@ -38,6 +38,9 @@ pub enum Command {
     Check {
         /// The scenario file (YAML).
         scenario: PathBuf,
+        /// How the robots drive: in every direction, or along their heading only, for which they turn in place.
+        #[arg(long, value_name = "KIND", default_value = HOLONOMIC, value_parser = [HOLONOMIC, DIFFERENTIAL])]
+        drive: String,
     },
     /// Draw a scenario as text, in the form that a scenario file may have; modules and spots must stand on a lattice.
     Show {
@@ -108,8 +111,8 @@ pub enum Command {
     Report(ReportArguments),
     /// Generate a random scenario from a seed and print it as YAML.
     ///
-    /// Targets and configurations are trees on the unit lattice; leaders and singletons stand uniformly in a box of
-    /// 16 x 16 units. The same options give the same scenario.
+    /// Targets and configurations are trees on the unit lattice. The modules start at random poses in a square field about the
+    /// target. The same options give the same scenario.
     Generate(GenerateArguments),
     /// Simulate many agents in one process, in virtual time, on a seeded network and with faults.
     ///
@@ -138,7 +141,7 @@ pub struct ManualArguments {
 /// What to draw of a recording.
 #[derive(Debug, Args)]
 pub struct ReportArguments {
-    /// The recording (MCAP), as `formation run --record` and the program `recorder` write it.
+    /// The recording (MCAP), as `formation run --record` and the program `recorder` write it, or the folder of a bag.
     pub recording: PathBuf,
     /// Write pictures and page into this directory [default: the name of the recording without its end, unless --film is given]
     #[arg(long, value_name = "DIR")]
@@ -363,6 +366,16 @@ impl WorldArguments {
             .collect()
     }
 
+    /// Whether its robots have differential drives.
+    pub fn is_differential(&self) -> bool {
+        let words: Vec<&str> = self.world_option.iter().map(String::as_str).collect();
+        let joined = format!("--drive={DIFFERENTIAL}");
+        words.contains(&joined.as_str())
+            || words
+                .windows(2)
+                .any(|pair| pair == ["--drive", DIFFERENTIAL])
+    }
+
     /// The tolerances of modules, where the noise needs more than they have by themselves: a module that stands still is to be
     /// within them nearly always.
     pub fn module_options(&self) -> Vec<String> {
@@ -387,6 +400,10 @@ impl WorldArguments {
             .collect()
     }
 }
+
+const HOLONOMIC: &str = "holonomic";
+/// The drive of robots that turn in place.
+pub const DIFFERENTIAL: &str = "differential";
 
 const SIMULATED: &str = "simulated";
 const EXTERNAL: &str = "external";
@@ -430,10 +447,17 @@ pub struct GenerateArguments {
     /// The most links that one spot or module has: 3 or 4.
     #[arg(long, value_name = "D", default_value_t = 3)]
     pub degree: usize,
-    /// Keep the starts so far apart that all modules can move at the same time without contact, in a square field about the
-    /// target that is F times the square root of the number of modules wide [default of F: 3]
-    #[arg(long, value_name = "F", num_args = 0..=1, default_missing_value = "3", value_parser = field_width)]
-    pub apart: Option<u32>,
+    /// Width of the square field about the target in which the modules start, as a multiple of the square root of their number.
+    /// They start so far apart that all can move at the same time without contact
+    #[arg(
+        long, value_name = "F", num_args = 0..=1, default_value = "3", default_missing_value = "3",
+        value_parser = field_width
+    )]
+    pub apart: u32,
+    /// Draw the starts as in the paper, in a box of 16 by 16 units: modules of different configurations can overlap, and then move
+    /// in straight lines, one unit after another
+    #[arg(long, conflicts_with = "apart")]
+    pub touching: bool,
     /// The seed of the random numbers.
     #[arg(long, value_name = "X")]
     pub seed: u64,

@@ -4,9 +4,11 @@ use std::path::Path;
 
 use formation::model::Scenario;
 use formation::model::text::counted;
+use formation::motion::check_differential_drives;
 use formation::planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
 
+use crate::arguments::DIFFERENTIAL;
 use crate::checked_plan::CheckedPlan;
 use crate::{console, scenario_file, warnings};
 
@@ -14,13 +16,16 @@ use crate::{console, scenario_file, warnings};
 ///
 /// # Errors
 /// Names the file, the place and what is wrong there, or the spot that cannot be reached.
-pub fn check(path: &Path) -> Result<(), Failure> {
+pub fn check(path: &Path, drive: &str) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     refuse_long_plans(path, &scenario)?;
     warn(path, &scenario);
     let plan = CheckedPlan::of(&scenario)?;
     plan.refuse_without_motion(path)?;
     plan.warn_of_motion(path);
+    if drive == DIFFERENTIAL {
+        refuse_turning(path, &scenario)?;
+    }
     console::result_line(&format!("{}: {}", path.display(), summary(&scenario)))
 }
 
@@ -30,6 +35,15 @@ pub fn check(path: &Path) -> Result<(), Failure> {
 /// Names the field to which the most time is due, and the limit.
 pub fn refuse_long_plans(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
     let refused = PlanSize::of(scenario.problem()).check();
+    refused.map_err(|reason| Failure::bad_input(format_args!("{}: {reason}", path.display())))
+}
+
+/// Refuses a scenario that robots with differential drives cannot carry out.
+///
+/// # Errors
+/// Names what they cannot move.
+pub fn refuse_turning(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
+    let refused = check_differential_drives(scenario.problem());
     refused.map_err(|reason| Failure::bad_input(format_args!("{}: {reason}", path.display())))
 }
 

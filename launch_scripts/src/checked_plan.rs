@@ -128,6 +128,7 @@ impl CheckedPlan {
     /// What pictures show of a plan with this course.
     pub fn subject(&self, name: &str, course: &[Entry]) -> Subject {
         Subject::of_course(&one_line(name), &self.problem, &self.outcome, course, None)
+            .with_paths(&self.motion, &self.outcome)
     }
 
     /// Refuses a plan by which no module would move.

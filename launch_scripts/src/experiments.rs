@@ -2,16 +2,18 @@
 
 use std::env;
 use std::io::{IsTerminal, stderr};
+use std::process;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use formation_experiments::{ExperimentError, Progress, Scale, Settings, Work};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use ros_runtime::exit::Failure;
+use ros_runtime::exit::{EndRequest, EndSignals, Failure};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
-use signal_hook::flag;
+use signal_hook::iterator::Signals;
 
 use crate::arguments::ExperimentsArguments;
 use crate::console;
@@ -75,14 +77,12 @@ impl Display {
     fn start() -> anyhow::Result<Self> {
         let interrupted = Arc::new(AtomicBool::new(false));
         let last = Arc::new(AtomicUsize::new(0));
-        for signal in [SIGINT, SIGTERM, SIGHUP] {
-            let number = usize::try_from(signal)?;
-            // A second signal ends the program at once.
-            flag::register_conditional_shutdown(signal, 128 + signal, Arc::clone(&interrupted))
-                .and_then(|_| flag::register_usize(signal, Arc::clone(&last), number))
-                .and_then(|_| flag::register(signal, Arc::clone(&interrupted)))
-                .context("cannot handle signals")?;
-        }
+        let signals = Signals::new([SIGINT, SIGTERM, SIGHUP]).context("cannot handle signals")?;
+        let (stop, number) = (Arc::clone(&interrupted), Arc::clone(&last));
+        thread::Builder::new()
+            .name("signals".to_owned())
+            .spawn(move || receive(signals, &stop, &number))
+            .context("cannot handle signals")?;
         let target = if stderr().is_terminal() {
             ProgressDrawTarget::stderr()
         } else {
@@ -101,6 +101,22 @@ impl Display {
     fn signal(&self) -> i32 {
         let signal = self.signal.load(Ordering::Relaxed);
         i32::try_from(signal).unwrap_or(SIGINT)
+    }
+}
+
+/// Notes signals as they come; one that follows the first without repeating it ends the program at once.
+fn receive(mut signals: Signals, interrupted: &AtomicBool, last: &AtomicUsize) {
+    let mut received = EndSignals::default();
+    for signal in signals.forever() {
+        last.store(
+            usize::try_from(signal).unwrap_or_default(),
+            Ordering::Relaxed,
+        );
+        match received.receive(Instant::now()) {
+            EndRequest::First => interrupted.store(true, Ordering::Relaxed),
+            EndRequest::Repeated => {}
+            EndRequest::Urgent => process::exit(128 + signal),
+        }
     }
 }
 

@@ -34,8 +34,13 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
             GenerateError::NoTreeFound { .. } => anyhow!(error),
         })
     })?;
-    if let Some(percent) = arguments.apart {
-        set_apart(&mut scenario, Apart::Circles, percent, arguments.seed);
+    if !arguments.touching {
+        set_apart(
+            &mut scenario,
+            Apart::Circles,
+            arguments.apart,
+            arguments.seed,
+        );
     }
     console::result_line(to_yaml(&scenario).trim_end())
 }

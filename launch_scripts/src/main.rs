@@ -39,7 +39,7 @@ use crate::run::order;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
-        Command::Check { scenario } => check::check(&scenario),
+        Command::Check { scenario, drive } => check::check(&scenario, &drive),
         Command::Show { scenario, svg } => show::show(&scenario, svg),
         Command::Schema => show::schema(),
         Command::Run(arguments) => run::run(&arguments),

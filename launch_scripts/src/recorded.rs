@@ -7,6 +7,7 @@ use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
 use formation::model::{ModuleId, PlanningProblem, SpotId};
+use formation::motion::PlannedMotion;
 use formation::planner::plan;
 use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
 use formation_msgs::Verdict;
@@ -43,10 +44,14 @@ pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
         recording.keep(entry.clone());
     }
     let judged = replay.verdict.as_ref().map(settled);
-    let name = path.file_stem().unwrap_or_default().to_string_lossy();
-    let outcome = plan(Arc::clone(problem));
+    let name = without_compression(path);
+    let name = name.file_stem().unwrap_or_default().to_string_lossy();
+    let mut outcome = plan(Arc::clone(problem));
+    let (motion, planned) = PlannedMotion::of(problem, outcome.plan, &[]);
+    outcome.plan = planned;
     let (name, course) = (one_line(&name), recording.entries());
-    let subject = Subject::of_course(&name, problem, &outcome, course, judged.as_ref());
+    let subject = Subject::of_course(&name, problem, &outcome, course, judged.as_ref())
+        .with_paths(&motion, &outcome);
     let summary = summary(&replay, problem, &recording);
     let mut written = Vec::new();
     if let Some(file) = &arguments.film {
@@ -80,11 +85,24 @@ pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     }
 }
 
-/// The file's name without its end; where it has none, something that does not exist yet.
+/// The file's name without its end; where it has none, and for a bag, something that does not exist yet.
 fn default_directory(path: &Path) -> PathBuf {
+    let path = without_compression(path);
     match path.extension() {
-        Some(_) => path.with_extension(""),
-        None => path.with_extension("report"),
+        Some(_) if !path.is_dir() => path.with_extension(""),
+        _ => {
+            let mut name = path.file_name().unwrap_or_default().to_owned();
+            name.push(".report");
+            path.with_file_name(name)
+        }
+    }
+}
+
+/// The name of a file before zstd compressed it.
+fn without_compression(path: &Path) -> PathBuf {
+    match path.extension() {
+        Some(end) if end == "zstd" => path.with_extension(""),
+        _ => path.to_owned(),
     }
 }
 

@@ -31,7 +31,7 @@ fn what_is_generated_passes_the_check() {
             "23 modules (4 configurations, 3 singletons); 30 spots (tree)",
         ),
         (
-            "--modules 10000 --spots 10000 --configuration-size 10 --seed 18446744073709551615",
+            "--modules 10000 --spots 10000 --configuration-size 10 --touching --seed 18446744073709551615",
             "10000 spots (tree)",
         ),
     ] {
@@ -59,10 +59,40 @@ fn what_is_generated_passes_the_check() {
 }
 
 #[test]
+fn modules_start_apart_and_move_along_paths_unless_they_may_touch() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("generated.yaml");
+    let mode_of = |arguments: &str| {
+        let output = generate(arguments);
+        assert!(output.status.success(), "{arguments}");
+        fs::write(&path, &output.stdout).unwrap();
+        let plan = Command::new(env!("CARGO_BIN_EXE_formation"))
+            .args(["plan", "--json"])
+            .arg(&path)
+            .output()
+            .unwrap();
+        let report: serde_json::Value = serde_json::from_slice(&plan.stdout).unwrap();
+        report["motion"]["mode"].as_str().unwrap().to_owned()
+    };
+    for grouping in ["", "--mixed", "--configuration-size 4"] {
+        let arguments = format!("--modules 20 --spots 20 {grouping} --seed 1");
+        assert_eq!(mode_of(&arguments), "paths", "{arguments}");
+        assert_eq!(mode_of(&format!("{arguments} --touching")), "straight");
+    }
+    let arguments = "--modules 20 --spots 20 --seed 1";
+    for apart in ["--apart", "--apart 3"] {
+        assert_eq!(
+            generate(&format!("{arguments} {apart}")).stdout,
+            generate(arguments).stdout
+        );
+    }
+}
+
+#[test]
 fn what_would_be_planned_for_minutes_is_refused_by_name() {
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("generated.yaml");
-    let output = generate("--modules 10000 --spots 10000 --seed 1");
+    let output = generate("--modules 10000 --spots 10000 --touching --seed 1");
     fs::write(&path, &output.stdout).unwrap();
     let check = Command::new(env!("CARGO_BIN_EXE_formation"))
         .arg("check")
@@ -101,6 +131,10 @@ fn options_out_of_range_are_refused_by_name() {
             "cannot be used with",
         ),
         ("--modules -5 --spots 5 --seed 1", "-5"),
+        (
+            "--modules 5 --spots 5 --seed 1 --touching --apart 2",
+            "cannot be used with",
+        ),
     ] {
         let output = generate(arguments);
         let stderr = String::from_utf8(output.stderr).unwrap();

@@ -179,7 +179,7 @@ fn generated_scenarios_pass_the_independent_check() {
         for seed in ["1", "2", "3"] {
             let generated = Command::new(env!("CARGO_BIN_EXE_formation"))
                 .args(["generate", "--spots", "100", "--modules", modules, grouping])
-                .args(["--seed", seed])
+                .args(["--touching", "--seed", seed])
                 .output()
                 .unwrap();
             fs::write(&path, generated.stdout).unwrap();

@@ -519,7 +519,7 @@ fn nothing_starts_on_bad_input() {
         (&["--timeout", "NaN"], "must be seconds"),
         (
             &["--report", "/dev/null/report"],
-            "/dev/null/report: cannot be created",
+            "--report /dev/null/report: `/dev/null` is no directory",
         ),
     ] {
         let finished = sandbox.run(options);

@@ -19,7 +19,7 @@ use ros_runtime::settings::Settings;
 
 /// Runs the module that leads a configuration, until it is asked to stop.
 ///
-/// It decides for the configuration's block; the members follow it. SIGINT and SIGTERM end the process, which then
+/// It publishes the claims of its configuration; the members follow it. SIGINT and SIGTERM end the process, which then
 /// leaves the ROS 2 graph at once.
 #[derive(Parser)]
 #[command(version = formation_version::VERSION)]

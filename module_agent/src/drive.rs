@@ -84,7 +84,7 @@ impl Drive {
     pub(crate) fn handle_message(&mut self, now: Duration, message: DriverMessage) {
         if let Self::External(drive) = self {
             match message {
-                DriverMessage::Pose(pose) => drive.handle_pose(now, pose),
+                DriverMessage::Pose(pose, _) => drive.handle_pose(now, pose),
                 DriverMessage::Docking(result) => drive.handle_docking_result(now, result),
             }
         }

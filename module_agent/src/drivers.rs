@@ -8,7 +8,7 @@ use formation::motion::{DockingResult, DriveCommand};
 use formation::protocol::Identity;
 use formation_msgs::external::geometry_msgs::{self, PoseStamped};
 use formation_msgs::external::nav_msgs::Path;
-use formation_msgs::{DockingRequest, DriverPose, IntoCore};
+use formation_msgs::{DockingRequest, DriverPose, Header, IntoCore, Time};
 use formation_node::messages::module_size_of;
 use formation_node::{PoseSource, stamp, topics};
 use futures::stream::LocalBoxStream;
@@ -24,8 +24,8 @@ use crate::arguments::Motion;
 /// A message of a driver.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum DriverMessage {
-    /// Where its module stands.
-    Pose(Pose),
+    /// Where its module stands, and the stamp that the driver gave that.
+    Pose(Pose, Time),
     /// The answer to a docking request.
     Docking(DockingResult),
 }
@@ -45,6 +45,9 @@ struct DriverQueues {
     goals: PublisherQueue<PoseStamped>,
     paths: PublisherQueue<Path>,
     requests: PublisherQueue<DockingRequest>,
+    /// The stamp of the last pose that came from the driver. Goals echo it, by which the driver finds how long a goal was on its
+    /// way: that takes no clock but its own.
+    last_pose: Time,
 }
 
 /// Creates the endpoints for the drivers of these modules; `frame_id` is the frame of goals and poses.
@@ -77,12 +80,15 @@ pub(crate) fn open(
                 Err(format!("{module}: {error}"))
             }
         })?;
-        inputs.add(poses, move |pose| (module, DriverMessage::Pose(pose)));
+        inputs.add(poses, move |(pose, stamp)| {
+            (module, DriverMessage::Pose(pose, stamp))
+        });
         inputs.add(results, move |result| (module, result));
         let queues = DriverQueues {
             goals: session.publisher(&topics::goal_pose(module))?,
             paths: session.publisher(&topics::path(module))?,
             requests: session.publisher(&topics::docking(module))?,
+            last_pose: Time::default(),
         };
         publishers.insert(module, queues);
     }
@@ -99,11 +105,13 @@ fn subscribe_poses<M: DriverPose + DeserializeOwned + 'static>(
     topic: &Topic<M>,
     module: ModuleId,
     frame_id: &str,
-) -> Result<LocalBoxStream<'static, Pose>, SessionError> {
+) -> Result<LocalBoxStream<'static, (Pose, Time)>, SessionError> {
     let (frame_id, size) = (frame_id.to_owned(), module_size_of(session));
     session.subscription(topic, move |_, sample: M| {
+        let stamp = sample.stamp();
         let pose = sample.in_frame(&frame_id, size);
-        pose.map_err(|error| format!("{module}: {error}"))
+        pose.map(|pose| (pose, stamp))
+            .map_err(|error| format!("{module}: {error}"))
     })
 }
 
@@ -112,6 +120,7 @@ fn subscribe_poses<M: DriverPose + DeserializeOwned + 'static>(
 /// started again, and are newcomers then.
 pub(crate) fn wait_for_poses(
     inputs: &mut DriverInputs,
+    publishers: &mut DriverPublishers,
     modules: &mut Vec<(Identity, Service)>,
     motion: &Motion,
     session: &Session,
@@ -123,7 +132,8 @@ pub(crate) fn wait_for_poses(
         match async_io::block_on(inputs.wait(deadline, stop)) {
             Wake::Stop => return Ok(false),
             Wake::Due => break,
-            Wake::Input((module, DriverMessage::Pose(pose))) => {
+            Wake::Input((module, DriverMessage::Pose(pose, stamp))) => {
+                publishers.keep_stamp(module, stamp);
                 poses.insert(module, pose);
             }
             Wake::Input(_) => {}
@@ -162,6 +172,13 @@ pub(crate) fn wait_for_poses(
 }
 
 impl DriverPublishers {
+    /// Takes in the stamp of a pose that came from the driver of a module; the goals that follow echo it.
+    pub(crate) fn keep_stamp(&mut self, module: ModuleId, stamp: Time) {
+        if let Some(queues) = self.modules.get_mut(&module) {
+            queues.last_pose = stamp;
+        }
+    }
+
     /// Publishes the path of a module to its driver.
     pub(crate) fn publish_path(&self, module: ModuleId, path: &[Pose]) {
         let Some(DriverQueues { paths, .. }) = self.modules.get(&module) else {
@@ -178,20 +195,23 @@ impl DriverPublishers {
 
     /// Publishes a command to the driver of a module.
     pub(crate) fn publish(&self, module: ModuleId, command: DriveCommand) {
-        let Some(DriverQueues {
-            goals, requests, ..
-        }) = self.modules.get(&module)
-        else {
+        let Some(queues) = self.modules.get(&module) else {
             return;
         };
-        let header = stamp::header(&self.frame_id);
         match command {
             DriveCommand::Goal(pose) => {
+                let header = Header {
+                    stamp: queues.last_pose,
+                    frame_id: self.frame_id.clone(),
+                };
                 let pose = geometry_msgs::Pose::new(&pose, self.module_size);
-                goals.publish(PoseStamped { header, pose });
+                queues.goals.publish(PoseStamped { header, pose });
             }
             DriveCommand::Docking(request) => {
-                requests.publish(DockingRequest::new(header, module, &request));
+                let header = stamp::header(&self.frame_id);
+                queues
+                    .requests
+                    .publish(DockingRequest::new(header, module, &request));
             }
         }
     }

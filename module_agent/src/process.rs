@@ -93,9 +93,10 @@ impl ModuleProcess {
         if motion.mode == MotionMode::External {
             let ids = modules.iter().map(|(identity, _)| identity.module);
             let frame_id = motion.frame_id.as_deref().unwrap_or(&self.hosted.frame_id);
-            let (mut messages, publishers) =
+            let (mut messages, mut publishers) =
                 drivers::open(&mut session, ids, motion.pose_source, frame_id)?;
-            if !drivers::wait_for_poses(&mut messages, modules, &motion, &session, stop)? {
+            let (from, to) = (&mut messages, &mut publishers);
+            if !drivers::wait_for_poses(from, to, modules, &motion, &session, stop)? {
                 return Ok(());
             }
             inputs.append(messages, |(module, message)| Input::Driver(module, message));
@@ -264,7 +265,14 @@ impl Node for ModuleNode {
                     self.host.take_message(source, message);
                 }
             }
-            Input::Driver(module, message) => self.host.handle_driver(now, module, message),
+            Input::Driver(module, message) => {
+                if let (DriverMessage::Pose(_, stamp), Some(drivers)) =
+                    (&message, &mut self.publishers.drivers)
+                {
+                    drivers.keep_stamp(module, *stamp);
+                }
+                self.host.handle_driver(now, module, message);
+            }
             Input::Membership(request) => {
                 request.carry_out(&mut self.host, self.module_size, now);
             }

@@ -6,7 +6,7 @@ use crate::check::{self, Checked, FieldError};
 use crate::error::{Fault, MessageError};
 use crate::external::geometry_msgs::PoseStamped;
 use crate::external::nav_msgs::Odometry;
-use crate::standard::Header;
+use crate::standard::{Header, Time};
 use crate::topic;
 
 /// A message with the pose of a module.
@@ -16,6 +16,9 @@ pub trait DriverPose {
     /// # Errors
     /// The pose is given in another frame, is no number, or lies too far away.
     fn in_frame(&self, frame_id: &str, size: ModuleSize) -> Result<model::Pose, MessageError>;
+
+    /// When it was measured, by the clock of the driver.
+    fn stamp(&self) -> Time;
 }
 
 impl DriverPose for PoseStamped {
@@ -28,6 +31,10 @@ impl DriverPose for PoseStamped {
             })
             .map_err(|error| error.on(topic::POSE))
     }
+
+    fn stamp(&self) -> Time {
+        self.header.stamp
+    }
 }
 
 impl DriverPose for Odometry {
@@ -38,6 +45,10 @@ impl DriverPose for Odometry {
                 pose.map_err(|error| error.within("pose.pose"))
             })
             .map_err(|error| error.on(topic::ODOMETRY))
+    }
+
+    fn stamp(&self) -> Time {
+        self.header.stamp
     }
 }
 

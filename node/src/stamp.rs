@@ -18,14 +18,22 @@ pub fn header(frame_id: &str) -> Header {
     }
 }
 
-/// How old data is, by its stamp and this machine's clock; a stamp that was not set is not old.
+/// How long ago this process took a stamp, which another returns. `None` for one that was never set, or is ahead of the clock,
+/// which was set back since then.
 #[must_use]
-pub fn age(header: &Header) -> Duration {
-    let Time { sec, nanosec } = header.stamp;
-    let taken = u64::try_from(sec).ok().filter(|sec| *sec > 0);
-    taken.map_or(Duration::ZERO, |sec| {
-        since_epoch().saturating_sub(Duration::new(sec, nanosec))
-    })
+pub fn age(stamp: Time) -> Option<Duration> {
+    let Time { sec, nanosec } = stamp;
+    let sec = u64::try_from(sec).ok().filter(|sec| *sec > 0)?;
+    since_epoch().checked_sub(Duration::new(sec, nanosec))
+}
+
+/// A header for data that was taken this long ago.
+#[must_use]
+pub fn header_of_past(frame_id: &str, age: Duration) -> Header {
+    Header {
+        stamp: since_epoch().saturating_sub(age).into(),
+        frame_id: frame_id.to_owned(),
+    }
 }
 
 /// The time since 1970 at which the machine had run for `since_start`. Of several looks at both clocks, the one that took
@@ -65,13 +73,14 @@ mod tests {
 
     #[test]
     fn data_is_as_old_as_its_stamp_says() {
-        assert!(age(&header("map")) < Duration::from_secs(1));
-        let mut old = header("map");
-        old.stamp.sec -= 10;
-        assert!(age(&old) > Duration::from_secs(9));
-        let mut ahead = header("map");
-        ahead.stamp.sec += 10;
-        let unset = Header::default();
-        assert_eq!((age(&ahead), age(&unset)), Default::default());
+        let now = header("map").stamp;
+        assert!(age(now).unwrap() < Duration::from_secs(1));
+        let past = header_of_past("map", Duration::from_secs(10)).stamp;
+        assert!(age(past).unwrap() >= Duration::from_secs(10));
+        let ahead = Time {
+            sec: now.sec + 10,
+            ..now
+        };
+        assert_eq!((age(ahead), age(Time::default())), (None, None));
     }
 }

@@ -1,8 +1,11 @@
 //! Records the topics of a formation into an MCAP file, which `ros2 bag`, `rosbags` and Foxglove open, and reads such files.
 //!
 //! [`process`] is the node; it hands each sample, undecoded, to the thread of [`queue`], which writes it with
-//! [`file::RecordingFile`]. [`read`] reads a file as far as it is intact, and [`replay`] makes the event log of it.
+//! [`file::RecordingFile`]. [`read`] reads a file, or the folder of a bag, as far as it is intact, and [`replay`] makes the event
+//! log of it.
 
+mod bag;
+mod chunk;
 pub mod file;
 pub mod process;
 pub mod queue;

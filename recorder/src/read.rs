@@ -1,6 +1,5 @@
 //! Reading a recording, as far as it is intact.
 
-use std::fs::File;
 use std::io::{self, Read};
 use std::path::Path;
 
@@ -9,10 +8,9 @@ use mcap::read::{ChannelAccumulator, parse_record};
 use mcap::records::Record;
 use mcap::sans_io::{LinearReadEvent, LinearReader, LinearReaderOptions};
 
+use crate::bag;
+use crate::chunk::{RECORD_BYTES_MAX, for_each_record};
 use crate::file::{LOSSES, LOST};
-
-/// A longer record is taken to be damaged.
-const RECORD_BYTES_MAX: usize = 256 << 20;
 
 /// A sample of a recording.
 #[derive(Clone, Copy, Debug)]
@@ -27,75 +25,108 @@ pub struct Recorded<'a> {
     pub bytes: &'a [u8],
 }
 
-/// What a file says apart from its samples.
+/// What a recording says apart from its samples.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct FileSummary {
     /// The number of samples.
     pub samples: u64,
-    /// Why the file could not be read to its end.
+    /// Why it could not be read to its end.
     pub damage: Option<String>,
-    /// How many samples the recorder lost, if it finished the file.
+    /// How many samples the recorder lost, if it finished its files.
     pub lost: Option<u64>,
 }
 
-/// Reads a file, and gives each of its samples to `visit`, in the order in which they were written.
+/// Reads a recording, and gives each of its samples to `visit`, in the order in which they were written.
 ///
-/// A file that is damaged or has no end is read up to the first chunk that is not intact.
+/// It is an MCAP file, which zstd may have compressed as a whole, or the folder of a bag with such files. What is damaged or has
+/// no end is read up to the first chunk that is not intact.
 ///
 /// # Errors
-/// The file cannot be opened, or is no MCAP file.
+/// It cannot be opened, or is no MCAP file, and no bag of such files.
 pub fn read(path: &Path, visit: impl FnMut(Recorded<'_>)) -> io::Result<FileSummary> {
-    let mut file = File::open(path)?;
+    let files = bag::files(path)?;
+    let is_bag = path.is_dir();
     let mut reader = Reader {
         visit,
         channels: ChannelAccumulator::default(),
         is_mcap: false,
+        chunks: 0,
         summary: FileSummary::default(),
     };
-    let damage = reader.read(&mut file)?;
-    if let Some(damage) = &damage
-        && !reader.is_mcap
-    {
-        return Err(io::Error::other(format!("is no MCAP file: {damage}")));
+    for file in files {
+        // A bag is damaged where one of its files is missing.
+        let source = match bag::open(&file) {
+            Err(error) if !is_bag => return Err(error),
+            source => source.map_err(|error| format!("cannot be opened: {error}")),
+        };
+        let is_opened = source.is_ok();
+        let damage = source.and_then(|mut source| reader.read(&mut *source));
+        let Err(damage) = damage else {
+            continue;
+        };
+        let damage = if is_bag {
+            let name = file.file_name().unwrap_or_default();
+            format!("{}: {damage}", name.display())
+        } else {
+            damage
+        };
+        if !reader.is_mcap && is_opened {
+            return Err(io::Error::other(format!("is no MCAP file: {damage}")));
+        }
+        if !reader.is_mcap {
+            return Err(io::Error::other(damage));
+        }
+        reader.summary.damage = Some(damage);
+        break;
     }
-    Ok(FileSummary {
-        damage,
-        ..reader.summary
-    })
+    Ok(reader.summary)
 }
 
 struct Reader<F> {
     visit: F,
+    /// Those of the present file.
     channels: ChannelAccumulator<'static>,
-    /// Whether its first record was read.
+    /// Whether the first record of any file was read.
     is_mcap: bool,
+    /// How many chunks of the present file were begun.
+    chunks: u64,
     summary: FileSummary,
 }
 
 impl<F: FnMut(Recorded<'_>)> Reader<F> {
-    /// Reads to the end, or to what is damaged, which it returns.
-    fn read(&mut self, file: &mut File) -> io::Result<Option<String>> {
+    /// Reads a file to its end, or to what is damaged, which is the error.
+    fn read(&mut self, file: &mut dyn Read) -> Result<(), String> {
+        self.channels = ChannelAccumulator::default();
+        self.chunks = 0;
         let options = LinearReaderOptions::default()
-            .with_prevalidate_chunk_crcs(true)
+            .with_emit_chunks(true)
             .with_record_length_limit(RECORD_BYTES_MAX);
         let mut reader = LinearReader::new_with_options(options);
         while let Some(event) = reader.next_event() {
-            let taken = match event {
-                Ok(LinearReadEvent::ReadRequest(wanted)) => {
-                    let count = file.read(reader.insert(wanted))?;
-                    reader.notify_read(count);
-                    continue;
+            match event.map_err(|error| error.to_string())? {
+                LinearReadEvent::ReadRequest(wanted) => {
+                    let count = file.read(reader.insert(wanted));
+                    reader.notify_read(count.map_err(|error| error.to_string())?);
                 }
-                Ok(LinearReadEvent::Record { opcode, data }) => {
-                    parse_record(opcode, data).and_then(|record| self.take(record))
+                LinearReadEvent::Record { opcode, data } => {
+                    let record = parse_record(opcode, data).map_err(|error| error.to_string())?;
+                    self.take_from_file(record)?;
                 }
-                Err(error) => Err(error),
-            };
-            if let Err(error) = taken {
-                return Ok(Some(error.to_string()));
             }
         }
-        Ok(None)
+        Ok(())
+    }
+
+    fn take_from_file(&mut self, record: Record<'_>) -> Result<(), String> {
+        let Record::Chunk { header, data } = record else {
+            return self.take(record).map_err(|error| error.to_string());
+        };
+        self.is_mcap = true;
+        self.chunks += 1;
+        for_each_record(&header, &data, |record| {
+            self.take(record).map_err(|error| error.to_string())
+        })
+        .map_err(|reason| format!("chunk {}: {reason}", self.chunks))
     }
 
     fn take(&mut self, record: Record<'_>) -> McapResult<()> {
@@ -122,7 +153,10 @@ impl<F: FnMut(Recorded<'_>)> Reader<F> {
             }
             Record::Metadata(metadata) if metadata.name == LOSSES => {
                 let lost = metadata.metadata.get(LOST);
-                self.summary.lost = lost.and_then(|count| count.parse().ok());
+                let lost = lost.and_then(|count| count.parse::<u64>().ok());
+                if let Some(lost) = lost {
+                    *self.summary.lost.get_or_insert_default() += lost;
+                }
                 Ok(())
             }
             _ => Ok(()),
@@ -196,7 +230,7 @@ mod tests {
         let summary = read(&path, |_| count += 1).unwrap();
         assert_eq!(count, 10);
         let damage = summary.damage.unwrap();
-        assert!(damage.starts_with("Chunk CRC failed"), "{damage}");
+        assert!(damage.starts_with("chunk 3: Chunk CRC failed"), "{damage}");
     }
 
     #[test]
@@ -206,5 +240,134 @@ mod tests {
         fs::write(&path, "name: no recording\n".repeat(10)).unwrap();
         let error = read(&path, |_| {}).unwrap_err().to_string();
         assert_eq!(error, "is no MCAP file: Bad magic number");
+    }
+
+    /// A bag of `ros2 bag`: its second file is compressed as a whole.
+    fn bag(folder: &Path) {
+        let second = recording(&folder.join("run_1.mcap"));
+        fs::remove_file(folder.join("run_1.mcap")).unwrap();
+        recording(&folder.join("run_0.mcap"));
+        let level = ruzstd::encoding::CompressionLevel::Fastest;
+        // The frames of a file that was written in parts.
+        let (begin, end) = second.split_at(second.len() / 2);
+        let frames = [begin, end].map(|part| ruzstd::encoding::compress_to_vec(part, level));
+        fs::write(folder.join("run_1.mcap.zstd"), frames.concat()).unwrap();
+        describe(folder, "mcap", "FILE", &["run_0.mcap", "run_1.mcap.zstd"]);
+    }
+
+    fn describe(folder: &Path, storage: &str, mode: &str, files: &[&str]) {
+        let text = format!(
+            "rosbag2_bagfile_information:\n  version: 9\n  storage_identifier: {storage}\n  duration:\n    nanoseconds: 1\n  \
+             compression_format: zstd\n  compression_mode: {mode}\n  relative_file_paths: {files:?}\n"
+        );
+        fs::write(folder.join("metadata.yaml"), text).unwrap();
+    }
+
+    fn counted(path: &Path) -> (u64, FileSummary) {
+        let mut count = 0;
+        let summary = read(path, |_| count += 1).unwrap();
+        assert_eq!(summary.samples, count);
+        (count, summary)
+    }
+
+    fn refused(path: &Path) -> String {
+        read(path, |_| {}).unwrap_err().to_string()
+    }
+
+    #[test]
+    fn a_bag_is_read_file_by_file_also_without_its_description() {
+        let folder = tempfile::tempdir().unwrap();
+        bag(folder.path());
+        let expected = FileSummary {
+            samples: 2 * SAMPLES,
+            damage: None,
+            lost: Some(0),
+        };
+        assert_eq!(counted(folder.path()), (2 * SAMPLES, expected.clone()));
+        let (alone, _) = counted(&folder.path().join("run_1.mcap.zstd"));
+        assert_eq!(alone, SAMPLES);
+        fs::remove_file(folder.path().join("metadata.yaml")).unwrap();
+        assert_eq!(counted(folder.path()), (2 * SAMPLES, expected));
+    }
+
+    #[test]
+    fn files_without_a_description_come_in_the_order_of_their_numbers() {
+        let folder = tempfile::tempdir().unwrap();
+        for name in ["run_10.mcap", "run_9.mcap", "run_0.mcap", "notes.txt"] {
+            fs::write(folder.path().join(name), "").unwrap();
+        }
+        let files = bag::files(folder.path()).unwrap();
+        let names: Vec<_> = files.iter().map(|file| file.file_name().unwrap()).collect();
+        assert_eq!(names, ["run_0.mcap", "run_9.mcap", "run_10.mcap"]);
+    }
+
+    #[test]
+    fn a_file_of_a_bag_that_is_damaged_or_missing_is_named_and_what_comes_before_is_read() {
+        let folder = tempfile::tempdir().unwrap();
+        bag(folder.path());
+        let second = folder.path().join("run_1.mcap.zstd");
+        let mut bytes = fs::read(&second).unwrap();
+        bytes.truncate(bytes.len() - 9);
+        fs::write(&second, &bytes).unwrap();
+        let (count, summary) = counted(folder.path());
+        assert!(count >= SAMPLES);
+        let damage = summary.damage.unwrap();
+        assert!(damage.starts_with("run_1.mcap.zstd: "), "{damage}");
+        assert!(
+            damage.contains("cannot be decompressed by zstd"),
+            "{damage}"
+        );
+        fs::remove_file(&second).unwrap();
+        let (count, summary) = counted(folder.path());
+        assert_eq!(count, SAMPLES);
+        let damage = summary.damage.unwrap();
+        assert!(
+            damage.starts_with("run_1.mcap.zstd: cannot be opened: "),
+            "{damage}"
+        );
+    }
+
+    #[test]
+    fn a_folder_that_cannot_be_read_is_refused_by_what_it_has() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path();
+        assert_eq!(refused(path), "is a folder without a file of MCAP");
+        for (storage, mode, file, reason) in [
+            (
+                "sqlite3",
+                "\"\"",
+                "a.db3",
+                "the storage is `sqlite3`, and only mcap",
+            ),
+            (
+                "mcap",
+                "MESSAGE",
+                "a.mcap",
+                "each message is compressed on its own",
+            ),
+            (
+                "mcap",
+                "\"\"",
+                "../a.mcap",
+                "`../a.mcap` is not in the folder",
+            ),
+            (
+                "mcap",
+                "\"\"",
+                "/etc/passwd",
+                "`/etc/passwd` is not in the folder",
+            ),
+            ("mcap", "\"\"", "a.mcap", "a.mcap: cannot be opened"),
+        ] {
+            describe(path, storage, mode, &[file]);
+            let error = refused(path);
+            assert!(error.contains(reason), "{error}");
+        }
+        fs::write(path.join("metadata.yaml"), "name: something else").unwrap();
+        assert!(
+            refused(path).starts_with("metadata.yaml: "),
+            "{}",
+            refused(path)
+        );
     }
 }

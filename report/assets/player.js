@@ -64,7 +64,9 @@
   const bodies = moduleElements.map((element) => element.querySelector(".body"));
   const phaseCells = film.modules.map(({ id }) => document.querySelector(`[data-row="${id}"] .phase`));
   const spotElements = film.spots.map(({ id }) => document.querySelector(`.target [data-spot="${id}"]`));
-  const goals = film.spots.map(() => make("line", byId("goals"), "goal"));
+  const ways = film.modules.map(() => ({ line: make("path", byId("paths")), drawn: undefined }));
+  const CROWD = 40;
+  byId("paths").classList.toggle("crowded", ways.length > CROWD);
   const links = film.links.map(([one, other, fate, from, until]) => ({
     one, other, from, until: until ?? Infinity, line: make("line", byId("links"), `link ${fate}`),
     cross: fate === "broken" ? make("path", byId("crosses"), "cross") : null,
@@ -90,11 +92,31 @@
     line.setAttribute("y2", y2);
   };
 
-  // The line ends at the edge of the spot, so that the number stays legible.
-  const drawGoal = (line, [x, y], spot) => {
-    const length = Math.hypot(spot.x - x, spot.y - y);
-    const share = Math.max(length - film.side * 0.6, 0) / Math.max(length, 1e-9);
-    draw(line, x, y, between(x, spot.x, share), between(y, spot.y, share));
+  // The way on which the film shows a module around a time, from where it last stood until it is at its end.
+  const ENDS = new Set(["SETTLED", "SPARE", "LISTENING", "GATHERED"]);
+  const wayAt = ({ track, phases }, time) => {
+    const isEnd = ([, phase]) => ENDS.has(phase);
+    const from = phases.findLast((entry) => entry[0] <= time && isEnd(entry))?.[0] ?? 0;
+    const until = phases.find((entry) => entry[0] > time && isEnd(entry))?.[0] ?? film.length;
+    const passed = track.filter(([at]) => from < at && at < until).map(([, x, y]) => [x, y]);
+    return { key: from, points: [poseAt(track, from).slice(0, 2), ...passed, poseAt(track, until).slice(0, 2)] };
+  };
+
+  const isLong = (points) => points.some(([x, y]) => Math.hypot(x - points[0][0], y - points[0][1]) > film.side * 0.1);
+
+  // Draws the planned path where the modules follow the plan that the page knows, else the way that the module goes.
+  const drawWay = (way, module, spot) => {
+    const follows = valueAt(film.planned, time, false) && module.path;
+    const recorded = follows ? null : wayAt(module, time);
+    const key = follows ? "plan" : `${recorded.key} ${spot?.id}`;
+    if (way.drawn === key) return;
+    way.drawn = key;
+    let points = follows ? module.path : recorded.points;
+    const known = isLong(points);
+    if (!known && spot) points = [points[0], [spot.x, spot.y]];
+    const corners = points.map(([x, y]) => `${x.toFixed(1)} ${y.toFixed(1)}`);
+    way.line.setAttribute("class", known ? "path" : "claim");
+    way.line.setAttribute("d", isLong(points) ? `M${corners.join("L")}` : "");
   };
 
   const stepButtons = film.steps.map((step) => {
@@ -102,13 +124,18 @@
     const button = document.createElement("button");
     button.type = "button";
     button.textContent = step.text;
-    button.addEventListener("click", () => seek(step.at));
+    button.addEventListener("click", () => {
+      if (step.at < begin) setTurns(true);
+      seek(step.at);
+    });
     item.append(button);
     byId("steps").append(item);
     return button;
   });
 
-  let time = 0;
+  // The film begins at the first motion; the turns before it are shown on demand.
+  let begin = film.begin;
+  let time = begin;
   let playing = false;
   let shownStep = -1;
 
@@ -137,17 +164,18 @@
       const holder = valueAt(spot.holders, time, null);
       const state = holder === null ? "free" : phases[holder] === "SETTLED" ? "filled" : "claimed";
       setAttribute(spotElements[index], "data-state", state);
-      show(goals[index], state === "claimed");
-      if (holder !== null) spotOf.set(holder, spot.id);
-      if (state === "claimed") drawGoal(goals[index], poses[holder], spot);
+      if (holder !== null) spotOf.set(holder, spot);
     });
-    film.modules.forEach((_, index) => {
+    film.modules.forEach((module, index) => {
       const [x, y, turn] = poses[index];
       setAttribute(moduleElements[index], "transform", `translate(${x.toFixed(2)} ${y.toFixed(2)})`);
       setAttribute(bodies[index], "transform", `rotate(${turn.toFixed(1)})`);
       setAttribute(moduleElements[index], "data-phase", phases[index]);
       const spot = spotOf.get(index);
-      setText(phaseCells[index], PHASES[phases[index]] + (spot === undefined ? "" : `, spot ${spot}`));
+      setText(phaseCells[index], PHASES[phases[index]] + (spot === undefined ? "" : `, spot ${spot.id}`));
+      const goes = phases[index] === "MOVING" || (spot !== undefined && phases[index] !== "SETTLED");
+      show(ways[index].line, goes);
+      if (goes) drawWay(ways[index], module, spot);
     });
     for (const link of links) {
       const visible = link.from <= time && time < link.until;
@@ -197,7 +225,7 @@
     // While the film runs, a screen reader could not read every step in time.
     byId("now").setAttribute("aria-live", playing ? "off" : "polite");
     if (playing) {
-      if (time >= film.length) time = 0;
+      if (time >= film.length) time = begin;
       previous = undefined;
       requestAnimationFrame(tick);
     }
@@ -216,23 +244,32 @@
   };
 
   const seek = (wanted) => {
-    time = Math.min(Math.max(wanted, 0), film.length);
+    time = Math.min(Math.max(wanted, begin), film.length);
     render();
+  };
+  const setTurns = (wanted) => {
+    begin = wanted ? 0 : film.begin;
+    scrub.min = begin;
+    byId("turns").setAttribute("aria-pressed", String(wanted));
   };
   const goStep = (direction) => {
     setPlaying(false);
     const times = film.steps.map(at);
     const target = direction > 0
       ? times.find((step) => step > time + 1e-6) ?? film.length
-      : times.findLast((step) => step < time - 1e-6) ?? 0;
+      : times.findLast((step) => step < time - 1e-6) ?? begin;
     seek(target);
   };
 
   byId("play").addEventListener("click", () => setPlaying(!playing));
-  byId("start").addEventListener("click", () => seek(0));
+  byId("start").addEventListener("click", () => seek(begin));
   byId("finish").addEventListener("click", () => seek(film.length));
   byId("back").addEventListener("click", () => goStep(-1));
   byId("forward").addEventListener("click", () => goStep(1));
+  byId("turns").addEventListener("click", () => {
+    setTurns(begin > 0);
+    seek(begin);
+  });
   scrub.addEventListener("input", () => {
     setPlaying(false);
     seek(Number(scrub.value));
@@ -258,40 +295,35 @@
     else if (scrolls) return;
     else if (event.key === "ArrowRight") goStep(1);
     else if (event.key === "ArrowLeft") goStep(-1);
-    else if (event.key === "Home") seek(0);
+    else if (event.key === "Home") seek(begin);
     else if (event.key === "End") seek(film.length);
     else return;
     event.preventDefault();
   });
 
-  // The caption is as high as the longest texts need, so that the controls below it stay where they are.
-  const CAPTIONS_MEASURED = 8;
-  const longest = [...film.steps].sort((one, other) => other.text.length - one.text.length).slice(0, CAPTIONS_MEASURED);
-  const caption = document.querySelector("figcaption");
-  const reserveCaption = () => {
-    const probe = caption.cloneNode(true);
-    const [stage, now] = probe.children;
-    for (const part of [probe, stage, now]) {
-      part.removeAttribute("id");
-      part.removeAttribute("aria-live");
-    }
-    probe.setAttribute("aria-hidden", "true");
-    Object.assign(probe.style, { position: "absolute", visibility: "hidden", height: "auto", width: `${caption.offsetWidth}px` });
-    probe.className = "probe";
-    caption.after(probe);
-    let height = 0;
-    for (const step of longest) {
-      stage.textContent = valueAt(film.stages, at(step), "");
-      now.textContent = step.text;
-      height = Math.max(height, probe.getBoundingClientRect().height);
-    }
-    probe.remove();
-    caption.style.height = `${Math.ceil(height)}px`;
+  // A small picture shows no texts that would be too small to read, and the ground takes their room.
+  const picture = byId("picture");
+  const [, , wide, high] = picture.getAttribute("viewBox").split(" ").map(Number);
+  const floor = picture.querySelector(".floor");
+  const ground = picture.querySelector(".ground").transform.baseVal[0].matrix;
+  const GRID_TEXT_MIN = 7.5 / 11;
+  const NUMBER_SIDE_MIN = 12;
+  const fit = () => {
+    const box = picture.getBoundingClientRect();
+    const scale = (width, height) => Math.min(box.width / width, box.height / height);
+    const bare = scale(wide, high) < GRID_TEXT_MIN;
+    const size = [Number(floor.getAttribute("width")) + 4, Number(floor.getAttribute("height")) + 4];
+    const view = bare ? [ground.e - 2, ground.f - 2, ...size] : [0, 0, wide, high];
+    picture.setAttribute("viewBox", view.join(" "));
+    picture.classList.toggle("bare", bare);
+    picture.classList.toggle("unnumbered", film.side * scale(view[2], view[3]) < NUMBER_SIDE_MIN);
   };
-  addEventListener("resize", reserveCaption);
+  addEventListener("resize", fit);
 
   scrub.max = film.length;
+  scrub.min = begin;
   for (const id of ["player", "counters", "steps-box"]) byId(id).hidden = false;
-  reserveCaption();
+  for (const id of ["turns", "turns-hint"]) byId(id).hidden = begin === 0;
+  fit();
   render();
 })();

@@ -95,6 +95,7 @@ pub fn page(subject: &Subject, course: &[Entry], summary: &Summary) -> String {
         "step-count" => film.steps.len().to_string(),
         "facts" => all(summary.facts.iter().map(row_of)),
         "notes" => notes(&summary.notes),
+        "notes-link" => notes_link(&summary.notes),
         "modules" => all(subject
             .modules
             .iter()
@@ -183,7 +184,7 @@ fn stage(subject: &Subject, frame: &Frame) -> Element {
     modules.extend(subject.modules.iter().map(drawn));
     let mut ground = drawing::ground(frame, (LEFT, ABOVE));
     // Below the spots, so that no line crosses a number.
-    ground.push(layer("goals"));
+    ground.push(layer("paths"));
     ground.push(drawing::target(frame, subject, |_| "spot"));
     ground.extend([layer("links"), modules]);
     ground.extend([layer("crosses"), layer("marks")]);
@@ -202,7 +203,8 @@ fn legend_of(subject: &Subject) -> Vec<Element> {
         (Mark::Line("link kept"), "link that is kept"),
         (Mark::Break, "link that breaks"),
         (Mark::Line("link new"), "new link"),
-        (Mark::Line("goal"), "to the claimed spot"),
+        (Mark::Line("path"), "path to the claimed spot"),
+        (Mark::Line("claim"), "claims a spot, no path known"),
         (Mark::Ring("ring acting"), "acts in this step"),
         (Mark::Ring("ring evicted"), "loses its spot in this step"),
         (Mark::Spot, "free spot"),
@@ -238,9 +240,23 @@ fn notes(notes: &[String]) -> String {
     if notes.is_empty() {
         return String::new();
     }
-    let mut list = Element::new("ul").with("class", "notes");
+    let mut list = Element::new("ul")
+        .with("class", "notes")
+        .with("id", "notes");
     list.extend(notes.iter().map(|note| Element::new("li").saying(note)));
     list.to_string()
+}
+
+/// The notes are below the first screen, so that any number of them leaves the picture its room.
+fn notes_link(notes: &[String]) -> String {
+    if notes.is_empty() {
+        return String::new();
+    }
+    Element::new("a")
+        .with("id", "to-notes")
+        .with("href", "#notes")
+        .saying(counted(notes.len(), "note"))
+        .to_string()
 }
 
 fn row_of_module(subject: &Subject, module: &Module) -> Element {

@@ -195,14 +195,8 @@ impl<'a> Course<'a> {
             .max()
             .unwrap_or_default();
         // All drives of a unit take the time of its longest path.
-        let goal = MotionGoal {
-            pose: Pose::default(),
-            pivot: None,
-            unit_distance: longest,
-        };
-        let mut drive = SimulatedDrive::new(goal.pose, speed_units_per_s, Duration::MAX);
-        drive.go(Duration::ZERO, goal);
-        self.now += drive.time_left(Duration::ZERO).unwrap_or_default();
+        let passed = Duration::try_from_secs_f64(longest.to_units() / speed_units_per_s);
+        self.now += passed.unwrap_or_default();
         for &(module, spot) in placements {
             self.settle(module, spot);
         }

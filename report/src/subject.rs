@@ -4,9 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use formation::event_log::{Entry, Event, Scene};
 use formation::model::{
-    self, ConfigurationId, MicroUnits, ModuleId, ModulePhase, PlanningModule, PlanningProblem,
-    Pose, SpotId, Surroundings,
+    self, ConfigurationId, Digest, MicroUnits, ModuleId, ModulePhase, PlanningModule,
+    PlanningProblem, Pose, SpotId, Surroundings,
 };
+use formation::motion::PlannedMotion;
 use formation::planner::PlanOutcome;
 
 /// A formation from its start to its end. Indices of modules, spots and configurations are positions in these lists.
@@ -24,6 +25,8 @@ pub struct Subject {
     pub(crate) new_links: Vec<(usize, usize)>,
     /// Obstacles and walls.
     pub(crate) surroundings: Surroundings,
+    /// The problem that the plan solves.
+    pub(crate) problem: Digest,
 }
 
 /// Modules that are docked to each other at the start.
@@ -49,6 +52,8 @@ pub(crate) struct Module {
     pub(crate) moves_with: Option<ModuleId>,
     /// Whether its process died.
     pub(crate) is_dead: bool,
+    /// The corners of its planned path, from its start to its spot; empty if it has none.
+    pub(crate) path: Vec<Pose>,
 }
 
 #[derive(Clone, Debug)]
@@ -112,8 +117,37 @@ impl Subject {
             spots: spots(problem, &modules),
             edges: problem.target().topology().edges().to_vec(),
             surroundings: problem.target().surroundings().clone(),
+            problem: problem.digest(),
             modules,
         }
+    }
+
+    /// Adds the paths that the plan gives the modules.
+    #[must_use]
+    pub fn with_paths(mut self, motion: &PlannedMotion, outcome: &PlanOutcome) -> Self {
+        match motion {
+            PlannedMotion::Paths(motion) => {
+                for unit in &motion.units {
+                    for module in &unit.modules {
+                        if let Some(position) = self.position_of(module.module) {
+                            self.modules[position].path = unit.poses_after(0, module).collect();
+                        }
+                    }
+                }
+            }
+            PlannedMotion::Straight(_) => {
+                for (&module, &spot) in &outcome.plan.assignments {
+                    let spot = self.spots.iter().find(|known| known.id == spot);
+                    let end = spot.map(|spot| spot.pose);
+                    if let (Some(end), Some(position)) = (end, self.position_of(module)) {
+                        let module = &mut self.modules[position];
+                        module.path = vec![module.start, end];
+                    }
+                }
+            }
+            PlannedMotion::Refused(_) => {}
+        }
+        self
     }
 
     /// Marks the modules whose processes died.
@@ -227,6 +261,7 @@ fn modules(
             order: planned_spot.and_then(|spot| order.get(&spot).copied()),
             moves_with: unit.map(|unit| unit.lead),
             is_dead: false,
+            path: Vec::new(),
         }
     };
     problem.modules().iter().map(module).collect()

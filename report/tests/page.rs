@@ -126,6 +126,73 @@ fn a_plan_is_played_to_its_end() {
 }
 
 #[test]
+fn the_film_begins_at_the_first_motion() {
+    let formed = Formed::shipped("figure1_ladder17");
+    let (_, film) = planned(&formed);
+    let begin = film["begin"].as_f64().unwrap();
+    let modules = film["modules"].as_array().unwrap();
+    let phases = modules
+        .iter()
+        .flat_map(|module| module["phases"].as_array().unwrap());
+    let moving = phases.filter(|phase| phase[1] == "MOVING");
+    let first = moving.map(|phase| phase[0].as_f64().unwrap());
+    assert!((first.fold(f64::INFINITY, f64::min) - begin).abs() < 1e-9);
+    let steps = film["steps"].as_array().unwrap();
+    let turns = steps
+        .iter()
+        .filter(|step| step["text"].as_str().unwrap().starts_with("Turn "));
+    assert!(turns.clone().count() > 0);
+    assert!(
+        turns
+            .map(|step| step["at"].as_f64().unwrap())
+            .all(|at| at < begin)
+    );
+}
+
+#[test]
+fn straight_motions_take_the_time_of_their_ways() {
+    let formed = Formed::of(
+        "
+target: {spots: [{id: 1, x: 0, y: 0}, {id: 2, x: 1, y: 0}], edges: [[1, 2]]}
+singletons: [{id: 7, x: 0, y: 2}, {id: 8, x: 1, y: 3}]
+planner: {motion: straight}
+",
+    );
+    let (course, film) = planned(&formed);
+    // One after another, at 5 units a second.
+    assert_eq!(course.last().unwrap().at_ms, 1_000);
+    assert!(film["length"].as_f64().unwrap() > film["begin"].as_f64().unwrap() + 1.0);
+}
+
+#[test]
+fn planned_paths_lead_to_the_spots_round_obstacles() {
+    let formed = Formed::shipped("two_rooms");
+    let (_, film) = planned(&formed);
+    assert_eq!(last(&film["planned"])[1], true);
+    let assignments = &formed.outcome.plan.assignments;
+    let modules = film["modules"].as_array().unwrap();
+    let mut turns = 0;
+    for module in modules {
+        let id = ModuleId(u32::try_from(module["id"].as_u64().unwrap()).unwrap());
+        let Some(spot) = assignments.get(&id) else {
+            continue;
+        };
+        let spots = film["spots"].as_array().unwrap();
+        let spot = spots.iter().find(|known| known["id"] == spot.0).unwrap();
+        let path = module["path"].as_array().unwrap();
+        let end = path.last().unwrap();
+        assert_eq!((&end[0], &end[1]), (&spot["x"], &spot["y"]), "{id}");
+        let start = &module["track"][0];
+        assert_eq!((&path[0][0], &path[0][1]), (&start[1], &start[2]), "{id}");
+        turns += path.len() - 2;
+    }
+    assert!(
+        turns > 0,
+        "the straight lines to the spots lead through the wall"
+    );
+}
+
+#[test]
 fn links_are_there_as_long_as_they_hold() {
     let formed = Formed::shipped("figure1_ladder17");
     let (_, film) = planned(&formed);
@@ -241,6 +308,13 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
             "Module 8 has settled on spot 1",
             "well",
         ]
+    );
+    let follows = film["planned"].as_array().unwrap().iter();
+    let follows: Vec<&Value> = follows.map(|entry| &entry[1]).collect();
+    assert_eq!(
+        follows,
+        [false, false],
+        "neither roster has the problem of the plan"
     );
     let holders: Vec<&Value> = film["spots"][0]["holders"]
         .as_array()

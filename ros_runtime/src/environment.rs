@@ -10,6 +10,9 @@ use crate::words::{Words, by_words};
 pub const DOMAIN_MAX: u16 = 232;
 
 /// A DDS domain; processes in different domains do not discover each other.
+///
+/// It is read as ROS 2 reads `ROS_DOMAIN_ID`, which is as `strtoul` does with base 0: decimal, hexadecimal after `0x`, or octal
+/// after `0`. Unlike ROS 2, which reads `7x` as 7, it is refused where other characters follow.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Domain(u16);
 
@@ -25,8 +28,7 @@ impl FromStr for Domain {
     type Err = String;
 
     fn from_str(text: &str) -> Result<Self, String> {
-        let number = text.trim().parse::<u16>().ok();
-        let domain = number.and_then(|number| Self::try_from(number).ok());
+        let domain = number_in_any_base(text).and_then(|number| Self::try_from(number).ok());
         domain.ok_or_else(|| wrong_domain(&text))
     }
 }
@@ -40,6 +42,21 @@ impl TryFrom<u16> for Domain {
             _ => Err(wrong_domain(&number)),
         }
     }
+}
+
+/// A number as C writes it, with spaces around it and a plus before it.
+fn number_in_any_base(text: &str) -> Option<u16> {
+    let text = text.trim_matches(|symbol: char| symbol.is_ascii_whitespace() || symbol == '\u{b}');
+    let text = text.strip_prefix('+').unwrap_or(text);
+    let hexadecimal = text.strip_prefix("0x").or_else(|| text.strip_prefix("0X"));
+    let (digits, base) = match hexadecimal {
+        Some(digits) => (digits, 16),
+        None if text.starts_with('0') => (text, 8),
+        None => (text, 10),
+    };
+    // A second sign would pass otherwise.
+    let is_number = digits.chars().all(|digit| digit.is_digit(base));
+    u16::from_str_radix(digits, base).ok().filter(|_| is_number)
 }
 
 fn wrong_domain(got: &dyn fmt::Display) -> String {
@@ -184,6 +201,35 @@ mod tests {
         assert_eq!(resolved(Overrides::default(), &empty), default);
     }
 
+    /// What `strtoul` with base 0 makes of them.
+    #[test]
+    fn domains_are_read_as_ros_2_reads_them() {
+        for (text, number) in [
+            ("0", 0),
+            ("7", 7),
+            ("232", 232),
+            ("0x10", 16),
+            ("0XE8", 232),
+            ("010", 8),
+            ("00", 0),
+            ("0350", 232),
+            (" \t7", 7),
+            ("+0x7", 7),
+            ("7 ", 7),
+        ] {
+            let domain = resolved(Overrides::default(), &[("ROS_DOMAIN_ID", text)]);
+            assert_eq!(domain, Ok((number, DiscoveryRange::Subnet)), "{text}");
+        }
+        for text in [
+            "0x", "08", "0b1", "0o7", "7x", "x7", "1 2", "1.0", "++7", "+-7", "0x+7", "1_0",
+            "seven",
+        ] {
+            let refused = resolved(Overrides::default(), &[("ROS_DOMAIN_ID", text)]);
+            let reason = format!("got `{text}`");
+            assert!(refused.unwrap_err().contains(&reason), "{text}");
+        }
+    }
+
     #[test]
     fn localhost_only_takes_precedence_over_the_range() {
         let variables = [(RANGE, "SUBNET"), (LOCALHOST_ONLY, "1")];
@@ -249,6 +295,11 @@ mod tests {
                 "ROS_DOMAIN_ID",
                 "-1",
                 "must be a whole number from 0 to 232, got `-1`",
+            ),
+            (
+                "ROS_DOMAIN_ID",
+                "08",
+                "must be a whole number from 0 to 232, got `08`",
             ),
             (
                 RANGE,

@@ -4,7 +4,7 @@ use std::io::{self, Write};
 use std::panic;
 use std::process::{self, ExitCode};
 use std::thread;
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use async_channel::{Receiver, bounded};
 use rustix::process::{Signal, getppid, set_parent_process_death_signal};
@@ -21,6 +21,10 @@ pub const STATUS_BAD_INPUT: u8 = 2;
 
 /// How long a process that was asked to end has to leave the graph.
 pub const EXIT_GRACE: Duration = Duration::from_millis(1_500);
+
+/// Signals that follow the first within this time repeat it: Ctrl-C reaches a process from its terminal and from the program
+/// that started it, such as `ros2 launch` or `formation run`.
+pub const REPEATS_FOR: Duration = Duration::from_secs(1);
 
 /// The longest error message, in bytes: a parser may quote a whole file.
 const MESSAGE_BYTES_MAX: usize = 1_000;
@@ -106,9 +110,43 @@ pub fn shortened(mut text: String, bytes_max: usize) -> String {
     text
 }
 
+/// What a signal asks for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum EndRequest {
+    /// To end.
+    First,
+    /// What the first signal asked for already.
+    Repeated,
+    /// To end at once.
+    Urgent,
+}
+
+/// The signals that asked a process to end.
+#[derive(Clone, Copy, Debug, Default)]
+pub struct EndSignals {
+    first: Option<Instant>,
+}
+
+impl EndSignals {
+    /// Takes in a signal that came at `now`.
+    pub fn receive(&mut self, now: Instant) -> EndRequest {
+        match self.first {
+            None => {
+                self.first = Some(now);
+                EndRequest::First
+            }
+            Some(first) if now.saturating_duration_since(first) < REPEATS_FOR => {
+                EndRequest::Repeated
+            }
+            Some(_) => EndRequest::Urgent,
+        }
+    }
+}
+
 /// The request to end; yields once, on the first SIGINT or SIGTERM.
 ///
-/// The process then has [`EXIT_GRACE`] to end by itself; a second signal ends it at once.
+/// The process then has [`EXIT_GRACE`] to end by itself. Signals that follow within [`REPEATS_FOR`] change nothing; a later one
+/// ends it at once.
 ///
 /// # Errors
 /// The operating system did not let the signals be caught.
@@ -118,13 +156,17 @@ pub fn stop_requested() -> io::Result<Receiver<()>> {
     thread::Builder::new()
         .name("signals".to_owned())
         .spawn(move || {
-            for (count, _) in signals.forever().enumerate() {
-                if count > 0 {
-                    process::exit(STATUS_FAILED.into());
+            let mut received = EndSignals::default();
+            for _ in signals.forever() {
+                match received.receive(Instant::now()) {
+                    EndRequest::First => {
+                        // A full channel means that the request is there already.
+                        let _ = sender.try_send(());
+                        limit_exit(EXIT_GRACE, STATUS_FAILED);
+                    }
+                    EndRequest::Repeated => {}
+                    EndRequest::Urgent => process::exit(STATUS_FAILED.into()),
                 }
-                // A full channel means that the request is there already.
-                let _ = sender.try_send(());
-                limit_exit(EXIT_GRACE, STATUS_FAILED);
             }
         })?;
     Ok(receiver)
@@ -180,5 +222,16 @@ mod tests {
         assert_eq!(failure.to_string(), "file: line end of it");
         assert_eq!(shortened("\u{e4}\u{e4}".to_owned(), 3), "\u{e4} ...");
         assert_eq!(shortened("\u{e4}\u{e4}".to_owned(), 4), "\u{e4}\u{e4}");
+    }
+
+    #[test]
+    fn a_signal_that_repeats_within_a_second_changes_nothing_and_a_later_one_is_urgent() {
+        let start = Instant::now();
+        let after = |millis| start + Duration::from_millis(millis);
+        let mut signals = EndSignals::default();
+        assert_eq!(signals.receive(start), EndRequest::First);
+        assert_eq!(signals.receive(start), EndRequest::Repeated);
+        assert_eq!(signals.receive(after(999)), EndRequest::Repeated);
+        assert_eq!(signals.receive(after(1_000)), EndRequest::Urgent);
     }
 }

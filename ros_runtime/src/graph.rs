@@ -89,6 +89,15 @@ impl Graph {
         }
     }
 
+    /// Whether a process is known that subscribes what this one publishes. Over Zenoh none is: publishers do not see subscribers.
+    pub(crate) fn has_subscribers(&self) -> bool {
+        match self {
+            Self::Dds(graph) => graph.matched_readers.is_any(),
+            #[cfg(feature = "zenoh")]
+            Self::Zenoh(_) => false,
+        }
+    }
+
     /// Publishes a topic.
     pub(crate) fn publisher<M: Serialize + 'static>(
         &mut self,

@@ -6,7 +6,7 @@ use std::rc::Rc;
 
 use rustdds::{
     DomainParticipant, DomainParticipantStatusEvent, DomainParticipantStatusListener, GUID,
-    StatusEvented,
+    RTPSEntity, StatusEvented,
 };
 
 /// The remote readers that a writer of this participant has matched.
@@ -17,6 +17,7 @@ use rustdds::{
 pub(crate) struct MatchedReaders(Rc<RefCell<State>>);
 
 struct State {
+    own: GUID,
     events: DomainParticipantStatusListener,
     readers: BTreeSet<GUID>,
 }
@@ -25,6 +26,7 @@ impl MatchedReaders {
     /// Reads the events of this participant. Nothing else may read them, as each is given out once.
     pub(crate) fn of(participant: &DomainParticipant) -> Self {
         Self(Rc::new(RefCell::new(State {
+            own: participant.guid(),
             events: participant.status_listener(),
             readers: BTreeSet::new(),
         })))
@@ -44,6 +46,14 @@ impl MatchedReaders {
                 _ => {}
             }
         }
+    }
+
+    /// Whether a writer of this process has matched one of another participant.
+    pub(crate) fn is_any(&self) -> bool {
+        self.update();
+        let state = self.0.borrow();
+        let mut readers = state.readers.iter();
+        readers.any(|reader| reader.prefix != state.own.prefix)
     }
 
     /// Whether a writer of this process has matched the reader.

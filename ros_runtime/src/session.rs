@@ -87,6 +87,13 @@ impl Session {
         self.graph.participant()
     }
 
+    /// Whether a process is known that subscribes what this one publishes, which every ROS 2 node does over DDS. Over Zenoh
+    /// none is known.
+    #[must_use]
+    pub fn has_subscribers(&self) -> bool {
+        self.graph.has_subscribers()
+    }
+
     /// The counts of samples, which the queues of this session write.
     #[must_use]
     pub fn statistics(&self) -> SharedStatistics {

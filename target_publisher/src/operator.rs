@@ -31,6 +31,9 @@ const REPEAT: Duration = Duration::from_millis(500);
 const REMOVAL_REPEATS: Duration = Duration::from_secs(3);
 /// How long the modules have to appear and to show the command.
 const PATIENCE: Duration = Duration::from_secs(15);
+/// How long they have to appear where no other process is in the domain either: several discoveries, and a heartbeat of two
+/// seconds.
+const PATIENCE_ALONE: Duration = Duration::from_secs(3);
 
 /// What is commanded.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -183,6 +186,7 @@ pub(crate) fn command(
     inputs.add(rosters, |one| one);
     let mut operator = Operator {
         order,
+        place: place(settings, &session),
         session: session_of(&session),
         commands: session.publisher(&topics::COMMANDS)?,
         known: Known::default(),
@@ -199,8 +203,23 @@ pub(crate) fn command(
     outcome.map_err(SessionError::Failed)
 }
 
+/// Where modules are sought, for people.
+fn place(settings: &Settings, session: &Session) -> String {
+    let sought = match session_of(session) {
+        SessionId::EVERY => "any session".to_owned(),
+        session => session.to_string(),
+    };
+    format!(
+        "domain {}, namespace {}, {sought}",
+        settings.environment.domain,
+        session.identity().namespace
+    )
+}
+
 struct Operator {
     order: Order,
+    /// The domain, the namespace and the session, for people.
+    place: String,
     /// The session to which the command applies; without one, it applies to every session.
     session: SessionId,
     commands: PublisherQueue<OperatorCommand>,
@@ -233,11 +252,15 @@ impl Node for Operator {
         }
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, session: &mut Session) -> Result<ControlFlow<()>, SessionError> {
         let now = Instant::now();
         if now >= self.due {
             self.due = now + REPEAT;
-            self.outcome = self.pursue(now);
+            let patience = match session.has_subscribers() {
+                true => PATIENCE,
+                false => PATIENCE_ALONE,
+            };
+            self.outcome = self.pursue(now, patience);
         }
         Ok(match self.outcome {
             Some(_) => ControlFlow::Break(()),
@@ -252,11 +275,19 @@ impl Node for Operator {
 
 impl Operator {
     /// Gives the command again, and judges whether it was taken; the outcome, if there is one.
-    fn pursue(&mut self, now: Instant) -> Option<Result<String, String>> {
-        let is_late = now > self.began + PATIENCE;
+    ///
+    /// The modules have to appear within `patience`.
+    fn pursue(&mut self, now: Instant, patience: Duration) -> Option<Result<String, String>> {
         let Some(first) = self.first else {
-            return is_late.then(|| Err("no module is live on this domain".to_owned()));
+            return (now > self.began + patience).then(|| {
+                Err(format!(
+                    "no formation was found in {}: no heartbeat of a module came within {} s",
+                    self.place,
+                    patience.as_secs()
+                ))
+            });
         };
+        let is_late = now > self.began + PATIENCE;
         if self.given.is_none() {
             if now < first + LISTENING {
                 return None;

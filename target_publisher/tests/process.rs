@@ -2,6 +2,8 @@
 
 use std::process::{Command, Output};
 
+use formation_tests::Domain;
+
 fn publisher(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_target_publisher"))
         .args(["--discovery-range", "LOCALHOST", "--domain", "76"])
@@ -45,4 +47,29 @@ fn a_revision_that_is_too_far_ahead_of_the_clock_is_bad_usage() {
     assert_eq!(output.status.code(), Some(2));
     let stderr = String::from_utf8(output.stderr).unwrap();
     assert!(stderr.contains("too far ahead of the clock"), "{stderr}");
+}
+
+/// The number of a domain is read as ROS 2 reads it.
+#[test]
+fn a_command_to_an_empty_domain_is_answered_soon_with_where_no_formation_is() {
+    let domain = Domain::for_processes(1);
+    let hexadecimal = format!("{:#x}", domain.parse::<u16>().unwrap());
+    for order in ["--stop", "--resume"] {
+        let output = Command::new(env!("CARGO_BIN_EXE_target_publisher"))
+            .args(["--discovery-range", "LOCALHOST", order])
+            .env("ROS_DOMAIN_ID", &hexadecimal)
+            .output()
+            .unwrap();
+        assert_eq!(output.status.code(), Some(1));
+        let stderr = String::from_utf8(output.stderr).unwrap();
+        let place = format!("in domain {}, namespace /formation, any session", &*domain);
+        assert!(
+            stderr.contains(&format!(
+                "error: no formation was found {place}: no heartbeat"
+            )),
+            "{stderr}"
+        );
+        // The limit where no other process is found.
+        assert!(stderr.contains("came within 3 s"), "{stderr}");
+    }
 }

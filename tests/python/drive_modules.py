@@ -2,9 +2,10 @@
 
 Usage:
     drive_modules.py --scenario FILE [--domain D] [--pose-source pose|odom] [--speed UNITS_PER_S]
-                     [--deaf MODULE...] [--undockable MODULE...]
+                     [--clock-ahead S] [--deaf MODULE...] [--undockable MODULE...]
 
-A deaf module publishes its pose and never moves; an undockable one never answers docking requests.
+The clock that stamps the poses may be ahead of that of the machine. A deaf module publishes its pose and never moves; an
+undockable one never answers docking requests.
 """
 
 import argparse
@@ -14,18 +15,19 @@ import pathlib
 import sys
 import time
 
-from formation_dds import Session
+from formation_dds import Session, domain_id
 
 sys.path.insert(0, str(pathlib.Path(__file__).resolve().parents[2] / "launch_scripts" / "examples"))
 
+from interrupts import interrupted_once  # noqa: E402
 from robot_model import Pose, Robot, start_poses  # noqa: E402
 
 INTERVAL_S = 0.05
 
 
 class Driver:
-    def __init__(self, session, module, robot, source):
-        self.session, self.module, self.robot = session, module, robot
+    def __init__(self, session, module, robot, source, clock_ahead):
+        self.session, self.module, self.robot, self.clock_ahead = session, module, robot, clock_ahead
         self.pose_type = "nav_msgs/msg/Odometry" if source == "odom" else "geometry_msgs/msg/PoseStamped"
         topic = f"module_{module}"
         self.poses = session.other_writer(f"{topic}/{source}", self.pose_type)
@@ -38,13 +40,18 @@ class Driver:
             if goal.sample_info.valid_data and not is_deaf:
                 position, orientation = goal.pose.position, goal.pose.orientation
                 heading = 2.0 * math.atan2(orientation.z, orientation.w)
-                self.robot.handle_goal(now, Pose(position.x, position.y, heading))
+                echo = goal.header.stamp
+                age = self.stamp_time() - (echo.sec + echo.nanosec * 1e-9)
+                self.robot.handle_goal(now, Pose(position.x, position.y, heading), age)
         for request in self.requests.take(N=16):
             if not request.sample_info.valid_data or is_undockable:
                 continue
             if self.robot.is_docked(now, request.request):
                 answer = {"module_id": self.module, "request": request.request, "success": True}
                 self.results.write(self.session.types.value("formation_msgs/msg/DockingResult", answer))
+
+    def stamp_time(self):
+        return time.time() + self.clock_ahead
 
     def publish_pose(self):
         pose = {
@@ -56,26 +63,31 @@ class Driver:
         }
         if self.pose_type == "nav_msgs/msg/Odometry":
             pose = {"pose": pose}
-        message = {"header": {"frame_id": "map"}, "pose": pose}
+        seconds, nanoseconds = divmod(int(self.stamp_time() * 1e9), 1_000_000_000)
+        message = {"header": {"stamp": {"sec": seconds, "nanosec": nanoseconds}, "frame_id": "map"}, "pose": pose}
         self.poses.write(self.session.types.value(self.pose_type, message))
 
 
 def main():
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--scenario", required=True)
-    parser.add_argument("--domain", type=int, default=int(os.environ.get("ROS_DOMAIN_ID", "0")))
+    parser.add_argument("--domain", type=domain_id, default=os.environ.get("ROS_DOMAIN_ID") or "0")
     parser.add_argument("--pose-source", choices=["pose", "odom"], default="pose")
     parser.add_argument("--speed", type=float, default=10.0)
+    parser.add_argument("--clock-ahead", type=float, default=0.0)
     parser.add_argument("--deaf", type=int, nargs="*", default=[])
     parser.add_argument("--undockable", type=int, nargs="*", default=[])
     options = parser.parse_args()
+    interrupted = interrupted_once()
     session = Session(options.domain)
     drivers = [
-        Driver(session, module, Robot(pose, speed=options.speed, turn_rate=20.0), options.pose_source)
+        Driver(
+            session, module, Robot(pose, speed=options.speed, turn_rate=20.0), options.pose_source, options.clock_ahead
+        )
         for module, pose in sorted(start_poses(options.scenario).items())
     ]
     last = time.monotonic()
-    while True:
+    while not interrupted.is_set():
         time.sleep(INTERVAL_S)
         now = time.monotonic()
         for driver in drivers:

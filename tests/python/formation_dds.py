@@ -4,9 +4,9 @@ The types are made from the .msg files, as any other ROS 2 party would make them
 line, with the field names of the .msg files.
 
 Usage:
-    formation_dds.py take TOPIC [--type TYPE [--latched]] [--domain D] [--count N] [--timeout S]
+    formation_dds.py take TOPIC [--type TYPE [--latched | --best-effort]] [--domain D] [--count N] [--timeout S]
                                                                          prints samples as they come
-    formation_dds.py put TOPIC [--domain D]                              publishes lines of its input until that ends
+    formation_dds.py put TOPIC [--type TYPE] [--domain D]                publishes lines of its input until that ends
     formation_dds.py garble TOPIC [--domain D]                           publishes bytes that are no sample, likewise
 The last two first print {"ready": true}.
 """
@@ -75,6 +75,13 @@ BASES = {
     "float64": types.float64,
     "string": str,
 }
+
+
+def domain_id(text):
+    """A domain, read as ROS 2 reads ROS_DOMAIN_ID: as `strtoul` does with base 0."""
+    digits = text.strip().removeprefix("+")
+    base = 16 if digits[:2].lower() == "0x" else 8 if digits.startswith("0") else 10
+    return int(digits, base)
 
 
 class Types:
@@ -160,15 +167,16 @@ class Session:
         topic, qos = self.topic(name)
         return DataWriter(self.participant, topic, qos=qos)
 
-    def other_topic(self, path, type_name, latched=False):
-        """A topic that is not in `TOPICS`, with the quality that ROS 2 has by default, or latched."""
+    def other_topic(self, path, type_name, latched=False, best_effort=False):
+        """A topic that is not in `TOPICS`, with the quality that ROS 2 has by default, latched, or best effort."""
         durability = Policy.Durability.TransientLocal if latched else Policy.Durability.Volatile
-        qos = Qos(Policy.Reliability.Reliable(duration(seconds=1)), durability, Policy.History.KeepLast(1000))
+        reliability = Policy.Reliability.BestEffort if best_effort else Policy.Reliability.Reliable(duration(seconds=1))
+        qos = Qos(reliability, durability, Policy.History.KeepLast(1000))
         path = path if path.startswith("/") else f"{self.namespace}/{path}"
         return Topic(self.participant, f"rt{path}", self.types.get(type_name), qos=qos), qos
 
-    def other_reader(self, path, type_name, latched=False):
-        topic, qos = self.other_topic(path, type_name, latched)
+    def other_reader(self, path, type_name, latched=False, best_effort=False):
+        topic, qos = self.other_topic(path, type_name, latched, best_effort)
         return DataReader(self.participant, topic, qos=qos)
 
     def other_writer(self, path, type_name, latched=False):
@@ -194,7 +202,7 @@ def take(arguments):
     session = Session(arguments.domain)
     left = arguments.count
     if arguments.type:
-        reader = session.other_reader(arguments.topic, arguments.type, arguments.latched)
+        reader = session.other_reader(arguments.topic, arguments.type, arguments.latched, arguments.best_effort)
     else:
         reader = session.reader(arguments.topic)
     for sample in samples(reader, arguments.timeout):
@@ -208,10 +216,15 @@ def take(arguments):
 
 def put(arguments):
     session = Session(arguments.domain)
-    writer = session.writer(arguments.topic)
+    if arguments.type:
+        writer = session.other_writer(arguments.topic, arguments.type)
+    else:
+        writer = session.writer(arguments.topic)
     print(json.dumps({"ready": True}), flush=True)
     for line in sys.stdin:
-        writer.write(session.message(arguments.topic, json.loads(line)))
+        sample = json.loads(line)
+        message = session.types.value(arguments.type, sample) if arguments.type else session.message(arguments.topic, sample)
+        writer.write(message)
     return 0
 
 
@@ -234,7 +247,8 @@ def main():
     parser.add_argument("topic", help=f"one of {', '.join(sorted(TOPICS))}, or any other together with --type")
     parser.add_argument("--type", help="such as std_msgs/msg/String, for a topic of no fixed type")
     parser.add_argument("--latched", action="store_true", help="take only from publishers that keep their last samples")
-    parser.add_argument("--domain", type=int, default=0)
+    parser.add_argument("--best-effort", action="store_true", help="take from publishers that send nothing again as well")
+    parser.add_argument("--domain", type=domain_id, default="0")
     parser.add_argument("--count", type=int, default=1)
     parser.add_argument("--timeout", type=float, default=30.0)
     arguments = parser.parse_args()

@@ -1,7 +1,8 @@
 """Opens reports in a real browser, headless, and uses them as people do: by mouse, by keyboard and on a phone.
 
 Reads a JSON list of cases from the standard input, each with the `directory` of a report, its `title`, how many
-`modules` and `spots` it has and how many of these are `filled` in the end, and whether its film is to be `played`.
+`modules` and `spots` it has, how many of these are `filled` in the end, whether its film is to be `played`, and whether
+only its first screen is looked at (`first_screen_only`).
 """
 
 import json
@@ -17,6 +18,8 @@ from browser import Browser, Missing
 # A picture as large as this is seen whole, so that a screenshot shows all of it.
 DESKTOP = (1280, 1500)
 PHONE = (360, 740)
+# On these the picture and the controls are in view together, without scrolling.
+SCREENS = ((1280, 720), (390, 844))
 PATIENCE_S = 60
 # Every pixel is classified, so a screenshot is taken at half its size.
 SHRUNK = 0.5
@@ -72,6 +75,69 @@ return [...document.querySelectorAll('body *')].filter((element) => {
   return box.width && (box.right > innerWidth + 0.5 || box.left < -0.5)
     && !element.closest('.scroll, .skip, #picture');
 }).map((element) => element.outerHTML.slice(0, 120))
+"""
+# What of the first screen is not as it should be.
+FIRST_SCREEN = """
+const faults = [];
+const visible = (element) => element.getClientRects().length > 0;
+const name = (element) => element.id || element.className.baseVal || element.className || element.localName;
+const box = (selector) => document.querySelector(selector).getBoundingClientRect();
+scrollTo(0, 0);
+const controls = [...document.querySelectorAll('#player button, #player input, #player select, #player output')].filter(visible);
+if (controls.length < 8) faults.push(`only ${controls.length} controls are shown`);
+const boxes = controls.map((control) => [name(control), control.getBoundingClientRect()]);
+for (const [index, control] of controls.entries()) {
+  const {left, right, top, bottom} = boxes[index][1];
+  if (left < 0 || top < 0 || right > innerWidth || bottom > innerHeight) {
+    faults.push(`${name(control)} is at ${[left, top, right, bottom].map(Math.round)}, out of view`);
+    continue;
+  }
+  const hit = document.elementFromPoint((left + right) / 2, (top + bottom) / 2);
+  if (!control.contains(hit)) faults.push(`${name(control)} is covered by ${hit && name(hit)}`);
+  for (const [other, b] of boxes.slice(index + 1)) {
+    if (left < b.right && b.left < right && top < b.bottom && b.top < bottom) faults.push(`${name(control)} lies upon ${other}`);
+  }
+}
+const picture = box('#picture');
+const texts = ['h1', '.outcome', 'figcaption', '#player'].map((selector) => box(selector).height);
+const rest = innerHeight - texts.reduce((one, other) => one + other);
+if (picture.top < 0 || picture.bottom > innerHeight) faults.push('the picture is not in view');
+if (rest < 0.4 * innerHeight) faults.push(`only ${Math.round(rest)} pixels are left for the picture`);
+if (picture.height < rest - 64) faults.push(`the picture is ${Math.round(picture.height)} high, where ${Math.round(rest)} are left`);
+if (picture.width < Math.min(innerWidth * 0.9, 1000)) faults.push(`the picture is ${picture.width} wide`);
+const ground = box('#picture .floor');
+if (Math.max(ground.width / picture.width, ground.height / picture.height) < 0.85) {
+  faults.push(`the ground has ${Math.round(ground.width)} x ${Math.round(ground.height)} of the picture's ${Math.round(picture.width)} x ${Math.round(picture.height)}`);
+}
+for (const across of [0.02, 0.25, 0.5, 0.75, 0.98]) {
+  for (const down of [0.02, 0.25, 0.5, 0.75, 0.98]) {
+    const hit = document.elementFromPoint(picture.left + across * picture.width, picture.top + down * picture.height);
+    if (!hit?.closest('#picture')) faults.push(`the picture is covered by ${hit && name(hit)}`);
+  }
+}
+return faults;
+"""
+SEEK_LONGEST_STEP = """
+const steps = [...document.querySelectorAll('#steps button')];
+steps.reduce((one, other) => (one.textContent.length < other.textContent.length ? other : one)).click();
+"""
+# The paths that are drawn: how many, and which of them cross a wall or an obstacle.
+PATHS = """
+const shown = [...document.querySelectorAll('#paths .path')].filter((path) =>
+  path.getAttribute('display') !== 'none' && path.getAttribute('d'));
+const areas = [...document.querySelectorAll('#picture .obstacle')].map((area) => area.getBBox());
+const arena = document.querySelector('#picture .arena')?.getBBox();
+const crossing = shown.filter((path) => {
+  const length = path.getTotalLength();
+  for (let along = 0; along <= length; along += 2) {
+    const {x, y} = path.getPointAtLength(along);
+    const isIn = (area, margin) => area.x + margin < x && x < area.x + area.width - margin
+      && area.y + margin < y && y < area.y + area.height - margin;
+    if (areas.some((area) => isIn(area, 0.5)) || (arena && !isIn(arena, -0.5))) return true;
+  }
+  return false;
+});
+return {shown: shown.length, crossing: crossing.map((path) => path.getAttribute('d')), obstacles: areas.length};
 """
 SMALL = """
 return [...document.querySelectorAll('#player button, #player select')].filter((element) => {
@@ -152,10 +218,13 @@ class Page:
     def focus(self, identifier):
         self.browser.run("document.getElementById(arguments[0]).focus()", identifier)
 
+    def begin(self):
+        return float(self.browser.run("return document.getElementById('scrub').min"))
+
     def scrub_to(self, share):
         self.browser.run("""
             const scrub = document.getElementById('scrub');
-            scrub.value = arguments[0] * Number(scrub.max);
+            scrub.value = Number(scrub.min) + arguments[0] * (scrub.max - scrub.min);
             scrub.dispatchEvent(new Event('input', {bubbles: true}));
         """, share)
         return self.browser.run(PICTURE)
@@ -172,12 +241,50 @@ class Page:
         nameless = self.browser.run(NAMELESS)
         check(not nameless, f"controls without a name: {nameless}")
 
+    def begins_at_the_first_motion(self):
+        opened = self.browser.run(PICTURE)
+        check(not self.plays(), "the film plays at once")
+        phases = [phase for _, phase, *_ in json.loads(opened)[0]]
+        check("MOVING" in phases, f"at first nothing moves: {sorted(set(phases))}")
+        self.browser.run("""
+            const scrub = document.getElementById('scrub');
+            scrub.value = Number(scrub.value) + 0.5;
+            scrub.dispatchEvent(new Event('input', {bubbles: true}));
+        """)
+        poses = [[pose for _, _, *pose in json.loads(picture)[0]] for picture in (opened, self.browser.run(PICTURE))]
+        check(poses[0] != poses[1], "half a second later, all modules are where they were")
+        begin = self.begin()
+        self.browser.click("#turns")
+        check(self.time() == 0 and self.begin() == 0, "the turns are not shown on demand")
+        held = [state for state in self.browser.run(STATES) if state != "free"]
+        check(not held, f"before the turns, spots are {held}")
+        self.browser.click("#turns")
+        check(self.time() == begin == self.begin(), "the film does not return to the first motion")
+        self.browser.run("document.querySelector('#steps button').click()")
+        check(self.time() < begin, "a step before the first motion is not shown")
+        self.browser.click("#turns")
+
+    def draws_paths_round_walls(self):
+        paths = self.browser.run(PATHS)
+        check(paths["shown"] > 0, "no path is drawn")
+        check(not paths["crossing"], f"paths through walls: {paths['crossing']}")
+        check(paths["obstacles"] > 0 or not self.case.get("walls"), "no obstacle is drawn")
+
+    def shows_everything_on_the_first_screen(self):
+        for width, height in SCREENS:
+            self.browser.view(width, height)
+            for prepare in ("", SEEK_LONGEST_STEP):
+                self.browser.run(prepare)
+                faults = self.browser.run(FIRST_SCREEN)
+                check(not faults, f"at {width} x {height}: {'; '.join(faults)}")
+        self.browser.view(*DESKTOP)
+
     def plays_to_the_end(self):
         self.browser.run("document.getElementById('speed').value = '16'")
         self.scrub_to(0)
         self.browser.click("#play")
         # A short film may have ended by the time of the question.
-        check(self.plays() or self.time() > 0, "a click on play does not play")
+        check(self.plays() or self.time() > self.begin(), "a click on play does not play")
         deadline = time.monotonic() + PATIENCE_S
         while self.plays():
             check(time.monotonic() < deadline, f"the film stands at {self.time()} of {self.length()} s")
@@ -220,21 +327,21 @@ class Page:
         self.browser.run("document.getElementById('speed').value = '0.25'")
         self.browser.run("document.querySelector('a, button, input, select, summary, [tabindex]').focus()")
         order = [self.browser.run(FOCUSED)]
-        for _ in range(8):
+        for _ in range(11):
             self.browser.press("Tab")
             order.append(self.browser.run(FOCUSED))
-        # Pages with warnings have a list of them, which opens.
-        order = [place for place in order if place != "notes"][:8]
-        check(order == ["skip", "scrub", "start", "back", "play", "forward", "finish", "speed"],
+        # A page with notes has a link to them, and a caption that scrolls takes the focus too.
+        order = [place for place in order if place not in ("to-notes", "FIGCAPTION")][:9]
+        check(order == ["skip", "scrub", "start", "back", "play", "forward", "finish", "turns", "speed"],
               f"Tab goes along {order}")
         self.focus("scrub")
         self.browser.press("Home")
-        check(self.time() == 0, "Home does not go to the start")
+        check(self.time() == self.begin(), "Home does not go to the start")
         self.browser.press("Right")
         first = self.time()
         self.browser.press("Right")
         second = self.time()
-        check(0 < first < second, f"the steps go to {first} and {second}")
+        check(self.begin() < first < second, f"the steps go to {first} and {second}")
         self.browser.press("Left")
         check(self.time() == first, "a step back is not the way of the step on")
         self.browser.press("Space")
@@ -329,6 +436,12 @@ def main():
             try:
                 page = Page(browser, case)
                 page.is_loaded()
+                page.begins_at_the_first_motion()
+                page.draws_paths_round_walls()
+                page.shows_everything_on_the_first_screen()
+                if case.get("first_screen_only"):
+                    print(f"{case['title']}: {time.monotonic() - began:.1f} s")
+                    continue
                 page.scrubs_back_and_forth()
                 if case["played"]:
                     page.plays_to_the_end()

@@ -217,8 +217,10 @@ class Driver(threading.Thread):
         def handle(goal):
             position, orientation = goal.pose.position, goal.pose.orientation
             heading = 2.0 * math.atan2(orientation.z, orientation.w)
+            echo = goal.header.stamp
+            age = time.time() - (echo.sec + echo.nanosec * 1e-9)
             with self.lock:
-                robot.handle_goal(time.monotonic(), Pose(position.x, position.y, heading))
+                robot.handle_goal(time.monotonic(), Pose(position.x, position.y, heading), age)
 
         return handle
 
@@ -236,6 +238,7 @@ class Driver(threading.Thread):
     def pose_of(self, robot, message):
         value = self.interfaces.value(message)
         value.header.frame_id = "map"
+        value.header.stamp.sec, value.header.stamp.nanosec = divmod(time.time_ns(), 1_000_000_000)
         pose = value.pose.pose if message == "nav_msgs/msg/Odometry" else value.pose
         pose.position.x, pose.position.y = robot.pose.x, robot.pose.y
         pose.orientation.z, pose.orientation.w = math.sin(robot.pose.theta / 2.0), math.cos(robot.pose.theta / 2.0)

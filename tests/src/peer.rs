@@ -42,6 +42,20 @@ impl Peer {
         Self::start_with(&arguments)
     }
 
+    /// Takes samples of a topic whose publishers may be best effort.
+    #[must_use]
+    pub fn take_best_effort(topic: &str, type_name: &str, domain: &str) -> Option<Self> {
+        let arguments = ["take", topic, "--type", type_name, "--domain", domain];
+        let more = ["--count", "0", "--best-effort"];
+        Self::start_with(&[&arguments[..], &more].concat())
+    }
+
+    /// Publishes samples on a topic of any type that ROS 2 knows.
+    #[must_use]
+    pub fn publish(topic: &str, type_name: &str, domain: &str) -> Option<Self> {
+        Self::start_with(&["put", topic, "--type", type_name, "--domain", domain])
+    }
+
     fn start_with(arguments: &[&str]) -> Option<Self> {
         let python = Python::find()?;
         let mut child = python.start("tests/python/formation_dds.py", arguments, Stdio::inherit());
@@ -69,6 +83,13 @@ impl Peer {
         let input = self.child.stdin.as_mut().unwrap();
         writeln!(input, "{sample}")
             .unwrap_or_else(|error| panic!("{error}; {}", self.missing_package()));
+    }
+
+    /// Waits for a sample that comes from now on.
+    #[must_use]
+    pub fn next_taken(&self) -> Value {
+        self.taken.set(self.output.len());
+        self.taken()
     }
 
     /// Waits for the next sample that it took.

@@ -196,6 +196,12 @@ impl Running {
         Self::spawn(command, name, domain, arguments, "LOCALHOST")
     }
 
+    /// Starts a command on a domain of loopback, such as a script by an interpreter with its environment.
+    #[must_use]
+    pub fn start_command(command: Command, name: &str, domain: &str, arguments: &[&str]) -> Self {
+        Self::spawn(command, name, domain, arguments, "LOCALHOST")
+    }
+
     fn spawn(
         mut command: Command,
         name: &str,
@@ -283,6 +289,12 @@ impl Running {
     /// Sends a signal to this process alone.
     pub fn signal(&self, signal: Signal) {
         rustix::process::kill_process(Pid::from_child(&self.child), signal)
+            .unwrap_or_else(|error| panic!("cannot send {signal:?} to {}: {error}", self.name));
+    }
+
+    /// Sends a signal to this process and to those that it started, as a terminal does; the process must lead its group.
+    pub fn signal_group(&self, signal: Signal) {
+        rustix::process::kill_process_group(Pid::from_child(&self.child), signal)
             .unwrap_or_else(|error| panic!("cannot send {signal:?} to {}: {error}", self.name));
     }
 

@@ -13,6 +13,7 @@ mod external_motion;
 mod faults;
 mod formations;
 mod fresh_clients;
+mod launch_files;
 mod packages;
 mod physical_world;
 mod python_files;

@@ -10,6 +10,7 @@ use std::process::Stdio;
 use std::time::{Duration, Instant};
 
 use formation_tests::{Domain, Finished, Peer, Python, Running, ScenarioFile, scenario_path};
+use serde_json::{Value, json};
 
 const PATIENCE: Duration = Duration::from_secs(120);
 
@@ -63,7 +64,7 @@ fn driven_modules_undock_move_dock_and_leave_no_hole() {
 }
 
 /// The first of many samples that a peer takes for which something holds.
-fn first(peer: &Peer, holds: impl Fn(&serde_json::Value) -> bool) -> serde_json::Value {
+fn first(peer: &Peer, holds: impl Fn(&Value) -> bool) -> Value {
     let mut samples = (0..SAMPLES_MAX).map(|_| peer.taken());
     samples.find(|sample| holds(sample)).unwrap()
 }
@@ -97,7 +98,7 @@ fn a_quadruped_of_8_cm_is_formed_by_drivers_without_a_hole() {
     assert_eq!(run.status, 0, "{}{}", run.stdout, run.stderr);
     let report = run.json();
     assert_eq!(report["verdict"], "COMPLETE", "{report}");
-    assert_eq!(report["open_spots"], serde_json::json!([]), "{report}");
+    assert_eq!(report["open_spots"], json!([]), "{report}");
     assert_eq!(errors(&run), [""; 0]);
 
     // Module 11 starts at (2, 6) units, and its spot is at most 4 units away from the origin.
@@ -115,7 +116,7 @@ fn a_quadruped_of_8_cm_is_formed_by_drivers_without_a_hole() {
         let metres = state["x"].as_f64().unwrap();
         assert!((-0.3..0.7).contains(&metres), "{state}");
     }
-    let is_module = |marker: &&serde_json::Value| marker["ns"] == "modules";
+    let is_module = |marker: &&Value| marker["ns"] == "modules";
     let picture = first(&markers, |picture| {
         let markers = picture["markers"].as_array().unwrap().iter();
         markers.filter(is_module).count() == 11
@@ -254,16 +255,7 @@ fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     };
     let domain = &*Domain::for_processes(4);
     let file = ScenarioFile::new("far", ONE_FAR_SPOT);
-    let drive = [
-        "--scenario",
-        file.path(),
-        "--domain",
-        domain,
-        "--speed",
-        "3",
-    ];
-    let driver = python.start("tests/python/drive_modules.py", &drive, Stdio::inherit());
-    let _driver = Driver(driver);
+    let _driver = start_driver(&python, &file, domain, &[]);
     let pose = "geometry_msgs/msg/PoseStamped";
     let Some(poses) = Peer::take("module_1/pose", pose, false, domain) else {
         return;
@@ -318,4 +310,136 @@ fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     let (_, (x, _)) = shown.unwrap();
     assert!((x - at).abs() < 0.01, "{x} is not {at}");
     while next() < at + 1.0 {}
+}
+
+/// More than any test takes, in seconds.
+const CLOCK_AHEAD: i64 = 1_000_000;
+
+fn start_driver(python: &Python, file: &ScenarioFile, domain: &str, more: &[&str]) -> Driver {
+    let drive = [
+        "--scenario",
+        file.path(),
+        "--domain",
+        domain,
+        "--speed",
+        "3",
+    ];
+    let drive = [&drive[..], more].concat();
+    Driver(python.start("tests/python/drive_modules.py", &drive, Stdio::inherit()))
+}
+
+/// The seconds of a stamp.
+fn seconds(sample: &Value) -> i64 {
+    sample["header"]["stamp"]["sec"].as_i64().unwrap()
+}
+
+/// The clocks of a driver and of the modules need not agree.
+#[test]
+fn goals_echo_the_stamps_of_poses_and_drivers_with_another_clock_follow_them() {
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let domain = &*Domain::for_processes(5);
+    let file = ScenarioFile::new("far", ONE_FAR_SPOT);
+    let ahead = CLOCK_AHEAD.to_string();
+    let _driver = start_driver(&python, &file, domain, &["--clock-ahead", &ahead]);
+    let pose = "geometry_msgs/msg/PoseStamped";
+    let poses = Peer::take("module_1/pose", pose, false, domain).unwrap();
+    let goals = Peer::take("module_1/goal_pose", pose, false, domain).unwrap();
+    let announce = ["--scenario", file.path(), "--expected-modules", "1"];
+    let _announcer = Running::start("target_publisher", domain, &announce);
+    let arguments = [
+        "--module",
+        "1",
+        "--scenario",
+        file.path(),
+        "--motion",
+        "external",
+    ];
+    let _agent = Running::start("module_agent", domain, &arguments);
+    let (goal, now) = (goals.taken(), poses.next_taken());
+    let behind = seconds(&now) - seconds(&goal);
+    assert!((0..CLOCK_AHEAD / 2).contains(&behind), "{goal} {now}");
+    while poses.taken()["pose"]["position"]["x"].as_f64().unwrap() < 1.0 {}
+}
+
+/// Sends goals to the driver of module 1, which stamps its poses, and observes what it makes of them.
+fn check_that_old_goals_are_dropped(domain: &str, is_dropped: impl Fn()) {
+    let pose = "geometry_msgs/msg/PoseStamped";
+    let poses = Peer::take_best_effort("module_1/pose", pose, domain).unwrap();
+    let mut goals = Peer::publish("module_1/goal_pose", pose, domain).unwrap();
+    goals.await_ready();
+    let x = |pose: &Value| pose["pose"]["position"]["x"].as_f64().unwrap();
+    let mut send = |echo: &Value, x: f64| {
+        let header = json!({"stamp": echo["header"]["stamp"], "frame_id": "map"});
+        let pose = json!({"position": {"x": x}, "orientation": {"w": 1.0}});
+        goals.put(&json!({"header": header, "pose": pose}));
+    };
+    let first = poses.taken();
+    // A goal that echoes the last pose sets it off, once the driver is discovered.
+    let mut last = first.clone();
+    while x(&last) < 0.5 {
+        send(&poses.next_taken(), 1.0);
+        last = poses.taken();
+    }
+    // It arrives, and stands.
+    let (mut still, mut at) = (0, x(&last));
+    while still < 20 {
+        let now = x(&poses.taken());
+        still = if (now - at).abs() < 1e-3 {
+            still + 1
+        } else {
+            0
+        };
+        at = now;
+    }
+    // Ones that waited, and ones that echo a stamp that the driver never gave, are dropped.
+    let mut never = first.clone();
+    never["header"]["stamp"]["sec"] = json!(seconds(&first) + CLOCK_AHEAD);
+    for echo in [
+        &first,
+        &last,
+        &never,
+        &json!({"header": {"stamp": {"sec": 0, "nanosec": 0}}}),
+    ] {
+        send(echo, 5.0);
+        for _ in 0..20 {
+            let now = x(&poses.next_taken());
+            assert!((now - at).abs() < 0.01, "{echo} set it off to {now}");
+        }
+    }
+    is_dropped();
+}
+
+const ONE_NEAR_SPOT: &str = "
+name: near
+target: {spots: [{id: 1, x: 5, y: 0}], edges: []}
+singletons: [{id: 1, x: 0, y: 0}]
+";
+
+#[test]
+fn a_driver_drops_goals_that_were_made_from_old_poses() {
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let domain = &*Domain::for_processes(4);
+    let file = ScenarioFile::new("near", ONE_NEAR_SPOT);
+    let clock = format!("--clock-ahead=-{CLOCK_AHEAD}");
+    let _driver = start_driver(&python, &file, domain, &[&clock]);
+    check_that_old_goals_are_dropped(domain, || {});
+}
+
+#[test]
+fn the_physical_world_drops_goals_that_were_made_from_old_poses() {
+    if Python::find().is_none() {
+        return;
+    }
+    let domain = &*Domain::for_processes(4);
+    let file = ScenarioFile::new("near", ONE_NEAR_SPOT);
+    let world = Running::start("world", domain, &["--scenario", file.path()]);
+    check_that_old_goals_are_dropped(domain, || {
+        let logged = world.wait_for_log(0, "a goal of module 1 echoes a pose of", PATIENCE);
+        assert!(logged.is_some(), "{:?}", world.log_since(0));
+    });
+    assert_eq!(world.stop().status, 0);
 }

@@ -105,7 +105,7 @@ fn fifty_modules_that_start_apart_form_and_no_two_bodies_overlap() {
         return;
     }
     let domain = &*Domain::for_processes(14);
-    let options = "generate --modules 50 --spots 50 --mixed --apart --seed 5";
+    let options = "generate --modules 50 --spots 50 --mixed --seed 5";
     let options: Vec<&str> = options.split(' ').collect();
     let generated = Running::start("formation", domain, &options).finish(PATIENCE);
     assert_eq!(generated.status, 0, "{}", generated.stderr);

@@ -86,11 +86,9 @@ fn a_lab_forms_observes_and_commands_with_rclpy() {
 }
 
 /// Packages whose wheels are not among the requirements; their hashes in the file are those that their wheels publish
-/// (`ros-geometry-msgs` and its like, 5.3.6), and that of `tf2_msgs` is the generator's for its definition.
-const NOT_INSTALLED: [&str; 6] = [
+/// (`ros-sensor-msgs` and its like, 5.3.6), and that of `tf2_msgs` is the generator's for its definition.
+const NOT_INSTALLED: [&str; 4] = [
     "diagnostic_msgs",
-    "geometry_msgs",
-    "nav_msgs",
     "sensor_msgs",
     "tf2_msgs",
     "visualization_msgs",

@@ -178,6 +178,24 @@ fn the_report_of_a_recording_shows_the_run_and_what_is_damaged() {
         assert!(directory.join(picture).is_file(), "{picture}");
     }
 
+    // As the writer of the MCAP project compresses them, in a file and in a bag of two files.
+    if let Some(python) = Python::find() {
+        for kind in ["zstd", "lz4", "bag"] {
+            let to = folder.path().join(format!("as_{kind}"));
+            let paths = [&recording, &to].map(|path| path.to_str().unwrap());
+            let arguments = [paths[0], paths[1], kind];
+            let script = "tests/python/compress_recording.py";
+            let child = python.start(script, &arguments, Stdio::inherit());
+            let output = child.wait_with_output().unwrap();
+            assert!(output.status.success(), "{}", python.advice());
+            let directory = folder.path().join(format!("of_{kind}"));
+            let again = report(&to, &directory);
+            assert_eq!(again.status, 0, "{kind}: {}", again.stderr);
+            let counts = |text: &str| text.split_once("report: ").unwrap().0.to_owned();
+            assert_eq!(counts(&again.stdout), counts(&reported.stdout), "{kind}");
+        }
+    }
+
     let whole = std::fs::read(&recording).unwrap();
     let cut = folder.path().join("cut.mcap");
     std::fs::write(&cut, &whole[..whole.len() / 2]).unwrap();

@@ -8,7 +8,7 @@
 
 use std::fs;
 use std::io::Write;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::process::Stdio;
 use std::time::Duration;
 
@@ -29,6 +29,11 @@ fn launch(domain: &str, arguments: &[&str]) -> formation_tests::Finished {
     finished
 }
 
+/// Where the run whose report is in this directory is recorded.
+fn recording_of(directory: &Path) -> PathBuf {
+    directory.with_file_name("recorded.mcap")
+}
+
 /// Has a report written and says what the browser is to find in it.
 fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: bool) -> Value {
     let domain = &*Domain::for_processes(4);
@@ -39,8 +44,10 @@ fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: b
         "--report",
         directory.to_str().unwrap(),
     ];
+    let recording = recording_of(directory);
     if command == "run" {
-        arguments.extend(["--modules-per-process", "2"]);
+        let recording = recording.to_str().unwrap();
+        arguments.extend(["--modules-per-process", "2", "--record", recording]);
     }
     let json = launch(domain, &arguments).json();
     let written = fs::read_to_string(directory.join("report.json")).unwrap();
@@ -57,18 +64,36 @@ fn case(command: &str, scenario: &Path, directory: &Path, title: &str, played: b
     })
 }
 
-#[test]
-fn reports_are_watched_in_a_browser() {
-    let browser = on_path(&["chromium", "chromium-browser", "google-chrome"])
-        .and_then(|_| on_path(&["chromedriver"]));
-    if tool_or_skip(Tool::Browser, browser).is_none() {
-        return;
-    }
-    let Some(python) = Python::find() else {
-        return;
-    };
-    let directory = tempfile::tempdir().unwrap();
-    let place = |name: &str| directory.path().join(name);
+/// Has a scenario of 500 modules planned, of whose page only the first screen is looked at.
+fn five_hundred(directory: &Path) -> Value {
+    let arguments = "generate --modules 500 --spots 500 --seed 1";
+    let arguments: Vec<&str> = arguments.split_whitespace().collect();
+    let generated = launch(&Domain::for_processes(4), &arguments);
+    let scenario = directory.with_extension("yaml");
+    fs::write(&scenario, generated.stdout).unwrap();
+    let title = "500-modules-500-spots-singletons-seed-1";
+    let mut case = case("plan", &scenario, directory, title, false);
+    case["first_screen_only"] = true.into();
+    case
+}
+
+/// Has a report made of the recording of a run, whose case is given.
+fn recorded(mut run: Value, recording: &Path, directory: &Path) -> Value {
+    let arguments = [
+        "report",
+        recording.to_str().unwrap(),
+        "--report",
+        directory.to_str().unwrap(),
+    ];
+    launch(&Domain::for_processes(4), &arguments);
+    run["directory"] = directory.to_str().unwrap().into();
+    run["title"] = "recorded".into();
+    run
+}
+
+/// Has the reports written at which the browser looks.
+fn cases(directory: &Path) -> Vec<Value> {
+    let place = |name: &str| directory.join(name);
     let hundred = place("hundred.yaml");
     let generated = launch(
         &Domain::for_processes(4),
@@ -93,7 +118,27 @@ fn reports_are_watched_in_a_browser() {
         scenario.replace("name: undersupply", &format!("name: {name}")),
     )
     .unwrap();
-    let cases = [
+    let run = case(
+        "run",
+        &scenario_path("mcs_detach"),
+        &place("run"),
+        "mcs-detach",
+        true,
+    );
+    let mut rooms = case(
+        "plan",
+        &scenario_path("two_rooms"),
+        &place("rooms"),
+        "two-rooms",
+        true,
+    );
+    rooms["walls"] = true.into();
+    let recording = recording_of(&place("run"));
+    vec![
+        recorded(run.clone(), &recording, &place("recorded")),
+        run,
+        rooms,
+        five_hundred(&place("five_hundred")),
         case(
             "plan",
             &scenario_path("figure1_ladder17"),
@@ -109,15 +154,22 @@ fn reports_are_watched_in_a_browser() {
             true,
         ),
         case("plan", &hostile, &place("hostile"), HOSTILE_NAME, false),
-        case(
-            "run",
-            &scenario_path("mcs_detach"),
-            &place("run"),
-            "mcs-detach",
-            true,
-        ),
-    ];
-    let size = fs::metadata(place("hundred").join("report.html"))
+    ]
+}
+
+#[test]
+fn reports_are_watched_in_a_browser() {
+    let browser = on_path(&["chromium", "chromium-browser", "google-chrome"])
+        .and_then(|_| on_path(&["chromedriver"]));
+    if tool_or_skip(Tool::Browser, browser).is_none() {
+        return;
+    }
+    let Some(python) = Python::find() else {
+        return;
+    };
+    let directory = tempfile::tempdir().unwrap();
+    let cases = cases(directory.path());
+    let size = fs::metadata(directory.path().join("hundred/report.html"))
         .unwrap()
         .len();
     assert!(size < PAGE_BYTES_MAX, "the page has {size} bytes");

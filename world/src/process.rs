@@ -4,12 +4,11 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::text::listed_in_full;
 use formation::model::{ModuleId, ModuleSize, Pose, Scenario};
 use formation::motion::{self, PlannedMotion, WorldReport};
 use formation_msgs::external::geometry_msgs::{self, PoseStamped, PoseWithCovariance};
 use formation_msgs::external::nav_msgs::Odometry;
-use formation_msgs::{DockingResult, DriverPose, IntoCore};
+use formation_msgs::{DockingResult, DriverPose, IntoCore, Time};
 use formation_node::messages::module_size_of;
 use formation_node::{PoseSource, stamp, topics};
 use ros_runtime::PublisherQueue;
@@ -26,9 +25,10 @@ const NODE_NAME: &str = "world";
 
 /// The world moves on this often.
 const INTERVAL: Duration = Duration::from_millis(16);
-/// A goal that is older has come too late: meanwhile the module may have been found to stand still, for which its process needs
-/// 0.5 s (`still_s`). The next goal follows within a heartbeat.
-const GOAL_AGE_MAX: Duration = Duration::from_millis(400);
+/// A goal echoes the stamp of the last pose that its module received. One that echoes an older pose has come too late: meanwhile
+/// the module may have been found to stand still, for which its process needs 0.5 s (`still_s`). The next goal follows within a
+/// heartbeat.
+const ECHO_AGE_MAX: Duration = Duration::from_millis(400);
 /// The least time between two reports.
 const REPORT_INTERVAL: Duration = Duration::from_millis(200);
 
@@ -61,13 +61,14 @@ impl WorldProcess {
         let problem = self.scenario.problem();
         let refused = PlannedMotion::offline(problem).check_for_robots();
         refused.map_err(SessionError::BadInput)?;
-        let blocks = problem.configurations();
-        if self.options.drive == DriveKind::Differential
-            && let Some(block) = blocks.first()
-        {
-            let modules = listed_in_full(block.modules.iter().copied());
+        if self.options.drive == DriveKind::Differential {
+            let refused = motion::check_differential_drives(problem);
+            refused.map_err(SessionError::BadInput)?;
+        }
+        if self.options.delay >= ECHO_AGE_MAX {
             return Err(SessionError::BadInput(format!(
-                "{modules} are docked, and a block cannot move sideways with differential drives; use --drive holonomic"
+                "delay_ms: no robot would move, as goals that follow from poses of {} ms ago or more are dropped",
+                ECHO_AGE_MAX.as_millis()
             )));
         }
         let mut world = World::new(problem, self.options.clone());
@@ -127,13 +128,7 @@ fn subscribe(
     let size = module_size_of(session);
     let frame_id = frame_id.to_owned();
     let goals = session.subscription(&topics::goal_pose(module), move |_, goal: PoseStamped| {
-        let age = stamp::age(&goal.header);
-        if age > GOAL_AGE_MAX {
-            return Err(format!(
-                "a goal of {module} came {} ms late",
-                age.as_millis()
-            ));
-        }
+        check_echo(goal.header.stamp).map_err(|reason| format!("a goal of {module} {reason}"))?;
         let pose = goal.in_frame(&frame_id, size);
         pose.map_err(|error| error.to_string())
     })?;
@@ -148,6 +143,15 @@ fn subscribe(
     inputs.add(goals, move |goal| (module, Command::Goal(goal)));
     inputs.add(requests, move |request| (module, Command::Docking(request)));
     Ok(())
+}
+
+/// Refuses a goal that was made from a pose that is too old, by the clock that stamped the pose.
+fn check_echo(stamp: Time) -> Result<(), String> {
+    match stamp::age(stamp) {
+        Some(age) if age <= ECHO_AGE_MAX => Ok(()),
+        Some(age) => Err(format!("echoes a pose of {} ms ago", age.as_millis())),
+        None => Err("echoes the stamp of no pose of this world".to_owned()),
+    }
 }
 
 /// What the driver of one module publishes.
@@ -224,7 +228,7 @@ impl WorldNode<'_> {
         let Some(driver) = self.driver(module) else {
             return;
         };
-        let header = stamp::header(self.frame_id);
+        let header = stamp::header_of_past(self.frame_id, self.options.delay);
         let pose = geometry_msgs::Pose::new(pose, self.module_size);
         match &driver.poses {
             Poses::Pose(queue) => queue.publish(PoseStamped { header, pose }),

@@ -39,3 +39,27 @@ singletons: [{id: 1, x: 0, y: 0}, {id: 2, x: 0.5, y: 0}]
     let said = refusal(&["--scenario", file.path(), "--drive", "differential"]);
     assert!(said.contains("modules 1-3 are docked"), "{said}");
 }
+
+#[test]
+fn a_differential_drive_whose_corners_leave_its_cell_is_refused() {
+    let wide = "
+body_width: 0.71
+target: {spots: [{id: 1, x: 5, y: 5}], edges: []}
+singletons: [{id: 1, x: 0, y: 0}]
+";
+    let file = ScenarioFile::new("wide", wide);
+    let said = refusal(&["--scenario", file.path(), "--drive", "differential"]);
+    assert!(said.contains("body_width: is 0.71 units"), "{said}");
+    assert!(said.contains("only up to 0.7 units"), "{said}");
+}
+
+#[test]
+fn poses_so_late_that_no_goal_could_follow_from_them_are_refused() {
+    let one = "
+target: {spots: [{id: 1, x: 5, y: 5}], edges: []}
+singletons: [{id: 1, x: 0, y: 0}]
+";
+    let file = ScenarioFile::new("late", one);
+    let said = refusal(&["--scenario", file.path(), "--delay-ms", "400"]);
+    assert!(said.contains("delay_ms: no robot would move"), "{said}");
+}

@@ -60,7 +60,7 @@ pub enum Event {
         epoch: Epoch,
         /// Counts the turns of the epoch, from 0.
         turn: u32,
-        /// The module that decided.
+        /// The module that published the decision.
         claimant: ModuleId,
         /// What it decided.
         decision: Decision,

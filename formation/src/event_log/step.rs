@@ -23,7 +23,7 @@ pub enum Step<'a> {
     Turn {
         /// Counts the turns of the epoch, from 0.
         turn: u32,
-        /// The module that decided.
+        /// The module that published the decision.
         claimant: ModuleId,
         /// What it decided.
         decision: &'a Decision,

@@ -438,7 +438,7 @@ pub struct SpotClaim {
     pub epoch: Epoch,
     /// Counts the turns of the epoch, from 0.
     pub turn: u32,
-    /// The module that decides for the unit.
+    /// The module that publishes for the unit: its leader.
     pub claimant: ModuleId,
     /// The run of its process.
     pub incarnation: Incarnation,

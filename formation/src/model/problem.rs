@@ -30,7 +30,7 @@ pub struct PlanningModule {
 /// A connected group of docked modules, found from their links.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Configuration {
-    /// The module that decides for all of them.
+    /// The module that publishes the decisions on all of them.
     pub leader: ModuleId,
     /// Two or more modules in ascending order.
     pub modules: Vec<ModuleId>,

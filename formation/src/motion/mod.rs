@@ -1,5 +1,6 @@
 //! Motion of a module: planned along paths; simulated at a set speed, or by a driver outside the process.
 
+mod differential;
 mod docking;
 mod docking_queue;
 mod external;
@@ -9,6 +10,7 @@ pub mod paths;
 mod planned;
 mod world_report;
 
+pub use differential::{TURNING_BODY_WIDTH_MAX, check_differential_drives};
 pub use docking::{DockingAction, DockingRequest, DockingResult};
 pub use external::{DriveCommand, ExternalDrive, ExternalParameters};
 pub use fault::DriveFault;

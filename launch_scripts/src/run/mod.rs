@@ -6,6 +6,7 @@ mod domain;
 mod memory;
 mod network;
 pub mod order;
+mod outputs;
 mod page;
 mod processes;
 mod programs;
@@ -77,6 +78,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     if arguments.record.is_some() {
         programs.require(RECORDER)?;
     }
+    outputs::check(arguments)?;
     let hosts = processes::hosts(scenario.problem(), arguments.modules_per_process);
     let modules = scenario.problem().modules().len();
     let middleware = router::middleware(arguments, hosts.len())?;
@@ -89,6 +91,9 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     if arguments.motion.is_external() {
         let refused = plan.motion.check_for_robots();
         refused.map_err(|reason| Failure::bad_input(format!("{}: {reason}", path.display())))?;
+    }
+    if arguments.motion.world.is_differential() {
+        check::refuse_turning(path, &scenario)?;
     }
     plan.warn(path);
     let directory = arguments

@@ -28,7 +28,9 @@ pub fn subject(
     });
     let (problem, outcome) = (&plan.problem, &plan.outcome);
     let dead = report.map(RunReport::dead_modules).unwrap_or_default();
-    Subject::of_course(&one_line(name), problem, outcome, course, judged.as_ref()).with_dead(&dead)
+    Subject::of_course(&one_line(name), problem, outcome, course, judged.as_ref())
+        .with_paths(&plan.motion, outcome)
+        .with_dead(&dead)
 }
 
 /// What the page of a run says next to the film.

@@ -10,6 +10,7 @@ use std::sync::mpsc::{Receiver, SyncSender, sync_channel};
 use std::thread;
 use std::time::{Duration, Instant};
 
+use ros_runtime::exit::{EndRequest, EndSignals};
 use rustix::process::{Pid, Signal, kill_process};
 use signal_hook::consts::SIGCHLD;
 use signal_hook::iterator::{Handle, Signals};
@@ -91,6 +92,8 @@ pub struct Supervisor {
     inputs: Receiver<Input>,
     sender: SyncSender<Input>,
     signals: Handle,
+    /// The signals that asked the launcher to end.
+    received: EndSignals,
     pending: VecDeque<ProcessEvent>,
 }
 
@@ -116,6 +119,7 @@ impl Supervisor {
             inputs,
             sender,
             signals: handle,
+            received: EndSignals::default(),
             pending: VecDeque::new(),
         })
     }
@@ -263,7 +267,12 @@ impl Supervisor {
             }
             Input::Closed(process) => self.processes[process.0].open_streams -= 1,
             Input::Signal(SIGCHLD) => self.reap(),
-            Input::Signal(signal) => self.pending.push_front(ProcessEvent::Interrupted(signal)),
+            Input::Signal(signal) => {
+                // One that repeats the first must not cut the end of the processes short.
+                if self.received.receive(Instant::now()) != EndRequest::Repeated {
+                    self.pending.push_front(ProcessEvent::Interrupted(signal));
+                }
+            }
         }
     }
 
@@ -295,7 +304,7 @@ impl Supervisor {
     }
 
     /// Ends every process: asks with SIGTERM, waits for `grace`, then ends the rest with SIGKILL and returns their
-    /// names. A signal to the launcher meanwhile cuts the waiting short.
+    /// names. A signal to the launcher meanwhile cuts the waiting short, unless it repeats the one that asked for this.
     pub fn stop(&mut self, grace: Duration) -> Vec<String> {
         self.reap();
         for process in self.alive() {
@@ -442,6 +451,18 @@ mod tests {
             assert!(before.elapsed() < PATIENCE);
         }
         assert_eq!(next(&mut supervisor), ProcessEvent::Interrupted(SIGTERM));
+    }
+
+    #[test]
+    fn a_signal_that_repeats_the_first_does_not_cut_the_end_of_the_processes_short() {
+        let (mut supervisor, _) =
+            supervise("trap 'sleep 0.3; exit 0' TERM; echo ready; sleep 30 & wait");
+        assert!(matches!(next(&mut supervisor), ProcessEvent::Line(..)));
+        for signal in [SIGTERM, SIGTERM] {
+            supervisor.sender.send(Input::Signal(signal)).unwrap();
+        }
+        assert_eq!(next(&mut supervisor), ProcessEvent::Interrupted(SIGTERM));
+        assert_eq!(supervisor.stop(PATIENCE), Vec::<String>::new());
     }
 
     #[test]

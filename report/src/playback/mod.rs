@@ -18,12 +18,16 @@ use crate::subject::Subject;
 use links::Links;
 pub(crate) use links::{Fate, Span};
 use pace::Pace;
+use track::{Corner, corners};
 pub(crate) use track::{Keyframe, Track};
 
 /// The approximate maximum of keyframes of all modules on a page; more make it large without visible effect.
 pub(crate) const KEYFRAMES_MAX: usize = 40_000;
 /// The minimum limit of keyframes of one module, which keeps the last ones.
 const KEYFRAMES_MIN: usize = 16;
+/// The approximate maximum of corners of all planned paths; a module whose path has more than its share is shown the way that it
+/// went instead.
+const CORNERS_MAX: usize = 100_000;
 /// The maximum number of steps; further steps are left out.
 const STEPS_MAX: usize = 30_000;
 
@@ -32,6 +36,8 @@ const STEPS_MAX: usize = 30_000;
 pub(crate) struct Film {
     /// The length in seconds.
     pub(crate) length: f64,
+    /// When the first module moves, at which the player begins; 0 if none does.
+    begin: f64,
     /// The side of a module's square.
     side: f64,
     /// The recorded milliseconds at some times, between which the player interpolates.
@@ -40,6 +46,8 @@ pub(crate) struct Film {
     pub(crate) stages: Vec<(f64, FormationStage)>,
     /// The steps, each a sentence.
     pub(crate) steps: Vec<FilmStep>,
+    /// Whether modules follow the planned paths, each with the time from which it holds.
+    planned: Vec<(f64, bool)>,
     pub(crate) modules: Vec<ModuleFilm>,
     pub(crate) spots: Vec<SpotFilm>,
     /// The links, each with the times at which it begins and ends.
@@ -62,6 +70,9 @@ pub(crate) struct ModuleFilm {
     pub(crate) id: u32,
     /// The keyframes of its path.
     pub(crate) track: Track,
+    /// The corners of its planned path.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    path: Vec<Corner>,
     /// Its phases, each with the time at which it begins.
     pub(crate) phases: Vec<(f64, ModulePhase)>,
 }
@@ -98,6 +109,8 @@ struct Cutting<'a> {
     frame: &'a Frame,
     pace: Pace,
     now: f64,
+    begin: Option<f64>,
+    planned: Vec<(f64, bool)>,
     scene: Scene,
     stages: Vec<(f64, FormationStage)>,
     steps: Vec<FilmStep>,
@@ -111,9 +124,13 @@ impl<'a> Cutting<'a> {
     fn new(subject: &'a Subject, course: &[Entry], frame: &'a Frame, keyframes_max: usize) -> Self {
         let keyframes_max = (keyframes_max / subject.modules.len().max(1)).max(KEYFRAMES_MIN);
         let scene = Scene::default();
+        let corners_max = (CORNERS_MAX / subject.modules.len().max(1)).max(KEYFRAMES_MIN);
         let modules = subject.modules.iter().map(|module| ModuleFilm {
             id: module.id.0,
             track: Track::new(frame, &module.start, keyframes_max),
+            path: Some(corners(frame, &module.path))
+                .filter(|path| path.len() <= corners_max)
+                .unwrap_or_default(),
             phases: Vec::new(),
         });
         let spots = subject.spots.iter().map(|spot| SpotFilm {
@@ -128,6 +145,8 @@ impl<'a> Cutting<'a> {
             frame,
             pace: Pace::of(course),
             now: 0.0,
+            begin: None,
+            planned: Vec::new(),
             stages: vec![(0.0, scene.stage())],
             scene,
             steps: Vec::new(),
@@ -150,7 +169,11 @@ impl<'a> Cutting<'a> {
                 Some(module) => self.modules[module].track.go_on(self.now, self.frame, pose),
                 None => return,
             },
-            Event::Gathering(_) | Event::Roster { .. } | Event::Claim { .. } => {}
+            Event::Roster { problem, .. } => {
+                let is_planned = *problem == Some(self.subject.problem);
+                self.planned.push((self.now, is_planned));
+            }
+            Event::Gathering(_) | Event::Claim { .. } => {}
         }
         let joined = self.scene.modules().len();
         let changes = self.scene.apply(entry);
@@ -161,6 +184,9 @@ impl<'a> Cutting<'a> {
             }
         }
         self.enter(self.scene.stage());
+        if self.begin.is_none() && self.scene.is_moving() {
+            self.begin = Some(self.now);
+        }
         let all = self.subject.modules.len();
         if joined < all && self.scene.modules().len() == all && all > 1 {
             self.step(format!("All {all} modules have joined"), None);
@@ -212,6 +238,8 @@ impl<'a> Cutting<'a> {
         self.step(end.to_owned(), None);
         Film {
             length: self.now,
+            begin: self.begin.unwrap_or(0.0),
+            planned: self.planned,
             side: self.frame.module_side(),
             clock: self.pace.clock(),
             stages: self.stages,

@@ -7,6 +7,8 @@ use crate::frame::Frame;
 
 /// A keyframe between two others is left out if its distance from the straight line is at most this, in pixels.
 const STRAIGHT: f64 = 0.5;
+/// A point of a path is no corner if the next one is at most this far from the line through it, in pixels.
+const CORNER: f64 = 0.15;
 /// A module whose pose changes although it reported no motion stood still until this long ago, seconds.
 const JUMP_S: f64 = 0.3;
 
@@ -18,6 +20,34 @@ pub(crate) struct Keyframe(
     pub(crate) f64,
     pub(crate) f64,
 );
+
+/// A corner of a path, in pixels.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub(super) struct Corner(f64, f64);
+
+/// The corners of a path, without the points that lie on the line between their neighbours.
+pub(super) fn corners(frame: &Frame, path: &[Pose]) -> Vec<Corner> {
+    let mut corners: Vec<Corner> = Vec::new();
+    for pose in path {
+        let next = Corner(pixel(frame.x(pose)), pixel(frame.y(pose)));
+        if corners.last() == Some(&next) {
+            continue;
+        }
+        if let [.., before, last] = corners.as_slice() {
+            let (from, to) = (
+                (last.0 - before.0, last.1 - before.1),
+                (next.0 - last.0, next.1 - last.1),
+            );
+            let turn = from.0 * to.1 - from.1 * to.0;
+            let ahead = from.0 * to.0 + from.1 * to.1;
+            if ahead > 0.0 && turn.abs() <= CORNER * from.0.hypot(from.1) {
+                corners.pop();
+            }
+        }
+        corners.push(next);
+    }
+    corners
+}
 
 /// Keyframes in the order of time.
 #[derive(Clone, Debug, Serialize)]

@@ -50,6 +50,7 @@ impl Formed {
         let course = course_of_plan(self.problem(), &self.outcome, &self.motion, 1.0);
         let name = self.scenario.name();
         Subject::of_course(name, self.problem(), &self.outcome, &course, None)
+            .with_paths(&self.motion, &self.outcome)
     }
 
     pub fn statistics(&self) -> Statistics {

@@ -3,7 +3,7 @@
 use std::f64::consts::{PI, TAU};
 use std::fs;
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
-use std::time::{Duration, Instant};
+use std::time::{Duration, Instant, SystemTime, UNIX_EPOCH};
 
 use hiroz::msg::ZMessage;
 use hiroz::prelude::ZPub;
@@ -11,6 +11,7 @@ use serde_yaml::Value;
 use tokio::task::JoinHandle;
 use tokio::time::sleep;
 
+use crate::messages::ros::builtin_interfaces::Time;
 use crate::messages::ros::formation_msgs::{DockingRequest, DockingResult};
 use crate::messages::ros::geometry_msgs::{Pose as PoseMessage, PoseStamped};
 use crate::messages::ros::nav_msgs::{Odometry, Path};
@@ -21,6 +22,8 @@ use crate::peer::{Peer, Result};
 const INTERVAL: Duration = Duration::from_millis(50);
 /// How long a robot drives to a goal that does not repeat.
 const PATIENCE: Duration = Duration::from_millis(1_500);
+/// A goal that echoes the stamp of an older pose came too late.
+const ECHO_AGE_MAX: Duration = Duration::from_millis(400);
 /// How long docking takes.
 const DOCKING: Duration = Duration::from_millis(200);
 /// Metres in a second.
@@ -103,6 +106,24 @@ impl Robot {
     }
 }
 
+/// The present time, as poses are stamped.
+fn stamp() -> Time {
+    let now = SystemTime::now()
+        .duration_since(UNIX_EPOCH)
+        .unwrap_or_default();
+    Time {
+        sec: i32::try_from(now.as_secs()).unwrap_or(i32::MAX),
+        nanosec: now.subsec_nanos(),
+    }
+}
+
+/// Whether a goal follows from a recent pose, by the clock that stamped the pose.
+fn is_recent(echo: &Time) -> bool {
+    let stamped = Duration::new(u64::try_from(echo.sec).unwrap_or_default(), echo.nanosec);
+    let age = SystemTime::now().duration_since(UNIX_EPOCH + stamped);
+    age.is_ok_and(|age| age <= ECHO_AGE_MAX)
+}
+
 fn locked(robot: &Mutex<Robot>) -> MutexGuard<'_, Robot> {
     robot.lock().unwrap_or_else(PoisonError::into_inner)
 }
@@ -118,12 +139,14 @@ impl Source {
         match self {
             Self::Pose(publisher) => {
                 let mut message = PoseStamped::default();
+                message.header.stamp = stamp();
                 "map".clone_into(&mut message.header.frame_id);
                 message.pose = pose;
                 publisher.publish(&message)
             }
             Self::Odometry(publisher) => {
                 let mut message = Odometry::default();
+                message.header.stamp = stamp();
                 "map".clone_into(&mut message.header.frame_id);
                 message.pose.pose = pose;
                 publisher.publish(&message)
@@ -177,6 +200,9 @@ fn subscribe(peer: &Peer, module: u64, robot: &Arc<Mutex<Robot>>) -> Result<()> 
     let driven = robot.clone();
     let topic = below("goal_pose");
     peer.subscribe_as(&topic, &topic, volatile(), move |goal: &PoseStamped| {
+        if !is_recent(&goal.header.stamp) {
+            return;
+        }
         let (position, orientation) = (&goal.pose.position, &goal.pose.orientation);
         let goal = Pose {
             x: position.x,

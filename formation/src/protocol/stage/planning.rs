@@ -259,7 +259,7 @@ impl Planning {
     }
 }
 
-/// Judges a claim: it must come from the module that decides in its turn, and equal this replica's own recomputation.
+/// Judges a claim: it must come from the module whose turn it is, and equal this replica's own recomputation.
 fn judge(planned: &PlannedTurns, claim: &SpotClaim, bugs: Bugs) -> Result<(), Refusal> {
     match planned.check(claim.turn, claim.claimant, &claim.decision) {
         Ok(()) => Ok(()),

@@ -50,8 +50,8 @@ pub fn frame(
     if left > 0 && !watched.log.is_empty() {
         lines.push(String::new());
         let skipped = watched.log.len().saturating_sub(left);
-        for (at_ms, text) in watched.log.iter().skip(skipped) {
-            let time = Duration::from_millis(*at_ms).as_secs_f64();
+        for (elapsed, text) in watched.log.iter().skip(skipped) {
+            let time = elapsed.as_secs_f64();
             let time = style.paint(&format!("{time:>7.1} s  "), Paint::Dim);
             lines.push(format!("{time}{text}"));
         }

@@ -93,7 +93,7 @@ impl View {
 
     /// Shows something that happened.
     pub fn show_entry(&mut self, entry: &Entry) {
-        self.watched.take(entry);
+        self.watched.take(entry, self.start.elapsed());
         self.draw_if_due();
     }
 

@@ -2,6 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
+use std::time::Duration;
 
 use formation::event_log::{Entry, Scene};
 use formation::model::text::ranges;
@@ -39,8 +40,8 @@ pub struct Watched {
     pub scene: Scene,
     /// The position of the initial configuration of each module that is in one.
     configurations: BTreeMap<ModuleId, usize>,
-    /// The last steps in words, each with its time in milliseconds.
-    pub log: VecDeque<(u64, String)>,
+    /// The last steps in words, each with the time for which the formation had been shown.
+    pub log: VecDeque<(Duration, String)>,
 }
 
 impl Watched {
@@ -75,12 +76,14 @@ impl Watched {
         self.plan = Some(plan);
     }
 
-    pub fn take(&mut self, entry: &Entry) {
+    /// Takes in something that happened, when the formation had been shown for `elapsed`. The time in the entry is that of another
+    /// clock, such as the verifier's.
+    pub fn take(&mut self, entry: &Entry, elapsed: Duration) {
         for step in self.scene.apply(entry).steps {
             if self.log.len() == LOG_MAX {
                 self.log.pop_front();
             }
-            self.log.push_back((entry.at_ms, step.to_string()));
+            self.log.push_back((elapsed, step.to_string()));
         }
     }
 

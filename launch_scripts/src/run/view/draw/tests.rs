@@ -42,7 +42,7 @@ fn after(plan: &Arc<CheckedPlan>, entries: &[Entry], count: usize) -> Watched {
     let mut watched = Watched::new("three");
     watched.set_plan(Arc::clone(plan));
     for entry in &entries[..count] {
-        watched.take(entry);
+        watched.take(entry, Duration::from_millis(entry.at_ms));
     }
     watched
 }
@@ -129,13 +129,15 @@ fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
     let plan = plan();
     let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let mut watched = after(&plan, &entries, entries.len());
-    watched.take(&Entry {
+    let entry = Entry {
         at_ms: 9_000,
         event: Event::Gathering(Epoch {
             number: 2,
             convener: ModuleId(1),
         }),
-    });
+    };
+    // The verifier, whose clock the entry has, started later than the view.
+    watched.take(&entry, Duration::from_millis(12_100));
     watched.progress = Some(Progress {
         stage: FormationStage::Gathering,
         epoch: None,
@@ -154,7 +156,7 @@ fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
         "[gathering] → planning",
         "  2/3",
         "waiting for 3",
-        "9.0 s  Epoch 2: all modules halt and gather again",
+        "   12.1 s  Epoch 2: all modules halt and gather again",
     ] {
         assert!(text.contains(part), "{part}: {text}");
     }
@@ -225,7 +227,7 @@ fn a_module_that_only_settles_is_no_news() {
     let plan = plan();
     let mut watched = Watched::new("three");
     watched.set_plan(Arc::clone(&plan));
-    watched.take(&Entry {
+    let entry = Entry {
         at_ms: 1,
         event: Event::State(ModuleSnapshot {
             module: ModuleId(3),
@@ -235,6 +237,7 @@ fn a_module_that_only_settles_is_no_news() {
             spot: Some(SpotId(3)),
             unit: None,
         }),
-    });
+    };
+    watched.take(&entry, Duration::from_millis(1));
     assert_eq!(watched.log.len(), 0);
 }
