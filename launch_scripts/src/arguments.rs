@@ -36,15 +36,18 @@ Exit status:
 pub enum Command {
     /// Check that a scenario is valid and that its spots can be reached; say what is wrong, where and why.
     Check {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// How the robots drive: in every direction, or along their heading only, for which they turn in place.
         #[arg(long, value_name = "KIND", default_value = HOLONOMIC, value_parser = [HOLONOMIC, DIFFERENTIAL])]
         drive: String,
+        /// Print one JSON object instead of a line.
+        #[arg(long)]
+        json: bool,
     },
     /// Draw a scenario as text, in the form that a scenario file may have; modules and spots must stand on a lattice.
     Show {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// Print an SVG picture instead; needs no lattice.
         #[arg(long)]
@@ -85,7 +88,7 @@ pub enum Command {
     },
     /// Plan offline which module takes which spot, with the planner that every module runs.
     Plan {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// Write pictures, a page that plays the plan, and the JSON of --json into this directory.
         #[arg(long, value_name = "DIR")]
@@ -96,7 +99,7 @@ pub enum Command {
     },
     /// Explain why a module gets its spot in the offline plan, or none: its turns, evictions, and what other spots cost.
     Explain {
-        /// The scenario file (YAML).
+        /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
         /// The identifier of the module.
         #[arg(long, value_name = "ID")]
@@ -482,7 +485,8 @@ fn field_width(text: &str) -> Result<u32, String> {
 /// What to simulate.
 #[derive(Debug, Args)]
 pub struct SimulateArguments {
-    /// A scenario file (YAML): its modules and target in every run [default: drawn from each seed]
+    /// A scenario file (YAML), or - for the standard input: its modules and target in every run [default: drawn from each
+    /// seed]
     pub scenario: Option<PathBuf>,
     /// Number of seeds to run; a single one is printed in full.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]

@@ -2,21 +2,42 @@
 
 use std::path::Path;
 
-use formation::model::Scenario;
 use formation::model::text::counted;
+use formation::model::{ModuleId, PlanningProblem, Scenario, SpotId};
 use formation::motion::check_differential_drives;
 use formation::planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
+use serde::Serialize;
 
 use crate::arguments::DIFFERENTIAL;
-use crate::checked_plan::CheckedPlan;
-use crate::{console, scenario_file, warnings};
+use crate::checked_plan::{CheckedPlan, PlanTurn};
+use crate::{console, motion, scenario_file, warnings};
+
+/// What `formation check --json` prints of a valid scenario.
+#[derive(Debug, Serialize)]
+struct CheckReport<'a> {
+    name: &'a str,
+    modules: usize,
+    configurations: usize,
+    singletons: usize,
+    spots: usize,
+    /// Whether the target has no cycle.
+    tree: bool,
+    /// Whether the plan fills all spots that the modules suffice for.
+    complete: bool,
+    /// Whether each placement of a configuration is proven to be the best.
+    proven: bool,
+    unassigned: &'a [ModuleId],
+    open_spots: &'a [SpotId],
+    turns: Vec<PlanTurn>,
+    warnings: Vec<String>,
+}
 
 /// Validates a scenario file, plans it, and prints a summary of it.
 ///
 /// # Errors
-/// Names the file, the place and what is wrong there, or the spot that cannot be reached.
-pub fn check(path: &Path, drive: &str) -> Result<(), Failure> {
+/// Names the file, the place and what is wrong there, or the spot that cannot be reached, or that the plan has a hole.
+pub fn check(path: &Path, drive: &str, json: bool) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     refuse_long_plans(path, &scenario)?;
     warn(path, &scenario);
@@ -26,7 +47,44 @@ pub fn check(path: &Path, drive: &str) -> Result<(), Failure> {
     if drive == DIFFERENTIAL {
         refuse_turning(path, &scenario)?;
     }
-    console::result_line(&format!("{}: {}", path.display(), summary(&scenario)))
+    plan.warn_of_cut_search(path);
+    if json {
+        console::result_json(&report(&scenario, &plan))?;
+    } else {
+        let summary = summary(&scenario);
+        console::result_text(&format!("{}: {summary}", scenario_file::named(path)))?;
+    }
+    plan.refuse_hole(path)
+}
+
+fn report<'a>(scenario: &'a Scenario, plan: &'a CheckedPlan) -> CheckReport<'a> {
+    let problem = scenario.problem();
+    let statistics = &plan.statistics;
+    let mut warnings = warnings::of(problem);
+    warnings.extend(motion::warning(&plan.motion));
+    CheckReport {
+        name: scenario.name(),
+        modules: problem.modules().len(),
+        configurations: problem.configurations().len(),
+        singletons: problem.modules().len() - docked(problem),
+        spots: problem.target().spots().len(),
+        tree: problem.target().topology().is_tree(),
+        complete: plan.is_complete(),
+        proven: statistics.proven,
+        unassigned: &statistics.unassigned,
+        open_spots: &statistics.open_spots,
+        turns: plan.turns(),
+        warnings,
+    }
+}
+
+/// The number of modules that start in a configuration.
+fn docked(problem: &PlanningProblem) -> usize {
+    let configurations = problem.configurations();
+    configurations
+        .iter()
+        .map(|configuration| configuration.modules.len())
+        .sum()
 }
 
 /// Refuses a scenario whose plan would take real processes too long.
@@ -35,7 +93,9 @@ pub fn check(path: &Path, drive: &str) -> Result<(), Failure> {
 /// Names the field to which the most time is due, and the limit.
 pub fn refuse_long_plans(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
     let refused = PlanSize::of(scenario.problem()).check();
-    refused.map_err(|reason| Failure::bad_input(format_args!("{}: {reason}", path.display())))
+    refused.map_err(|reason| {
+        Failure::bad_input(format_args!("{}: {reason}", scenario_file::named(path)))
+    })
 }
 
 /// Refuses a scenario that robots with differential drives cannot carry out.
@@ -50,17 +110,17 @@ pub fn refuse_turning(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
 /// Prints a warning for all that is valid and yet looks like a mistake.
 pub fn warn(path: &Path, scenario: &Scenario) {
     for warning in warnings::of(scenario.problem()) {
-        console::note(&format!("warning: {}: {warning}", path.display()));
+        console::note(&format!(
+            "warning: {}: {warning}",
+            scenario_file::named(path)
+        ));
     }
 }
 
 fn summary(scenario: &Scenario) -> String {
     let problem = scenario.problem();
     let configurations = problem.configurations();
-    let docked: usize = configurations
-        .iter()
-        .map(|configuration| configuration.modules.len())
-        .sum();
+    let docked = docked(problem);
     let topology = problem.target().topology();
     let name = match scenario.name() {
         "" => String::new(),

@@ -6,12 +6,12 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use formation::event_log::Entry;
+use formation::event_log::{Entry, Step};
 use formation::model::text::{counted, joined, listed_in_full};
-use formation::model::{Assignment, Decision, PlanningProblem, Scenario, SpotId};
+use formation::model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, Scenario, SpotId};
 use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Planning, Statistics};
-use formation::verify::check_plan;
+use formation::verify::{Violation, check_plan};
 use formation_report::{Fact, Subject, course_of_plan};
 use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
@@ -19,9 +19,11 @@ use serde::Serialize;
 use crate::arguments::SPEED_UNITS_PER_S;
 use crate::console;
 use crate::motion::{self, MotionReport};
+use crate::progress::PlanProgress;
+use crate::scenario_file::named;
 use crate::table::aligned;
 
-/// A plan that the verifier's checks have passed.
+/// A plan that the verifier's checks have passed, except that the policy `paper` may leave a hole.
 pub struct CheckedPlan {
     /// What was planned for.
     pub problem: Arc<PlanningProblem>,
@@ -33,6 +35,20 @@ pub struct CheckedPlan {
     pub motion: PlannedMotion,
     /// How long the allocation took, without acting order and statistics.
     pub planning_us: u64,
+    /// What is wrong with the spots that are filled: too few, or apart. Only the policy `paper` leaves such a hole.
+    hole: Option<String>,
+}
+
+/// A turn as it is printed as JSON.
+#[derive(Debug, Serialize)]
+pub struct PlanTurn {
+    /// From 0.
+    turn: u32,
+    claimant: ModuleId,
+    modules: Vec<ModuleId>,
+    #[serde(flatten)]
+    decision: Decision,
+    text: String,
 }
 
 /// What `formation plan --json` prints.
@@ -43,18 +59,25 @@ pub struct PlanReport {
     pub statistics: Statistics,
     /// How long the allocation took.
     pub planning_us: u64,
+    /// Whether all spots are filled that the modules suffice for; `formation plan` alone prints it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub complete: Option<bool>,
+    /// All turns in order; `formation plan` alone prints them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turns: Option<Vec<PlanTurn>>,
     /// How the modules move; `formation plan` alone prints it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<MotionReport>,
 }
 
 impl CheckedPlan {
-    /// Plans a scenario and has the plan checked independently.
+    /// Plans a scenario and has the plan checked independently. Shows on a terminal how far it has come.
     ///
     /// # Errors
     /// Lists the guarantees that the plan does not keep.
     pub fn of(scenario: &Scenario) -> Result<Self, Failure> {
-        Self::of_problem(Arc::new(scenario.problem().clone()))
+        let problem = Arc::new(scenario.problem().clone());
+        Self::made(problem, Some(PlanProgress::new()))
     }
 
     /// Plans for modules and a target, and has the plan checked independently.
@@ -62,9 +85,20 @@ impl CheckedPlan {
     /// # Errors
     /// Lists the guarantees that the plan does not keep.
     pub fn of_problem(problem: Arc<PlanningProblem>) -> Result<Self, Failure> {
+        Self::made(problem, None)
+    }
+
+    fn made(
+        problem: Arc<PlanningProblem>,
+        mut progress: Option<PlanProgress>,
+    ) -> Result<Self, Failure> {
         let start = Instant::now();
         let mut planning = Planning::new(Arc::clone(&problem));
-        let decisions = planning.take_all_turns();
+        let decisions = planning.take_all_turns_with(|taken, left| {
+            if let Some(progress) = &mut progress {
+                progress.show_turns(taken, left);
+            }
+        });
         let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
         let mut outcome = planning.outcome(decisions);
         let decisions: Vec<Decision> = outcome
@@ -72,12 +106,11 @@ impl CheckedPlan {
             .iter()
             .map(|(_, decision)| decision.clone())
             .collect();
-        check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
-            let violations = joined(violations, "; ");
-            Failure::Failed(anyhow!(
-                "the plan does not keep its guarantees: {violations}"
-            ))
-        })?;
+        let violations = check_plan(&problem, &decisions, &outcome.plan);
+        let hole = hole_among(&problem, violations.err().unwrap_or_default())?;
+        if let Some(progress) = &mut progress {
+            progress.show_motion();
+        }
         let (motion, plan) = PlannedMotion::of(&problem, outcome.plan, &[]);
         outcome.plan = plan;
         Ok(Self {
@@ -86,7 +119,55 @@ impl CheckedPlan {
             outcome,
             motion,
             planning_us,
+            hole,
         })
+    }
+
+    /// Whether all spots are filled, and connected, that the modules suffice for.
+    pub fn is_complete(&self) -> bool {
+        self.hole.is_none()
+    }
+
+    /// Fails if the plan has a hole, once its results are printed.
+    ///
+    /// # Errors
+    /// Names the open spots.
+    pub fn refuse_hole(&self, path: &Path) -> Result<(), Failure> {
+        match self.hole_text() {
+            None => Ok(()),
+            Some(text) => Err(Failure::failed(format_args!("{}: {text}", named(path)))),
+        }
+    }
+
+    /// What is wrong with the spots that are filled, and which are open; `None` if nothing is.
+    pub fn hole_text(&self) -> Option<String> {
+        let hole = self.hole.as_ref()?;
+        let open = match self.statistics.open_spots.as_slice() {
+            [] => String::new(),
+            open => format!("; left open: {}", listed_in_full(open.iter().copied())),
+        };
+        Some(format!(
+            "the plan has a hole, as the policy `paper` may leave one: {hole}{open}"
+        ))
+    }
+
+    /// All turns with their decisions.
+    pub fn turns(&self) -> Vec<PlanTurn> {
+        let turns = self.outcome.decisions.iter();
+        turns
+            .map(|(turn, decision)| PlanTurn {
+                turn: turn.number,
+                claimant: turn.claimant,
+                modules: turn.modules.clone(),
+                decision: decision.clone(),
+                text: Step::Turn {
+                    turn: turn.number,
+                    claimant: turn.claimant,
+                    decision,
+                }
+                .to_string(),
+            })
+            .collect()
     }
 
     /// What to print as JSON.
@@ -94,6 +175,8 @@ impl CheckedPlan {
         PlanReport {
             statistics: self.statistics.clone(),
             planning_us: self.planning_us,
+            complete: None,
+            turns: None,
             motion: None,
         }
     }
@@ -101,21 +184,36 @@ impl CheckedPlan {
     /// Prints the warnings about a plan, before anything moves.
     pub fn warn(&self, path: &Path) {
         for warning in &self.statistics.warnings {
-            console::note(&format!("warning: {}: {warning}", path.display()));
+            console::note(&format!("warning: {}: {warning}", named(path)));
         }
         self.warn_of_motion(path);
+        self.warn_of_cut_search(path);
+    }
+
+    /// Says so if a placement is not proven to be the best.
+    pub fn warn_of_cut_search(&self, path: &Path) {
         if !self.statistics.proven {
             console::note(&format!(
                 "warning: {}: a search on a graph with cycles was cut at its budget; a better plan may exist",
-                path.display()
+                named(path)
             ));
+        }
+    }
+
+    /// Whether the placements of the configurations are proven to be the best, in a sentence.
+    pub fn proof_text(&self) -> &'static str {
+        match self.statistics.proven {
+            true => "every placement of a configuration is proven to be the best",
+            false => {
+                "not every placement of a configuration is proven to be the best: the search for it ended at its budget"
+            }
         }
     }
 
     /// Prints what is wrong with the motion, if it is not along paths for that reason.
     pub fn warn_of_motion(&self, path: &Path) {
         if let Some(warning) = motion::warning(&self.motion) {
-            console::note(&format!("warning: {}: {warning}", path.display()));
+            console::note(&format!("warning: {}: {warning}", named(path)));
         }
     }
 
@@ -139,7 +237,7 @@ impl CheckedPlan {
         match &self.motion {
             PlannedMotion::Refused(error) => Err(Failure::bad_input(format_args!(
                 "{}: no module would move: {error}",
-                path.display()
+                named(path)
             ))),
             PlannedMotion::Paths(_) | PlannedMotion::Straight(_) => Ok(()),
         }
@@ -173,6 +271,9 @@ impl CheckedPlan {
             "total utility {:.3}, total distance {:.3} units",
             statistics.total_utility, statistics.total_distance
         ));
+        if !self.problem.configurations().is_empty() {
+            parts.push(self.proof_text().to_owned());
+        }
         parts.push(motion::line(&self.motion));
         let messages = &statistics.messages;
         parts.push(format!(
@@ -253,5 +354,29 @@ impl CheckedPlan {
                 ),
             ),
         ]
+    }
+}
+
+/// What is wrong with the spots that a plan fills; `None` if nothing is.
+///
+/// # Errors
+/// Lists all violations, if the policy does not explain them.
+fn hole_among(
+    problem: &PlanningProblem,
+    violations: Vec<Violation>,
+) -> Result<Option<String>, Failure> {
+    if violations.is_empty() {
+        return Ok(None);
+    }
+    let is_hole =
+        |one: &Violation| matches!(one, Violation::WrongCount { .. } | Violation::Apart { .. });
+    let is_paper = problem.parameters().policy == Policy::Paper;
+    let is_explained = is_paper && violations.iter().all(is_hole);
+    let text = joined(violations, "; ");
+    match is_explained {
+        true => Ok(Some(text)),
+        false => Err(Failure::Failed(anyhow!(
+            "the plan does not keep its guarantees: {text}"
+        ))),
     }
 }

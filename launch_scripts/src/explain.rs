@@ -23,6 +23,12 @@ struct ExplanationReport {
     /// The configuration that it belongs to.
     configuration: Option<u32>,
     spot: Option<SpotId>,
+    /// Whether the plan fills all spots that the modules suffice for.
+    complete: bool,
+    /// Whether each placement of a configuration is proven to be the best.
+    proven: bool,
+    /// The spots that no module takes.
+    open_spots: Vec<SpotId>,
     turns: Vec<TurnReport>,
     alternatives: Vec<AlternativeReport>,
 }
@@ -60,14 +66,15 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
         let known = plan.problem.modules().iter().map(|module| module.id.0);
         return Err(Failure::bad_input(format!(
             "{}: there is no {module}; the modules are {}",
-            path.display(),
+            scenario_file::named(path),
             joined(known, ", ")
         )));
     };
     let member = plan.problem.module(module);
     let configuration = member.and_then(|member| member.configuration);
     if !json {
-        return console::result_line(&text(&explanation));
+        console::result_text(&text(&explanation))?;
+        return plan.refuse_hole(path);
     }
     let turns = explanation.turns.iter().map(|turn| TurnReport {
         turn: turn.number,
@@ -87,9 +94,13 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
         module,
         configuration: configuration.map(|configuration| configuration.0),
         spot: explanation.spot,
+        complete: plan.is_complete(),
+        proven: plan.statistics.proven,
+        open_spots: plan.statistics.open_spots.clone(),
         turns: turns.collect(),
         alternatives: alternatives.collect(),
-    })
+    })?;
+    plan.refuse_hole(path)
 }
 
 /// The decision of a turn, as in films.

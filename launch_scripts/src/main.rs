@@ -12,6 +12,7 @@ mod joining;
 mod manual;
 mod motion;
 mod plan;
+mod progress;
 #[cfg(feature = "recordings")]
 mod recorded;
 mod report;
@@ -39,7 +40,11 @@ use crate::run::order;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
-        Command::Check { scenario, drive } => check::check(&scenario, &drive),
+        Command::Check {
+            scenario,
+            drive,
+            json,
+        } => check::check(&scenario, &drive, json),
         Command::Show { scenario, svg } => show::show(&scenario, svg),
         Command::Schema => show::schema(),
         Command::Run(arguments) => run::run(&arguments),

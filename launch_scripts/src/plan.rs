@@ -14,7 +14,8 @@ use crate::{check, console, scenario_file};
 /// Plans a scenario file and prints the plan.
 ///
 /// # Errors
-/// Names what is wrong with the file or with the plan, or why the report cannot be written.
+/// Names what is wrong with the file or with the plan, or why the report cannot be written. A plan with a hole is printed all
+/// the same.
 pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure> {
     let scenario = scenario_file::load(path)?;
     check::warn(path, &scenario);
@@ -25,15 +26,18 @@ pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure
         write_report(&directory, &plan, scenario.name())?;
     }
     if json {
-        console::result_json(&with_motion(&plan))
+        console::result_json(&with_motion(&plan))?;
     } else {
-        console::result_line(&plan.text(scenario.name()))
+        console::result_text(&plan.text(scenario.name()))?;
     }
+    plan.refuse_hole(path)
 }
 
 /// The object that `--json` prints.
 fn with_motion(plan: &CheckedPlan) -> PlanReport {
     PlanReport {
+        complete: Some(plan.is_complete()),
+        turns: Some(plan.turns()),
         motion: Some(MotionReport::of(&plan.motion)),
         ..plan.report()
     }

@@ -28,7 +28,7 @@ pub fn show(path: &Path, svg: bool) -> Result<(), Failure> {
     let maps = scenario.to_maps().map_err(|error| {
         Failure::bad_input(format_args!(
             "{}: {error}; --svg draws it all the same",
-            path.display()
+            scenario_file::named(path)
         ))
     })?;
     let surroundings = surroundings(&scenario);

@@ -9,6 +9,7 @@ use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
 use formation::event_log::milliseconds;
+use formation::model::SpotId;
 use formation::model::text::{counted, joined};
 use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
@@ -16,11 +17,13 @@ use ros_runtime::exit::Failure;
 use serde::Serialize;
 
 use crate::arguments::SimulateArguments;
-use crate::checked_plan::CheckedPlan;
+use crate::checked_plan::{CheckedPlan, PlanTurn};
 use crate::{console, scenario_file};
 
 /// How many lines of a failing run are shown.
 const TAIL_LINES: usize = 40;
+/// Between two drawings of the progress while no run ends.
+const TICK_INTERVAL: Duration = Duration::from_millis(200);
 /// How many failing seeds, and violations of one seed, are shown.
 const SHOWN_MAX: usize = 10;
 
@@ -29,7 +32,8 @@ const SHOWN_MAX: usize = 10;
 /// # Errors
 /// Names what is wrong with the input, or how many runs violated something.
 pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
-    let parameters = campaign_parameters(arguments)?;
+    let plan = planned(arguments)?;
+    let parameters = campaign_parameters(arguments, plan.as_ref());
     let first = arguments.first_seed;
     let end = first.checked_add(arguments.seeds).ok_or_else(|| {
         let count = counted_u64(arguments.seeds, "seed");
@@ -39,6 +43,7 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
     })?;
     let start = Instant::now();
     let mut campaign = Campaign::new(arguments);
+    campaign.figures.plan = plan.as_ref().map(PlanFigures::of);
     let bar = progress_bar(arguments.seeds);
     run_seeds(&parameters, first..end, |report| {
         bar.inc(1);
@@ -57,28 +62,38 @@ pub fn run(arguments: &SimulateArguments) -> Result<(), Failure> {
         for line in campaign.figures.transcript.iter().flatten() {
             console::result_line(line)?;
         }
-        console::result_line(&campaign.figures.text())?;
+        console::result_text(&campaign.figures.text())?;
     }
-    campaign.conclusion(arguments, &parameters)
+    campaign.conclusion(arguments, &parameters)?;
+    match plan.as_ref().zip(arguments.scenario.as_deref()) {
+        Some((plan, path)) => plan.refuse_hole(path),
+        None => Ok(()),
+    }
 }
 
-fn campaign_parameters(arguments: &SimulateArguments) -> Result<CampaignParameters, Failure> {
-    let problem = match &arguments.scenario {
-        Some(path) => {
-            let scenario = scenario_file::load(path)?;
-            CheckedPlan::of(&scenario)?.refuse_without_motion(path)?;
-            Some(Arc::new(scenario.problem().clone()))
-        }
-        None => None,
+/// The plan of the scenario, if one is given.
+fn planned(arguments: &SimulateArguments) -> Result<Option<CheckedPlan>, Failure> {
+    let Some(path) = &arguments.scenario else {
+        return Ok(None);
     };
-    Ok(CampaignParameters {
+    let plan = CheckedPlan::of(&scenario_file::load(path)?)?;
+    plan.refuse_without_motion(path)?;
+    Ok(Some(plan))
+}
+
+fn campaign_parameters(
+    arguments: &SimulateArguments,
+    plan: Option<&CheckedPlan>,
+) -> CampaignParameters {
+    let problem = plan.map(|plan| Arc::clone(&plan.problem));
+    CampaignParameters {
         faults: arguments.faults,
         modules_min: arguments.modules.0,
         modules_max: arguments.modules.1,
         problem,
         transcripts: arguments.seeds == 1,
         ..CampaignParameters::default()
-    })
+    }
 }
 
 fn bad_input(error: CampaignError) -> Failure {
@@ -86,16 +101,19 @@ fn bad_input(error: CampaignError) -> Failure {
 }
 
 fn progress_bar(seeds: u64) -> ProgressBar {
-    if seeds == 1 || !stderr().is_terminal() {
+    if !stderr().is_terminal() {
         return ProgressBar::hidden();
     }
     let bar = ProgressBar::with_draw_target(Some(seeds), ProgressDrawTarget::stderr());
     // A template that does not parse would only change the looks.
-    if let Ok(style) =
-        ProgressStyle::with_template("{bar:24} {pos}/{len} runs, {msg} ({elapsed}, {eta} to go)")
-    {
+    if let Ok(style) = ProgressStyle::with_template(
+        "{spinner} {bar:24} {pos}/{len} runs, {msg} ({elapsed}, {eta} to go)",
+    ) {
         bar.set_style(style);
     }
+    bar.set_message("no violation");
+    // The clock goes on while a run takes long.
+    bar.enable_steady_tick(TICK_INTERVAL);
     bar
 }
 
@@ -113,9 +131,34 @@ struct Figures {
     failing_seeds: Vec<u64>,
     recovery_ms: Spread,
     elapsed_ms: u64,
+    /// The plan of the scenario, if one was given.
+    #[serde(flatten)]
+    plan: Option<PlanFigures>,
     /// The log of the run, line by line, when there was one seed only.
     #[serde(skip_serializing_if = "Option::is_none")]
     transcript: Option<Vec<String>>,
+}
+
+/// What is printed of the plan of a scenario.
+#[derive(Debug, Serialize)]
+struct PlanFigures {
+    /// Whether it fills all spots that the modules suffice for.
+    complete: bool,
+    /// Whether each placement of a configuration is proven to be the best.
+    proven: bool,
+    open_spots: Vec<SpotId>,
+    turns: Vec<PlanTurn>,
+}
+
+impl PlanFigures {
+    fn of(plan: &CheckedPlan) -> Self {
+        Self {
+            complete: plan.is_complete(),
+            proven: plan.statistics.proven,
+            open_spots: plan.statistics.open_spots.clone(),
+            turns: plan.turns(),
+        }
+    }
 }
 
 /// Sums over all runs.
@@ -357,7 +400,7 @@ mod tests {
     #[test]
     fn a_violated_seed_is_counted_by_kind_and_fails_the_command() {
         let arguments = arguments("formation simulate --seeds 3 --modules 5-6 --faults none");
-        let parameters = campaign_parameters(&arguments).unwrap();
+        let parameters = campaign_parameters(&arguments, None);
         let mut campaign = Campaign::new(&arguments);
         let violation = Violation {
             at: Duration::from_secs(1),

@@ -12,6 +12,8 @@ use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::iterator::Signals;
 use thiserror::Error;
 
+use crate::terminal;
+
 /// The process has done its work.
 pub const STATUS_DONE: u8 = 0;
 /// The work of the process failed, or what it judged is wrong.
@@ -78,8 +80,9 @@ pub fn conclude(result: Result<u8, Failure>) -> ExitCode {
     };
     if !matches!(failure, Failure::OutputClosed) {
         let message = shortened(failure.to_string(), MESSAGE_BYTES_MAX);
+        let message = terminal::fitted(&format!("error: {message}"), &io::stderr());
         // If the stream is closed, the line is lost.
-        let _ = writeln!(io::stderr().lock(), "error: {message}");
+        let _ = writeln!(io::stderr().lock(), "{message}");
     }
     let status = match failure {
         Failure::BadInput(_) => STATUS_BAD_INPUT,

@@ -42,6 +42,7 @@ mod session_error;
 pub mod settings;
 pub mod stamp;
 mod subscription;
+pub mod terminal;
 pub mod topic;
 pub mod topic_statistics;
 pub mod type_hash;

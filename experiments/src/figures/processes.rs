@@ -29,8 +29,8 @@ pub(super) const PROCESSES: Figure = Figure {
     results,
 };
 
-/// Ours by modules and processes. The paper policy is left out, because some of its plans have holes, and the launcher
-/// starts no processes for a plan with a hole.
+/// Ours by modules and processes. The paper policy is left out, because some of its plans have holes, and a run of such
+/// a plan ends FAILED.
 fn rows(settings: &Settings) -> Vec<Row> {
     let sizes = settings.process_sizes().iter();
     let row = |&(modules, modules_per_process): &(usize, usize)| {

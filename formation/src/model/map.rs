@@ -88,6 +88,25 @@ impl Map {
         )
     }
 
+    /// The lattice, if no module on it stands on a spot or reaches into its cell; else one on which the modules stand below
+    /// the target, with a row between.
+    pub(crate) fn clear_of(&self, spots: &[RawSpot], lattice: Lattice) -> Lattice {
+        let reaches = |(x, y): (f64, f64), spot: &RawSpot| {
+            (x - spot.x).abs() < 1.0 && (y - spot.y).abs() < 1.0
+        };
+        let mut places = self.cells.iter().map(|&cell| self.position(cell, lattice));
+        if !places.any(|place| spots.iter().any(|spot| reaches(place, spot))) {
+            return lattice;
+        }
+        let least = |of: fn(&RawSpot) -> f64| spots.iter().map(of).fold(f64::INFINITY, f64::min);
+        #[expect(clippy::cast_precision_loss, reason = "a map has few rows")]
+        let height = lattice.pitch * self.rows.saturating_sub(1) as f64;
+        Lattice {
+            origin: [least(|spot| spot.x), least(|spot| spot.y) - height - 2.0],
+            ..lattice
+        }
+    }
+
     /// The identifiers of what is drawn: as given, or else from 1 in reading order.
     fn ids(&self, field: &str, ids: Option<&[u32]>) -> Result<Vec<u32>, FieldError> {
         match ids {

@@ -25,6 +25,7 @@ mod surroundings;
 mod target;
 pub mod text;
 mod topology;
+mod yaml;
 
 pub use body::{BlockedSpot, BodyReport, Whereabouts};
 pub use closed_roster::ClosedRoster;
@@ -44,3 +45,4 @@ pub use stage::*;
 pub use surroundings::*;
 pub use target::*;
 pub use topology::*;
+pub use yaml::YamlError;

@@ -9,6 +9,7 @@ use thiserror::Error;
 
 use crate::model::field::{check_id, checked_pose, connected_graph};
 use crate::model::scenario_file::ScenarioFile;
+use crate::model::yaml::{self, YamlError};
 use crate::model::{
     ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize, MotionMode,
     NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawArea,
@@ -75,8 +76,8 @@ pub struct Scenario {
 #[derive(Debug, Error)]
 pub enum ScenarioError {
     /// The text is no YAML of the scenario's schema; the message names the line and column.
-    #[error("{0}")]
-    Yaml(#[from] serde_yaml::Error),
+    #[error(transparent)]
+    Yaml(#[from] YamlError),
     /// Brackets are nested deeper than any scenario needs.
     #[error("line {line} column {column}: brackets are nested more than {NESTING_MAX} deep")]
     TooDeep {
@@ -91,6 +92,12 @@ pub enum ScenarioError {
     /// The modules do not fit the target or each other.
     #[error("modules: {0}")]
     Problem(#[from] ProblemError),
+}
+
+impl From<serde_yaml::Error> for ScenarioError {
+    fn from(error: serde_yaml::Error) -> Self {
+        Self::Yaml(error.into())
+    }
 }
 
 /// The greatest depth of nested brackets; scenarios nest four.
@@ -171,7 +178,7 @@ impl Scenario {
     /// Names the line of a syntax error, or the field that is wrong and why.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
         check_nesting(text)?;
-        let file: ScenarioFile = serde_yaml::from_str(text)?;
+        let file: ScenarioFile = yaml::read(text)?;
         Self::try_from(RawScenario::try_from(file)?)
     }
 

@@ -99,19 +99,24 @@ impl TryFrom<ScenarioFile> for RawScenario {
     type Error = FieldError;
 
     fn try_from(file: ScenarioFile) -> Result<Self, FieldError> {
+        let target = file.target.listed()?;
         let (mut configurations, mut singletons) = (file.configurations, file.singletons);
         if let Some(drawn) = file.modules {
             if !(configurations.is_empty() && singletons.is_empty()) {
                 let reason = "has a map, so `configurations` and `singletons` must be left out";
                 return Err(FieldError::new("modules", reason));
             }
-            let lattice = lattice("modules", drawn.origin, drawn.pitch)?;
+            let mut lattice = lattice("modules", drawn.origin, drawn.pitch)?;
             let map = Map::read("modules", &drawn.map)?;
+            // Within walls there may be no room beside the target.
+            if drawn.origin.is_none() && file.arena.is_none() {
+                lattice = map.clear_of(&target.spots, lattice);
+            }
             (configurations, singletons) = map.modules(lattice, drawn.ids.as_deref())?;
         }
         Ok(Self {
             name: file.name,
-            target: file.target.listed()?,
+            target,
             configurations,
             singletons,
             planner: file.planner,
@@ -259,6 +264,26 @@ modules:
         let text = scenario.to_maps().unwrap();
         let again = Scenario::from_yaml(&format!("name: drawn\n{text}")).unwrap();
         assert_eq!(again, scenario);
+    }
+
+    #[test]
+    fn modules_drawn_without_an_origin_stand_beside_the_target() {
+        let places = |text: &str| -> Vec<(f64, f64)> {
+            let scenario = Scenario::from_yaml(text).unwrap();
+            let modules = scenario.problem().modules().iter();
+            modules
+                .map(|module| (module.pose.x.to_units(), module.pose.y.to_units()))
+                .collect()
+        };
+        let on_it = "{target: {map: \"o-o\\n|\\no\"}, modules: {map: \"A-A\\n\\ns\"}}";
+        assert_eq!(places(on_it), [(0.0, -2.0), (1.0, -2.0), (0.0, -3.0)]);
+        // A target elsewhere leaves them where a map lies by default.
+        let apart = "{target: {map: 'o-o', origin: [5, 5]}, modules: {map: 'A-A'}}";
+        assert_eq!(places(apart), [(0.0, 0.0), (1.0, 0.0)]);
+        let placed = "{target: {map: 'o-o'}, modules: {map: 'A-A', origin: [0, 0]}}";
+        assert_eq!(places(placed), [(0.0, 0.0), (1.0, 0.0)]);
+        let listed = "{target: {spots: [{id: 1, x: 0.5, y: 0.5}]}, modules: {map: 's', pitch: 2}}";
+        assert_eq!(places(listed), [(0.5, -1.5)]);
     }
 
     #[test]

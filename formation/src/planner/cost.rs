@@ -23,9 +23,12 @@ const D_MAX_SEARCHED: u32 = 64;
 const CENTRAL_NS: f64 = 0.8;
 /// Shortest paths from one spot, for one edge of a target with cycles: a 100 x 100 grid takes 1.6 s.
 const BETWEENNESS_NS: f64 = 10.0;
-/// The place of a configuration in a graph with cycles, for one of its modules and one spot: 40 blocks of 25 modules on 1,000
+/// The place of a configuration in a graph with cycles, before it is searched, for one of its modules and one spot: 40 blocks of 25 modules on 1,000
 /// spots take 0.8 s.
 const PLACEMENT_NS: f64 = 1_000.0;
+/// All searches of a plan for the best places of configurations in graphs with cycles: the whole search budget, which a dry run
+/// shares.
+const SEARCH_NS: f64 = 5.0e9;
 /// The most of a configuration's modules that leave it and take single turns, as a part of all.
 const DETACHED_PART: f64 = 0.25;
 
@@ -152,8 +155,9 @@ impl<'a> PlanSize<'a> {
             field: "target.edges",
             advice: "use a target with fewer spots or edges",
         };
+        let searched = if configured > 0.0 { SEARCH_NS } else { 0.0 };
         let placements = Part {
-            nanoseconds: cycles * runs * configured * spots * PLACEMENT_NS,
+            nanoseconds: cycles * (runs * configured * spots * PLACEMENT_NS + searched),
             field: "configurations",
             advice: "use fewer modules in configurations, or a target without cycles",
         };

@@ -1,12 +1,12 @@
 //! The statistics of a finished plan, as `formation plan --json` prints them.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use nalgebra::{UnitComplex, Vector2};
 use serde::Serialize;
 
 use crate::model::{Assignment, MicroUnits, ModuleId, PlanningProblem, Pose, SpotId, Topology};
-use crate::planner::placement::best_matching;
+use crate::planner::placement::{SearchBudget, best_matching};
 use crate::planner::turns::PlanOutcome;
 
 /// The messages of all turns: one claim for each turn, received by every other module. An auction adds a sample for each
@@ -153,17 +153,26 @@ fn disconnected(
     outcome: &PlanOutcome,
 ) -> Disconnected {
     let mut counts = Disconnected::default();
-    for configuration in problem.configurations() {
+    let mut budget = SearchBudget::of_plan();
+    // Without weights, equal configurations fit equally well.
+    let mut matched: BTreeMap<Vec<(usize, usize)>, usize> = BTreeMap::new();
+    let configurations = problem.configurations();
+    let mut to_come = configurations.len();
+    for configuration in configurations {
         let modules = &configuration.modules;
         let members: Vec<usize> = modules
             .iter()
             .filter_map(|&id| problem.position_of(id))
             .collect();
         let whole = links.induced_by(&members);
-        let matching = best_matching(outcome.target.topology(), &whole, |_, _| {
-            Some(MicroUnits::ZERO)
+        let size = *matched.entry(whole.edges().to_vec()).or_insert_with(|| {
+            let (target, weight) = (outcome.target.topology(), |_, _| Some(MicroUnits::ZERO));
+            let matching = best_matching(target, &whole, weight, budget.share(to_come));
+            budget.spend(matching.nodes);
+            matching.pairs.len()
         });
-        counts.unmatched_on_empty_target += members.len() - matching.pairs.len();
+        to_come -= 1;
+        counts.unmatched_on_empty_target += members.len() - size;
         let mut kept = whole.edges().to_vec();
         kept.retain(|&(first, second)| {
             let link = (modules[first], modules[second]);

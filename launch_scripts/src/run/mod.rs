@@ -27,6 +27,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
+use formation::model::Scenario;
 use ros_runtime::exit::Failure;
 use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -42,7 +43,7 @@ pub use programs::Programs;
 use programs::RECORDER;
 #[cfg(feature = "recordings")]
 pub use recording::Recording;
-use report::RunReport;
+use report::{RunOutcome, RunReport};
 use router::Carrier;
 use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
@@ -61,13 +62,14 @@ const VERDICT_MARGIN: Duration = Duration::from_secs(5);
 pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let path = arguments.scenario.as_path();
     // Every process reads it again, and so does the launcher when it restarts itself.
-    if path
-        .metadata()
-        .is_ok_and(|file| !file.is_file() && !file.is_dir())
+    if scenario_file::is_standard_input(path)
+        || path
+            .metadata()
+            .is_ok_and(|file| !file.is_file() && !file.is_dir())
     {
         return Err(Failure::BadInput(anyhow!(
             "{}: is no regular file, but every process has to read it",
-            path.display()
+            scenario_file::named(path)
         )));
     }
     let scenario = scenario_file::load(path)?;
@@ -84,18 +86,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let middleware = router::middleware(arguments, hosts.len())?;
     router::check_security(arguments, middleware)?;
     let mut place = network::prepare(arguments, middleware, modules, hosts.len())?;
-    check::refuse_long_plans(path, &scenario)?;
-    check::warn(path, &scenario);
-    let plan = Arc::new(CheckedPlan::of(&scenario)?);
-    plan.refuse_without_motion(path)?;
-    if arguments.motion.is_external() {
-        let refused = plan.motion.check_for_robots();
-        refused.map_err(|reason| Failure::bad_input(format!("{}: {reason}", path.display())))?;
-    }
-    if arguments.motion.world.is_differential() {
-        check::refuse_turning(path, &scenario)?;
-    }
-    plan.warn(path);
+    let plan = planned(arguments, &scenario)?;
     let directory = arguments
         .report
         .as_deref()
@@ -135,9 +126,38 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         let report = &report;
         console::result_json(&OfSession { session, report })?;
     } else {
-        console::result_line(&report.text(&plan, scenario.name()))?;
+        console::result_text(&report.text(&plan, scenario.name()))?;
     }
-    report.conclusion()
+    report.conclusion()?;
+    // Modules that only agree find nothing wrong with a hole that all of them plan.
+    match report.outcome() {
+        RunOutcome::Agreed => plan.refuse_hole(path),
+        RunOutcome::Judged(_) => Ok(()),
+    }
+}
+
+/// The plan of a scenario that processes may carry out, with its warnings.
+///
+/// # Errors
+/// It takes too long, does not keep its guarantees, or moves nothing, or the robots could run into each other.
+fn planned(arguments: &RunArguments, scenario: &Scenario) -> Result<Arc<CheckedPlan>, Failure> {
+    let path = arguments.scenario.as_path();
+    check::refuse_long_plans(path, scenario)?;
+    check::warn(path, scenario);
+    let plan = Arc::new(CheckedPlan::of(scenario)?);
+    plan.refuse_without_motion(path)?;
+    if arguments.motion.is_external() {
+        let refused = plan.motion.check_for_robots();
+        refused.map_err(|reason| Failure::bad_input(format!("{}: {reason}", path.display())))?;
+    }
+    if arguments.motion.world.is_differential() {
+        check::refuse_turning(path, scenario)?;
+    }
+    plan.warn(path);
+    if let Some(hole) = plan.hole_text() {
+        console::note(&format!("warning: {}: {hole}", scenario_file::named(path)));
+    }
+    Ok(plan)
 }
 
 /// A report as `--json` prints it.

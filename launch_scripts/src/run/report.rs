@@ -223,6 +223,7 @@ impl RunReport {
         lines.extend(self.time_was_up());
         let missing = self.missing.iter().flatten();
         lines.extend(missing.map(|sentence| format!("missing: {sentence}")));
+        lines.extend(self.left_open());
         lines.extend(self.dead.iter().map(|death| format!("dead: {death}")));
         let blocked = self.blocked_spots.iter();
         lines.extend(blocked.map(|blocked| format!("blocked: {blocked}")));
@@ -244,6 +245,15 @@ impl RunReport {
                 format!("{table}\nwithout a spot: {unassigned}")
             }
         }
+    }
+
+    /// The open spots of a formation that has ended as planned and yet failed: the plan had a hole.
+    fn left_open(&self) -> Option<String> {
+        let is_failed = self.verdict == RunOutcome::Judged(Outcome::Failed);
+        let is_ended = self.missing.as_ref().is_some_and(Vec::is_empty);
+        let open = self.plan.statistics.open_spots.iter().copied();
+        (is_failed && is_ended && open.len() > 0)
+            .then(|| format!("left open: {}", listed_in_full(open)))
     }
 
     /// Why the motion was not free of collisions, if it was not.
@@ -361,6 +371,7 @@ impl RunReport {
         {
             let missing = self.missing.iter().flatten();
             let reasons = self.violations.iter().chain(missing).cloned();
+            let reasons = reasons.chain(self.left_open());
             let reasons = joined(self.time_was_up().into_iter().chain(reasons), "; ");
             return failed(format!("the formation failed: {reasons}"));
         }

@@ -79,8 +79,16 @@ pub fn read_bounded(path: &Path, bytes_max: u64) -> io::Result<String> {
     if file.metadata()?.is_dir() {
         return Err(io::Error::other("is a directory, not a file"));
     }
+    text_of(file, bytes_max)
+}
+
+/// Reads a text of at most `bytes_max` bytes to its end, for example from the standard input.
+///
+/// # Errors
+/// It cannot be read, is no text, or is larger.
+pub fn text_of(source: impl Read, bytes_max: u64) -> io::Result<String> {
     let mut bytes = Vec::new();
-    file.take(bytes_max + 1).read_to_end(&mut bytes)?;
+    source.take(bytes_max + 1).read_to_end(&mut bytes)?;
     if bytes.len() as u64 > bytes_max {
         let most = bytes_max >> 20;
         return Err(io::Error::other(format!("is larger than {most} MiB")));

@@ -4,7 +4,7 @@ mod command_line;
 mod network;
 mod ros;
 
-pub use command_line::{completions, parse, read_bounded};
+pub use command_line::{completions, parse, read_bounded, text_of};
 pub use network::NetworkArguments;
 pub use ros::{
     Assignment, LogArguments, LogLevel, Namespace, NodeIdentity, Origin, ParameterAssignments,

@@ -1,5 +1,6 @@
 //! What the path planner takes and returns.
 
+use std::collections::BTreeSet;
 use std::fmt::Display;
 
 use thiserror::Error;
@@ -7,7 +8,7 @@ use thiserror::Error;
 use super::group::{Rectangle, overlap};
 use super::turning::rotated;
 pub use crate::model::Area;
-use crate::model::text::enumerated;
+use crate::model::text::{counted, enumerated};
 use crate::model::{
     MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, Pose, SpotId, polyline,
 };
@@ -357,7 +358,7 @@ pub enum MotionError {
     #[error("target: {0} and {1} are joined but not on adjacent cells")]
     LongEdge(SpotId, SpotId),
     /// Some modules do not start in a way that lets them move without contact.
-    #[error("starts: {}", enumerated(.0, FAULTS_MAX))]
+    #[error("starts: {}", faults_listed(.0))]
     Starts(Vec<StartFault>),
     /// An obstacle or a wall covers a spot.
     #[error("{0} lies on an obstacle or beyond the walls")]
@@ -436,6 +437,23 @@ pub enum Obstruction {
     },
 }
 
+/// The first faults. Where there are more, the modules that all faults name are counted: each of a crowd is too close to many.
+fn faults_listed(faults: &[StartFault]) -> String {
+    if faults.len() <= FAULTS_MAX {
+        return enumerated(faults, FAULTS_MAX);
+    }
+    let modules: BTreeSet<ModuleId> = faults.iter().flat_map(StartFault::modules).collect();
+    let first: Vec<String> = faults[..FAULTS_MAX]
+        .iter()
+        .map(ToString::to_string)
+        .collect();
+    format!(
+        "{}, and others; this concerns {}",
+        first.join(", "),
+        counted(modules.len(), "module")
+    )
+}
+
 fn spots_listed(spots: &[SpotId]) -> String {
     match spots {
         [spot] => spot.to_string(),
@@ -468,7 +486,8 @@ mod tests {
             faults(2),
             "starts: module 1 and module 2 are too close and module 2 and module 3 are too close"
         );
-        assert!(faults(7).ends_with("module 5 and module 6 are too close and 2 more"));
+        let many = "module 5 and module 6 are too close, and others; this concerns 8 modules";
+        assert!(faults(7).ends_with(many), "{}", faults(7));
     }
 
     #[test]

@@ -109,7 +109,7 @@ fn groups_of(
             exactness,
         ) {
             Some(group) => groups.push(group),
-            None => loose.push(modules),
+            None => loose.push((modules, None)),
         }
     }
     let cramped: Vec<bool> = groups
@@ -120,17 +120,20 @@ fn groups_of(
         .into_iter()
         .zip(cramped)
         .partition(|&(_, is_cramped)| is_cramped);
-    loose.extend(cramped.into_iter().map(|(group, _)| group.modules));
+    let cramped = cramped.into_iter().map(|(group, _)| group);
+    loose.extend(cramped.map(|group| (group.modules.clone(), Some(group))));
     let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
     let mut ground = Ground::new(problem, lattice, exactness.slack, is_open);
     for group in &groups {
         ground.take(group);
     }
-    for modules in &loose {
+    for (modules, _) in &loose {
         ground.stand(modules);
     }
-    for modules in loose {
-        match ground.regroup(modules) {
+    for (modules, group) in loose {
+        // A module that is docked to nothing is off no lattice: the body that is too close to it is to be named.
+        let alone = group.filter(|group| group.modules.len() == 1);
+        match ground.regroup(modules).or_else(|fault| alone.ok_or(fault)) {
             Ok(group) => {
                 ground.take(&group);
                 groups.push(group);

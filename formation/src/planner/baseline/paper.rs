@@ -60,14 +60,21 @@ fn spots_by_utility(instance: &Instance, module: usize) -> Vec<usize> {
 /// The first MAX = 20 subgraphs of the target that equal a configuration, or its largest part that fits, from the spots of
 /// greatest value on (Algorithm 2, lines 1 to 4, and section "Experimental Evaluation").
 ///
-/// Each candidate pairs the configuration's nodes with target nodes, ascending by the former.
+/// Each candidate pairs the configuration's nodes with target nodes, ascending by the former. On graphs with cycles the search
+/// ends after `nodes_max` search nodes.
 pub fn candidates(
     configuration: &Topology,
     target: &Topology,
     value: impl Fn(usize) -> MicroUnits,
+    nodes_max: u64,
 ) -> Vec<Pairs> {
     if !configuration.is_tree() || !target.is_tree() {
-        let matching = best_matching(target, configuration, |_, spot| Some(value(spot)));
+        let matching = best_matching(
+            target,
+            configuration,
+            |_, spot| Some(value(spot)),
+            nodes_max,
+        );
         return vec![matching.pairs];
     }
     let mut spots: Vec<usize> = (0..target.node_count()).collect();
@@ -77,6 +84,8 @@ pub fn candidates(
 
 /// The state on which one turn works.
 pub(crate) struct PaperTurn<'a> {
+    /// The search nodes of a configuration's turn.
+    pub(crate) nodes_max: u64,
     pub(crate) instance: &'a Instance,
     pub(crate) favourites: &'a mut Favourites,
     pub(crate) table: &'a mut SpotTable,
@@ -177,7 +186,8 @@ impl PaperTurn<'_> {
         let links = self.instance.links.induced_by(members);
         let utilities = &self.instance.utilities;
         let target = self.instance.target.topology();
-        let mut candidates = candidates(&links, target, |spot| utilities.value(spot));
+        let mut candidates =
+            candidates(&links, target, |spot| utilities.value(spot), self.nodes_max);
         // `U_A(t)`, without the reward, which is equal for all candidates, since all have the same size.
         let utility_of = |&(node, spot): &(usize, usize)| utilities.of(members[node], spot).0;
         candidates.sort_by_key(|pairs| Reverse(pairs.iter().map(utility_of).sum::<i64>()));

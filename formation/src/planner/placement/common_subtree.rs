@@ -351,6 +351,7 @@ impl<W: Weight> Programme<'_, W> {
         let Some((node, spot)) = self.top.pair else {
             return Matching {
                 proven: true,
+                nodes: 0,
                 ..Matching::default()
             };
         };
@@ -381,6 +382,7 @@ impl<W: Weight> Programme<'_, W> {
             pairs,
             utility: self.top.score.utility(),
             proven: true,
+            nodes: 0,
         }
     }
 }

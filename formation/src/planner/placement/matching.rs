@@ -36,6 +36,8 @@ pub struct Matching {
     pub utility: MicroUnits,
     /// Whether no better matching exists; `false` when a search ended at its budget.
     pub proven: bool,
+    /// What the search cost, in search nodes; none on trees.
+    pub nodes: u64,
 }
 
 impl<W> MatchingInput<'_, W> {

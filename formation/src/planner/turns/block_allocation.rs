@@ -12,12 +12,14 @@ use crate::planner::placement::best_matching;
 /// chain eviction.
 ///
 /// `members` are two or more modules, ascending and connected by links, first in the queue. A configuration of which no
-/// two linked modules can stay together dissolves: all its modules leave as singletons.
+/// two linked modules can stay together dissolves: all its modules leave as singletons. The search for the place ends after
+/// `nodes_max` search nodes.
 pub(super) fn allocate(
     instance: &Instance,
     search: &mut ChainSearch,
     members: &[usize],
     queue: &TurnQueue,
+    nodes_max: u64,
     result: &mut TurnResult,
 ) {
     let (allocation, evictions) = (&mut result.allocation, &mut result.evictions);
@@ -33,11 +35,13 @@ pub(super) fn allocate(
     let broken_links: Vec<MicroUnits> = (0..members.len())
         .map(|node| cut_price.times(links.degree(node)))
         .collect();
-    let matching = best_matching(instance.target.topology(), &links, |node, spot| {
+    let weight = |node: usize, spot: usize| {
         let price = prices[spot]? + broken_links[node];
         Some(instance.utilities.of(members[node], spot) - price)
-    });
+    };
+    let matching = best_matching(instance.target.topology(), &links, weight, nodes_max);
     result.proven = matching.proven;
+    result.nodes = matching.nodes;
     if matching.pairs.len() < 2 {
         result.remainder = members.iter().map(|&member| vec![member]).collect();
         result.detached = members.to_vec();
@@ -141,6 +145,8 @@ mod tests {
         ModuleId, PlannerParameters, PlanningModule, PlanningProblem, Pose, Target,
     };
     use crate::planner;
+    use crate::planner::Planning;
+    use crate::planner::placement::SearchBudget;
 
     #[test]
     fn a_ring_with_a_tail_keeps_all_links_on_a_grid() {
@@ -179,5 +185,61 @@ mod tests {
             [(0..8).map(ModuleId).collect::<Vec<_>>()]
         );
         assert!(outcome.proven);
+    }
+
+    /// Squares with a diagonal and modules alone, which together fill a grid.
+    fn squares(count: u32, side: u32) -> Arc<PlanningProblem> {
+        let links = [[0, 1], [1, 2], [2, 3], [0, 3], [0, 2]];
+        let modules = (0..side * side).map(|id| {
+            let (square, corner) = (id / 4, id % 4);
+            let of_corner = links.iter().filter(|link| link.contains(&corner));
+            let neighbours =
+                of_corner.map(|link| ModuleId(4 * square + link[0] + link[1] - corner));
+            let (x, y) = (f64::from(square % 9) * 3.0, f64::from(square / 9) * 3.0);
+            let (right, up) = ([0.0, 1.0, 1.0, 0.0], [0.0, 0.0, 1.0, 1.0]);
+            let corner = usize::try_from(corner).unwrap();
+            PlanningModule {
+                id: ModuleId(id),
+                pose: Pose::from_units(x + right[corner], up[corner] - y - 3.0, 0.0).unwrap(),
+                links: if square < count {
+                    neighbours.collect()
+                } else {
+                    [].into()
+                },
+                configuration: None,
+                leader: None,
+                pin: None,
+            }
+        });
+        let target = Arc::new(Target::grid(side));
+        Arc::new(
+            PlanningProblem::new(target, PlannerParameters::default(), modules.collect()).unwrap(),
+        )
+    }
+
+    /// Each block gets its share of what is left, so that the last one is placed as well as the first.
+    #[test]
+    fn all_blocks_share_one_budget_and_each_is_placed_without_it() {
+        let problem = squares(20, 10);
+        let planned = |nodes: u64| {
+            let mut planning = Planning::with_budget(Arc::clone(&problem), nodes);
+            let decisions = planning.take_all_turns();
+            (planning.outcome(decisions), planning.budget)
+        };
+        let (plenty, left) = planned(5_000_000);
+        assert!(plenty.proven);
+        assert!(left != SearchBudget::of(0));
+        let mut kept = 0;
+        for nodes in [0, 2_000, 50_000] {
+            let (scarce, left) = planned(nodes);
+            assert!(!scarce.proven, "{nodes}");
+            assert!(scarce.open_spots.is_empty());
+            assert_eq!(scarce.decisions, planned(nodes).0.decisions);
+            assert!(nodes > 0 || left == SearchBudget::of(0));
+            let links = scarce.plan.kept_links.len();
+            assert!(links >= kept, "{links} after {kept}");
+            kept = links;
+        }
+        assert!(plenty.plan.kept_links.len() >= kept);
     }
 }

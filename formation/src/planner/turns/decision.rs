@@ -33,7 +33,15 @@ impl Planning {
     fn decide_exactly(&mut self, unit: &Unit, result: &mut TurnResult) {
         let (instance, search) = (&self.instance, &mut self.search);
         if unit.is_block() {
-            block_allocation::allocate(instance, search, &unit.members, &self.queue, result);
+            let nodes_max = self.budget.share(self.queue.block_count());
+            block_allocation::allocate(
+                instance,
+                search,
+                &unit.members,
+                &self.queue,
+                nodes_max,
+                result,
+            );
             return;
         }
         let (allocation, evictions) = (&mut result.allocation, &mut result.evictions);
@@ -46,7 +54,11 @@ impl Planning {
     }
 
     fn decide_as_in_the_paper(&mut self, unit: &Unit, result: &mut TurnResult) {
+        // What a configuration does not spend of its share is not counted, and lost to those that follow.
+        let nodes_max = self.budget.share(self.queue.block_count());
+        result.nodes = if unit.is_block() { nodes_max } else { 0 };
         let mut turn = PaperTurn {
+            nodes_max,
             instance: &self.instance,
             favourites: &mut self.favourites,
             table: &mut result.allocation.table,

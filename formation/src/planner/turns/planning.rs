@@ -12,6 +12,7 @@ use super::turn_result::TurnResult;
 use crate::model::{Decision, ModuleId, PlanningProblem, SpotId};
 use crate::planner::assignment::{Allocation, ChainSearch, Holder, Instance};
 use crate::planner::baseline::{CentralAssignment, Favourites};
+use crate::planner::placement::SearchBudget;
 
 /// One unit's turn.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -66,6 +67,8 @@ pub struct Planning {
     /// The groups of modules that stay together, in the order of their turns.
     pub(super) blocks: Vec<Vec<usize>>,
     pub(super) proven: bool,
+    /// What the placements of the turns to come may spend.
+    pub(super) budget: SearchBudget,
     /// The decision of the unit whose turn it is with its effects, once computed.
     pub(super) pending: Option<(Decision, TurnResult)>,
 }
@@ -142,6 +145,15 @@ impl Planning {
 
     /// Takes all turns that are left, and returns them with their decisions.
     pub fn take_all_turns(&mut self) -> Vec<(Turn, Decision)> {
+        self.take_all_turns_with(|_, _| {})
+    }
+
+    /// The same; after each turn, `report` gets the number of turns that are taken, and of those that are left. A
+    /// configuration that is not placed whole adds turns.
+    pub fn take_all_turns_with(
+        &mut self,
+        mut report: impl FnMut(usize, usize),
+    ) -> Vec<(Turn, Decision)> {
         self.search.expect_to_be_alone();
         let mut decisions = Vec::new();
         while let Some(turn) = self.turn() {
@@ -150,6 +162,7 @@ impl Planning {
                 break;
             };
             decisions.push((turn, decision));
+            report(decisions.len(), self.queue.len());
         }
         decisions
     }
@@ -172,6 +185,7 @@ impl Planning {
         let blocks = result.blocks.into_iter();
         self.blocks.extend(blocks.filter(|block| block.len() > 1));
         self.proven &= result.proven;
+        self.budget.spend(result.nodes);
         self.applied_turns += 1;
         Some(decision)
     }

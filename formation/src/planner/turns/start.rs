@@ -8,28 +8,45 @@ use super::turn_order::{TurnQueue, Unit};
 use crate::model::{PlanningProblem, Policy, SpotId, Target, TurnOrder};
 use crate::planner::assignment::{Allocation, ChainSearch, Holder, Instance};
 use crate::planner::baseline::{self, Favourites};
+use crate::planner::placement::SearchBudget;
 
 impl Planning {
     /// Starts to plan. With fewer modules than spots, the target is trimmed first, unless the parameters forbid it.
     pub fn new(problem: Arc<PlanningProblem>) -> Self {
+        let mut budget = SearchBudget::of_plan();
         let full = Arc::clone(problem.target());
         let order = problem.parameters().order;
         if problem.parameters().keep_all_spots || problem.modules().len() >= full.spots().len() {
-            return Self::for_target(problem, full, order, &[]);
+            return Self::for_target(problem, full, order, &[], budget);
         }
+        let half = budget.half();
         let mut dry_run = Self::for_target(
             Arc::clone(&problem),
             Arc::clone(&full),
             TurnOrder::SizeFirst,
             &[],
+            half,
         );
         dry_run.take_all_turns();
+        budget.spend(dry_run.budget.spent_since(half));
         let trimmed = trimming::trim(&dry_run.instance, &dry_run.holding_sizes());
         let closed = trimmed.closed.iter().map(|&spot| full.spots()[spot].id);
         let closed: Vec<SpotId> = closed.collect();
         let target = full.restricted_to(&trimmed.kept);
         debug_assert!(target.is_some(), "trimming keeps the target connected");
-        Self::for_target(problem, target.map_or(full, Arc::new), order, &closed)
+        Self::for_target(
+            problem,
+            target.map_or(full, Arc::new),
+            order,
+            &closed,
+            budget,
+        )
+    }
+
+    #[cfg(test)]
+    pub(super) fn with_budget(problem: Arc<PlanningProblem>, nodes: u64) -> Self {
+        let (target, order) = (Arc::clone(problem.target()), problem.parameters().order);
+        Self::for_target(problem, target, order, &[], SearchBudget::of(nodes))
     }
 
     /// Plans for a target made of spots of the problem's own, of which the spots `closed` stay empty.
@@ -38,6 +55,7 @@ impl Planning {
         target: Arc<Target>,
         order: TurnOrder,
         closed: &[SpotId],
+        budget: SearchBudget,
     ) -> Self {
         let instance = Instance::new(problem, target);
         let (problem, target) = (&instance.problem, &instance.target);
@@ -65,6 +83,7 @@ impl Planning {
             applied_turns: 0,
             blocks: Vec::new(),
             proven: true,
+            budget,
             pending: None,
         }
     }

@@ -92,9 +92,19 @@ impl TurnQueue {
         self.waiting.first_key_value().map(|(_, unit)| unit)
     }
 
+    /// The number of turns to come, as far as it is known.
+    pub(super) fn len(&self) -> usize {
+        self.waiting.len() + self.deferred.len()
+    }
+
     /// Whether another configuration follows the unit whose turn it is.
     pub(super) fn has_other_blocks(&self) -> bool {
         self.block_count > usize::from(self.next().is_some_and(Unit::is_block))
+    }
+
+    /// The configurations that have not taken their turn.
+    pub(super) fn block_count(&self) -> usize {
+        self.block_count
     }
 
     /// Whether the unit whose turn it is has to finish the allocation once it has its spots: with `exact_finish` and a bounded

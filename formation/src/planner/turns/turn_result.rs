@@ -16,4 +16,6 @@ pub(super) struct TurnResult {
     pub(super) remainder: Vec<Vec<usize>>,
     /// Whether no better place for the block exists.
     pub(super) proven: bool,
+    /// The search nodes that the turn has spent.
+    pub(super) nodes: u64,
 }

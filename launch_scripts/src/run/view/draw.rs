@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use ::console::truncate_str;
+use ::console::{measure_text_width, strip_ansi_codes, truncate_str};
 use formation::model::text::joined;
 use formation::model::{FormationStage, ModuleId};
 use ros_runtime::exit::one_line;
@@ -59,10 +59,26 @@ pub fn frame(
     lines.extend(help.map(|help| style.paint(help, Paint::Dim)));
     lines.truncate(rows);
     let tail = style.sign("…", if columns > 10 { "..." } else { "" });
-    lines
-        .iter()
-        .map(|line| truncate_str(line, columns, tail).into_owned())
-        .collect()
+    lines.iter().map(|line| cut(line, columns, tail)).collect()
+}
+
+/// A line that fits into so many columns: cut between two words where that leaves most of it.
+fn cut(line: &str, columns: usize, tail: &str) -> String {
+    if measure_text_width(line) <= columns {
+        return line.to_owned();
+    }
+    let room = columns.saturating_sub(measure_text_width(tail));
+    let bare = strip_ansi_codes(line);
+    // The width of the line up to the last word that fits.
+    let ends = bare
+        .match_indices(' ')
+        .map(|(end, _)| measure_text_width(&bare[..end]));
+    let end = ends
+        .filter(|&width| width <= room)
+        .max()
+        .unwrap_or_default();
+    let width = if end > columns / 2 { end } else { room };
+    truncate_str(line, width + measure_text_width(tail), tail).into_owned()
 }
 
 fn head(watched: &Watched, elapsed: Duration, style: Style) -> String {

@@ -3,6 +3,7 @@
 use std::cmp::Reverse;
 
 use super::Budget;
+use super::links_bound::LinksBound;
 use crate::planner::placement::matching::{MatchingInput, Pairs, Weight};
 
 /// Finds the best matching that its kept links connect, in the order of the search. `incumbent` is a matching to improve
@@ -12,14 +13,15 @@ use crate::planner::placement::matching::{MatchingInput, Pairs, Weight};
 /// algorithm for maximum common subgraph problems", IJCAI 2017). The matching grows by a module linked to a matched one, on
 /// a spot adjacent to that one's spot. There is a branch for each such spot of one module, and a last branch that forbids
 /// all these pairs; another neighbour can still reach the module there. The bound is the lesser of the modules and the spots
-/// that growth can still reach, and of the links and the edges among them. McSplit's label classes do not help, because
+/// that growth can still reach, of the links and the edges among them, and of what the cycles of both graphs admit. McSplit's label classes do not help, because
 /// modules without a link can take adjacent spots.
 pub(super) fn search<W: Weight>(
     input: &MatchingInput<'_, W>,
+    bound: &LinksBound,
     incumbent: Pairs,
     budget: &mut Budget,
 ) -> Pairs {
-    let mut search = Search::new(input);
+    let mut search = Search::new(input, bound);
     search.start_from(incumbent);
     let mut stack: Vec<Frame> = Vec::new();
     if budget.take() {
@@ -27,7 +29,13 @@ pub(super) fn search<W: Weight>(
     }
     while let Some(frame) = stack.last_mut() {
         search.release(frame.module);
-        if let Some(spot) = frame.untried.pop() {
+        let next = frame.untried.pop();
+        // The other spots of a first module have no greater weight.
+        if next.is_some_and(|spot| !search.may_begin_at(frame.module, spot)) {
+            frame.untried.clear();
+            continue;
+        }
+        if let Some(spot) = next {
             if !budget.take() {
                 break;
             }
@@ -77,6 +85,7 @@ struct Score {
 
 struct Search<'a, W> {
     input: &'a MatchingInput<'a, W>,
+    bound: &'a LinksBound,
     /// The greatest weight of each module on any spot; `None` if all are forbidden.
     best_weight: Vec<Option<i64>>,
     image: Vec<Option<usize>>,
@@ -91,7 +100,7 @@ struct Search<'a, W> {
 }
 
 impl<'a, W: Weight> Search<'a, W> {
-    fn new(input: &'a MatchingInput<'a, W>) -> Self {
+    fn new(input: &'a MatchingInput<'a, W>, bound: &'a LinksBound) -> Self {
         let (module_count, spot_count) =
             (input.configuration.node_count(), input.target.node_count());
         let best_weight = (0..module_count)
@@ -103,6 +112,7 @@ impl<'a, W: Weight> Search<'a, W> {
             .collect();
         Self {
             input,
+            bound,
             best_weight,
             image: vec![None; module_count],
             is_taken: vec![false; spot_count],
@@ -246,6 +256,39 @@ impl<'a, W: Weight> Search<'a, W> {
         self.best_weight[module].is_some() && self.forbidden[module].is_empty()
     }
 
+    /// Whether the bound admits a better matching with this first module on a spot; true unless nothing is matched.
+    fn may_begin_at(&self, module: usize, spot: usize) -> bool {
+        if !self.matched.is_empty() {
+            return true;
+        }
+        let configuration = self.input.configuration;
+        let mut reached = vec![false; configuration.node_count()];
+        reached[module] = true;
+        let mut waiting = vec![module];
+        let mut others = Vec::new();
+        while let Some(module) = waiting.pop() {
+            for &neighbour in configuration.neighbours(module) {
+                if !reached[neighbour] && self.may_begin(neighbour) {
+                    reached[neighbour] = true;
+                    waiting.push(neighbour);
+                    others.extend(self.best_weight[neighbour]);
+                }
+            }
+        }
+        let modules = (1 + others.len()).min(self.input.target.node_count());
+        let edges = configuration.edges().iter();
+        let within = edges.filter(|&&(first, second)| reached[first] && reached[second]);
+        let links = within.count().min(self.bound.for_modules(modules));
+        others.sort_unstable_by_key(|&weight| Reverse(weight));
+        let others = others.iter().take(modules - 1);
+        let hope = Score {
+            modules,
+            links,
+            utility: self.weight(module, spot) + others.sum::<i64>(),
+        };
+        hope > self.best_score || self.best.is_empty()
+    }
+
     /// The unmatched modules that can take a spot adjacent to that of a matched neighbour.
     fn openings(&self) -> Vec<Opening> {
         let mut adjacent: Vec<usize> = self
@@ -312,6 +355,7 @@ impl<'a, W: Weight> Search<'a, W> {
             })
             .count();
         let links = self.score.links + link_count.min(edge_count);
+        let links = links.min(self.bound.for_modules(modules));
         if links != best.links {
             return links > best.links;
         }

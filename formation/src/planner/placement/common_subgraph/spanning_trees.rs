@@ -9,27 +9,43 @@ use crate::planner::placement::matching::{MatchingInput, Pairs, Weight};
 /// The greatest number of pairs of a module and a target edge that all rounds look at; the first round always runs.
 const PAIRS_MAX: usize = 4_000_000;
 
+/// The pairs of a module and a target edge that cost as much as a node of the search for the whole configuration.
+const PAIRS_PER_NODE: usize = 4;
+
 /// The percentage of the kept links that a round may drop, in turn.
 const DROPPED_PERCENT: [u64; 4] = [5, 10, 20, 30];
+
+/// The cost of a round, in nodes of the search for the whole configuration.
+pub(super) fn round_cost<W>(input: &MatchingInput<'_, W>) -> u64 {
+    (round_size(input) / PAIRS_PER_NODE).max(1) as u64
+}
+
+/// The pairs of a module and a target edge. A round also draws a spanning tree of the target, which costs as much as a
+/// few modules.
+fn round_size<W>(input: &MatchingInput<'_, W>) -> usize {
+    input.configuration.node_count() * input.target.edges().len()
+}
 
 /// Improves a matching until `fruitless_max` rounds in a row fail, or for `rounds_max` rounds.
 ///
 /// A common subgraph of spanning trees of two graphs is a common subgraph of the graphs, and the best one of two trees is
 /// found exactly ([`common_subtree`]). Each round draws a spanning tree of each graph and takes the best matching along
 /// them if it has more modules, then more kept links, then more utility. The trees contain most of the links that the best
-/// matching keeps, and their images, so that most of that matching stays possible.
+/// matching keeps, and their images, so that most of that matching stays possible. Returns the number of rounds with the
+/// matching.
 pub(super) fn climb<W: Weight>(
     input: &MatchingInput<'_, W>,
     mut best: Pairs,
     fruitless_max: usize,
     rounds_max: usize,
-) -> Pairs {
+) -> (Pairs, u64) {
     let (configuration, target) = (input.configuration, input.target);
-    let round_size = configuration.node_count() * target.edges().len();
-    let rounds = rounds_max.min((PAIRS_MAX / round_size.max(1)).max(1));
+    let rounds = rounds_max.min((PAIRS_MAX / round_size(input).max(1)).max(1));
+    let mut taken = 0;
     let mut best_score = (best.len(), input.kept_links(&best), input.utility(&best));
     let mut fruitless = 0;
     for (round, percent) in (0..rounds).zip(DROPPED_PERCENT.into_iter().cycle()) {
+        taken += 1;
         let (mut links, mut edges) = input.kept(&best);
         links.retain(|&link| scatter(round, link, 0) % 100 >= percent);
         edges.retain(|&edge| scatter(round, edge, 1) % 100 >= percent);
@@ -51,7 +67,7 @@ pub(super) fn climb<W: Weight>(
             }
         }
     }
-    best
+    (best, taken)
 }
 
 /// A spanning tree of a connected graph by Kruskal's algorithm: the edges of `first` that close no cycle, then the others in

@@ -3,6 +3,9 @@ use crate::generate::random::Random;
 use crate::model::{MicroUnits, Topology};
 use crate::planner::placement::{best_matching, common_subtree};
 
+/// More than all searches together can spend.
+const PLENTY: u64 = 10_000_000;
+
 /// A connected graph: a random tree and up to `more` edges.
 fn graph(random: &mut Random, count: usize, more: usize) -> Topology {
     let mut edges = Vec::new();
@@ -150,11 +153,11 @@ impl Case {
     }
 
     fn check_against_all(&self) -> (usize, usize, i64) {
-        let matching = solve(&self.input());
+        let matching = solve(&self.input(), PLENTY);
         assert!(matching.proven);
         let score = self.score(&matching);
         assert_eq!(score, self.best_of_all(), "{self:?}");
-        assert_eq!(solve(&self.input()), matching);
+        assert_eq!(solve(&self.input(), PLENTY), matching);
         score
     }
 }
@@ -220,7 +223,7 @@ fn path(count: usize) -> Topology {
 fn found(configuration: &Topology, target: &Topology, seed: u64) -> (usize, usize) {
     let mut random = Random::from_seed(seed);
     let case = Case::new(&mut random, configuration.clone(), target.clone(), 0);
-    let matching = solve(&case.input());
+    let matching = solve(&case.input(), PLENTY);
     assert!(matching.proven);
     let (size, kept, _) = case.score(&matching);
     (size, kept)
@@ -277,12 +280,12 @@ fn forbidden_spots_are_never_used() {
             }
         }
     }
-    let matching = solve(&case.input());
+    let matching = solve(&case.input(), PLENTY);
     assert_eq!(case.score(&matching).1, 4);
     for weights in &mut case.weights {
         weights.fill(None);
     }
-    let matching = solve(&case.input());
+    let matching = solve(&case.input(), PLENTY);
     assert_eq!((matching.pairs.len(), matching.proven), (0, true));
 }
 
@@ -293,9 +296,9 @@ fn a_search_that_ends_at_its_budget_gives_its_best_matching_unproven() {
         let case = Case::new(&mut random, configuration, target, 0);
         let mut last = (0, 0, i64::MIN);
         for nodes_max in [0, 1, 50, 500, 5_000] {
-            let matching = solve_within(&case.input(), nodes_max);
+            let matching = solve(&case.input(), nodes_max);
             assert!(!matching.proven);
-            assert_eq!(matching, solve_within(&case.input(), nodes_max));
+            assert_eq!(matching, solve(&case.input(), nodes_max));
             let score = case.score(&matching);
             assert!(nodes_max < 50 || score.0 > 1, "{score:?}");
             assert!(score.0 >= last.0, "{score:?} after {last:?}");
@@ -315,12 +318,8 @@ fn climbing_improves_a_matching_and_keeps_it_valid() {
         let mut last = (0, 0, i64::MIN);
         let mut pairs = Vec::new();
         for rounds in [1, 10, 40] {
-            pairs = spanning_trees::climb(&input, pairs, rounds, rounds);
-            let unproven = Budget {
-                left: 0,
-                is_spent: false,
-            };
-            let score = case.score(&finish(&input, pairs.clone(), &unproven));
+            pairs = spanning_trees::climb(&input, pairs, rounds, rounds).0;
+            let score = case.score(&finish(&input, pairs.clone(), true, 0, 0));
             assert!(score >= last, "{score:?} after {last:?} with seed {seed}");
             improved += usize::from(score > last);
             last = score;
@@ -333,7 +332,7 @@ fn climbing_improves_a_matching_and_keeps_it_valid() {
     let case = Case::new(&mut random, configuration, target, 20);
     let exact = common_subtree::solve(&case.input());
     assert_eq!(
-        spanning_trees::climb(&case.input(), Vec::new(), 1, 1),
+        spanning_trees::climb(&case.input(), Vec::new(), 1, 1).0,
         exact.pairs
     );
 }
@@ -354,7 +353,7 @@ fn trees_are_matched_exactly_however_large() {
         (!(node + spot).is_multiple_of(7))
             .then(|| MicroUnits(i64::try_from(node * spot % 101).unwrap()))
     };
-    let matching = best_matching(&target, &configuration, weight);
+    let matching = best_matching(&target, &configuration, weight, 0);
     let input = MatchingInput {
         configuration: &configuration,
         target: &target,
@@ -362,5 +361,5 @@ fn trees_are_matched_exactly_however_large() {
     };
     assert_eq!(matching, common_subtree::solve(&input));
     assert!(matching.proven);
-    assert!(!solve(&input).proven);
+    assert!(!solve(&input, PLENTY).proven);
 }

@@ -241,3 +241,29 @@ fn a_module_that_only_settles_is_no_news() {
     watched.take(&entry, Duration::from_millis(1));
     assert_eq!(watched.log.len(), 0);
 }
+
+#[test]
+fn the_map_shows_obstacles_and_walls_around_the_target() {
+    let walled = format!(
+        "obstacles: [{{x: 0, y: 1, width: 1, height: 1}}]\narena: {{x: 1, y: -1, width: 9, height: 5}}{SCENARIO}"
+    );
+    let plan = Arc::new(CheckedPlan::of(&Scenario::from_yaml(&walled).unwrap()).unwrap());
+    let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
+    let text = drawn(&after(&plan, &entries, 0), LARGE);
+    let map: Vec<&str> = text.lines().filter(|line| line.contains('▒')).collect();
+    // The row above the arena, and the obstacle to the left of the upper spot.
+    assert_eq!(map[0], "  ▒▒▒▒▒▒▒▒▒▒▒▒", "{text}");
+    assert_eq!(map[1], "     ▒▒▒ · ", "{text}");
+    assert!(text.contains("▒ wall"), "{text}");
+}
+
+#[test]
+fn lines_that_do_not_fit_are_cut_between_words() {
+    assert_eq!(cut("one two three", 13, "…"), "one two three");
+    assert_eq!(cut("one two three", 12, "…"), "one two…");
+    assert_eq!(cut("unbreakable word", 9, "…"), "unbreaka…");
+    assert_eq!(
+        cut("\x1b[1mone two\x1b[0m three", 12, "..."),
+        "\x1b[1mone two\x1b[0m..."
+    );
+}
