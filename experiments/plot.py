@@ -70,6 +70,7 @@ OURS = Look("ours", BLUE, "o")
 AUCTION = Look("auction", ORANGE, "X", DASHED)
 LOOKS = {
     "paper_policy": PAPER_POLICY,
+    "paper_policy_charitable": replace(PAPER_POLICY, label="paper policy, charitable", line=DASHED, hollow=True),
     "ours": OURS,
     "ours_size_first": Look("ours, size first", SKY, "^"),
     "auction": AUCTION,

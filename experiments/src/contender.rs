@@ -1,14 +1,16 @@
 //! The planners that are compared.
 
-use formation::model::{PlannerParameters, Policy, TurnOrder};
+use formation::model::{PaperBundle, PlannerParameters, Policy, TurnOrder};
 use serde::{Deserialize, Serialize};
 
 /// A planner and its parameters.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
 pub enum Contender {
-    /// Algorithms 1 and 2 of the paper, implemented as literally as possible; `D_max` = 3, MAX = 20.
+    /// Algorithms 1 and 2 of the paper as printed, `paper: literal`.
     PaperPolicy,
+    /// The same in the most favourable reading, `paper: charitable`.
+    PaperCharitable,
     /// Ours with default parameters: units take turns in the paper's order.
     Ours,
     /// Ours with the turn order in which larger configurations come first.
@@ -19,10 +21,12 @@ pub enum Contender {
     Hungarian,
 }
 
-use Contender::{Auction, Ours, OursSizeFirst, PaperPolicy};
+use Contender::{Auction, Ours, OursSizeFirst, PaperCharitable, PaperPolicy};
 
 pub(crate) const PAPER_AND_OURS: [Contender; 2] = [PaperPolicy, Ours];
-pub(crate) const WITH_SIZE_FIRST: [Contender; 3] = [PaperPolicy, Ours, OursSizeFirst];
+pub(crate) const READINGS_AND_OURS: [Contender; 3] = [PaperPolicy, PaperCharitable, Ours];
+pub(crate) const WITH_SIZE_FIRST: [Contender; 4] =
+    [PaperPolicy, PaperCharitable, Ours, OursSizeFirst];
 pub(crate) const WITH_AUCTION: [Contender; 3] = [PaperPolicy, Ours, Auction];
 
 impl Contender {
@@ -30,7 +34,8 @@ impl Contender {
     #[must_use]
     pub fn parameters(self) -> PlannerParameters {
         let (policy, order) = match self {
-            Self::PaperPolicy => (Policy::Paper, TurnOrder::Rank),
+            Self::PaperPolicy => return PlannerParameters::of_paper(PaperBundle::Literal),
+            Self::PaperCharitable => return PlannerParameters::of_paper(PaperBundle::Charitable),
             Self::Ours => (Policy::Exact, TurnOrder::Rank),
             Self::OursSizeFirst => (Policy::Exact, TurnOrder::SizeFirst),
             Self::Auction => (Policy::Auction, TurnOrder::Rank),
@@ -39,7 +44,6 @@ impl Contender {
         PlannerParameters {
             policy,
             order,
-            d_max: (policy == Policy::Paper).then_some(3),
             ..PlannerParameters::default()
         }
     }
@@ -49,6 +53,7 @@ impl Contender {
     pub fn label(self) -> &'static str {
         match self {
             Self::PaperPolicy => "paper policy",
+            Self::PaperCharitable => "paper policy, charitable",
             Self::Ours => "ours",
             Self::OursSizeFirst => "ours, size first",
             Self::Auction => "auction",

@@ -26,6 +26,7 @@ mod instance;
 mod measure;
 mod measuring;
 mod paper;
+mod readings;
 mod sample;
 mod settings;
 mod store;
@@ -131,7 +132,11 @@ fn write_all(directory: &Path, settings: &Settings, store: &Store) -> Result<(),
     if let Some(comparison) = &comparison {
         write("comparison.csv", &comparison.table.to_csv())?;
     }
+    let readings = readings::compare(&data);
+    if let Some(readings) = &readings {
+        write("readings.csv", &readings.table.to_csv())?;
+    }
     write("paper.csv", paper::CSV)?;
-    let summary = summary::write(&data, &figures, comparison.as_ref());
+    let summary = summary::write(&data, &figures, comparison.as_ref(), readings.as_ref());
     write("summary.md", &summary)
 }

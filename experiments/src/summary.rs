@@ -4,16 +4,18 @@ use std::fmt::Write as _;
 
 use crate::comparison::Comparison;
 use crate::figures::{Data, Figure};
+use crate::readings::Readings;
 use crate::settings::Scale;
 
 /// An introduction, then the sections, each under a heading of name, title and source in the paper.
 const TEMPLATE: &str = include_str!("summary.md");
 
-/// The summary of the finished figures, with the comparison of ours and the paper policy.
+/// The summary of the finished figures, with the comparisons of ours and the paper policy.
 pub(crate) fn write(
     data: &Data<'_>,
     figures: &[&Figure],
     comparison: Option<&Comparison>,
+    readings: Option<&Readings>,
 ) -> String {
     let settings = data.settings;
     let scale = match settings.scale {
@@ -39,6 +41,11 @@ pub(crate) fn write(
             body.replace("{ahead}", &comparison.ahead.to_string())
                 .replace("{all}", &comparison.all.to_string())
                 .replace("{results}", comparison.results.trim_end())
+        } else if name == "readings" {
+            let Some(readings) = readings else {
+                continue;
+            };
+            body.replace("{results}", readings.results.trim_end())
         } else {
             let Some(figure) = figures.iter().find(|figure| figure.name == name) else {
                 continue;
@@ -66,7 +73,7 @@ mod tests {
         let names: Vec<&str> = names
             .filter_map(|section| section.split(' ').next())
             .collect();
-        assert_eq!(names[0], "comparison");
-        assert_eq!(names[1..], FIGURES.each_ref().map(|figure| figure.name));
+        assert_eq!(names[..2], ["readings", "comparison"]);
+        assert_eq!(names[2..], FIGURES.each_ref().map(|figure| figure.name));
     }
 }

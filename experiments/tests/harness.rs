@@ -44,6 +44,12 @@ fn every_experiment_has_its_table_and_its_section() {
     assert!(!summary.contains("NaN"));
     rows(&out.path().join("paper.csv"));
     rows(&out.path().join("processes_runs.csv"));
+    let readings = rows(&out.path().join("readings.csv"));
+    assert!(readings[1..].iter().all(|row| {
+        row[5..]
+            .iter()
+            .all(|word| ["ahead", "equal", "behind"].contains(&word.as_str()))
+    }));
     let comparison = rows(&out.path().join("comparison.csv"));
     let metrics: Vec<&str> = comparison[1..10]
         .iter()
@@ -253,7 +259,7 @@ fn processes_that_fail_are_an_error_and_the_rest_is_kept() {
         assert!(error.to_string().contains("processes"), "{error}");
     }
     let kept = fs::read_to_string(out.path().join("cells.jsonl")).unwrap();
-    assert_eq!(kept.lines().count(), 16, "the plans of the case studies");
+    assert_eq!(kept.lines().count(), 24, "the plans of the case studies");
 }
 
 #[test]

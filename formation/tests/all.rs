@@ -16,6 +16,7 @@ mod motion_starts;
 mod motion_stops;
 mod obstacles;
 mod oracles;
+mod paper;
 mod planning;
 mod properties;
 mod scenario_text;

@@ -5,7 +5,9 @@
 use std::sync::Arc;
 
 use formation::generate::Grouping;
-use formation::model::{Decision, PlannerParameters, PlanningProblem, Policy, TurnOrder};
+use formation::model::{
+    Decision, PaperBundle, PlannerParameters, PlanningProblem, Policy, TurnOrder,
+};
 use formation::planner::{PlanOutcome, Planning, Statistics, plan};
 use formation::verify::{Violation, check_plan};
 
@@ -123,10 +125,10 @@ fn bids_and_prices_count_as_messages() {
 fn the_papers_plans_violate_nothing_but_completeness() {
     let mut with_holes = 0;
     let parameters = [
-        following(Policy::Paper),
+        PlannerParameters::of_paper(PaperBundle::Literal),
         PlannerParameters {
             order: TurnOrder::SizeFirst,
-            ..following(Policy::Paper)
+            ..PlannerParameters::of_paper(PaperBundle::Charitable)
         },
     ];
     for seed in 0..150 {
@@ -154,4 +156,22 @@ fn the_papers_plans_violate_nothing_but_completeness() {
         }
     }
     assert!(with_holes > 0);
+}
+
+/// A module that leaves its configuration can be evicted by the next one of the same turn, in a chain.
+#[test]
+fn chains_within_the_turn_of_a_configuration_are_consistent() {
+    let mut longest = 0;
+    for seed in 1..25 {
+        let parameters = PlannerParameters::of_paper(PaperBundle::Charitable);
+        let problem = problem(60, 60, Grouping::Mixed, seed, parameters);
+        let outcome = plan(Arc::clone(&problem));
+        let decisions = outcome.decisions.iter();
+        let evictions = decisions
+            .map(|(_, decision)| decision.evictions.len())
+            .max();
+        longest = longest.max(evictions.unwrap());
+        assert_eq!(violations(&problem, &outcome), [], "seed {seed}");
+    }
+    assert!(longest > 1);
 }

@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use formation::generate::{GeneratorParameters, Grouping, generate};
 use formation::model::{
-    COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, MotionMode, PlannerParameters,
-    PlanningProblem, Policy, ProblemError, RawScenario, Scenario, TurnOrder, WEIGHT_LIMIT, Weights,
+    COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, MotionMode, PaperOptions,
+    PlannerParameters, PlanningProblem, Policy, ProblemError, RawScenario, Scenario, TurnOrder,
+    WEIGHT_LIMIT, Weights,
 };
 use formation::planner::{Planning, Statistics, plan};
 use formation::verify::check_plan;
@@ -61,6 +62,7 @@ fn the_longest_distances_at_the_greatest_weights_are_planned_and_verified() {
             ] {
                 for (order, d_max) in [(TurnOrder::Rank, None), (TurnOrder::SizeFirst, Some(3))] {
                     let parameters = PlannerParameters {
+                        paper: PaperOptions::default(),
                         policy,
                         order,
                         d_max,

@@ -7,12 +7,14 @@ use std::sync::Arc;
 
 use formation::generate::Grouping;
 use formation::model::{
-    AssemblyWarning, ModuleId, PlannerParameters, PlanningProblem, Policy, SpotId, Target,
-    TurnOrder,
+    AssemblyWarning, ModuleId, PaperBundle, PlannerParameters, PlanningProblem, Policy, Scenario,
+    SpotId, Target, TurnOrder,
 };
 use formation::planner::{PlanOutcome, Planning, plan};
 
-use crate::support::{hungarian, problem, with_parameters};
+use crate::support::{hungarian, problem, shipped_scenario, with_parameters};
+
+const BUNDLES: [PaperBundle; 2] = [PaperBundle::Literal, PaperBundle::Charitable];
 
 const GROUPINGS: [Grouping; 4] = [
     Grouping::Singletons,
@@ -169,24 +171,47 @@ fn theorem_1_fails_geometrically_in_the_papers_acting_order() {
     assert!(by_value_leaves_alone > 45, "{by_value_leaves_alone} of 50");
 }
 
+/// A shipped scenario with other planner parameters.
+fn shipped(name: &str, parameters: PlannerParameters) -> (Arc<PlanningProblem>, PlanOutcome) {
+    let scenario = Scenario::from_yaml(shipped_scenario(&format!("paper/{name}"))).unwrap();
+    let problem = with_parameters(scenario.problem(), parameters);
+    let outcome = plan(Arc::clone(&problem));
+    (problem, outcome)
+}
+
 /// "spotAllocation and blockAllocation algorithms are complete when sufficient number of modules are available" is false. The
 /// second-best spot to which `evict` sends a module can be taken by the same block that evicts it, and that module gets no
 /// other turn.
 #[test]
 fn theorem_1_fails_for_the_papers_algorithms() {
-    let problem = problem(6, 6, Grouping::Mixed, 0, following(Policy::Paper));
-    let outcome = plan(Arc::clone(&problem));
-    let evicting = outcome
-        .decisions
-        .iter()
-        .find(|(_, decision)| !decision.evictions.is_empty())
-        .unwrap();
-    assert_eq!(evicting.0.modules.len(), 2);
-    assert_eq!(evicting.1.evictions[0].to, None);
-    assert_eq!(outcome.unassigned, [evicting.1.evictions[0].evicted]);
-    assert_eq!(outcome.open_spots.len(), 1);
-    let exact = plan(with_parameters(&problem, following(Policy::Exact)));
+    for bundle in BUNDLES {
+        let (_, outcome) = shipped("theorem_1_hole", PlannerParameters::of_paper(bundle));
+        let mut decisions = outcome.decisions.iter();
+        let evicting = decisions.find(|(_, decision)| !decision.evictions.is_empty());
+        let (turn, decision) = evicting.unwrap();
+        assert_eq!(turn.modules.len(), 2);
+        assert_eq!(decision.evictions[0].to, None);
+        assert_eq!(outcome.unassigned, [decision.evictions[0].evicted]);
+        assert_eq!(outcome.open_spots, [SpotId(3)]);
+    }
+    let (_, exact) = shipped("theorem_1_hole", following(Policy::Exact));
     assert_eq!((exact.unassigned.len(), exact.open_spots.len()), (0, 0));
+}
+
+/// The shipped scenario walls the inner end of a spiral in.
+#[test]
+fn theorem_1_fails_geometrically_on_a_spiral() {
+    for bundle in BUNDLES {
+        let parameters = PlannerParameters::of_paper(bundle);
+        let (problem, outcome) = shipped("theorem_1_walled_in", parameters);
+        let warnings = &outcome.plan.assembly.warnings;
+        assert_eq!(warnings[..], [AssemblyWarning::WalledIn(SpotId(1))]);
+        let order: Vec<SpotId> = outcome.plan.assembly.spots().collect();
+        assert_eq!(order, [5, 4, 6, 3, 7, 2, 8, 1, 9].map(SpotId));
+        assert_eq!(faults_along(problem.target(), &order), (0, 1));
+    }
+    let (_, exact) = shipped("theorem_1_walled_in", following(Policy::Exact));
+    assert_eq!(exact.plan.assembly.warnings[..], []);
 }
 
 /// Whether some modules outside blocks could exchange their spots, or move to free ones, so that each gains.
@@ -247,14 +272,19 @@ fn theorem_2_pareto_optimality() {
 /// It holds if all modules are single, but not with configurations.
 #[test]
 fn theorem_2_fails_for_the_papers_algorithms_with_configurations() {
-    for seed in 0..100 {
-        let single = problem(12, 12, Grouping::Singletons, seed, following(Policy::Paper));
-        assert!(!could_all_gain(&single, &plan(Arc::clone(&single))));
+    for bundle in BUNDLES {
+        let parameters = PlannerParameters::of_paper(bundle);
+        for seed in 0..100 {
+            let single = problem(12, 12, Grouping::Singletons, seed, parameters);
+            assert!(!could_all_gain(&single, &plan(Arc::clone(&single))));
+        }
+        let mixed = (0..1_000).map(|seed| problem(8, 8, Grouping::Mixed, seed, parameters));
+        let mut failing =
+            mixed.filter(|problem| could_all_gain(problem, &plan(Arc::clone(problem))));
+        let failing = failing.next().unwrap();
+        let exact = with_parameters(&failing, following(Policy::Exact));
+        assert!(!could_all_gain(&exact, &plan(Arc::clone(&exact))));
     }
-    let mixed = problem(8, 8, Grouping::Mixed, 146, following(Policy::Paper));
-    assert!(could_all_gain(&mixed, &plan(Arc::clone(&mixed))));
-    let exact = with_parameters(&mixed, following(Policy::Exact));
-    assert!(!could_all_gain(&exact, &plan(Arc::clone(&exact))));
 }
 
 /// The total utility of the modules outside blocks, and the optimum over the spots that blocks leave.
@@ -336,7 +366,7 @@ fn theorem_3_fails_for_the_papers_algorithms() {
     for seed in 0..100 {
         let with = |d_max| PlannerParameters {
             d_max: Some(d_max),
-            ..following(Policy::Paper)
+            ..PlannerParameters::of_paper(PaperBundle::Literal)
         };
         let shallow = problem(20, 20, Grouping::Singletons, seed, with(1));
         let deep = with_parameters(&shallow, with(20));
@@ -348,4 +378,20 @@ fn theorem_3_fails_for_the_papers_algorithms() {
         below += usize::from(deepest.total_utility < optimum);
     }
     assert!(below > 90, "{below} of 100 below the optimum");
+}
+
+/// The shipped scenario ends below the optimum for every `D_max`, in both readings.
+#[test]
+fn theorem_3_fails_in_every_reading() {
+    let (_, optimal) = shipped("theorem_3_stuck", following(Policy::Hungarian));
+    for bundle in BUNDLES {
+        for d_max in [Some(0), Some(1), Some(3), Some(100), None] {
+            let parameters = PlannerParameters {
+                d_max,
+                ..PlannerParameters::of_paper(bundle)
+            };
+            let (_, outcome) = shipped("theorem_3_stuck", parameters);
+            assert!(outcome.total_utility < optimal.total_utility);
+        }
+    }
 }

@@ -186,6 +186,20 @@ impl CheckedPlan {
         for warning in &self.statistics.warnings {
             console::note(&format!("warning: {}: {warning}", named(path)));
         }
+        let (open, left) = (&self.statistics.open_spots, &self.statistics.unassigned);
+        if !open.is_empty() && !left.is_empty() {
+            console::note(&format!(
+                "warning: {}: {} stay{} open although {} no spot; the policy {} does not fill every spot",
+                path.display(),
+                listed_in_full(open.iter().copied()),
+                if open.len() == 1 { "s" } else { "" },
+                match left.len() {
+                    1 => "1 module has".to_owned(),
+                    several => format!("{several} modules have"),
+                },
+                self.problem.parameters().policy.name(),
+            ));
+        }
         self.warn_of_motion(path);
         self.warn_of_cut_search(path);
     }

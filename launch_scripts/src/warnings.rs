@@ -65,14 +65,18 @@ fn uneven_numbers(problem: &PlanningProblem) -> Option<String> {
     }
     let open = counted(spots - modules, "spot");
     (modules < spots).then(|| {
-        if problem.parameters().keep_all_spots {
-            format!(
-                "modules: fewer than spots; {open} will stay open, and as planner.keep_all_spots is set, the rest may \
-                 fall apart"
-            )
-        } else {
-            format!("modules: fewer than spots; the target will be trimmed by {open}")
+        let parameters = problem.parameters();
+        if parameters.trims_target() {
+            return format!("modules: fewer than spots; the target will be trimmed by {open}");
         }
+        let reason = if parameters.keep_all_spots {
+            "planner.keep_all_spots is set"
+        } else {
+            "the policy paper does not trim"
+        };
+        format!(
+            "modules: fewer than spots; {open} will stay open, and as {reason}, the rest may fall apart"
+        )
     })
 }
 

@@ -500,7 +500,7 @@ fn the_scenarios_of_the_repository_are_valid() {
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         if path.is_dir() {
-            // The case studies, which the tests of the experiments check.
+            // The tests of the experiments check the case studies, those of `plan` the paper's counterexamples.
             continue;
         }
         let (status, _, stderr) = check(&path);

@@ -60,7 +60,7 @@ fn one_experiment_is_run_and_its_summary_named() {
     let output = formation(&["experiments", out, "--quick", "--only", "case_studies"]);
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(output.status.success(), "{errors}");
-    assert!(errors.contains("0 of 16 cells"), "{errors}");
+    assert!(errors.contains("0 of 24 cells"), "{errors}");
     let summary = String::from_utf8(output.stdout).unwrap();
     assert_eq!(summary.trim_end(), format!("{out}/summary.md"));
     let text = fs::read_to_string(summary.trim_end()).unwrap();

@@ -80,3 +80,45 @@ fn a_module_that_does_not_exist_is_refused_with_those_that_do() {
         "{error}"
     );
 }
+
+/// The numbers in a text.
+fn numbers(text: &str) -> Vec<u64> {
+    let words = text.split(|symbol: char| !symbol.is_ascii_digit());
+    words.filter_map(|word| word.parse().ok()).collect()
+}
+
+#[test]
+fn no_module_both_takes_a_spot_and_is_left_over() {
+    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("scenario.yaml");
+    let mut leaving = 0;
+    for name in ["mcs_detach", "figure1_ladder17", "oversupply"] {
+        let text = std::fs::read_to_string(folder.join(name).with_extension("yaml")).unwrap();
+        let text = text.split("planner:").next().unwrap();
+        for policy in ["exact", "paper", "auction"] {
+            std::fs::write(&path, format!("{text}\nplanner: {{policy: {policy}}}\n")).unwrap();
+            for module in 1..=6 {
+                let output = Command::new(env!("CARGO_BIN_EXE_formation"))
+                    .arg("explain")
+                    .arg(&path)
+                    .args(["--json", "--module", &module.to_string()])
+                    .output()
+                    .unwrap();
+                let explained: Value = serde_json::from_slice(&output.stdout).unwrap();
+                for turn in explained["turns"].as_array().unwrap() {
+                    let text = turn["text"].as_str().unwrap();
+                    let (_, text) = text.split_once(": ").unwrap();
+                    let parts: Vec<&str> = text.split("; ").collect();
+                    let takers = parts.iter().filter_map(|part| part.split_once(" take"));
+                    let takers: Vec<u64> = takers.flat_map(|(who, _)| numbers(who)).collect();
+                    let left = parts.iter().filter(|part| part.ends_with(" left over"));
+                    let left: Vec<u64> = left.flat_map(|part| numbers(part)).collect();
+                    assert!(left.iter().all(|module| !takers.contains(module)), "{text}");
+                    leaving += usize::from(text.contains("configuration and take"));
+                }
+            }
+        }
+    }
+    assert!(leaving > 0);
+}

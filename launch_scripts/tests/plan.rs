@@ -11,7 +11,7 @@ use std::fs;
 use std::path::PathBuf;
 use std::process::{Command, Output};
 
-use serde_json::Value;
+use serde_json::{Value, json};
 
 fn scenario(name: &str) -> PathBuf {
     PathBuf::from(env!("CARGO_MANIFEST_DIR"))
@@ -293,4 +293,46 @@ fn a_report_that_cannot_be_written_is_bad_input() {
         stderr.contains("/dev/null/report: cannot be created"),
         "{stderr}"
     );
+}
+
+#[test]
+fn the_papers_counterexamples_are_planned_and_shown() {
+    let hole = plan("paper/theorem_1_hole", &["--json"]);
+    let stderr = String::from_utf8(hole.stderr).unwrap();
+    let expected = "spot 3 stays open although 1 module has no spot; the policy paper does not fill every spot";
+    assert!(stderr.contains(expected), "{stderr}");
+    let hole: Value = serde_json::from_slice(&hole.stdout).unwrap();
+    assert_eq!(
+        (&hole["open_spots"], &hole["unassigned"]),
+        (&json!([3]), &json!([3]))
+    );
+
+    let walled_in = json("paper/theorem_1_walled_in");
+    let warnings = walled_in["warnings"].as_array().unwrap();
+    assert!(warnings.len() == 1 && warnings[0].as_str().unwrap().contains("spot 1"));
+
+    let stuck = json("paper/theorem_3_stuck");
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("optimal.yaml");
+    let text = fs::read_to_string(scenario("paper/theorem_3_stuck")).unwrap();
+    let (before, _) = text.split_once("planner:").unwrap();
+    fs::write(&path, format!("{before}planner: {{policy: hungarian}}\n")).unwrap();
+    let optimal = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(["plan", "--json"])
+        .arg(&path)
+        .output()
+        .unwrap();
+    let optimal: Value = serde_json::from_slice(&optimal.stdout).unwrap();
+    let total = |report: &Value| report["total_utility"].as_f64().unwrap();
+    assert!(total(&stuck) + 0.5 < total(&optimal), "{stuck} {optimal}");
+
+    let chain = json("paper/eviction_chain");
+    assert_eq!(chain["evictions"], 2);
+    let missing = json("paper/missing_candidate");
+    assert_eq!(missing["broken_links"], 0);
+    let assignments = missing["assignments"].as_array().unwrap().iter().take(3);
+    let spots: BTreeSet<u64> = assignments
+        .map(|pair| pair["spot"].as_u64().unwrap())
+        .collect();
+    assert_eq!(spots, BTreeSet::from([1, 3, 5]));
 }

@@ -13,6 +13,8 @@ pub use formation::model::{
 pub(crate) const COORDINATE_LIMIT_MICRO: i64 = COORDINATE_LIMIT_UNITS as i64 * MICRO_PER_UNIT;
 /// Numbers of the path on which a body may be: three for each pose after the first.
 pub const PATH_NUMBERS_MAX: usize = 3 * (POLYLINE_POSES_MAX - 1);
+/// Options of a policy.
+pub const POLICY_OPTIONS_MAX: usize = 64;
 /// Violations in one verdict.
 pub const VIOLATIONS_MAX: usize = 256;
 /// Bytes of one violation.

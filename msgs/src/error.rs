@@ -1,8 +1,8 @@
 //! What can be wrong with a message.
 
 use formation::model::{
-    self, CutPriceError, MICRO_PER_UNIT, ModuleId, ModuleSize, NO_ID, ProblemError, QuantiseError,
-    SpotId, WeightsError,
+    self, CutPriceError, MICRO_PER_UNIT, ModuleId, ModuleSize, NO_ID, OptionRefused, ProblemError,
+    QuantiseError, SpotId, WeightsError,
 };
 use thiserror::Error;
 
@@ -74,6 +74,20 @@ pub enum Fault {
         /// The names and numbers that are known.
         known: &'static str,
     },
+    /// A field holds a name that stands for nothing.
+    #[error("`{name}` is unknown; known are {known}")]
+    UnknownName {
+        /// The name.
+        name: String,
+        /// The names that are known.
+        known: &'static str,
+    },
+    /// A policy has no such option, or the option no such value.
+    #[error(transparent)]
+    PolicyOption(#[from] OptionRefused),
+    /// A policy has no options.
+    #[error("the policy `{0}` has no options")]
+    NoOptions(&'static str),
     /// The sender speaks another version of the protocol.
     #[error("is {version}, but this program speaks version {ours}; run the same build everywhere")]
     OtherVersion {

@@ -14,8 +14,8 @@ macro_rules! interface_files {
 pub const INTERFACES: &[(&str, &str)] = interface_files! {
     "msg":
         Area, Body, CausalMark, DockingRequest, DockingResult, Edge, Epoch, Eviction, EvictionRecord, Heartbeat,
-        ModuleHeartbeat, ModuleState, ModuleStates, OperatorCommand, PlannerParameters, Progress, QuorumBasis, Removal,
-        Roster, RosterMember, Spot, SpotClaim, SpotSelection, Stop, TargetConfiguration, Verdict;
+        ModuleHeartbeat, ModuleState, ModuleStates, OperatorCommand, PlannerParameters, PolicyOption, Progress, QuorumBasis,
+        Removal, Roster, RosterMember, Spot, SpotClaim, SpotSelection, Stop, TargetConfiguration, Verdict;
     "srv":
         AddModule, QueryStatus, RemoveModule, RetireModule, StopFormation, WithdrawTarget;
     "action":

@@ -128,7 +128,7 @@ pub use services::{
 };
 pub use session::{InSession, SessionId};
 pub use standard::{Duration, Header, Time};
-pub use target::{Area, Edge, PlannerParameters, Spot, TargetConfiguration};
+pub use target::{Area, Edge, PlannerParameters, PolicyOption, Spot, TargetConfiguration};
 pub use verdict::Verdict;
 
 /// Stands for "none" where an identifier is optional.
@@ -171,6 +171,7 @@ interface_types!(
     ModuleStates,
     OperatorCommand,
     PlannerParameters,
+    PolicyOption,
     Progress,
     QuorumBasis,
     Removal,

@@ -2,16 +2,19 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use formation::model::{
-    self, CutPrice, ModuleSize, MotionMode, Policy, RawArea, RawSpot, RawSurroundings, RawTarget,
-    Surroundings, Target, TargetAnnouncement, TurnOrder, Weights, WeightsError,
+    self, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea, RawSpot,
+    RawSurroundings, RawTarget, Surroundings, Target, TargetAnnouncement, TurnOrder, Weights,
+    WeightsError,
 };
 use serde::{Deserialize, Serialize};
 
-use crate::bounds::MODULES_MAX;
+use crate::bounds::{MODULES_MAX, POLICY_OPTIONS_MAX};
 use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
+use crate::error::Fault;
 use crate::standard::Header;
 
 /// See `Spot.msg`.
@@ -39,10 +42,17 @@ pub struct Area {
     pub height: f64,
 }
 
+/// See `PolicyOption.msg`.
+#[derive(Clone, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+pub struct PolicyOption {
+    pub key: String,
+    pub value: String,
+}
+
 /// See `PlannerParameters.msg`.
-#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PlannerParameters {
-    pub policy: u8,
+    pub policy: String,
     pub order: u8,
     pub d_max: i32,
     pub exact_finish: bool,
@@ -51,6 +61,7 @@ pub struct PlannerParameters {
     pub weight_undock: f64,
     pub cut_price: f64,
     pub keep_all_spots: bool,
+    pub policy_options: Vec<PolicyOption>,
     pub motion: u8,
 }
 
@@ -102,15 +113,6 @@ impl PlannerParameters {
 }
 
 enumeration! {
-    PlannerParameters "policy": policy_to_wire, policy_from_wire => Policy {
-        POLICY_EXACT EXACT 0 = Exact,
-        POLICY_PAPER PAPER 1 = Paper,
-        POLICY_AUCTION AUCTION 2 = Auction,
-        POLICY_HUNGARIAN HUNGARIAN 3 = Hungarian,
-    }
-}
-
-enumeration! {
     PlannerParameters "order": order_to_wire, order_from_wire => TurnOrder {
         ORDER_RANK RANK 0 = Rank,
         ORDER_SIZE_FIRST SIZE_FIRST 1 = SizeFirst,
@@ -135,7 +137,7 @@ impl From<&model::PlannerParameters> for PlannerParameters {
     /// A `d_max` beyond the wire's range goes out as the greatest number there is, which no chain can reach.
     fn from(parameters: &model::PlannerParameters) -> Self {
         Self {
-            policy: policy_to_wire(parameters.policy),
+            policy: parameters.policy.name().to_owned(),
             order: order_to_wire(parameters.order),
             d_max: parameters.d_max.map_or(Self::D_MAX_UNBOUNDED, |d_max| {
                 i32::try_from(d_max).unwrap_or(i32::MAX)
@@ -146,15 +148,67 @@ impl From<&model::PlannerParameters> for PlannerParameters {
             weight_undock: parameters.weights.undock().to_units(),
             cut_price: parameters.cut_price.per_cut().to_units(),
             keep_all_spots: parameters.keep_all_spots,
+            policy_options: options_to_wire(parameters),
             motion: motion_to_wire(parameters.motion),
         }
     }
 }
 
+/// The readings of the policy `paper`; no other policy has options.
+fn options_to_wire(parameters: &model::PlannerParameters) -> Vec<PolicyOption> {
+    match parameters.policy {
+        Policy::Exact | Policy::Auction | Policy::Hungarian => Vec::new(),
+        Policy::Paper => {
+            let named = parameters.paper.named().into_iter();
+            named
+                .map(|(key, value)| PolicyOption {
+                    key: key.to_owned(),
+                    value,
+                })
+                .collect()
+        }
+    }
+}
+
+fn options_from_wire(policy: Policy, options: &[PolicyOption]) -> Checked<PaperOptions> {
+    check::count("policy_options", options.len(), POLICY_OPTIONS_MAX)?;
+    let mut paper = PaperOptions::default();
+    let mut keys = BTreeSet::new();
+    for (index, option) in options.iter().enumerate() {
+        let within = |error: FieldError| error.within_entry("policy_options", index);
+        check::name("key", &option.key).map_err(within)?;
+        check::name("value", &option.value).map_err(within)?;
+        if policy != Policy::Paper {
+            return Err(within(FieldError::new("", Fault::NoOptions(policy.name()))));
+        }
+        if !keys.insert(&option.key) {
+            let repeated = Fault::Repeated(format!("`{}`", option.key));
+            return Err(within(FieldError::new("key", repeated)));
+        }
+        let set = paper.set(&option.key, &option.value);
+        set.map_err(|error| within(FieldError::new("", error)))?;
+    }
+    Ok(paper)
+}
+
 impl PlannerParameters {
-    pub(crate) fn validated(self) -> Checked<model::PlannerParameters> {
+    pub(crate) fn validated(&self) -> Checked<model::PlannerParameters> {
+        let unset = self.policy.is_empty().then(Policy::default);
+        let policy = unset
+            .or_else(|| Policy::named(&self.policy))
+            .ok_or_else(|| {
+                let name = self.policy.clone();
+                FieldError::new(
+                    "policy",
+                    Fault::UnknownName {
+                        name,
+                        known: Policy::NAMES,
+                    },
+                )
+            })?;
         Ok(model::PlannerParameters {
-            policy: policy_from_wire(self.policy)?,
+            policy,
+            paper: options_from_wire(policy, &self.policy_options)?,
             order: order_from_wire(self.order)?,
             d_max: match u32::try_from(self.d_max) {
                 Ok(d_max) => Some(d_max),

@@ -218,6 +218,14 @@ fn target() -> wire::TargetConfiguration {
     }
 }
 
+fn options(pairs: &[(&str, &str)]) -> Vec<wire::PolicyOption> {
+    let option = |&(key, value): &(&str, &str)| wire::PolicyOption {
+        key: key.to_owned(),
+        value: value.to_owned(),
+    };
+    pairs.iter().map(option).collect()
+}
+
 #[test]
 fn targets() {
     refusals!(target(), model::TargetAnnouncement:
@@ -239,8 +247,27 @@ fn targets() {
         target => target.edges[0].second = 9, "target: edges[0]: spot 9 is not in the target";
         target => target.edges.clear(),
             "target: edges: the target is disconnected; spot 2 cannot be reached from spot 1";
-        target => target.planner.policy = 4,
-            "target: planner.policy: 4 is unknown; known are EXACT 0, PAPER 1, AUCTION 2, HUNGARIAN 3";
+        target => target.planner.policy = "genetic".to_owned(),
+            "target: planner.policy: `genetic` is unknown; known are exact, paper, auction, hungarian";
+        target => target.planner.policy_options = options(&[("evicted", "lost")]),
+            "target: planner.policy_options[0]: the policy `exact` has no options";
+        target => {
+            target.planner.policy = "paper".to_owned();
+            target.planner.policy_options = options(&[("evicted", "lost"), ("colour", "red")]);
+        },
+            "target: planner.policy_options[1]: the policy `paper` of this version has no option `colour`; it has fallback, embedding, evicted, val, acting, max";
+        target => {
+            target.planner.policy = "paper".to_owned();
+            target.planner.policy_options = options(&[("evicted", "worst")]);
+        },
+            "target: planner.policy_options[0]: `evicted` cannot be `worst`; it can be literal or lost";
+        target => {
+            target.planner.policy = "paper".to_owned();
+            target.planner.policy_options = options(&[("max", "30"), ("max", "40")]);
+        },
+            "target: planner.policy_options[1].key: `max` is listed twice";
+        target => target.planner.policy_options = vec![wire::PolicyOption::default(); 65],
+            "target: planner.policy_options: 65 entries, at most 64 are allowed";
         target => target.planner.order = 2,
             "target: planner.order: 2 is unknown; known are RANK 0, SIZE_FIRST 1";
         target => target.planner.d_max = -2,
@@ -328,7 +355,7 @@ fn rosters() {
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
-            "roster: protocol_version: is 1, but this program speaks version 4; run the same build everywhere";
+            "roster: protocol_version: is 1, but this program speaks version 5; run the same build everywhere";
         roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
         roster => roster.quorum_bases[1].stores = vec![0],
             "roster: quorum_bases[1].stores: must have as many entries as module_ids";
@@ -548,7 +575,7 @@ fn commands() {
     };
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
-            "commands: protocol_version: is 1, but this program speaks version 4; run the same build everywhere";
+            "commands: protocol_version: is 1, but this program speaks version 5; run the same build everywhere";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";
         sample => sample.removals[1].module_id = NONE,
             "commands: removals[1].module_id: 4294967295 stands for none and cannot be used here";

@@ -76,3 +76,15 @@ fn an_unset_planner_means_the_default_one() {
     assert_eq!(wire_default, wire::PlannerParameters::from(&core));
     assert_eq!(wire_default.d_max, wire::PlannerParameters::D_MAX_UNBOUNDED);
 }
+
+/// Some publishers fill what they leave out with zeros, not with the defaults of the file.
+#[test]
+fn an_empty_policy_means_the_default_one() {
+    let mut target = wire::TargetConfiguration {
+        withdrawn: true,
+        ..wire::TargetConfiguration::default()
+    };
+    target.planner.policy.clear();
+    let announcement: model::TargetAnnouncement = target.into_core(ModuleSize::METRE).unwrap();
+    assert_eq!(announcement.parameters, model::PlannerParameters::default());
+}

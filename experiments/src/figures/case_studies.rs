@@ -5,7 +5,7 @@ use super::{
     UTILITY, Value, averages, texts,
 };
 use crate::case_studies::CASES;
-use crate::contender::{Contender, PAPER_AND_OURS};
+use crate::contender::{Contender, READINGS_AND_OURS};
 use crate::instance::Instance;
 use crate::paper;
 use crate::sample::short;
@@ -45,7 +45,7 @@ fn group(number: usize, contender: Contender) -> Group {
 fn rows(_: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();
     for (number, case) in (1..).zip(&CASES) {
-        rows.extend(PAPER_AND_OURS.map(|contender| Row {
+        rows.extend(READINGS_AND_OURS.map(|contender| Row {
             keys: texts(&[&number, &case.name, &contender.key()]),
             group: group(number, contender),
         }));
@@ -55,7 +55,7 @@ fn rows(_: &Settings) -> Vec<Row> {
 
 fn results(data: &Data<'_>) -> Table {
     let heads = "case | formed | modules | paper's own case: ms, disconnections | paper policy: ms, \
-        broken links, port changes | ours: ms, broken links, port changes";
+        broken links, port changes | charitable: ms, broken links, port changes | ours: ms, broken links, port changes";
     let stated = |quantity| paper::stated("case_studies", quantity).into_iter();
     let stated = stated("planning_ms").zip(stated("disconnections"));
     let cases = (1..).zip(&CASES).zip(stated);
@@ -67,7 +67,7 @@ fn results(data: &Data<'_>) -> Table {
             &modules,
             &format!("{}, {}", time.value, count.value),
         ]);
-        row.extend(PAPER_AND_OURS.map(|contender| {
+        row.extend(READINGS_AND_OURS.map(|contender| {
             let mean = |value| data.sample(&group(number, contender), value).mean;
             let holes = match mean(HOLES) {
                 none if none < 0.5 => String::new(),

@@ -8,8 +8,9 @@ use crate::contender::{Contender, WITH_SIZE_FIRST};
 use crate::sample::Sample;
 use crate::table::Table;
 
-const SINGLE: [Contender; 4] = [
+const SINGLE: [Contender; 5] = [
     Contender::PaperPolicy,
+    Contender::PaperCharitable,
     Contender::Ours,
     Contender::Auction,
     Contender::Hungarian,
@@ -86,15 +87,17 @@ const fn columns_of_singletons(name: &'static str, value: Value) -> [Column; 4] 
 }
 
 fn of_mixed(data: &Data<'_>, value: Value) -> Table {
-    let heads = "modules | paper | paper policy | ours | ours, size first | a filled spot: paper \
+    let heads = "modules | paper | paper policy | paper policy, charitable | ours | ours, size first | a filled spot: paper \
         policy / ours";
     Table::of(heads, data.settings.sizes(), |&size| {
-        let [paper, ours, size_first] = data.samples(mixed, size, WITH_SIZE_FIRST, value);
-        let [of_paper, of_ours, _] = data.samples(mixed, size, WITH_SIZE_FIRST, FILLED_SPOTS);
+        let [paper, charitable, ours, size_first] =
+            data.samples(mixed, size, WITH_SIZE_FIRST, value);
+        let [of_paper, _, of_ours, _] = data.samples(mixed, size, WITH_SIZE_FIRST, FILLED_SPOTS);
         vec![
             size.to_string(),
             FIGURE_ONLY.to_owned(),
             paper.with_deviation(),
+            charitable.with_deviation(),
             ours.with_deviation(),
             size_first.with_deviation(),
             format!(
@@ -107,7 +110,7 @@ fn of_mixed(data: &Data<'_>, value: Value) -> Table {
 }
 
 fn of_singletons(data: &Data<'_>, value: Value) -> Table {
-    let heads = "modules | paper | paper policy (spots filled) | ours | auction | Hungarian";
+    let heads = "modules | paper | paper policy (spots filled) | paper policy, charitable | ours | auction | Hungarian";
     Table::of(heads, data.settings.sizes(), |&size| {
         let [filled, ..] = data.samples(singletons, size, SINGLE, FILLED_SPOTS);
         let mut row = texts(&[&size, &FIGURE_ONLY]);

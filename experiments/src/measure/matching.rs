@@ -2,7 +2,7 @@
 
 use formation::model::PlanningProblem;
 use formation::planner::assignment::Instance;
-use formation::planner::baseline::paper_candidates;
+use formation::planner::baseline::CandidateInput;
 use formation::planner::placement::{MatchingInput, common_subtree};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
@@ -39,8 +39,17 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> MatchingM
         target,
         weight: |node, spot| Some(utilities.of(node, spot)),
     };
-    // Both are trees, on which nothing is searched.
-    let candidates_of = || paper_candidates(configuration, target, |spot| utilities.value(spot), 0);
+    let options = &problem.parameters().paper;
+    let search = CandidateInput {
+        configuration,
+        target,
+        value: |spot| utilities.value(spot),
+        utility: |node, spot| utilities.of(node, spot),
+        embedding: options.embedding,
+        // Both are trees, on which nothing is searched.
+        nodes_max: 0,
+    };
+    let candidates_of = || search.candidates(options.max()).embeddings;
     let ours_us = least_us(timings, || {
         std::hint::black_box(common_subtree::solve(&input));
     });

@@ -131,25 +131,49 @@ impl fmt::Display for Step<'_> {
     }
 }
 
+/// What modules do that get a spot apart from their configuration, for one and for several.
+const LEAVING: [&str; 2] = [
+    "leaves its configuration and takes",
+    "leave their configuration and take",
+];
+
+fn write_takers(
+    out: &mut impl Write,
+    takers: &[(ModuleId, SpotId)],
+    [of_one, of_several]: [&str; 2],
+) -> fmt::Result {
+    if let [(module, spot)] = takers {
+        return write!(out, "{module} {of_one} {spot}");
+    }
+    let (modules, spots): (Vec<_>, Vec<_>) = takers.iter().copied().unzip();
+    write!(out, "{} {of_several} {}", listed(modules), listed(spots))
+}
+
 fn write_decision(out: &mut impl Write, claimant: ModuleId, decision: &Decision) -> fmt::Result {
     let mut own: Vec<(ModuleId, SpotId)> = takers(decision).collect();
     own.sort_unstable();
-    match own.as_slice() {
-        [] => write!(out, "{claimant} finds no spot")?,
-        [(module, spot)] => write!(out, "{module} takes {spot}")?,
-        several => {
-            let (modules, spots): (Vec<_>, Vec<_>) = several.iter().copied().unzip();
-            write!(out, "{} take {}", listed(modules), listed(spots))?;
+    let (alone, together): (Vec<_>, Vec<_>) = own
+        .into_iter()
+        .partition(|(module, _)| decision.detached.contains(module));
+    match (together.as_slice(), alone.as_slice()) {
+        ([], []) => write!(out, "{claimant} finds no spot")?,
+        (together, []) => write_takers(out, together, ["takes", "take"])?,
+        ([], alone) => write_takers(out, alone, LEAVING)?,
+        (together, alone) => {
+            write_takers(out, together, ["takes", "take"])?;
+            out.write_str("; ")?;
+            write_takers(out, alone, LEAVING)?;
         }
     }
-    if !decision.detached.is_empty() {
-        let verb = if decision.detached.len() == 1 {
-            "is"
-        } else {
-            "are"
-        };
-        let detached = listed(decision.detached.iter().copied());
-        write!(out, "; {detached} {verb} left over")?;
+    let holds_spot = |module: &ModuleId| {
+        let mut selections = decision.selections.iter();
+        selections.any(|selection| selection.module == *module)
+    };
+    let left_over = decision.detached.iter().copied();
+    let left_over: Vec<ModuleId> = left_over.filter(|module| !holds_spot(module)).collect();
+    if !left_over.is_empty() {
+        let verb = if left_over.len() == 1 { "is" } else { "are" };
+        write!(out, "; {} {verb} left over", listed(left_over))?;
     }
     for eviction in decision.evictions.iter().take(EVICTIONS_MAX) {
         write!(out, "; {} yields {}", eviction.evicted, eviction.from)?;
@@ -214,6 +238,16 @@ mod tests {
         assert_eq!(
             turn(0, 1, &block),
             "Turn 1: modules 1, 2 and 3 take spots 2, 3 and 1; module 4 is left over"
+        );
+        let broken = Decision {
+            selections: vec![pair(3, 1), pair(1, 2), pair(2, 3), pair(4, 7)],
+            evictions: Vec::new(),
+            detached: vec![ModuleId(2), ModuleId(4), ModuleId(5)],
+        };
+        assert_eq!(
+            turn(0, 1, &broken),
+            "Turn 1: modules 1 and 3 take spots 2 and 1; modules 2 and 4 leave their configuration and take spots 3 and \
+             7; module 5 is left over"
         );
         assert_eq!(
             turn(4, 5, &Decision::default()),

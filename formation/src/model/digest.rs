@@ -5,8 +5,9 @@ use sha2::{Digest as _, Sha256};
 use crate::motion::paths::MotionPlan;
 
 use crate::model::{
-    Area, BodyReport, Decision, Digest, ModuleId, NO_ID, PlannerParameters, PlanningModule,
-    PlanningProblem, Pose, Roster, Surroundings, Target, TargetAnnouncement,
+    Area, BodyReport, Decision, Digest, ModuleId, NO_ID, PaperOptions, PlannerParameters,
+    PlanningModule, PlanningProblem, Policy, Pose, Roster, Surroundings, Target,
+    TargetAnnouncement,
 };
 
 /// Feeds numbers to SHA-256 in a fixed layout. The length of every list precedes it, so that different inputs never have
@@ -66,6 +67,22 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
     }
     canonical.number(u64::from(parameters.keep_all_spots));
     canonical.number(parameters.motion as u64);
+    if parameters.policy == Policy::Paper {
+        put_paper(canonical, &parameters.paper);
+    }
+}
+
+fn put_paper(canonical: &mut Canonical, options: &PaperOptions) {
+    for reading in [
+        options.fallback as u64,
+        options.embedding as u64,
+        options.evicted as u64,
+        options.val as u64,
+        options.acting as u64,
+    ] {
+        canonical.number(reading);
+    }
+    canonical.length(options.max());
 }
 
 fn put_announcement(canonical: &mut Canonical, announcement: &TargetAnnouncement) {

@@ -1,9 +1,11 @@
 //! The user's choices about planning.
 
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::model::{FieldError, MicroUnits, QuantiseError, WEIGHT_LIMIT};
+use crate::model::{
+    FieldError, MicroUnits, PaperBundle, PaperOptions, QuantiseError, WEIGHT_LIMIT,
+};
 
 /// The planner. Digests contain the numbers.
 #[derive(
@@ -14,12 +16,35 @@ pub enum Policy {
     /// Utility-optimal common subtrees and eviction chains.
     #[default]
     Exact = 0,
-    /// Algorithms 1 and 2 of the paper, as literally as they can be run.
+    /// Algorithms 1 and 2 of the paper, by the readings of [`PaperOptions`].
     Paper = 1,
     /// Bertsekas' auction, which treats every module as a singleton.
     Auction = 2,
     /// A central optimal assignment, which treats every module as a singleton.
     Hungarian = 3,
+}
+
+impl Policy {
+    /// The names of all policies.
+    pub const NAMES: &'static str = "exact, paper, auction, hungarian";
+
+    /// The name in scenario files and messages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Paper => "paper",
+            Self::Auction => "auction",
+            Self::Hungarian => "hungarian",
+        }
+    }
+
+    /// The policy of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let all = [Self::Exact, Self::Paper, Self::Auction, Self::Hungarian];
+        all.into_iter().find(|policy| policy.name() == name)
+    }
 }
 
 /// The order in which units take their turns. Digests contain the numbers.
@@ -234,13 +259,17 @@ pub enum CutPriceError {
 
 /// All choices of the user about planning, as they stand in a scenario file; every replica holds the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
-#[serde(deny_unknown_fields, default)]
+#[serde(try_from = "RawPlannerParameters")]
 pub struct PlannerParameters {
     /// The planner.
     pub policy: Policy,
+    /// How the policy `paper` reads the paper.
+    #[serde(skip_serializing_if = "PaperOptions::are_default")]
+    pub paper: PaperOptions,
     /// The order in which units take their turns.
     pub order: TurnOrder,
-    /// The greatest number of evictions of one chain; `None` is unbounded. The paper used 3.
+    /// The greatest number of evictions of one chain; `None` is unbounded. In a scenario file of the policy `paper` that
+    /// does not set it, it is the bundle's.
     pub d_max: Option<u32>,
     /// With a bounded `d_max`, let the last turn move singletons so that their allocation is utility-optimal given the
     /// blocks. Without a bound it always is. Only for the policy `exact`.
@@ -249,10 +278,77 @@ pub struct PlannerParameters {
     pub weights: Weights,
     /// The price of each cut when a configuration chooses its spots. Only for the policy `exact`.
     pub cut_price: CutPrice,
-    /// Keep every spot even when there are fewer modules than spots, instead of trimming the target.
+    /// Keep every spot even when there are fewer modules than spots, instead of trimming the target. The policy `paper`
+    /// never trims.
     pub keep_all_spots: bool,
     /// How modules get to their spots.
     pub motion: MotionMode,
+}
+
+impl PlannerParameters {
+    /// The policy `paper` with the readings and the `D_max` of a bundle.
+    #[must_use]
+    pub fn of_paper(bundle: PaperBundle) -> Self {
+        Self {
+            policy: Policy::Paper,
+            paper: bundle.options(),
+            d_max: Some(bundle.d_max()),
+            ..Self::default()
+        }
+    }
+
+    /// Whether the target is trimmed if there are fewer modules than spots.
+    #[must_use]
+    pub fn trims_target(&self) -> bool {
+        !self.keep_all_spots && self.policy != Policy::Paper
+    }
+}
+
+/// The section `planner` of a scenario file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default, rename = "PlannerParameters")]
+#[derive(Default)]
+struct RawPlannerParameters {
+    policy: Policy,
+    paper: Option<PaperOptions>,
+    order: TurnOrder,
+    /// `None` if the file does not mention it, which differs from `null`.
+    #[serde(deserialize_with = "mentioned")]
+    d_max: Option<Option<u32>>,
+    exact_finish: bool,
+    weights: Weights,
+    cut_price: CutPrice,
+    keep_all_spots: bool,
+    motion: MotionMode,
+}
+
+/// Distinguishes a field that is `null` from one that is missing.
+fn mentioned<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Option<u32>>, D::Error> {
+    Option::deserialize(value).map(Some)
+}
+
+impl TryFrom<RawPlannerParameters> for PlannerParameters {
+    type Error = FieldError;
+
+    fn try_from(raw: RawPlannerParameters) -> Result<Self, FieldError> {
+        let is_paper = raw.policy == Policy::Paper;
+        if raw.paper.is_some() && !is_paper {
+            let reason = "belongs to `policy: paper`, which is not set";
+            return Err(FieldError::new("planner.paper", reason));
+        }
+        let of_bundle = is_paper.then(|| PaperBundle::default().d_max());
+        Ok(Self {
+            policy: raw.policy,
+            paper: raw.paper.unwrap_or_default(),
+            order: raw.order,
+            d_max: raw.d_max.unwrap_or(of_bundle),
+            exact_finish: raw.exact_finish,
+            weights: raw.weights,
+            cut_price: raw.cut_price,
+            keep_all_spots: raw.keep_all_spots,
+            motion: raw.motion,
+        })
+    }
 }
 
 #[cfg(test)]

@@ -22,4 +22,4 @@ pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{
     ClaimRefused, PlanOutcome, PlannedTurns, Planning, Turn, plan, plan_releasing_pins,
 };
-pub use value::{Utilities, betweenness};
+pub use value::{Utilities, betweenness, share_of_shortest_paths};

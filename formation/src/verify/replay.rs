@@ -119,7 +119,7 @@ impl Replay {
     ) -> BTreeMap<ModuleId, Option<SpotId>> {
         let mut changed: BTreeMap<SpotId, Option<ModuleId>> = BTreeMap::new();
         let mut moved: BTreeMap<ModuleId, Option<SpotId>> = BTreeMap::new();
-        for eviction in &decision.evictions {
+        for (index, eviction) in decision.evictions.iter().enumerate() {
             let (evicted, by, from) = (eviction.evicted, eviction.by, eviction.from);
             if self.protected.contains(&evicted) {
                 self.violations.push(Violation::MemberEvicted {
@@ -157,8 +157,13 @@ impl Replay {
             changed.insert(from, Some(by));
             moved.insert(by, Some(from));
             moved.insert(evicted, eviction.to);
-            // An occupied spot is taken by the next eviction of the chain.
-            if let Some(to) = eviction.to.filter(|&to| held(&changed, to).is_none()) {
+            // An occupied spot is taken by the next eviction of the chain; its holder may have come in this turn.
+            let next = decision.evictions.get(index + 1);
+            let is_contested = |to: SpotId| {
+                let is_next = next.is_some_and(|next| next.by == evicted && next.from == to);
+                is_next || held(&changed, to).is_some()
+            };
+            if let Some(to) = eviction.to.filter(|&to| !is_contested(to)) {
                 changed.insert(to, Some(evicted));
             }
         }

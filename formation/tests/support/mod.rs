@@ -3,6 +3,7 @@
 #![allow(
     clippy::unwrap_used,
     clippy::expect_used,
+    clippy::panic,
     reason = "a failure in a helper fails the test that calls it"
 )]
 
@@ -15,6 +16,7 @@ pub mod bodies;
 pub mod brute_force;
 pub mod hungarian;
 pub mod motion;
+pub mod paper;
 pub mod stops;
 pub mod world;
 
@@ -71,6 +73,26 @@ pub fn problem(
 ) -> Arc<PlanningProblem> {
     let raw = generate(&GeneratorParameters::new(modules, spots, seed).grouped(grouping)).unwrap();
     with_parameters(Scenario::try_from(raw).unwrap().problem(), parameters)
+}
+
+/// The text of a scenario file of the launcher.
+pub fn shipped_scenario(name: &str) -> &'static str {
+    macro_rules! texts {
+        ($($name:literal),+) => {
+            match name {
+                $($name => include_str!(concat!("../../../launch_scripts/scenarios/", $name, ".yaml")),)+
+                _ => panic!("{name} is not listed here"),
+            }
+        };
+    }
+    texts!(
+        "case_studies/case_6_ring_with_tail",
+        "paper/eviction_chain",
+        "paper/missing_candidate",
+        "paper/theorem_1_hole",
+        "paper/theorem_1_walled_in",
+        "paper/theorem_3_stuck"
+    )
 }
 
 /// The same problem with other planner parameters.

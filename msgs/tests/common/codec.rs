@@ -147,6 +147,7 @@ pub fn all() -> Vec<Codec> {
         codec::<wire::ModuleStates, Vec<model::ModuleState>>(),
         codec::<wire::OperatorCommand, Vec<model::Message>>(),
         part::<wire::PlannerParameters>(),
+        part::<wire::PolicyOption>(),
         part::<wire::Progress>(),
         part::<wire::QuorumBasis>(),
         part::<wire::Removal>(),

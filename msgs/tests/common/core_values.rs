@@ -8,9 +8,9 @@ use std::time::Duration;
 use formation::model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
-    ModuleState, MotionMode, PlannerParameters, PlanningModule, Policy, Polyline, Pose,
-    QuorumBasis, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage, SenderTime,
-    Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX, Target,
+    ModuleState, MotionMode, PaperBundle, PaperOptions, PlannerParameters, PlanningModule, Policy,
+    Polyline, Pose, QuorumBasis, RawSpot, RawTarget, Removal, Roster, RosterMember, RosterMessage,
+    SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX, Target,
     TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
@@ -110,6 +110,16 @@ fn weights() -> impl Strategy<Value = Weights> {
         })
 }
 
+fn readings() -> impl Strategy<Value = PaperOptions> {
+    let bundles = vec![PaperBundle::Literal, PaperBundle::Charitable];
+    (select(bundles), 0..6_usize, 1..=10_000_u64).prop_map(|(bundle, own, max)| {
+        let mut options = bundle.options().with_max(max).unwrap();
+        let (key, value) = &PaperBundle::Charitable.options().named()[own];
+        options.set(key, value).unwrap();
+        options
+    })
+}
+
 fn parameters() -> impl Strategy<Value = PlannerParameters> {
     (
         select(vec![
@@ -130,12 +140,26 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
                 MotionMode::Paths,
                 MotionMode::Straight,
             ]),
+            readings(),
         ),
     )
         .prop_map(
-            |(policy, order, d_max, exact_finish, weights, cut_price, (keep_all_spots, motion))| {
+            |(
+                policy,
+                order,
+                d_max,
+                exact_finish,
+                weights,
+                cut_price,
+                (keep_all_spots, motion, paper),
+            )| {
                 PlannerParameters {
                     policy,
+                    paper: if policy == Policy::Paper {
+                        paper
+                    } else {
+                        PaperOptions::default()
+                    },
                     order,
                     d_max,
                     exact_finish,

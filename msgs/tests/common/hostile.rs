@@ -100,6 +100,13 @@ impl<'a> Writer<'a> {
         self.put(&written.to_le_bytes());
     }
 
+    fn text(&mut self, text: &str) {
+        self.put_length(u32::try_from(text.len()).unwrap() + 1);
+        for byte in text.bytes().chain([0]) {
+            self.put(&[byte]);
+        }
+    }
+
     fn container(&mut self, name: &str) {
         match self.registry.get(name).unwrap() {
             ContainerFormat::UnitStruct => {}
@@ -116,6 +123,15 @@ impl<'a> Writer<'a> {
                         }
                         "module_size" if !self.one_in(8) => self.put(&1.0_f64.to_le_bytes()),
                         "body_width" if !self.one_in(8) => self.put(&0.0_f64.to_le_bytes()),
+                        "policy" if !self.one_in(8) => {
+                            let policies = ["exact", "paper", "auction", "hungarian"];
+                            let policy = policies[self.random.index(policies.len())];
+                            self.text(policy);
+                        }
+                        // A policy but `paper` has none.
+                        "policy_options" if !self.one_in(8) => self.put_length(0),
+                        "key" if !self.one_in(8) => self.text("max"),
+                        "value" if !self.one_in(8) => self.text("40"),
                         _ => self.value(&field.value),
                     }
                 }

@@ -50,6 +50,7 @@ impl Collection {
     fn add_target(&mut self, target: &wire::TargetConfiguration) {
         self.add(target);
         self.add(&target.planner);
+        self.add_all(&target.planner.policy_options);
         self.add_all(&target.spots);
         self.add_all(&target.edges);
         self.add_all(&target.obstacles);

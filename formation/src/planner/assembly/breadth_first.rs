@@ -20,10 +20,19 @@ pub(super) struct BreadthFirst {
     pub(super) spans_every_edge: bool,
 }
 
+/// The order of the spots within a layer.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Within {
+    /// As the layer before reaches them, its neighbours in ascending order.
+    Reached,
+    /// Greater values first, then lower spots.
+    Value,
+}
+
 impl BreadthFirst {
     /// Starts at the pinned spots; without any, or where they do not reach, at the spot of greatest value among those
     /// left (the lowest of equals). Layers are counted in units; within a unit the spots are in breadth-first order too.
-    pub(super) fn of(ground: &Ground) -> Self {
+    pub(super) fn of(ground: &Ground, within: Within) -> Self {
         let count = ground.unit_of.len();
         let mut walk = Walk {
             ground,
@@ -41,12 +50,12 @@ impl BreadthFirst {
         for &spot in by_value.iter().filter(|&&spot| ground.pinned[spot]) {
             walk.place_group(spot, None, |other| ground.pinned[other]);
         }
-        walk.spread();
+        walk.spread(within);
         for &spot in &by_value {
             if !walk.is_placed(spot) {
                 walk.result.roots.push(spot);
                 walk.place_unit(spot, None);
-                walk.spread();
+                walk.spread(within);
             }
         }
         let mut result = walk.result;
@@ -104,13 +113,33 @@ impl Walk<'_> {
     }
 
     /// Lists the units adjacent to the frontier, layer by layer.
-    fn spread(&mut self) {
+    fn spread(&mut self, within: Within) {
         let ground = self.ground;
+        while within == Within::Value && !self.frontier.is_empty() {
+            self.spread_one_layer_by_value();
+        }
         while let Some(spot) = self.frontier.pop_front() {
             for neighbour in ground.neighbours(spot) {
                 if !self.is_placed(neighbour) {
                     self.place_unit(neighbour, Some(spot));
                 }
+            }
+        }
+    }
+
+    /// Lists the units adjacent to all spots of the frontier, by value of the spots at which they are reached.
+    fn spread_one_layer_by_value(&mut self) {
+        let ground = self.ground;
+        let layer = std::mem::take(&mut self.frontier);
+        let mut reached: Vec<(usize, usize)> = Vec::new();
+        for spot in layer {
+            let neighbours = ground.neighbours(spot);
+            reached.extend(neighbours.map(|neighbour| (neighbour, spot)));
+        }
+        reached.sort_by_key(|&(spot, _)| (Reverse(ground.values[spot]), spot));
+        for (spot, from) in reached {
+            if !self.is_placed(spot) {
+                self.place_unit(spot, Some(from));
             }
         }
     }

@@ -13,6 +13,9 @@
 //!   it may fail, and a search under a budget follows (`search`).
 //! - Where no such order exists, or off the lattice, the order is breadth-first, with a warning.
 //!
+//! The policy `paper` takes the paper's own order instead: the spot of greatest value, then the spots next to it, and so on,
+//! each layer by value. A spot that it walls in is warned of.
+//!
 //! **Units.** A block is contracted to one node: its spots follow one another, the first adjacent to a filled spot. Each
 //! of them must have a corridor for a unit module at its turn. How a block reshapes while it moves is not modelled: each of
 //! its modules has a path, but the block need not fit through in one piece. Pinned modules stand already: they come first,
@@ -27,9 +30,11 @@ mod search;
 #[cfg(test)]
 mod tests;
 
-use crate::model::{Assembly, AssemblyWarning, MicroUnits, Plan, PlanningProblem};
+use crate::model::{
+    ActingOrder, Assembly, AssemblyWarning, MicroUnits, Plan, PlanningProblem, Policy,
+};
 
-use breadth_first::BreadthFirst;
+use breadth_first::{BreadthFirst, Within};
 use corridor::Corridors;
 use ground::{Ground, Root};
 use search::SEARCH_STEPS_MAX;
@@ -55,12 +60,23 @@ fn order_within(
 ) -> Assembly {
     let id_of = |spot: usize| problem.target().spots()[spot].id;
     let ground = Ground::new(problem, plan, values);
-    let base = BreadthFirst::of(&ground);
+    let follows_paper = problem.parameters().policy == Policy::Paper
+        && problem.parameters().paper.acting == ActingOrder::Layers;
+    let within = if follows_paper {
+        Within::Value
+    } else {
+        Within::Reached
+    };
+    let base = BreadthFirst::of(&ground, within);
     let mut warnings = Vec::new();
     let mut sequence = None;
     if let Some(corridors) = Corridors::of(problem.target(), &ground) {
         let budget_is_spent;
-        (sequence, budget_is_spent) = with_corridors(&ground, &base, &corridors, steps_max);
+        (sequence, budget_is_spent) = if follows_paper {
+            (None, false)
+        } else {
+            with_corridors(&ground, &base, &corridors, steps_max)
+        };
         if sequence.is_none() {
             let walled_in = first_walled_in(&ground, &base.sequence, corridors);
             warnings.extend(walled_in.map(|spot| AssemblyWarning::WalledIn(id_of(spot))));

@@ -1,4 +1,4 @@
-//! Planners to compare with, each a policy: the paper's algorithms to the letter, an auction and the Hungarian method.
+//! Planners to compare with, each a policy: the paper's algorithms, an auction and the Hungarian method.
 //!
 //! The auction and the Hungarian method treat every module as single, so they break all links. Both compute the whole
 //! assignment before the first turn; each module then claims its spot in its turn.
@@ -6,12 +6,11 @@
 pub mod auction;
 mod hungarian;
 mod paper;
-mod rooted_subtree;
 
 use crate::model::Policy;
 use crate::planner::assignment::{Instance, SpotTable};
 pub use auction::AuctionCounts;
-pub use paper::candidates as paper_candidates;
+pub use paper::{CandidateInput, Candidates};
 pub(crate) use paper::{Favourites, PaperTurn};
 
 /// The assignment that a central policy computes before the first turn.

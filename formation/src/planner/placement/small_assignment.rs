@@ -23,6 +23,12 @@ impl Score {
         Self((1 << 64) + i128::from(utility))
     }
 
+    /// Some matched modules and their utility.
+    pub(crate) fn of(count: usize, utility: usize) -> Self {
+        let wide = |number: usize| i128::try_from(number).unwrap_or(i128::MAX);
+        Self((wide(count) << 64) + wide(utility))
+    }
+
     /// The utility.
     #[expect(
         clippy::cast_possible_truncation,

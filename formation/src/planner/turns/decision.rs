@@ -54,9 +54,7 @@ impl Planning {
     }
 
     fn decide_as_in_the_paper(&mut self, unit: &Unit, result: &mut TurnResult) {
-        // What a configuration does not spend of its share is not counted, and lost to those that follow.
         let nodes_max = self.budget.share(self.queue.block_count());
-        result.nodes = if unit.is_block() { nodes_max } else { 0 };
         let mut turn = PaperTurn {
             nodes_max,
             instance: &self.instance,
@@ -65,7 +63,9 @@ impl Planning {
             evictions: &mut result.evictions,
         };
         if unit.is_block() {
-            (result.blocks, result.detached) = turn.allocate_block(&unit.members);
+            let block = turn.allocate_block(&unit.members);
+            (result.blocks, result.detached) = (block.blocks, block.detached);
+            (result.proven, result.nodes) = (block.proven, block.nodes);
         } else {
             turn.allocate_spot(unit.leader);
         }

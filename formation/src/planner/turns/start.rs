@@ -11,12 +11,13 @@ use crate::planner::baseline::{self, Favourites};
 use crate::planner::placement::SearchBudget;
 
 impl Planning {
-    /// Starts to plan. With fewer modules than spots, the target is trimmed first, unless the parameters forbid it.
+    /// Starts to plan. With fewer modules than spots, the target is trimmed first, unless the parameters forbid it or the policy is the
+    /// paper's, which does not trim.
     pub fn new(problem: Arc<PlanningProblem>) -> Self {
         let mut budget = SearchBudget::of_plan();
         let full = Arc::clone(problem.target());
         let order = problem.parameters().order;
-        if problem.parameters().keep_all_spots || problem.modules().len() >= full.spots().len() {
+        if !problem.parameters().trims_target() || problem.modules().len() >= full.spots().len() {
             return Self::for_target(problem, full, order, &[], budget);
         }
         let half = budget.half();

@@ -55,16 +55,16 @@ fn ratio(part: usize, whole: usize) -> MicroUnits {
 /// A number of paths, `mantissa * RADIX^exponent`, because there can be more than a float holds. Up to [`RADIX`] it has the
 /// same bits as the float.
 #[derive(Clone, Copy, Debug, Default)]
-struct PathCount {
-    mantissa: f64,
-    exponent: u32,
+pub(super) struct PathCount {
+    pub(super) mantissa: f64,
+    pub(super) exponent: u32,
 }
 
 /// The base of the exponent of a [`PathCount`].
-const RADIX: f64 = 1.0e100;
+pub(super) const RADIX: f64 = 1.0e100;
 
 impl PathCount {
-    const ONE: Self = Self {
+    pub(super) const ONE: Self = Self {
         mantissa: 1.0,
         exponent: 0,
     };
@@ -78,7 +78,7 @@ impl PathCount {
         }
     }
 
-    fn plus(self, other: Self) -> Self {
+    pub(super) fn plus(self, other: Self) -> Self {
         let exponent = self.exponent.max(other.exponent);
         let mantissa = self.mantissa_under(exponent) + other.mantissa_under(exponent);
         if mantissa > RADIX {
@@ -92,7 +92,7 @@ impl PathCount {
     }
 
     /// The ratio of this number to a larger or equal one.
-    fn share_of(self, whole: Self) -> f64 {
+    pub(super) fn share_of(self, whole: Self) -> f64 {
         self.mantissa_under(whole.exponent) / whole.mantissa
     }
 }

@@ -3,8 +3,10 @@
 //! The paper, section "Configuration Formation as Utility Maximization Problem", with one difference: a kept link costs
 //! nothing at either end, while the paper charges its undocking and docking.
 
-use crate::model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose, Target, Weights};
-use crate::planner::value::betweenness;
+use crate::model::{
+    MICRO_PER_UNIT, MicroUnits, PlanningProblem, Policy, Pose, SpotValue, Target, Weights,
+};
+use crate::planner::value::{betweenness, share_of_shortest_paths};
 
 /// The utilities of all modules of a problem for all spots of a target, both named by their position in ascending order of
 /// identifier.
@@ -26,7 +28,14 @@ impl Utilities {
         let weights = problem.parameters().weights;
         let topology = target.topology();
         let modules = problem.modules().iter();
-        let values = betweenness(topology);
+        let parameters = problem.parameters();
+        let is_as_printed =
+            parameters.policy == Policy::Paper && parameters.paper.val == SpotValue::RatioOfSums;
+        let values = if is_as_printed {
+            share_of_shortest_paths(topology)
+        } else {
+            betweenness(topology)
+        };
         let net_values = values
             .iter()
             .enumerate()
@@ -44,7 +53,7 @@ impl Utilities {
         }
     }
 
-    /// The value of a spot: its betweenness centrality.
+    /// The value of a spot: its betweenness centrality, or what the policy `paper` reads as it.
     pub fn value(&self, spot: usize) -> MicroUnits {
         self.values[spot]
     }
