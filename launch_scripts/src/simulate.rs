@@ -393,6 +393,7 @@ mod tests {
             messages: 10,
             epochs: 2,
             violations,
+            reported: Vec::new(),
             transcript: Transcript::default(),
         }
     }

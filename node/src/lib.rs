@@ -1,12 +1,11 @@
 //! What the nodes of the suite share and that knows formations: the table of topics, the conversion of samples into
-//! messages of the core, the source guard, and the start of their programs.
+//! messages of the core, and the start of their programs.
 
 mod find_sessions;
 pub mod messages;
 mod module_list;
 mod pose_source;
 pub mod scenario;
-pub mod source_guard;
 pub mod stamp;
 pub mod topics;
 #[cfg(test)]

@@ -1,5 +1,6 @@
 //! Runs of many seeds: each draws a scenario, a network and faults, and is judged by the monitor of invariants.
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,6 +9,7 @@ use formation::model::{
     ModuleId, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
 };
 use formation::protocol::AgentParameters;
+use formation::verify::Violation as Breach;
 
 use crate::cluster::{Cluster, ClusterParameters};
 use crate::faults::{Fault, FaultKind, ScheduledFault, draw};
@@ -15,12 +17,16 @@ use crate::monitor::{Monitor, Violation};
 use crate::network::NetworkParameters;
 use crate::process::AgentFactory;
 use crate::transcript::Transcript;
+use crate::verifier::{LINGER, Verifier};
 
 /// Two clocks that drift apart by twice this are just within the tolerance of the agents.
 const HOSTILE_DRIFT_PPM: u32 = 480;
 
 /// Separates the draw of the memories from that of the scenario.
 const MEMORY_SEED: u64 = 0x6d65_6d6f_7279;
+
+/// Separates what the verifier receives from what the modules receive.
+const VERIFIER_SEED: u64 = 0x7665_7269_6679;
 
 /// The parameters of every run of a campaign.
 #[derive(Clone)]
@@ -102,8 +108,10 @@ pub struct RunReport {
     pub messages: u64,
     /// The number of epochs with a roster.
     pub epochs: u64,
-    /// Every violation of an invariant.
+    /// Every violation of an invariant, and where the verdicts of the verifier contradict what was seen.
     pub violations: Vec<Violation>,
+    /// The violations that the verifier reported.
+    pub reported: Vec<Breach>,
     /// The transcript, if it was kept.
     pub transcript: Transcript,
 }
@@ -217,10 +225,12 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     if parameters.transcripts {
         cluster.keep_transcript();
     }
+    let listening = Random::from_seed(seed ^ VERIFIER_SEED);
     let mut run = MonitoredRun {
         parameters,
         problem: &problem,
         monitor: Monitor::new(cluster_parameters.agent.lease, margin),
+        verifier: Verifier::new(network, parameters.fault_span, listening),
         cluster,
     };
     let quiet_from = run.apply(&faults)?;
@@ -231,26 +241,30 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
         2 * cluster_parameters.agent.suspicion
     };
     let (ending, since) = run.await_end(quiet_from, calm);
+    let (messages, running) = (run.cluster.samples(), run.cluster.running().len());
+    run.compare_verdicts();
     Ok(RunReport {
         seed,
         modules: modules.len(),
         spots: problem.target().spots().len(),
-        running: run.cluster.running().len(),
+        running,
         ending,
         recovery: since.saturating_sub(quiet_from),
-        messages: run.cluster.samples(),
+        messages,
         epochs: run.monitor.epochs(),
         violations: run.monitor.violations,
+        reported: run.verifier.reported(),
         transcript: run.cluster.transcript().clone(),
     })
 }
 
-/// A cluster and the monitor of its invariants.
+/// A cluster, the monitor of its invariants, and the verifier that judges it by its messages.
 struct MonitoredRun<'a> {
     parameters: &'a CampaignParameters,
     problem: &'a PlanningProblem,
     cluster: Cluster,
     monitor: Monitor,
+    verifier: Verifier,
 }
 
 impl MonitoredRun<'_> {
@@ -296,9 +310,30 @@ impl MonitoredRun<'_> {
 
     fn run_to(&mut self, time: Duration) {
         while self.cluster.step(time) {
-            self.monitor.observe(&mut self.cluster);
+            self.observe();
         }
-        self.monitor.observe(&mut self.cluster);
+        self.observe();
+        self.verifier.advance(self.cluster.now(), &self.cluster);
+    }
+
+    fn observe(&mut self) {
+        let observations = self.cluster.take_observations();
+        for (at, observation) in &observations {
+            self.verifier.observe(*at, observation, &self.cluster);
+        }
+        self.monitor.observe(observations, &self.cluster);
+    }
+
+    /// Records where the verdicts contradict what the monitor saw, once the verifier has received the last messages.
+    fn compare_verdicts(&mut self) {
+        self.verifier.join(self.cluster.now());
+        self.run_to(self.cluster.now() + LINGER);
+        let has_formed = self.monitor.ending(&self.cluster) == Ending::Formed
+            && self.cluster.parts().iter().skip(1).all(BTreeSet::is_empty);
+        let seen = std::mem::take(&mut self.monitor.violations);
+        let found = self.verifier.conclude(&self.cluster, has_formed, &seen);
+        self.monitor.violations = seen;
+        self.monitor.violations.extend(found);
     }
 
     fn apply_one(&mut self, fault: &Fault) -> Result<(), CampaignError> {

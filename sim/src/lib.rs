@@ -12,6 +12,7 @@ mod observation;
 mod process;
 mod sweep;
 mod transcript;
+mod verifier;
 
 pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};
 pub use cluster::{Cluster, ClusterParameters, Standing};

@@ -20,6 +20,8 @@ pub enum Observation {
     Stands(ModuleId, Pose),
     /// The publisher of the target announced this.
     Announced(Arc<TargetAnnouncement>),
+    /// A participant that is no module published a message.
+    Injected(Message),
     /// A fault occurred, or ended.
     Fault(Fault),
 }

@@ -64,7 +64,9 @@ impl Transcript {
         let (actor, entry) = match observation {
             Observation::Published(module, message) => (Some(module), published(message)),
             Observation::Noted(module, event) => (Some(module), Some(noted(event))),
-            Observation::SetOff(..) | Observation::Stands(..) => (None, None),
+            Observation::SetOff(..) | Observation::Stands(..) | Observation::Injected(_) => {
+                (None, None)
+            }
             Observation::Announced(announcement) => {
                 let kind = match announcement.target {
                     Some(_) => "target_announced",

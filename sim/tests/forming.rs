@@ -2,13 +2,16 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
+use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
 use formation::generate::{GeneratorParameters, Grouping};
-use formation::model::{PlanningProblem, Scenario};
+use formation::model::{ModuleId, ModulePhase, PlanningProblem, Scenario};
 use formation::planner;
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters};
+
+use crate::support::{Trial, scenario};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(Grouping::Mixed);
@@ -81,4 +84,58 @@ fn one_seed_replays_one_run() {
     let transcript = run();
     assert!(transcript.events().contains(" settled spot="));
     assert_eq!(transcript, run());
+}
+
+/// The corners of a square, docked in a ring. Two neighbours are cut off, one after the other: each time, the rest plans without it, and
+/// the other one undocks from it. When both are back they stay on their spots, and dock again.
+#[test]
+fn modules_that_a_plan_has_parted_dock_again() {
+    let problem = scenario(
+        "target:
+  frame_id: map
+  spots:
+    - {id: 1, x: 0.0, y: 0.0, theta: 0.0}
+    - {id: 2, x: 1.0, y: 0.0, theta: 0.0}
+    - {id: 3, x: 1.0, y: 1.0, theta: 0.0}
+    - {id: 4, x: 0.0, y: 1.0, theta: 0.0}
+  edges: [[1, 2], [2, 3], [3, 4], [4, 1]]
+singletons:
+  - {id: 1, x: 10.0, y: 0.0, theta: 0.0}
+  - {id: 2, x: 12.0, y: 0.0, theta: 0.0}
+  - {id: 3, x: 14.0, y: 0.0, theta: 0.0}
+  - {id: 4, x: 16.0, y: 0.0, theta: 0.0}",
+    );
+    let mut trial = Trial::new(&problem, 1);
+    trial.until(Cluster::has_formed);
+    trial.run_for(Duration::from_secs(3));
+    let links = |cluster: &Cluster| -> Vec<BTreeSet<ModuleId>> {
+        let links = cluster.modules().into_iter();
+        links
+            .map(|one| cluster.links(one).unwrap().clone())
+            .collect()
+    };
+    let docked = links(&trial.cluster);
+    let one = ModuleId(1);
+    let other = docked[0].first().copied().unwrap();
+    for (aside, partner) in [(one, other), (other, one)] {
+        let before = trial.newest_epoch();
+        trial.cluster.cut(&[aside].into());
+        trial.until(|cluster| {
+            let others = cluster
+                .running()
+                .into_iter()
+                .filter(|&module| module != aside);
+            let mut standings = others.filter_map(|module| cluster.standing(module));
+            standings.all(|standing| {
+                let is_newer = standing.epoch.is_some_and(|epoch| epoch.number > before);
+                is_newer && standing.phase == ModulePhase::Settled
+            })
+        });
+        let left = trial.cluster.links(partner);
+        assert!(left.is_some_and(|links| !links.contains(&aside)));
+    }
+    trial.cluster.heal();
+    trial.until_formed_again();
+    trial.run_for(Duration::from_secs(3));
+    assert_eq!(links(&trial.cluster), docked);
 }

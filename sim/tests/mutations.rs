@@ -150,6 +150,40 @@ fn every_bug_is_found() {
     assert!(missed.is_empty(), "{missed:?}");
 }
 
+/// Where all messages arrive, the verifier reports what they show of a bug, and reports nothing without it.
+#[test]
+fn the_verifier_reports_bugs_by_the_messages_alone() {
+    let run = |mutation, seed| {
+        let parameters = CampaignParameters {
+            faults: FaultKind::None,
+            modules_max: 16,
+            agents: agents(mutation),
+            ..CampaignParameters::default()
+        };
+        run_seed(&parameters, seed).unwrap()
+    };
+    let (mut seen, mut reported) = (0, 0);
+    for seed in 0..40 {
+        let report = run(Some(Mutation::MoveOutOfOrder), seed);
+        let has = |kind| report.violations.iter().any(|one| one.kind == kind);
+        assert!(!has(ViolationKind::MissedByVerifier), "seed {seed}");
+        if has(ViolationKind::TwoUnitsInMotion) {
+            seen += 1;
+            reported += u32::from(!report.reported.is_empty());
+        }
+    }
+    println!("{reported} of {seen} runs");
+    assert!(seen > 0 && reported == seen, "{reported} of {seen} runs");
+    for seed in 0..40 {
+        let report = run(None, seed);
+        assert!(
+            report.reported.is_empty(),
+            "seed {seed}: {:?}",
+            report.reported
+        );
+    }
+}
+
 #[test]
 fn without_the_bugs_the_same_seeds_are_clean() {
     for (_, seed, _) in FOUND {

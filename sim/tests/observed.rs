@@ -76,6 +76,7 @@ fn judge_paths(
     cluster.run_until(end, |_| false);
     let mut observer = Observer::new(ObserverParameters {
         clock_error: Duration::from_millis(1),
+        silence: Duration::MAX,
         ..ObserverParameters::default()
     });
     observer.handle(
@@ -183,8 +184,12 @@ fn received(cluster: &mut Cluster) -> impl Iterator<Item = Message> {
     })
 }
 
+/// The verdict once every wait is over. All messages come in the first instant, so that no silence counts.
 fn judge(messages: &[Message]) -> Verdict {
-    let mut observer = Observer::new(ObserverParameters::default());
+    let mut observer = Observer::new(ObserverParameters {
+        silence: Duration::MAX,
+        ..ObserverParameters::default()
+    });
     for message in messages {
         observer.handle(Duration::ZERO, message);
     }
@@ -315,4 +320,54 @@ fn a_run_that_lost_a_module_on_the_way_is_judged_by_its_last_epoch() {
         assert_eq!((verdict.filled_spots, verdict.open_spots.len()), (7, 1));
         assert!(!verdict.assignments.contains_key(&lost));
     }
+}
+
+/// A module dies at any time: before the others move, on the way, or after all have settled. Its body stays, or is removed. The
+/// observer reviews its verdict every second.
+#[test]
+fn one_death_is_no_broken_promise() {
+    let mut failed = Vec::new();
+    for seed in 0..60 {
+        let problem = problem_of(12, 10, Grouping::Singletons, seed);
+        let mut random = Random::from_seed(seed);
+        let mut cluster = Cluster::new(&problem, ClusterParameters::default(), seed);
+        cluster.announce(announcement(&problem));
+        if seed % 2 == 0 {
+            assert!(cluster.run_until(Duration::from_secs(600), Cluster::has_formed));
+        } else {
+            after(&mut cluster, 4_000 + random.below(6_000));
+        }
+        let modules: Vec<ModuleId> = cluster.running().into_iter().collect();
+        let module = modules[random.index(modules.len())];
+        cluster.crash(module);
+        if seed % 4 >= 2 {
+            after(&mut cluster, 1_000);
+            cluster.remove(module);
+        }
+        after(&mut cluster, 10_000);
+        cluster.run_until(Duration::from_secs(600), Cluster::has_formed);
+        after(&mut cluster, 5_000);
+        let mut observer = Observer::new(ObserverParameters::default());
+        let target = Message::Target(Arc::new(announcement(&problem)));
+        observer.handle(Duration::ZERO, &target);
+        let mut reviewed = Duration::ZERO;
+        let mut verdicts = Vec::new();
+        for (at, observation) in cluster.take_observations() {
+            while reviewed + Duration::from_secs(1) < at {
+                reviewed += Duration::from_secs(1);
+                verdicts.extend(observer.review(reviewed).cloned());
+            }
+            if let Observation::Published(_, message) = observation {
+                observer.handle(at, &message);
+            }
+        }
+        let is_wrong = |verdict: &&Verdict| !verdict.violations.is_empty();
+        let wrong = verdicts.iter().find(is_wrong).cloned();
+        let last = verdicts.pop();
+        let last = last.filter(|verdict| verdict.outcome == Outcome::Failed);
+        if let Some(verdict) = wrong.or(last) {
+            failed.push((seed, verdict.violations, verdict.missing));
+        }
+    }
+    assert!(failed.is_empty(), "{} of 60: {failed:#?}", failed.len());
 }

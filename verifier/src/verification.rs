@@ -6,10 +6,11 @@ use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
 use formation::event_log::{Entry, POSE_INTERVAL, Recorder};
-use formation::verify::{Agreement, Observer, Progress, Verdict};
+use formation::model::Message;
+use formation::protocol::SourceId;
+use formation::verify::{Admission, Agreement, Observer, Progress, SourceGuard, Verdict};
 use formation_msgs::{InSession, SessionId};
 use formation_node::messages::{Received, session_of, subscribe_all};
-use formation_node::source_guard::SourceGuard;
 use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
@@ -158,7 +159,7 @@ struct Verifier<'a> {
     /// Where every event is to be reported.
     recorder: Option<Recorder>,
     trace: &'a mut Option<TraceFile>,
-    source_guard: SourceGuard,
+    source_guard: SourceGuard<SourceId>,
     statistics: SharedStatistics,
     /// The session of the formation that is judged.
     session: SessionId,
@@ -188,22 +189,18 @@ impl Node for Verifier<'_> {
         let Phase::Observing(judge_at) = self.phase else {
             return;
         };
-        let now = self.start.elapsed();
         for message in &received.messages {
-            if !self.source_guard.admit(received.source, message) {
-                let reason = "another process publishes for that module";
-                let mut statistics = self.statistics.borrow_mut();
-                statistics.refuse(received.topic, RefusalKind::Misattributed, &reason);
-                continue;
+            match self.source_guard.admit(received.source, message) {
+                Admission::Accepted => self.take_in(message),
+                Admission::Waiting => {}
+                Admission::Refused => {
+                    let reason = "another process publishes for that module";
+                    let mut statistics = self.statistics.borrow_mut();
+                    statistics.refuse(received.topic, RefusalKind::Misattributed, &reason);
+                }
             }
-            self.observer.handle(now, message);
-            if let Some(trace) = self.trace {
-                trace.write(message);
-            }
-            let recorder = self.recorder.as_mut();
-            let entries = recorder.map(|recorder| recorder.record(now, message));
-            for entry in entries.into_iter().flatten() {
-                (self.notify)(News::Entry(&entry));
+            for message in self.source_guard.released() {
+                self.take_in(&message);
             }
         }
         let soon = Instant::now() + self.judge_interval;
@@ -226,7 +223,10 @@ impl Node for Verifier<'_> {
     fn due(&self) -> Option<Instant> {
         match self.phase {
             Phase::Observing(judge_at) => {
-                let limit = self.observer.poll_timeout().map(|due| self.start + due);
+                // A verdict that is reviewed is reviewed at its time.
+                let limit = self.observer.poll_timeout();
+                let limit = limit.filter(|_| !self.process.keep_watching);
+                let limit = limit.map(|due| self.start + due);
                 [judge_at, limit].into_iter().flatten().min()
             }
             Phase::Lingering(until) => Some(until),
@@ -243,6 +243,19 @@ fn interval_after(judgement: Duration) -> Duration {
 }
 
 impl Verifier<'_> {
+    fn take_in(&mut self, message: &Message) {
+        let now = self.start.elapsed();
+        self.observer.handle(now, message);
+        if let Some(trace) = self.trace {
+            trace.write(message);
+        }
+        let recorder = self.recorder.as_mut();
+        let entries = recorder.map(|recorder| recorder.record(now, message));
+        for entry in entries.into_iter().flatten() {
+            (self.notify)(News::Entry(&entry));
+        }
+    }
+
     /// Judges what was received, and reports what is new.
     fn judge(&mut self) -> Phase {
         let began = Instant::now();

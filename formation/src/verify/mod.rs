@@ -7,6 +7,7 @@ mod observer;
 mod plan;
 mod replay;
 mod report;
+mod source_guard;
 mod violation;
 
 pub use observer::{
@@ -17,4 +18,5 @@ pub use plan::check_plan;
 pub use report::{
     AgreementReport, NOT_COLLISION_FREE, ReportLine, TimingsReport, VerdictReport, outcome_text,
 };
+pub use source_guard::{Admission, SourceGuard};
 pub use violation::{Missing, Violation};

@@ -236,7 +236,7 @@ mod tests {
                 "acting_ms": null,
                 "counts": {
                     "claims": 0, "pairs": 0, "evictions": 0, "detached": 0, "epochs": 0, "messages": 0, "dropped": 0,
-                    "segments": 0, "missed_states": 0,
+                    "segments": 0, "missed_states": 0, "unproven": 0,
                 },
                 "collision_free": false,
                 "collision_reason":

@@ -247,6 +247,17 @@ pub enum Violation {
     LinkTooMany { module: ModuleId, other: ModuleId },
 }
 
+impl Violation {
+    /// Whether no message shows the violation, but none shows either that the promise was kept. In an epoch that has ended, the
+    /// messages that would have shown it may never come.
+    pub(super) fn is_lack_of_proof(&self) -> bool {
+        matches!(
+            self,
+            Self::AgreementNotShown { .. } | Self::NoPlacedNeighbour { .. }
+        )
+    }
+}
+
 /// What an unfinished formation lacks; after the time limit, the reason of its failure. The message of each variant describes
 /// it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Error)]

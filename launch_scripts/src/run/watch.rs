@@ -11,11 +11,11 @@ use async_channel::{Receiver, Sender, bounded};
 use formation::event_log::{POSE_INTERVAL, Recorder};
 use formation::model::text::joined;
 use formation::model::{Epoch, Message, ModuleSize, PlanningProblem, RosterMessage};
-use formation::verify::{Observer, ObserverParameters, Progress};
+use formation::protocol::SourceId;
+use formation::verify::{Admission, Observer, ObserverParameters, Progress, SourceGuard};
 use formation_msgs::Verdict;
 use formation_node::find_sessions;
 use formation_node::messages::{Received, subscribe_all, subscribe_verdicts};
-use formation_node::source_guard::SourceGuard;
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::{Failure, stop_requested};
 use ros_runtime::inputs::Inputs;
@@ -237,7 +237,7 @@ struct Watcher<'a> {
     display: &'a mut Display,
     observer: Observer,
     recorder: Recorder,
-    source_guard: SourceGuard,
+    source_guard: SourceGuard<SourceId>,
     /// What computes the offline plans, where a view shows them.
     planner: Option<Sender<PlanJob>>,
     /// The epoch whose roster is shown.
@@ -294,28 +294,34 @@ impl Node for Watcher<'_> {
 impl Watcher<'_> {
     fn handle_messages(&mut self, received: &Received) {
         self.received = Instant::now();
-        let now = self.start.elapsed();
         for message in &received.messages {
-            if !self.source_guard.admit(received.source, message) {
-                continue;
+            if self.source_guard.admit(received.source, message) == Admission::Accepted {
+                self.take_in(message);
             }
-            self.observer.handle(now, message);
-            for entry in self.recorder.record(now, message) {
-                self.display.show_entry(&entry);
+            for message in self.source_guard.released() {
+                self.take_in(&message);
             }
-            if let Message::Roster(RosterMessage::Plan(roster)) = message
-                && self.epoch.is_none_or(|epoch| epoch < roster.epoch)
-                && let Ok(Some(problem)) = roster.problem()
-            {
-                self.epoch = Some(roster.epoch);
-                if !roster.target.name.is_empty() {
-                    self.display.set_name(&roster.target.name);
-                }
-                self.display.set_problem(Arc::clone(&problem));
-                if let Some(planner) = &self.planner {
-                    // The thread lives as long as the watch, and drops a job that it has not begun for this one.
-                    let _ = planner.force_send((roster.epoch, problem));
-                }
+        }
+    }
+
+    fn take_in(&mut self, message: &Message) {
+        let now = self.start.elapsed();
+        self.observer.handle(now, message);
+        for entry in self.recorder.record(now, message) {
+            self.display.show_entry(&entry);
+        }
+        if let Message::Roster(RosterMessage::Plan(roster)) = message
+            && self.epoch.is_none_or(|epoch| epoch < roster.epoch)
+            && let Ok(Some(problem)) = roster.problem()
+        {
+            self.epoch = Some(roster.epoch);
+            if !roster.target.name.is_empty() {
+                self.display.set_name(&roster.target.name);
+            }
+            self.display.set_problem(Arc::clone(&problem));
+            if let Some(planner) = &self.planner {
+                // The thread lives as long as the watch, and drops a job that it has not begun for this one.
+                let _ = planner.force_send((roster.epoch, problem));
             }
         }
     }

@@ -48,6 +48,33 @@ impl Transport {
 }
 
 impl Cluster {
+    /// The participant that is no module, as the transport identifies it.
+    pub(crate) const STRANGER: SourceId = SourceId(u128::MAX);
+    /// The publisher of the target.
+    const TARGET_PUBLISHER: SourceId = SourceId(u128::MAX - 1);
+
+    /// The samples that writers keep for late readers.
+    pub(crate) fn kept_samples(&self) -> impl Iterator<Item = (Participant, Topic, Message)> {
+        let announced = self.announcement.iter().map(|announcement| {
+            let message = Message::Target(Arc::clone(announcement));
+            (Participant::TargetPublisher, Topic::Target, message)
+        });
+        let kept = self.processes.iter().flat_map(|(&writer, process)| {
+            let topics = process.history.iter();
+            topics.flat_map(move |(&topic, samples)| {
+                let from = Participant::Module(writer);
+                let samples = samples.iter();
+                samples.map(move |(_, message)| (from, topic, message.clone()))
+            })
+        });
+        announced.chain(kept)
+    }
+
+    /// The participant that a writer is, as the transport identifies it.
+    pub(crate) fn source_of(&self, writer: Participant) -> SourceId {
+        self.source(writer).unwrap_or(Self::TARGET_PUBLISHER)
+    }
+
     /// Sends a new reader the samples that writers keep for late readers.
     pub(super) fn catch_up(&mut self, to: ModuleId) {
         let mut kept = Vec::new();

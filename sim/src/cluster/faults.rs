@@ -9,7 +9,7 @@ use formation::model::{
     ModuleRun, QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, Voter, VoterMemory,
 };
 use formation::motion::MotionReport;
-use formation::protocol::{Command, Identity, Input, SourceId};
+use formation::protocol::{Command, Identity, Input};
 
 use super::Cluster;
 use super::schedule::Happening;
@@ -99,6 +99,7 @@ impl Cluster {
             decision: Decision::default(),
             ..claim.clone()
         });
+        self.observe(Observation::Injected(Message::Claim(Arc::clone(&forged))));
         let readers: Vec<ModuleId> = self.processes.keys().copied().collect();
         for reader in readers {
             if reader != claim.claimant && self.random.below(2) == 0 {
@@ -170,7 +171,8 @@ impl Cluster {
 
     /// Delivers a message to every module at once, from a participant that is no module.
     pub fn inject(&mut self, message: &Message) {
-        let source = Some(SourceId(u128::MAX));
+        let source = Some(Self::STRANGER);
+        self.observe(Observation::Injected(message.clone()));
         for reader in self.running() {
             let message = message.clone();
             self.input(reader, Input::Message { source, message });

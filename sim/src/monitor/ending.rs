@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use formation::model::text::joined;
 use formation::model::{
-    Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Service, SpotId,
+    Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Service, SpotId, Target,
     TargetAnnouncement, Voter,
 };
 
@@ -25,6 +25,8 @@ enum Part {
     Formed(Epoch),
     /// It holds a formation, but not the right number of spots is filled.
     Hole { filled: usize, wanted: usize },
+    /// It holds a formation, but these modules on adjacent spots are not docked.
+    Undocked(ModuleId, ModuleId),
     /// All of its modules report that they wait for a quorum.
     Waiting,
     /// No module in it could take a spot, or knows a target.
@@ -129,13 +131,15 @@ impl Monitor {
             }
         }
         let wanted = room(&known.roster, target, active);
-        if filled.len() == wanted {
-            Part::Formed(epoch)
-        } else {
-            Part::Hole {
+        if filled.len() != wanted {
+            return Part::Hole {
                 filled: filled.len(),
                 wanted,
-            }
+            };
+        }
+        match undocked(cluster, target, &filled) {
+            Some((one, other)) => Part::Undocked(one, other),
+            None => Part::Formed(epoch),
         }
     }
 
@@ -266,6 +270,9 @@ impl Monitor {
                     let detail = format!("{filled} of {wanted} spots are filled");
                     (ViolationKind::Hole, detail)
                 }
+                Part::Undocked(one, other) => {
+                    (ViolationKind::NotDocked, format!("{one} to {other}"))
+                }
                 Part::Unfinished => {
                     let phases = modules
                         .iter()
@@ -284,6 +291,26 @@ impl Monitor {
         }
         (formed, flaws)
     }
+}
+
+/// The first module that does not name the link to one on an adjacent spot.
+fn undocked(
+    cluster: &Cluster,
+    target: &Target,
+    filled: &BTreeMap<SpotId, ModuleId>,
+) -> Option<(ModuleId, ModuleId)> {
+    let adjacent = filled.iter().flat_map(|(&spot, &one)| {
+        let neighbours = target.neighbours_of(spot);
+        neighbours.filter_map(move |spot| Some((one, *filled.get(&spot)?)))
+    });
+    let names = |one, other| {
+        cluster
+            .links(one)
+            .is_some_and(|links| links.contains(&other))
+    };
+    adjacent
+        .into_iter()
+        .find(|&(one, other)| !names(one, other))
 }
 
 /// Whether a group holds all founders, or more than half of them with stores; without named founders more than half of the

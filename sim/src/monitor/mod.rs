@@ -100,9 +100,9 @@ impl Monitor {
         self.rosters.len() as u64
     }
 
-    /// Judges what has happened since the last call.
-    pub fn observe(&mut self, cluster: &mut Cluster) {
-        for (at, observation) in cluster.take_observations() {
+    /// Judges what has just happened.
+    pub fn observe(&mut self, observations: Vec<(Duration, Observation)>, cluster: &Cluster) {
+        for (at, observation) in observations {
             match observation {
                 Observation::Published(module, message) => match &message {
                     Message::Roster(RosterMessage::Plan(roster)) => {
@@ -126,7 +126,10 @@ impl Monitor {
                 Observation::Noted(_, Event::Planned { epoch, .. }) => {
                     self.planned.insert(epoch);
                 }
-                Observation::Noted(..) | Observation::Announced(_) | Observation::Fault(_) => {}
+                Observation::Noted(..)
+                | Observation::Announced(_)
+                | Observation::Injected(_)
+                | Observation::Fault(_) => {}
             }
         }
     }

@@ -40,6 +40,9 @@ pub enum ViolationKind {
     /// They formed, but did not fill exactly the spots that there were modules for.
     #[error("hole")]
     Hole,
+    /// They formed, but modules on adjacent spots are not docked.
+    #[error("not docked")]
+    NotDocked,
     /// A module returned to an epoch that it had left.
     #[error("epoch went back")]
     EpochWentBack,
@@ -64,6 +67,33 @@ pub enum ViolationKind {
     /// Two groups that cannot reach each other both hold a formation.
     #[error("two formations")]
     TwoFormations,
+    /// The verifier reported FAILED although no invariant was violated and, where something was missing, although the modules
+    /// had formed.
+    #[error("false verdict")]
+    FalseVerdict,
+    /// An invariant was violated, and the verifier received every state and is satisfied.
+    #[error("missed by the verifier")]
+    MissedByVerifier,
+}
+
+impl ViolationKind {
+    /// Whether the messages of a run show the violation to an observer that receives them all. The others show in the drives, in
+    /// what processes hold, or in the times of different processes, which no message carries; or they show to observers on both sides
+    /// of a cut alone.
+    pub(crate) fn is_shown_by_messages(self) -> bool {
+        matches!(
+            self,
+            Self::ConfigurationMemberEvicted
+                | Self::MotionWithoutAgreement
+                | Self::NoEnd
+                | Self::NotDocked
+                | Self::OneModuleOnTwoSpots
+                | Self::QuorumDenied
+                | Self::TwoModulesOnOneSpot
+                | Self::TwoRostersForOneEpoch
+                | Self::TwoUnitsInMotion
+        )
+    }
 }
 
 /// One violation of an invariant.

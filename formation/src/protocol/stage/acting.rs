@@ -331,7 +331,7 @@ impl Acting {
     ) -> Progress {
         match self.task {
             Task::Waiting if self.held.unit_of(place).pinned => {
-                self.stay(lagging, context);
+                self.stay(place, lagging, context);
                 Progress::Wait
             }
             Task::Waiting => {
@@ -396,15 +396,18 @@ impl Acting {
         Progress::Wait
     }
 
-    /// Stays on its spot, and undocks from modules that the target does not have there, such as a failed neighbour.
-    pub(super) fn stay(&mut self, lagging: &[ModuleId], context: &mut Context) {
+    /// Stays on its spot. It undocks from modules that the target does not have there, such as a failed neighbour, and docks to
+    /// those that the target has: a plan without them has parted them.
+    pub(super) fn stay(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
         let unwanted = context.links_except(|link| self.held.ends_linked_to(link));
-        if unwanted.is_empty() {
+        if !unwanted.is_empty() {
+            if lagging.is_empty() {
+                context.undock(unwanted);
+            }
+        } else if context.parameters.plan_only || self.is_docked(place, lagging, context) {
             self.task = Task::Settled;
             context.body.settled_on = self.settled_on();
             context.mark_state_changed();
-        } else if lagging.is_empty() {
-            context.undock(unwanted);
         }
     }
 
@@ -477,33 +480,33 @@ impl Acting {
 
     /// Docks to the settled neighbours, and has settled when it is docked to all that are placed before it.
     pub(super) fn dock(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
+        if !self.is_docked(place, lagging, context) || !self.parent_has_settled(context) {
+            return;
+        }
+        self.task = Task::Settled;
+        if self.held.motion.route.is_some() {
+            self.proofs.note_docked(&self.held, place, context);
+        }
+        context.body.settled_on = Some(SettledOn {
+            spot: place.spot,
+            target: self.held.roster.target_digest(),
+        });
+        context.mark_state_changed();
+        context.emit(Event::Settled(place.spot));
+    }
+
+    /// Whether it is docked to all holders next to its spot that are placed before it. Asks the ports to dock to those that have
+    /// settled.
+    fn is_docked(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) -> bool {
         let mut missing = self.held.docks_with(place);
         missing.retain(|module| !context.body.links.contains(module));
-        if missing.is_empty() {
-            if !self.parent_has_settled(context) {
-                return;
-            }
-            self.task = Task::Settled;
-            if self.held.motion.route.is_some() {
-                self.proofs.note_docked(&self.held, place, context);
-            }
-            context.body.settled_on = Some(SettledOn {
-                spot: place.spot,
-                target: self.held.roster.target_digest(),
-            });
-            context.mark_state_changed();
-            context.emit(Event::Settled(place.spot));
-            return;
-        }
-        if !lagging.is_empty() {
-            return;
-        }
-        for module in missing {
+        for &module in missing.iter().filter(|_| lagging.is_empty()) {
             if self.has_settled(module, context) && self.asked_to_dock.insert(module) {
                 context.body.ports_busy.insert(module);
                 context.outbox.push(Output::Dock(module));
             }
         }
+        missing.is_empty()
     }
 
     pub(super) fn has_settled(&self, module: ModuleId, context: &Context) -> bool {

@@ -81,7 +81,9 @@ impl Acting {
         let may_begin = lagging.is_empty() && !context.parameters.plan_only;
         match self.task {
             Task::Waiting if self.is_pinned() => {
-                self.stay(lagging, context);
+                if let Some(place) = self.held.place {
+                    self.stay(place, lagging, context);
+                }
                 Progress::Wait
             }
             Task::Waiting | Task::Pausing if may_begin => self.begin_step(context),
@@ -136,9 +138,12 @@ impl Acting {
         let is_apart = route.is_apart(step);
         let was_apart = self.steps_done > 0 && route.is_apart(self.steps_done);
         if self.task == Task::Waiting {
-            if let Some(place) = self.held.place {
-                self.proofs = Proofs::of_departure(&self.held, place, context);
-                context.emit(Event::MotionBegun(place.spot));
+            match self.held.place {
+                Some(place) => {
+                    self.proofs = Proofs::of_departure(&self.held, place, context);
+                    context.emit(Event::MotionBegun(place.spot));
+                }
+                None => self.proofs = Proofs::of_making_way(&self.held, context),
             }
             context.mark_state_changed();
         }

@@ -67,6 +67,16 @@ impl Proofs {
         }
     }
 
+    /// The proofs of a module without a spot that leaves along a path: as of one that makes room, if no module with a spot
+    /// moves. Otherwise the lead of the first unit has the proof.
+    pub fn of_making_way(held: &HeldPlan, context: &Context) -> Self {
+        let mut units = held.plan.assembly.units.iter();
+        match units.all(|unit| unit.pinned) {
+            true => Self::of_making_room(held, context),
+            false => Self::default(),
+        }
+    }
+
     /// The module has docked: it waited for the unit to which its unit docks, and for the holders next to its spot that
     /// are placed before it.
     pub fn note_docked(&mut self, held: &HeldPlan, place: Place, context: &Context) {

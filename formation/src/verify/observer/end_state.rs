@@ -75,6 +75,20 @@ impl<'a> EndState<'a> {
             .collect()
     }
 
+    /// The spots that are filled: those of the settled members, and of members that settled there before and have not moved since
+    /// the roster was made.
+    pub(super) fn filled(&self) -> BTreeMap<ModuleId, SpotId> {
+        let mut filled = self.assignments();
+        for member in self.planned.members() {
+            let (id, act) = (member.module.id, self.planned.act_of(member));
+            let has_moved = act.is_some_and(|act| act.moved_received.is_some());
+            if let Some(spot) = member.module.pin.filter(|_| !has_moved) {
+                filled.entry(id).or_insert(spot);
+            }
+        }
+        filled
+    }
+
     /// The number of members that have shown the plan.
     pub(super) fn agreed(&self) -> usize {
         self.planned.members().len() - self.disagreeing.len()
@@ -192,7 +206,7 @@ impl<'a> EndState<'a> {
             .filter_map(|(&module, record)| {
                 let (incarnation, pose, last) = record.body()?;
                 let is_silent = last.is_none_or(|last| now.saturating_sub(last) > silence);
-                let is_gone = is_silent && self.is_removed(module, incarnation);
+                let is_gone = is_silent && self.is_elsewhere(module, incarnation, &pose);
                 (!is_gone).then_some((module, pose))
             })
             .collect();
@@ -214,6 +228,17 @@ impl<'a> EndState<'a> {
                 second,
             }));
         }
+    }
+
+    /// Whether the roster says that the body of this run was removed, or lists it where its latest state does not show it: then
+    /// states of it did not arrive.
+    fn is_elsewhere(&self, module: ModuleId, incarnation: Incarnation, pose: &Pose) -> bool {
+        let mut bodies = self.planned.roster.roster.bodies.iter();
+        bodies.any(|body| {
+            body.module == module
+                && body.incarnation >= incarnation
+                && !body.whereabouts.poses().contains(pose)
+        })
     }
 
     /// Whether the roster says that the body of this run was removed.

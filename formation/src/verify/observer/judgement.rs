@@ -7,21 +7,41 @@ use super::claims::Claimed;
 use super::end_state::EndState;
 use super::observation::Observer;
 use super::order::Acts;
+use super::received::split;
 use super::record::PlannedEpoch;
 use super::verdict::{CollisionRisk, Counts, Outcome, Timings, Verdict};
 use crate::model::{ModuleId, SpotId};
 use crate::verify::violation::{Missing, VIOLATIONS_MAX, Violation};
 
+/// The time in which a process that continues publishes what it lacks.
+const ONE_REACTION: Duration = Duration::from_secs(1);
+
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.
     pub(super) fn judge(&mut self, now: Duration) -> Option<Verdict> {
-        // The limit starts again with a command to stop, and with the command to resume.
+        self.note_stop(now);
+        self.judge_at(now, now >= self.time_limit())
+    }
+
+    /// When an end state with violations that was reached at `since` is judged. A member that is stopped for less than the silence
+    /// that is granted to it, such as one that has yet to follow a link, can continue until then.
+    pub(super) fn final_from(&self, since: Duration) -> Duration {
+        let silence = self.parameters.silence.saturating_add(ONE_REACTION);
+        let wait = silence.min(self.parameters.time_limit);
+        since.saturating_add(wait.max(self.parameters.grace))
+    }
+
+    /// The limit starts again with a command to stop, and with the command to resume.
+    pub(super) fn note_stop(&mut self, now: Duration) {
         if self.is_stopped() {
             self.limit_from = *self.stopped_since.get_or_insert(now);
         } else if self.stopped_since.take().is_some() {
             self.limit_from = now;
         }
-        let is_late = now >= self.time_limit();
+    }
+
+    /// The verdict at this time; if the time is up, whatever is missing.
+    pub(super) fn judge_at(&mut self, now: Duration, is_late: bool) -> Option<Verdict> {
         let missing = self.missing(now);
         if missing.is_empty() || is_late {
             self.received.bodies.settle();
@@ -31,11 +51,13 @@ impl Observer {
             return is_late.then(|| self.report(now, missing, None));
         }
         let since = *self.reached_since.get_or_insert(now);
-        let is_final = is_late || now >= since.saturating_add(self.parameters.grace);
         let mut verdict = self.report(now, missing, Some(since));
-        if !verdict.violations.is_empty() {
+        self.has_breaches = !verdict.violations.is_empty();
+        if self.has_breaches {
+            let is_final = is_late && !self.is_reviewed || now >= self.final_from(since);
             return is_final.then_some(verdict);
         }
+        let is_final = is_late || now >= since.saturating_add(self.parameters.grace);
         if verdict.open_spots.is_empty() {
             verdict.outcome = Outcome::Complete;
             return Some(verdict);
@@ -80,6 +102,12 @@ impl Observer {
             let (_, last) = record.run_of(member.incarnation)?.last_heartbeat?;
             (now.saturating_sub(last) > silence).then_some(Missing::Silent { module, silence })
         })
+    }
+
+    /// Whether a member of the plan in force is silent.
+    pub(super) fn has_silent_member(&self, now: Duration) -> bool {
+        let planned = self.received.current();
+        planned.is_some_and(|planned| self.silent(now, planned).next().is_some())
     }
 
     fn missing_roster(&self) -> Vec<Missing> {
@@ -128,15 +156,24 @@ impl Observer {
                 dropped: self.received.dropped,
                 segments: self.received.bodies.segments,
                 missed_states: self.received.bodies.missed(),
+                unproven: self.received.unproven,
                 ..Counts::default()
             },
             collision_risk: None,
         };
+        let current = self.received.current();
         for (epoch, record) in epochs {
-            let violations = self.received.violations_in(epoch, record);
+            let mut violations = self.received.violations_in(epoch, record);
+            if current.is_none_or(|current| current.epoch != epoch) {
+                let (shown, unproven) = split(violations);
+                verdict.counts.unproven += unproven;
+                violations = shown;
+            }
             verdict.violations.extend(violations);
         }
-        if let Some(planned) = self.received.current() {
+        let is_news = |violation: &Violation| !self.reported.contains(violation);
+        verdict.violations.retain(is_news);
+        if let Some(planned) = current {
             self.report_on(now, planned, &mut verdict);
         }
         let overlap = verdict.violations.iter().find_map(|one| match *one {
@@ -164,7 +201,7 @@ impl Observer {
         let end = EndState::new(&self.received, planned);
         let claimed = &end.claimed;
         verdict.epoch = Some(planned.epoch);
-        verdict.assignments = end.assignments();
+        verdict.assignments = end.filled();
         let filled: BTreeSet<SpotId> = verdict.assignments.values().copied().collect();
         // The whole target: the problem leaves out the spots that bodies block.
         let target = planned.roster.roster.target.target.iter();

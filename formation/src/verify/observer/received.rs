@@ -1,6 +1,6 @@
 //! All messages received, in a form that does not depend on their order.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -38,6 +38,8 @@ pub(super) struct Received {
     retired_straight: Option<CollisionRisk>,
     /// The violations of epochs that were dropped for newer ones.
     pub(super) retired: Vec<Violation>,
+    /// The promises of these epochs that no message showed to be kept.
+    pub(super) unproven: u64,
     /// The number of messages, repetitions included.
     pub(super) messages: u64,
     /// The number of messages that were dropped because a limit was reached.
@@ -134,7 +136,9 @@ impl Received {
             if let Some(dropped) = dropped
                 && let Some(record) = self.epochs.remove(&dropped)
             {
-                self.retire(self.violations_in(dropped, &record));
+                let (shown, unproven) = split(self.violations_in(dropped, &record));
+                self.retire(shown);
+                self.unproven += unproven;
                 let straight = record
                     .planned(dropped)
                     .and_then(PlannedEpoch::straight_motion);
@@ -161,10 +165,11 @@ impl Received {
         epochs.filter(|(_, record)| record.roster.is_some())
     }
 
-    /// The newest epoch that can be planned for.
+    /// The newest epoch that can be planned for, and that is not of the past.
     pub(super) fn newest(&self) -> Option<PlannedEpoch<'_>> {
-        let mut epochs = self.epochs.iter().rev();
-        epochs.find_map(|(&epoch, record)| record.planned(epoch))
+        let epochs = self.epochs.iter().rev();
+        let mut planned = epochs.filter_map(|(&epoch, record)| record.planned(epoch));
+        planned.find(|planned| !planned.is_past(&self.modules))
     }
 
     /// The newest epoch that can be planned for, if it plans for the target in force.
@@ -191,6 +196,13 @@ impl Received {
             })
     }
 
+    /// The violations that the messages of all epochs show.
+    pub(super) fn violations(&self) -> BTreeSet<Violation> {
+        let epochs = self.with_roster();
+        let shown = epochs.flat_map(|(epoch, record)| self.violations_in(epoch, record));
+        shown.chain(self.retired.iter().cloned()).collect()
+    }
+
     /// The violations that the messages of one epoch show, whether or not its end state is reached.
     pub(super) fn violations_in(&self, epoch: Epoch, record: &EpochRecord) -> Vec<Violation> {
         let mut violations = record.violations.clone();
@@ -205,11 +217,20 @@ impl Received {
             }));
             violations.extend(replay_claims(planned).replay.violations);
             violations.extend(Acts::new(planned).violations(self.position_tolerance));
-            let is_known = |module| planned.knows_body(module);
+            let is_known =
+                |module, was_at: &dyn Fn(Pose) -> bool| planned.knows_body(module, was_at);
             violations.extend(self.bodies.violations(epoch, is_known));
         }
         violations
     }
+}
+
+/// The violations that messages show, and the number of the others.
+pub(super) fn split(mut violations: Vec<Violation>) -> (Vec<Violation>, u64) {
+    let all = violations.len();
+    violations.retain(|violation| !violation.is_lack_of_proof());
+    let unproven = all - violations.len();
+    (violations, u64::try_from(unproven).unwrap_or(u64::MAX))
 }
 
 /// Whether two announcements lead to the same plans, whatever their revisions and names.

@@ -1,6 +1,7 @@
 //! Records of modules, their runs and epochs, in a form that does not depend on the order of messages.
 
 use std::collections::BTreeMap;
+use std::ops::Bound::{Excluded, Unbounded};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -8,7 +9,7 @@ use super::verdict::CollisionRisk;
 use crate::model::{
     CausalMark, ClosedRoster, Digest, Epoch, Heartbeat, Incarnation, MODULES_MAX, MicroUnits,
     ModuleId, ModulePhase, ModuleRun, ModuleState, MotionMode, PlanningProblem, Pose, RosterMember,
-    SpotClaim, SpotId, Stop, TURNS_MAX, Whereabouts,
+    SpotClaim, SpotId, Stop, TURNS_MAX,
 };
 use crate::verify::Violation;
 
@@ -35,6 +36,8 @@ pub(super) struct RunRecord {
     pub(super) last_heartbeat: Option<(u64, Duration)>,
     /// The command to stop or to resume that this heartbeat showed.
     pub(super) stop: Stop,
+    /// The epoch that this heartbeat showed.
+    epoch: Option<Epoch>,
     /// Whether a state MOVING or SETTLED named no epoch.
     pub(super) moved_outside_epochs: bool,
 }
@@ -55,6 +58,7 @@ impl ModuleRecord {
             first_received: now,
             last_heartbeat: None,
             stop: Stop::default(),
+            epoch: None,
             moved_outside_epochs: false,
         })
     }
@@ -75,11 +79,19 @@ impl ModuleRecord {
         if last.is_none_or(|(sequence, _)| sequence < heartbeat.sequence) {
             run.last_heartbeat = Some((heartbeat.sequence, now));
             run.stop = heartbeat.stop;
+            run.epoch = heartbeat.epoch;
         }
     }
 
     pub(super) fn run_of(&self, incarnation: Incarnation) -> Option<&RunRecord> {
         self.runs.get(&incarnation)
+    }
+
+    /// Whether a run is a thing of the past in an epoch: a later run takes part in an earlier epoch. A recording that is played
+    /// next to a formation shows that.
+    fn is_past(&self, incarnation: Incarnation, epoch: Epoch) -> bool {
+        let mut later = self.runs.range((Excluded(incarnation), Unbounded));
+        later.any(|(_, run)| run.epoch.is_some_and(|shown| shown < epoch))
     }
 
     /// The newest run that published a state, where it was last seen, and when its latest heartbeat was received.
@@ -222,6 +234,11 @@ pub(super) struct ShownPlan {
     pub(super) turns: u32,
 }
 
+fn run_of_convener(roster: &ClosedRoster) -> Option<Incarnation> {
+    let convener = RosterMember::find(&roster.members, roster.epoch.convener)?;
+    Some(convener.incarnation)
+}
+
 /// The messages of one epoch.
 #[derive(Clone, Debug, Default)]
 pub(super) struct EpochRecord {
@@ -233,7 +250,7 @@ pub(super) struct EpochRecord {
     acts: BTreeMap<ModuleRun, Act>,
     /// The plans that each run has shown; correct agents show one.
     shown: BTreeMap<ModuleRun, BTreeMap<Digest, ShownPlan>>,
-    /// The violations that single messages show.
+    /// The violations that rosters show by themselves.
     pub(super) violations: Vec<Violation>,
 }
 
@@ -247,6 +264,13 @@ pub(super) struct PlannedEpoch<'a> {
 }
 
 impl<'a> PlannedEpoch<'a> {
+    /// Whether the convener's run is a thing of the past.
+    pub(super) fn is_past(self, modules: &BTreeMap<ModuleId, ModuleRecord>) -> bool {
+        let run = run_of_convener(&self.roster.roster);
+        let convener = modules.get(&self.epoch.convener).zip(run);
+        convener.is_some_and(|(convener, run)| convener.is_past(run, self.epoch))
+    }
+
     pub(super) fn members(&self) -> &'a [RosterMember] {
         &self.roster.roster.members
     }
@@ -265,15 +289,16 @@ impl<'a> PlannedEpoch<'a> {
         })
     }
 
-    /// Whether the plan is made around the body of a module: it is a member, or an absent module whose body was not removed.
-    pub(super) fn knows_body(&self, module: ModuleId) -> bool {
+    /// Whether the plan is made around the body of a module where it was by its states: it is a member, or an absent module whose
+    /// body the roster lists there. Where the roster lists it elsewhere, states of it did not arrive.
+    pub(super) fn knows_body(&self, module: ModuleId, was_at: &dyn Fn(Pose) -> bool) -> bool {
         let roster = &self.roster.roster;
         let mut bodies = roster.bodies.iter();
-        roster
-            .members
-            .iter()
-            .any(|member| member.module.id == module)
-            || bodies.any(|body| body.module == module && body.whereabouts != Whereabouts::Removed)
+        RosterMember::find(&roster.members, module).is_some()
+            || bodies.any(|body| {
+                let mut poses = body.whereabouts.poses().iter();
+                body.module == module && poses.any(|&pose| was_at(pose))
+            })
     }
 
     /// The acts of a member, in the run that the roster names.
@@ -306,13 +331,16 @@ impl EpochRecord {
         let epoch = roster.epoch;
         match &self.roster {
             Some(known) if known.roster == *roster => {}
-            Some(_) => {
+            // A later run of the convener opens an epoch again that all have forgotten.
+            Some(known) if run_of_convener(&known.roster) > run_of_convener(roster) => {}
+            Some(known) if run_of_convener(&known.roster) == run_of_convener(roster) => {
                 let violation = Violation::RostersDiffer { epoch };
                 if !self.violations.contains(&violation) {
                     self.violations.push(violation);
                 }
             }
-            None => {
+            _ => {
+                self.violations.clear();
                 let problem = roster.problem().unwrap_or_else(|error| {
                     self.violations.push(Violation::RosterInvalid {
                         epoch,

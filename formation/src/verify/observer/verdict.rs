@@ -73,6 +73,10 @@ pub struct Counts {
     /// States that did not arrive: the motion before and after them is not judged.
     #[serde(default)]
     pub missed_states: u64,
+    /// Promises of epochs that have ended of which no message showed that they were kept: agreement before motion, and a placed
+    /// neighbour.
+    #[serde(default)]
+    pub unproven: u64,
 }
 
 /// The verdict on a formation.

@@ -15,9 +15,12 @@ mod track;
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use self::geometry::Placed;
 use self::track::{Added, Segment, StepEnd, Track};
 use super::parameters::ObserverParameters;
-use crate::model::{BODY_WIDTH, Epoch, MODULES_MAX, MicroUnits, ModuleId, ModuleState, Target};
+use crate::model::{
+    BODY_WIDTH, Epoch, MODULES_MAX, MicroUnits, ModuleId, ModuleState, Pose, Target,
+};
 use crate::verify::violation::{VIOLATIONS_MAX, Violation};
 
 /// The greatest number of contacts that wait for the next state of a module that stands.
@@ -29,6 +32,15 @@ const FOUND_MAX: usize = 4 * VIOLATIONS_MAX;
 type Pair = (Epoch, Promise, ModuleId, ModuleId);
 /// A broken promise with a measure of its gravity.
 type Breach = (Pair, i64, Violation);
+
+/// A breach that is kept.
+#[derive(Clone, Debug)]
+struct Found {
+    gravity: i64,
+    violation: Violation,
+    /// Where the modules were at the end of the segments that show it, if segments do.
+    places: Vec<(ModuleId, Placed)>,
+}
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Promise {
@@ -57,7 +69,7 @@ pub(super) struct Bodies {
     tracks: BTreeMap<ModuleId, Track>,
     suspicions: Vec<Suspicion>,
     /// The gravest breach of each promise.
-    found: BTreeMap<Pair, (i64, Violation)>,
+    found: BTreeMap<Pair, Found>,
     /// The number of segments that were compared with all others.
     pub(super) segments: u64,
 }
@@ -107,16 +119,26 @@ impl Bodies {
         self.tracks.values().map(|track| track.missed).sum()
     }
 
-    /// The breaches in an epoch, of modules of which `counts` says so.
+    /// The breaches in an epoch, of modules of which `counts` says so. It is given whether the module was at a pose.
     pub(super) fn violations(
         &self,
         epoch: Epoch,
-        counts: impl Fn(ModuleId) -> bool,
+        counts: impl Fn(ModuleId, &dyn Fn(Pose) -> bool) -> bool,
     ) -> impl Iterator<Item = Violation> {
         let found = self.found.iter();
+        let all_count = move |found: &Found, modules: [ModuleId; 2]| {
+            modules.into_iter().all(|module| {
+                let mut places = found.places.iter();
+                let place = places.find(|(one, _)| *one == module);
+                let was_at = |pose: Pose| place.is_none_or(|(_, place)| *place == pose.into());
+                counts(module, &was_at)
+            })
+        };
         found
-            .filter(move |((of, _, one, other), _)| *of == epoch && counts(*one) && counts(*other))
-            .map(|(_, (_, violation))| violation.clone())
+            .filter(move |((of, _, one, other), found)| {
+                *of == epoch && all_count(found, [*one, *other])
+            })
+            .map(|(_, found)| found.violation.clone())
     }
 
     /// Judges what a new state of a module adds.
@@ -206,19 +228,25 @@ impl Bodies {
         if found.is_none() && early.is_none() || self.are_docked(one, other.module) {
             return;
         }
+        let places = [one, other].map(|one| (one.module, one.leg.to));
         for breach in found.into_iter().chain(early) {
-            self.record(breach);
+            self.record(breach, &places);
         }
     }
 
-    fn record(&mut self, (pair, gravity, violation): Breach) {
+    fn record(&mut self, (pair, gravity, violation): Breach, places: &[(ModuleId, Placed)]) {
         if self.found.len() >= FOUND_MAX && !self.found.contains_key(&pair) {
             return;
         }
-        let known = self.found.entry(pair);
-        let known = known.or_insert_with(|| (gravity, violation.clone()));
-        if gravity > known.0 || gravity == known.0 && violation < known.1 {
-            *known = (gravity, violation);
+        let found = Found {
+            gravity,
+            violation,
+            places: places.to_vec(),
+        };
+        let known = self.found.entry(pair).or_insert_with(|| found.clone());
+        if gravity > known.gravity || gravity == known.gravity && found.violation < known.violation
+        {
+            *known = found;
         }
     }
 
@@ -290,12 +318,18 @@ impl Bodies {
         ))
     }
 
-    /// Whether two modules were docked, directly or through others, while a segment lasted.
+    /// Whether two modules may have been docked, directly or through others, while a segment lasted: where states of one between
+    /// them are missing, it may have been.
     fn are_docked(&self, segment: &Segment, other: ModuleId) -> bool {
         let mut docked = BTreeSet::from([segment.module]);
         let mut open = vec![segment.module];
+        let leg = segment.leg;
         while let Some(next) = open.pop() {
             for link in self.links(next, segment) {
+                let track = self.tracks.get(&link);
+                if track.is_none_or(|track| !track.is_whole(leg.begin, leg.end)) {
+                    return true;
+                }
                 if self.links(link, segment).contains(&next) && docked.insert(link) {
                     open.push(link);
                 }
@@ -341,7 +375,7 @@ impl Bodies {
             .flatten()
             .collect();
         for breach in breaches {
-            self.record(breach);
+            self.record(breach, &[]);
         }
     }
 

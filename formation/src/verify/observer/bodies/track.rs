@@ -186,6 +186,17 @@ impl Track {
         ends.find(|end| (end.epoch, end.steps) == (epoch, steps))
     }
 
+    /// Whether all states of a time are known, up to the latest one.
+    pub(super) fn is_whole(&self, begin: Duration, end: Duration) -> bool {
+        let mut known = begin;
+        for leg in self.segments.iter().map(|segment| &segment.leg) {
+            if leg.begin <= known {
+                known = known.max(leg.end);
+            }
+        }
+        known >= end || self.last.at <= known
+    }
+
     /// Where the module has stood since its last state, up to a time; `None` if it moves.
     pub(super) fn rest(&self, module: ModuleId, until: Duration) -> Option<Segment> {
         let Sample {

@@ -162,6 +162,31 @@ fn one_that_follows_too_closely_is_found_although_the_bodies_do_not_touch() {
     on_paths(&[&first[..], &in_time].concat()).assert_broken(&[]);
 }
 
+/// Module 3 turns about module 2 in a block with module 1 between them, over places that module 2 leaves meanwhile. Without a state of
+/// module 1, the two might be parted or not.
+#[test]
+fn modules_between_which_states_are_missing_may_be_docked() {
+    let moments = [
+        (1, 900, 10, 10, Standing, 0),
+        (1, 1_000, 10, 10, Moving, 0),
+        (1, 1_500, 10, 15, Moving, 1),
+        (1, 2_000, 10, 20, Standing, 2),
+        (2, 900, 0, 10, Standing, 0),
+        (2, 1_000, 0, 10, Folding, 0),
+        (2, 2_000, 40, 10, Standing, 2),
+        (3, 900, 20, 10, Standing, 0),
+        (3, 1_000, 20, 10, Folding, 0),
+        (3, 2_000, 20, 14, Standing, 2),
+    ];
+    let block = || on_paths(&moments).dock(&[(1, 2), (1, 3)]);
+    assert_eq!(block().broken(), []);
+    let mut gap = block();
+    gap.states
+        .retain(|state| state.module != ModuleId(1) || state.at.0 != Duration::from_millis(1_500));
+    assert_eq!(gap.broken(), []);
+    assert!(!on_paths(&moments).dock(&[(1, 2)]).broken().is_empty());
+}
+
 fn pair(partner: [(u64, i64, DriveState); 4]) -> Vec<Moment> {
     let mut moments = Vec::new();
     for (steps, (millis, x, drive)) in (0..).zip([

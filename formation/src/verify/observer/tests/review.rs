@@ -77,52 +77,194 @@ fn a_death_breaks_the_verdict_and_a_new_plan_restores_it() {
     assert_eq!(outcome(observer.review(at(10))), None, "reported once");
 
     // The others make a new plan without it, in which all stay where they are.
-    let epoch = Epoch {
-        number: 2,
-        convener: ModuleId(1),
-    };
+    observer.handle(at(10), &second_roster());
+    assert_eq!(outcome(observer.review(at(10))), None, "not restored yet");
+    for message in second_acts() {
+        observer.handle(at(11), &message);
+    }
+    let restored = observer.review(at(11)).unwrap();
+    assert_eq!(restored.violations, []);
+    assert_eq!(restored.outcome, Outcome::Complete);
+    assert_eq!(restored.epoch, Some(SECOND));
+    assert_eq!(restored.unassigned, [], "it counts the living only");
+}
+
+/// An epoch after the good sequence, without module 5: all stay where they have settled.
+const SECOND: Epoch = Epoch {
+    number: 2,
+    convener: ModuleId(1),
+};
+
+/// The modules of the second epoch and their spots.
+const PINS: [(u32, u32); 4] = [(1, 2), (2, 3), (3, 1), (4, 4)];
+
+fn second_roster() -> Message {
     let mut sequence = good_sequence();
-    let pins = [(1, 2), (2, 3), (3, 1), (4, 4)];
     sequence.members.truncate(4);
-    for (member, (_, spot)) in sequence.members.iter_mut().zip(pins) {
+    for (member, (_, spot)) in sequence.members.iter_mut().zip(PINS) {
         member.module.pin = Some(SpotId(spot));
-        let settled = sequence.states.iter().rev();
-        let settled = settled
-            .clone()
+        let mut states = sequence.states.iter().rev();
+        let settled = states
             .find(|state| state.module == member.module.id)
             .unwrap();
         member.module.pose = settled.pose;
         member.module.links = settled.links.clone();
     }
     let mut roster = sequence.roster();
-    roster.epoch = epoch;
-    observer.handle(
-        at(10),
-        &Message::Roster(RosterMessage::Plan(Arc::new(roster.into()))),
-    );
-    assert_eq!(outcome(observer.review(at(10))), None, "not restored yet");
-    for (module, spot) in pins {
+    roster.epoch = SECOND;
+    Message::Roster(RosterMessage::Plan(Arc::new(roster.into())))
+}
+
+/// What the modules of the second epoch publish when they have settled in it.
+fn second_acts() -> Vec<Message> {
+    let mut sequence = good_sequence();
+    let mut messages = Vec::new();
+    for (module, spot) in PINS {
         let mut beat = heartbeat(module, 200, 200);
-        beat.epoch = Some(epoch);
+        beat.epoch = Some(SECOND);
         beat.digest = Some(Digest(2));
         beat.applied_turns = 0;
-        observer.handle(at(11), &Message::Heartbeat(beat));
+        messages.push(Message::Heartbeat(beat));
         let mut stays = sequence.state(module, 3).clone();
         stays.sequence = 9;
-        stays.epoch = Some(epoch);
+        stays.epoch = Some(SECOND);
         stays.digest = Some(Digest(2));
         stays.unit = Some(ModuleId(module));
         stays.spot = Some(SpotId(spot));
         stays.settled_since = 9;
         stays.waited_for.clear();
         stays.agreed_on.clear();
-        observer.handle(at(11), &Message::ModuleState(Arc::new(stays)));
+        messages.push(Message::ModuleState(Arc::new(stays)));
     }
-    let restored = observer.review(at(11)).unwrap();
-    assert_eq!(restored.violations, []);
-    assert_eq!(restored.outcome, Outcome::Complete);
-    assert_eq!(restored.epoch, Some(epoch));
-    assert_eq!(restored.unassigned, [], "it counts the living only");
+    messages
+}
+
+#[test]
+fn while_a_new_plan_is_under_way_the_verdict_before_it_holds_up_to_the_time_limit() {
+    let parameters = ObserverParameters {
+        time_limit: at(60),
+        ..patient()
+    };
+    let mut observer = observe(&good_sequence().messages(), parameters);
+    assert_eq!(outcome(observer.review(at(1))), Some(Outcome::Complete));
+    // Longer after the announcement than the time limit.
+    observer.handle(at(100), &second_roster());
+    for now in [100, 102, 159] {
+        assert_eq!(outcome(observer.review(at(now))), None, "at {now} s");
+    }
+    let mut late = observer.clone();
+    let late = late.review(at(160)).unwrap();
+    assert_eq!(late.outcome, Outcome::Failed);
+    assert_eq!(late.epoch, Some(SECOND));
+    assert!(late.missing.contains(&Missing::Agreement {
+        epoch: SECOND,
+        module: ModuleId(1),
+        phase: Some(ModulePhase::Settled)
+    }));
+    assert_eq!(late.filled_spots, 4, "all stand where they settled");
+    for message in second_acts() {
+        observer.handle(at(159), &message);
+    }
+    let restored = observer.review(at(160)).unwrap();
+    assert_eq!(
+        (restored.outcome, restored.epoch),
+        (Outcome::Complete, Some(SECOND))
+    );
+}
+
+#[test]
+fn without_a_target_there_is_nothing_to_review() {
+    let mut observer = Observer::new(patient());
+    for now in [0, 60, 121, 1_000] {
+        assert_eq!(outcome(observer.review(at(now))), None, "at {now} s");
+    }
+    for (number, message) in (1_001_000..).zip(good_sequence().messages()) {
+        observer.handle(Duration::from_millis(number), &message);
+    }
+    let formed = outcome(observer.review(at(1_002)));
+    assert_eq!(formed, Some(Outcome::Complete));
+    observer.handle(at(1_003), &announced(2, |target| target.target = None));
+    for now in [1_003, 1_200, 2_000] {
+        assert_eq!(outcome(observer.review(at(now))), None, "at {now} s");
+    }
+    // Without reviews, the time counts from the start.
+    let mut once = Observer::new(patient());
+    let verdict = once.verdict(at(120)).unwrap();
+    assert_eq!(verdict.missing, [Missing::Target]);
+}
+
+/// Module 1 moved before it published that it moves. That is of no account for the next target.
+#[test]
+fn what_was_reported_of_one_formation_is_no_violation_of_the_next() {
+    let mut sequence = good_sequence();
+    sequence.state(1, 1).pose = pose(0, 3);
+    let mut observer = sequence.observe();
+    for now in [1, 120] {
+        assert_eq!(observer.review(at(now)), None, "it has a grace");
+    }
+    let early = observer.review(at(121)).unwrap().clone();
+    assert!(matches!(
+        early.violations[..],
+        [Violation::MovedEarly { .. }]
+    ));
+    let again = announced(2, |target| target.parameters.keep_all_spots = true);
+    observer.handle(at(130), &again);
+    assert_eq!(observer.review(at(130)), None);
+    let late = observer.review(at(250)).unwrap();
+    assert_eq!(late.missing, [Missing::Roster { revision: 2 }]);
+    assert_eq!(late.violations, []);
+}
+
+/// No message proves that the modules agreed before module 1 moved. That holds against the epoch, and ends with it.
+#[test]
+fn a_lack_of_proof_ends_with_its_epoch() {
+    let mut sequence = good_sequence();
+    for state in sequence.acts_of(1) {
+        state.agreed_on.clear();
+    }
+    let mut observer = sequence.observe();
+    observer.review(at(1));
+    let verdict = observer.review(at(121)).unwrap();
+    assert!(!verdict.violations.is_empty());
+    assert_eq!(verdict.counts.unproven, 0);
+    observer.handle(at(122), &second_roster());
+    for message in second_acts() {
+        observer.handle(at(122), &message);
+    }
+    let next = observer.review(at(123)).unwrap();
+    assert_eq!(
+        (next.outcome, &next.violations),
+        (Outcome::Complete, &Vec::new())
+    );
+    assert!(next.counts.unproven > 0);
+}
+
+/// A recording of an earlier formation of the same modules is played next to them, up to a later epoch than theirs.
+#[test]
+fn rosters_of_earlier_runs_are_of_no_account() {
+    let mut earlier = good_sequence().roster();
+    for member in &mut earlier.members {
+        member.incarnation.0 -= 1;
+    }
+    earlier.members.pop();
+    let replayed = |number, earlier: &Roster| {
+        let mut roster = earlier.clone();
+        roster.epoch.number = number;
+        Message::Roster(RosterMessage::Plan(Arc::new(roster.into())))
+    };
+    for first in [true, false] {
+        let mut messages = good_sequence().messages();
+        for number in [1, 7] {
+            let position = if first { 0 } else { messages.len() };
+            messages.insert(position, replayed(number, &earlier));
+        }
+        let mut observer = observe(&messages, patient());
+        let verdict = observer.review(at(1)).unwrap();
+        assert_eq!(
+            (verdict.outcome, verdict.epoch, &verdict.violations),
+            (Outcome::Complete, Some(EPOCH), &Vec::new())
+        );
+    }
 }
 
 /// The good sequence's target under another revision, and what it asks for instead, if anything.

@@ -132,7 +132,8 @@ fn of_rosters() {
     messages.extend(sequence.messages());
     let mut observer = observe(&messages, patient());
     observer.verdict(Duration::from_secs(1));
-    let verdict = observer.verdict(Duration::from_secs(9)).unwrap();
+    let due = observer.poll_timeout().unwrap();
+    let verdict = observer.verdict(due).unwrap();
     assert_eq!(
         verdict.violations,
         [Violation::TargetDiffers { epoch: EPOCH }]
@@ -397,9 +398,10 @@ fn of_an_end_state_that_heals_in_time_are_forgotten() {
     let mut sequence = good_sequence();
     let healed = sequence.state(4, 3).clone();
     sequence.state(4, 3).links.clear();
-    let mut observer = sequence.observe();
+    let mut observer = observe(&sequence.messages(), ObserverParameters::default());
     assert_eq!(observer.verdict(Duration::from_secs(1)), None);
-    assert_eq!(observer.poll_timeout(), Some(Duration::from_secs(4)));
+    // A second after the end of the silence that a member is granted.
+    assert_eq!(observer.poll_timeout(), Some(Duration::from_secs(7)));
     let healed = ModuleState {
         sequence: 4,
         ..healed

@@ -1,0 +1,330 @@
+//! The verifier in a simulated run: an observer that receives what its own part of the network brings it.
+//!
+//! Its reader is on the side of a cut where the publisher of the target is. It reviews its verdict as a verifier does that keeps
+//! watching, and in the end its verdicts are compared with what the monitor saw, which looks into every process and drive.
+
+use std::collections::BTreeMap;
+use std::time::Duration;
+
+use formation::generate::Random;
+use formation::model::text::joined;
+use formation::model::{BODY_WIDTH, Message, ModuleId};
+use formation::protocol::SourceId;
+use formation::verify::{
+    Admission, Observer, ObserverParameters, Outcome, SourceGuard, Verdict, Violation as Breach,
+};
+
+use crate::cluster::Cluster;
+use crate::faults::Fault;
+use crate::monitor::{Violation, ViolationKind};
+use crate::network::{Channel, Network, NetworkParameters, Participant, Topic, duration_below};
+use crate::observation::Observation;
+
+/// The reader of the verifier on the network; no module has this identifier.
+const READER: ModuleId = ModuleId(0);
+
+/// How often it reviews its verdict.
+const REVIEW_INTERVAL: Duration = Duration::from_secs(1);
+
+/// The time within which a formation must be done after its target was announced, as the verifier has it by default.
+const TIME_LIMIT: Duration = Duration::from_secs(60);
+
+/// How long a formation stands before its last verdict: the time that the last heartbeats and links take.
+pub(crate) const LINGER: Duration = Duration::from_secs(8);
+
+/// How many breaches a report lists.
+const BREACHES_SHOWN: usize = 3;
+
+/// A sample on its way to the verifier.
+struct Arrival {
+    channel: Channel,
+    sample: u64,
+    source: SourceId,
+    message: Message,
+}
+
+/// A sample that could not pass a cut.
+type Held = (u64, SourceId, Message);
+
+/// The verifier of one run.
+pub(crate) struct Verifier {
+    network: Network,
+    random: Random,
+    /// It starts at this time, and receives then what writers keep for late readers.
+    joins_at: Duration,
+    has_joined: bool,
+    arrivals: BTreeMap<(Duration, u64), Arrival>,
+    /// The number of entries so far.
+    order: u64,
+    /// The number of samples sent to it.
+    samples: u64,
+    /// The newest sample of each channel.
+    newest: BTreeMap<Channel, u64>,
+    held: BTreeMap<Channel, Vec<Held>>,
+    source_guard: SourceGuard<SourceId>,
+    observer: Observer,
+    reviews_at: Duration,
+    /// When it first reported each breach.
+    reported: BTreeMap<Breach, Duration>,
+    /// Whether it reported two robots on one spot that stand there.
+    has_met: bool,
+}
+
+impl Verifier {
+    /// A quarter of all verifiers join late, within `span`.
+    pub fn new(network: NetworkParameters, span: Duration, mut random: Random) -> Self {
+        let network_seed = random.below(u64::MAX);
+        let joins_at = match random.below(4) {
+            0 => duration_below(&mut random, span),
+            _ => Duration::ZERO,
+        };
+        Self {
+            network: Network::new(network, Random::from_seed(network_seed)),
+            random,
+            joins_at,
+            has_joined: false,
+            arrivals: BTreeMap::new(),
+            order: 0,
+            samples: 0,
+            newest: BTreeMap::new(),
+            held: BTreeMap::new(),
+            source_guard: SourceGuard::default(),
+            observer: Observer::new(ObserverParameters {
+                time_limit: TIME_LIMIT,
+                ..ObserverParameters::default()
+            }),
+            reviews_at: REVIEW_INTERVAL,
+            reported: BTreeMap::new(),
+            has_met: false,
+        }
+    }
+
+    /// It joins now at the latest.
+    pub fn join(&mut self, now: Duration) {
+        self.joins_at = self.joins_at.min(now);
+    }
+
+    /// Sends it what was published.
+    pub fn observe(&mut self, at: Duration, observation: &Observation, cluster: &Cluster) {
+        match observation {
+            Observation::Fault(Fault::Cut(aside)) => {
+                self.network.cut(aside);
+                self.release(at);
+            }
+            Observation::Fault(Fault::Heal) => {
+                self.network.heal();
+                self.release(at);
+            }
+            Observation::Fault(Fault::Crash(module)) => {
+                self.network.forget(*module);
+                let writer = Participant::Module(*module);
+                self.held.retain(|channel, _| channel.from != writer);
+            }
+            _ => {}
+        }
+        if !self.has_joined {
+            if at < self.joins_at {
+                return;
+            }
+            self.has_joined = true;
+            for (from, topic, message) in cluster.kept_samples() {
+                let source = cluster.source_of(from);
+                self.send(at, channel(from, topic), 0, source, message.clone());
+            }
+        }
+        let (from, source, message) = match observation {
+            Observation::Published(module, message) => {
+                let from = Participant::Module(*module);
+                (from, cluster.source_of(from), message.clone())
+            }
+            Observation::Announced(announcement) => {
+                let from = Participant::TargetPublisher;
+                let message = Message::Target(announcement.clone());
+                (from, cluster.source_of(from), message)
+            }
+            Observation::Injected(message) => {
+                // No cut keeps a stranger away.
+                let from = Participant::TargetPublisher;
+                (from, Cluster::STRANGER, message.clone())
+            }
+            _ => return,
+        };
+        let channel = channel(from, Topic::of(&message));
+        self.samples += 1;
+        if source != Cluster::STRANGER {
+            self.newest.insert(channel, self.samples);
+        }
+        self.send(at, channel, self.samples, source, message);
+    }
+
+    fn send(
+        &mut self,
+        now: Duration,
+        channel: Channel,
+        sample: u64,
+        source: SourceId,
+        message: Message,
+    ) {
+        if !self.network.connects(channel.from, READER) {
+            if channel.topic.is_reliable() {
+                let held = self.held.entry(channel).or_default();
+                held.push((sample, source, message));
+                let excess = held.len().saturating_sub(channel.topic.depth());
+                held.drain(..excess);
+            }
+            return;
+        }
+        for at in self.network.arrivals(now, channel) {
+            self.order += 1;
+            let arrival = Arrival {
+                channel,
+                sample,
+                source,
+                message: message.clone(),
+            };
+            self.arrivals.insert((at, self.order), arrival);
+        }
+    }
+
+    fn release(&mut self, now: Duration) {
+        for (channel, samples) in std::mem::take(&mut self.held) {
+            for (sample, source, message) in samples {
+                self.send(now, channel, sample, source, message);
+            }
+        }
+    }
+
+    /// Receives what arrives until now, and reviews its verdict at the times that are due.
+    pub fn advance(&mut self, now: Duration, cluster: &Cluster) {
+        while self.reviews_at <= now {
+            let at = self.reviews_at;
+            self.reviews_at += REVIEW_INTERVAL;
+            self.receive(at);
+            if at < self.joins_at {
+                continue;
+            }
+            if let Some(verdict) = self.observer.review(at) {
+                let breaches = verdict.violations.clone();
+                self.note(at, breaches, cluster);
+            }
+        }
+        self.receive(now);
+    }
+
+    /// Records what a verdict reports. Drives pass through each other in straight lines, so that two robots may stand on one spot
+    /// although the modules keep their promises; then the verdict is right.
+    fn note(&mut self, at: Duration, breaches: Vec<Breach>, cluster: &Cluster) {
+        for breach in breaches {
+            if let Breach::TwoBodies { first, second, .. } = breach
+                && let Some((first, second)) = cluster.body(first).zip(cluster.body(second))
+                && first.distance_to(&second) < BODY_WIDTH
+            {
+                self.has_met = true;
+            } else {
+                self.reported.entry(breach).or_insert(at);
+            }
+        }
+    }
+
+    /// The violations that it reported.
+    pub fn reported(&self) -> Vec<Breach> {
+        self.reported.keys().cloned().collect()
+    }
+
+    /// Where its verdicts contradict what the monitor has seen in the run. `has_formed` says that all modules hold one formation and
+    /// can reach the verifier.
+    pub fn conclude(
+        &mut self,
+        cluster: &Cluster,
+        has_formed: bool,
+        seen: &[Violation],
+    ) -> Option<Violation> {
+        let now = cluster.now();
+        // What is on its way arrives before the last verdict.
+        let end = self.arrivals.last_key_value().map(|(&(at, _), _)| at);
+        let end = end.map_or(now, |last| last.max(now));
+        self.receive(end);
+        let verdict = self.observer.final_verdict(end);
+        self.note(end, verdict.violations.clone(), cluster);
+        let (kind, detail) = if seen.is_empty() {
+            (
+                ViolationKind::FalseVerdict,
+                self.false_verdict(&verdict, has_formed)?,
+            )
+        } else {
+            (
+                ViolationKind::MissedByVerifier,
+                self.missed(&verdict, seen)?,
+            )
+        };
+        Some(Violation {
+            at: now,
+            kind,
+            detail,
+        })
+    }
+
+    /// What it reported although no invariant was violated.
+    fn false_verdict(&self, verdict: &Verdict, has_formed: bool) -> Option<String> {
+        if let Some(first) = self.reported.values().min() {
+            let breaches = self
+                .reported
+                .iter()
+                .map(|(breach, at)| format!("{breach} ({:.3} s)", at.as_secs_f64()));
+            let count = self.reported.len();
+            let listed = joined(breaches.take(BREACHES_SHOWN), "; ");
+            return Some(format!(
+                "{count} from {:.3} s on: {listed}",
+                first.as_secs_f64()
+            ));
+        }
+        let is_failed = has_formed && !self.has_met && verdict.outcome == Outcome::Failed;
+        is_failed.then(|| format!("missing: {}", joined(&verdict.missing, "; ")))
+    }
+
+    /// What it did not report although messages show it.
+    fn missed(&self, verdict: &Verdict, seen: &[Violation]) -> Option<String> {
+        let is_satisfied = self.reported.is_empty() && verdict.outcome != Outcome::Failed;
+        let has_all = self.joins_at == Duration::ZERO
+            && verdict.counts.missed_states == 0
+            && verdict.counts.dropped == 0
+            && verdict.counts.unproven == 0;
+        let mut shown = seen.iter();
+        let shown = shown.find(|violation| violation.kind.is_shown_by_messages())?;
+        (is_satisfied && has_all).then(|| format!("{}: {}", shown.kind, shown.detail))
+    }
+
+    fn receive(&mut self, until: Duration) {
+        while let Some(next) = self.arrivals.first_entry()
+            && next.key().0 <= until
+        {
+            let ((at, _), arrival) = next.remove_entry();
+            let Arrival {
+                channel,
+                sample,
+                source,
+                message,
+            } = arrival;
+            let newest = self.newest.get(&channel);
+            let is_replaced =
+                channel.topic.depth() == 1 && newest.is_some_and(|&newest| newest > sample);
+            if is_replaced && self.random.below(2) == 0 {
+                continue;
+            }
+            if self.source_guard.admit(source, &message) == Admission::Accepted {
+                self.observer.handle(at, &message);
+            }
+            for roster in self.source_guard.released() {
+                self.observer.handle(at, &roster);
+            }
+        }
+    }
+}
+
+fn channel(from: Participant, topic: Topic) -> Channel {
+    Channel {
+        from,
+        to: READER,
+        topic,
+    }
+}
