@@ -68,3 +68,17 @@ check_dependencies() {
         python3 .ci/check_dependencies
     fi
 }
+
+# The documents as a book. Its links are checked by tests.
+build_book() {
+    local environment=target/mdbook log
+    if ! cmp -s .ci/book_requirements.txt "$environment/requirements.txt"; then
+        python3 -m venv --clear "$environment"
+        "$environment/bin/pip" install --quiet -r .ci/book_requirements.txt
+        cp .ci/book_requirements.txt "$environment/requirements.txt"
+    fi
+    log=$("$environment/bin/mdbook" build 2>&1) || { printf '%s\n' "$log" >&2; return 1; }
+    # A warning is a page that shows otherwise than it is written.
+    if grep -E 'WARN|ERROR' <<<"$log" >&2; then return 1; fi
+    [ -f target/book/index.html ]
+}

@@ -46,7 +46,7 @@ pub(crate) enum Docked {
     Mixed,
     /// All modules are in configurations of one size, on lattice trees of maximum degree 3.
     Lattice(usize),
-    /// The same, on uniform labelled trees of maximum degree 4.
+    /// All modules are in configurations of one size, on uniform labelled trees of maximum degree 4.
     Labelled(usize),
 }
 

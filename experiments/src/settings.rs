@@ -27,9 +27,9 @@ pub struct Settings {
 pub enum Scale {
     /// All of them.
     Paper,
-    /// The same figures with fewer sizes between the least and the greatest, and one run of processes.
+    /// Fewer sizes between the least and the greatest, and one run of processes.
     Quick,
-    /// The same figures with a handful of modules, for tests.
+    /// A handful of modules, for tests.
     Tiny,
 }
 

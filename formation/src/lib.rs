@@ -1,8 +1,8 @@
 //! The pure core of the formation suite.
 //!
-//! The modules of a self-reconfigurable robot decide among themselves which module takes which spot of a target
-//! configuration, in which order they move, and when it is safe to move. This crate takes every such
-//! decision. It has no access to sockets, threads, clocks, random numbers or files, so every run can be replayed.
+//! Modular robots decide for themselves which module takes which spot of a target configuration, in which order they
+//! move, and when it is safe to move. This crate takes every such decision. It uses no sockets, threads, clocks, random
+//! numbers or files, so every run can be replayed.
 //!
 //! The algorithms follow A. Dutta, P. Dasgupta and C. Nelson, "A Graph Isomorphism-based Decentralized
 //! Algorithm for Modular Robot Configuration Formation" ("the paper"). The documentation of each module states where

@@ -30,6 +30,8 @@ complete() { "$root/usr/lib/formation/formation" completions "$1" | install -D -
 complete bash bash-completion/completions/formation
 complete zsh zsh/vendor-completions/_formation
 complete fish fish/vendor_completions.d/formation.fish
+"$root/usr/lib/formation/formation" manual "$root/usr/share/man/man1" >&2
+gzip -9n "$root"/usr/share/man/man1/*.1
 for unit in "$here"/*.service; do
     install -D -m 644 "$unit" "$root/usr/lib/systemd/system/${unit##*/}"
 done
@@ -55,7 +57,7 @@ Recommends: iproute2
 Section: science
 Priority: optional
 Description: modular robots that form a target shape, as ROS 2 nodes
- The modules of a modular robot decide among themselves, over DDS, which module takes which spot of a target configuration.
+ Modular robots that decide for themselves, over DDS, which module takes which spot of a target configuration.
  This package has the nodes and the launcher; they need no ROS installation.
 CONTROL
 printf '/etc/default/formation\n' >"$root/DEBIAN/conffiles"

@@ -84,6 +84,8 @@ class Robot:
 def start_poses(scenario_file):
     """Where the modules of a scenario stand at the start, by identifier. Scenarios are in units of `module_size` metres."""
     scenario = yaml.safe_load(pathlib.Path(scenario_file).read_text(encoding="utf-8"))
+    if "modules" in scenario:
+        raise ValueError(f"{scenario_file}: draws its modules; list them under `configurations` and `singletons`")
     size = float(scenario.get("module_size", 1.0))
     groups = [configuration["modules"] for configuration in scenario.get("configurations") or []]
     groups.append(scenario.get("singletons") or [])

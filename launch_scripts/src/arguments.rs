@@ -34,7 +34,7 @@ Exit status:
 /// What the launcher can do.
 #[derive(Debug, Subcommand)]
 pub enum Command {
-    /// Validate and plan a scenario file, and say what is wrong and where, or which spot cannot be reached and why.
+    /// Check that a scenario is valid and that its spots can be reached; say what is wrong, where and why.
     Check {
         /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
@@ -45,30 +45,32 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Draw a scenario whose modules and spots stand on a lattice as text, as its file may have it.
+    /// Draw a scenario as text, in the form that a scenario file may have; modules and spots must stand on a lattice.
     Show {
         /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
-        /// Print a picture in SVG instead, for which nothing needs to stand on a lattice.
+        /// Print an SVG picture instead; needs no lattice.
         #[arg(long)]
         svg: bool,
     },
-    /// Print the JSON schema of scenario files, with which editors complete and check them.
+    /// Print the JSON schema of scenario files, for editors that complete and check them.
     Schema,
-    /// Print the completions of a shell for this program. The other programs print theirs with `--completions SHELL`.
+    /// Print the shell completions of this program; the other programs have `--completions SHELL`.
     Completions {
         /// The shell: bash, elvish, fish, powershell or zsh.
         shell: String,
     },
-    /// Form the target with real processes over DDS or Zenoh, and have the outcome verified.
+    /// Write the manual pages of all commands into a directory, or print them as Markdown.
+    Manual(ManualArguments),
+    /// Form the target with real processes, one per module, and verify the outcome.
     Run(Box<RunArguments>),
-    /// Show a formation that runs elsewhere, as `formation run` shows it, until its verdict; changes nothing.
+    /// Show a formation that runs elsewhere, until its verdict; changes nothing.
     Watch(WatchArguments),
-    /// Stop all modules of a running formation: they stand still, also after restarts, until they are resumed.
+    /// Halt all modules of a running formation until `formation resume`; restarts do not end the stop.
     Stop(OrderArguments),
-    /// Let the modules of a stopped formation move again.
+    /// Let a stopped formation go on.
     Resume(OrderArguments),
-    /// Report the bodies of modules as taken away, so that they block no spot any more.
+    /// Report that the robots of dead modules were taken away, so that they no longer block spots.
     Remove {
         /// The modules, whose processes have ended.
         #[arg(required = true, value_name = "ID")]
@@ -76,27 +78,26 @@ pub enum Command {
         #[command(flatten)]
         network: OrderArguments,
     },
-    /// Route messages between processes over Zenoh, until a signal ends it.
+    /// Route messages between processes over Zenoh, until interrupted.
     Router(RouterArguments),
-    /// Have only those take part in a formation over Zenoh who have a certificate, each according to its role.
+    /// Restrict a formation over Zenoh to programs with a certificate, each in its role.
     Security {
         /// What to do.
         #[command(subcommand)]
         command: SecurityCommand,
     },
-    /// Plan offline which module takes which spot, by the same core as in every module.
+    /// Plan offline which module takes which spot, with the planner that every module runs.
     Plan {
         /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
-        /// Write pictures, a page that plays the plan, and the object that --json prints into this directory.
+        /// Write pictures, a page that plays the plan, and the JSON of --json into this directory.
         #[arg(long, value_name = "DIR")]
         report: Option<PathBuf>,
         /// Print one JSON object instead of a table.
         #[arg(long)]
         json: bool,
     },
-    /// Say why a module gets its spot in the offline plan, or none: the turns that concern it, who evicts whom, and what
-    /// other spots would cost.
+    /// Explain why a module gets its spot in the offline plan, or none: its turns, evictions, and what other spots cost.
     Explain {
         /// The scenario file (YAML); - for the standard input.
         scenario: PathBuf,
@@ -107,38 +108,59 @@ pub enum Command {
         #[arg(long)]
         json: bool,
     },
-    /// Make the pictures and the page of a recorded run, and list what the recording holds.
+    /// Draw a recorded run: pictures, a page that plays it, or an animated picture.
     ///
     /// A damaged recording is read up to the damage; the exit status is then 1.
-    Report {
-        /// The recording (MCAP), as `formation run --record` and the program `recorder` write it, or the folder of a bag.
-        recording: PathBuf,
-        /// Write into this directory [default: the name of the recording without its end]
-        #[arg(long, value_name = "DIR")]
-        report: Option<PathBuf>,
-    },
+    Report(ReportArguments),
     /// Generate a random scenario from a seed and print it as YAML.
     ///
     /// Targets and configurations are trees on the unit lattice. The modules start at random poses in a square field about the
     /// target. The same options give the same scenario.
     Generate(GenerateArguments),
-    /// Simulate agents that form targets in one process, under virtual time, on a seeded network and with faults.
+    /// Simulate many agents in one process, in virtual time, on a seeded network and with faults.
     ///
-    /// One seed is one run, and the run is the same each time. Each run is checked from outside for violations of what
-    /// must always hold: at most one module a spot, no motion without agreement, one plan in motion, no hole, an end.
-    /// A seed that fails is printed with the command that replays it. A single seed is printed in full.
+    /// Each seed is one run, the same each time. Every run is checked for what must always hold: at most one module per
+    /// spot, no motion without agreement, one plan in motion, no hole, an end. A seed that fails is printed with the command
+    /// that replays it; a single seed is printed in full.
     Simulate(SimulateArguments),
-    /// Repeat the paper's evaluation, and compare its numbers, its algorithms and ours.
+    /// Repeat the paper's evaluation: its stated numbers, its algorithms and ours.
     ///
-    /// Writes a CSV file for each figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. Measurements are
-    /// kept: after an interruption the same command continues where it stopped.
+    /// Writes a CSV file per figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. After an interruption the
+    /// same command continues where it stopped.
     Experiments(ExperimentsArguments),
+}
+
+/// Where the manual goes.
+#[derive(Debug, Args)]
+pub struct ManualArguments {
+    /// Write the pages, formation.1 and one for each command, into this directory.
+    #[arg(value_name = "DIR", required_unless_present = "markdown")]
+    pub directory: Option<PathBuf>,
+    /// Print one page of Markdown instead.
+    #[arg(long, conflicts_with = "directory")]
+    pub markdown: bool,
+}
+
+/// What to draw of a recording.
+#[derive(Debug, Args)]
+pub struct ReportArguments {
+    /// The recording (MCAP), as `formation run --record` and the program `recorder` write it, or the folder of a bag.
+    pub recording: PathBuf,
+    /// Write pictures and page into this directory [default: the name of the recording without its end, unless --film is given]
+    #[arg(long, value_name = "DIR")]
+    pub report: Option<PathBuf>,
+    /// Write an animated picture (SVG) to this file; it plays wherever a picture may stand, such as in a README.
+    #[arg(long, value_name = "FILE")]
+    pub film: Option<PathBuf>,
+    /// Draw the film for a dark page.
+    #[arg(long, requires = "film")]
+    pub dark: bool,
 }
 
 /// What can be done for the security of a formation.
 #[derive(Debug, Subcommand)]
 pub enum SecurityCommand {
-    /// Create an authority, and for each role a configuration file of Zenoh with a certificate that the authority signed.
+    /// Create a certificate authority, and for each role a Zenoh configuration file with its certificate.
     ///
     /// The roles are module, publisher, verifier, operator and observer. Name a role's file to a program in
     /// ZENOH_SESSION_CONFIG_URI, and router.json5 to `formation router` in ZENOH_ROUTER_CONFIG_URI.
@@ -148,10 +170,10 @@ pub enum SecurityCommand {
 /// For which formation to create certificates.
 #[derive(Debug, Args)]
 pub struct SecurityArguments {
-    /// The directory for the files, which is new or empty. They hold private keys.
+    /// A new or empty directory for the files. They hold private keys.
     #[arg(value_name = "DIR")]
     pub directory: PathBuf,
-    /// A host name or address of a router, by which sessions connect to it; may be repeated [default: localhost]
+    /// Host name or address of a router, as sessions reach it; may be repeated [default: localhost]
     #[arg(long, value_name = "HOST")]
     pub router: Vec<String>,
     /// The port of all routers.
@@ -160,7 +182,7 @@ pub struct SecurityArguments {
     /// The namespace of the formation.
     #[arg(long, value_name = "NAME", default_value = "/formation")]
     pub namespace: Namespace,
-    /// How many days the certificates are valid.
+    /// Days for which the certificates are valid.
     #[arg(long, value_name = "DAYS", default_value_t = 365, value_parser = clap::value_parser!(u32).range(1..=36_500))]
     pub days: u32,
 }
@@ -175,7 +197,7 @@ pub struct RouterArguments {
     /// Connect to the router at this endpoint, for example tcp/10.0.0.2:7447; may be repeated.
     #[arg(long, value_name = "ENDPOINT")]
     pub connect: Vec<String>,
-    /// End when the process that started this one ends.
+    /// End with the process that started this one.
     #[arg(long, hide = true)]
     pub stop_with_parent: bool,
 }
@@ -220,32 +242,32 @@ pub struct RunArguments {
     /// ZENOH_CONFIG_OVERRIDE name one [default: as RMW_IMPLEMENTATION says, else dds for up to 50 processes of modules]
     #[arg(long, value_name = "MIDDLEWARE")]
     pub middleware: Option<Middleware>,
-    /// Protect the run with the files that `formation security create` made in this directory: each process takes part, over
-    /// Zenoh, with the certificate of its role
+    /// Give each process the certificate of its role, from the files that `formation security create` made in this directory;
+    /// implies Zenoh
     #[arg(long, value_name = "DIR")]
     pub security: Option<PathBuf>,
     /// Fail after this many seconds without a verdict.
     #[arg(long, value_name = "S", default_value = "120", value_parser = seconds)]
     pub timeout: Duration,
-    /// Stop once all modules agree on the plan; nothing moves.
+    /// Stop once all modules agree on the plan, before anything moves.
     #[arg(long)]
     pub plan_only: bool,
     #[command(flatten)]
     pub motion: MotionArguments,
-    /// Whether the nodes serve their parameters, for `ros2 param` [default: on for up to 25 processes of modules]
+    /// Serve the nodes' parameters, for `ros2 param` [default: on for up to 25 processes of modules]
     ///
-    /// Each node needs 12 endpoints for that, which doubles the time that 40 or more processes need to discover each other.
+    /// That takes 12 endpoints per node, and doubles the time in which 40 or more processes discover each other.
     #[arg(long, value_name = "on|off", value_parser = [ON, "off"])]
     pub parameter_services: Option<String>,
-    /// The session of the run: modules refuse messages of another session, such as late ones of an earlier run
+    /// Session number; programs refuse messages of another session, such as late ones of an earlier run
     /// [default: drawn at random, and printed]
     #[arg(long, value_name = "NUMBER")]
     pub session: Option<u32>,
-    /// Keep in this directory what modules agreed on: another run of the same session and --modules-per-process continues
+    /// Keep what modules agreed on in this directory; a later run with the same session and --modules-per-process continues
     /// from it [default: a directory that is deleted with the run]
     #[arg(long, value_name = "DIR")]
     pub state_dir: Option<PathBuf>,
-    /// Write pictures, a page that plays the run, and the object that --json prints into this directory.
+    /// Write pictures, a page that plays the run, and the JSON of --json into this directory.
     #[arg(long, value_name = "DIR")]
     pub report: Option<PathBuf>,
     /// Write every state that a module publishes to this file, one JSON object a line: t (by the sender's clock, in s since
@@ -256,7 +278,7 @@ pub struct RunArguments {
     /// `formation report`.
     #[arg(long, value_name = "FILE")]
     pub record: Option<PathBuf>,
-    /// Print one JSON object instead of a table; progress stays on the standard error output.
+    /// Print one JSON object instead of a table; progress stays on standard error.
     #[arg(long)]
     pub json: bool,
     /// Set by the launcher when it restarts itself in a network namespace of its own.
@@ -270,20 +292,20 @@ pub struct MotionArguments {
     /// The speed of simulated modules, in units a second.
     #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
     pub speed: f64,
-    /// What moves the modules: their processes, as if each went straight to its goal, or a driver for each over topics
+    /// What moves the modules: a simulation in their processes, or an external driver for each, over topics
     /// [default: simulated; external with --driver]
     #[arg(long, value_name = "MODE", value_parser = [SIMULATED, EXTERNAL])]
     motion: Option<String>,
-    /// A shell command that drives all modules; the run starts and stops it.
+    /// Shell command that drives all modules; the run starts and stops it.
     #[arg(long, value_name = "COMMAND")]
     pub driver: Option<String>,
     #[command(flatten)]
     pub world: WorldArguments,
-    /// The robots stay where they are when their processes end, so that their bodies block spots; without this, the run
-    /// reports the bodies of simulated modules whose process ended as removed [default with --motion external]
+    /// Keep the robots of dead processes where they are, so that they block spots; otherwise the run reports simulated ones as
+    /// removed [default with --motion external]
     #[arg(long)]
     pub bodies_stay: bool,
-    /// Pass this option to the process of every module, for example --module-option=--motion-limit-s=30; may be repeated.
+    /// Pass this option to every module's process, such as --module-option=--motion-limit-s=30; may be repeated.
     #[arg(long, value_name = "OPTION", allow_hyphen_values = true)]
     pub module_option: Vec<String>,
 }
@@ -312,17 +334,17 @@ impl MotionArguments {
 /// A physical world that plays the robots.
 #[derive(Debug, Args)]
 pub struct WorldArguments {
-    /// Have a physical world play all robots: rigid bodies with forces, which slip, touch and dock. --speed is theirs.
+    /// Play all robots in a physical world: rigid bodies with forces, which slip, touch and dock, at --speed.
     #[arg(long, conflicts_with_all = ["driver", "motion"])]
     pub world: bool,
-    /// In the world: robots lose up to this share of a commanded velocity.
+    /// World: robots lose up to this share of a commanded velocity.
     #[arg(long, value_name = "SHARE", requires = "world")]
     slip: Option<f64>,
-    /// In the world: the standard deviation of measured poses, in units and in radians. Modules get tolerances of 4 times, and
-    /// the verifier of 8 times as much, where that is more than their own.
+    /// World: standard deviation of measured poses, in units and radians. Raises the tolerances of modules to 4 times this,
+    /// and of the verifier to 8 times.
     #[arg(long, value_name = "NOISE", requires = "world")]
     noise: Option<f64>,
-    /// Pass this option to the world, for example --world-option=--docking-failure=0.2; may be repeated.
+    /// Pass this option to the world, such as --world-option=--docking-failure=0.2; may be repeated.
     #[arg(
         long,
         value_name = "OPTION",
@@ -367,7 +389,7 @@ impl WorldArguments {
         )
     }
 
-    /// The same of the verifier, which compares poses of two moments.
+    /// Tolerances for the verifier, which compares poses of two moments.
     pub fn verifier_options(&self) -> Vec<String> {
         self.tolerances(8.0, ["--tolerance", "--heading-tolerance"], [0.05, 0.05])
     }
@@ -466,19 +488,19 @@ pub struct SimulateArguments {
     /// A scenario file (YAML), or - for the standard input: its modules and target in every run [default: drawn from each
     /// seed]
     pub scenario: Option<PathBuf>,
-    /// How many seeds to run; a single one is printed in full.
+    /// Number of seeds to run; a single one is printed in full.
     #[arg(long, value_name = "N", default_value_t = 100, value_parser = clap::value_parser!(u64).range(1..))]
     pub seeds: u64,
     /// The first seed; the others follow it.
     #[arg(long, value_name = "X", default_value_t = 0)]
     pub first_seed: u64,
-    /// How many modules a drawn scenario has: a number, or a range.
+    /// Modules of a drawn scenario: a number or a range.
     #[arg(long, value_name = "MIN-MAX", default_value = "5-40", conflicts_with = "scenario", value_parser = module_range)]
     pub modules: (usize, usize),
-    /// Which faults occur; see docs/fault_model.md.
+    /// Which faults occur; docs/running.md describes them.
     #[arg(long, value_name = "KIND", default_value_t = FaultKind::Mixed, value_parser = fault_kind())]
     pub faults: FaultKind,
-    /// Print one JSON object instead of lines for people.
+    /// Print one JSON object instead of text.
     #[arg(long)]
     pub json: bool,
 }

@@ -181,7 +181,7 @@ impl CheckedPlan {
         }
     }
 
-    /// Prints what people should know before anything moves.
+    /// Prints the warnings about a plan, before anything moves.
     pub fn warn(&self, path: &Path) {
         for warning in &self.statistics.warnings {
             console::note(&format!("warning: {}: {warning}", named(path)));

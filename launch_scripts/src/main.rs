@@ -9,6 +9,7 @@ mod experiments;
 mod explain;
 mod generate;
 mod joining;
+mod manual;
 mod motion;
 mod plan;
 mod progress;
@@ -71,13 +72,14 @@ fn main() -> ExitCode {
             json,
         } => explain::run(&scenario, module, json),
         #[cfg(feature = "recordings")]
-        Command::Report { recording, report } => recorded::run(&recording, report.as_deref()),
+        Command::Report(arguments) => recorded::run(&arguments),
         #[cfg(not(feature = "recordings"))]
-        Command::Report { .. } => Err(ros_runtime::exit::Failure::bad_input(
+        Command::Report(_) => Err(ros_runtime::exit::Failure::bad_input(
             "this program was built without recordings; `cargo build --release -p launch_scripts` includes them",
         )),
         Command::Completions { shell } => completions(&mut Arguments::command(), &shell)
             .and_then(|script| console::result_line(script.trim_end())),
+        Command::Manual(arguments) => manual::run(Arguments::command(), &arguments),
         Command::Generate(arguments) => generate::run(&arguments),
         Command::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(feature = "experiments")]

@@ -1,29 +1,32 @@
-//! `formation report`: the page of a recorded run.
+//! `formation report`: the page or the film of a recorded run.
 
 use std::collections::BTreeMap;
+use std::fs;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use anyhow::anyhow;
+use anyhow::{Context, anyhow};
 use formation::model::{ModuleId, PlanningProblem, SpotId};
 use formation::motion::PlannedMotion;
 use formation::planner::plan;
 use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
 use formation_msgs::Verdict;
-use formation_report::{Fact, Subject, Summary, Tone};
+use formation_report::{Colours, Fact, Subject, Summary, Tone, animation};
 use recorder::replay::{Replay, replay};
 use ros_runtime::exit::{Failure, one_line};
 
+use crate::arguments::ReportArguments;
 use crate::console;
 use crate::report::ReportDirectory;
 use crate::run::Recording;
 
-/// Writes the report of a recording, and prints what the recording holds.
+/// Draws a recording, and prints what it holds.
 ///
 /// # Errors
-/// The file is no recording of a formation, or is damaged, or the report cannot be written. The report of a damaged file
+/// The file is no recording of a formation, or is damaged, or a file cannot be written. What is drawn of a damaged recording
 /// shows what comes before the damage.
-pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
+pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
+    let path = arguments.recording.as_path();
     let wrong = |what: &dyn std::fmt::Display| {
         Failure::bad_input(format_args!("{}: {what}", path.display()))
     };
@@ -36,8 +39,6 @@ pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
             damage.unwrap_or_default()
         )));
     };
-    let directory = directory.map_or_else(|| default_directory(path), Path::to_owned);
-    let report = ReportDirectory::create(&directory)?;
     let mut recording = Recording::default();
     for entry in &replay.entries {
         recording.keep(entry.clone());
@@ -52,8 +53,28 @@ pub fn run(path: &Path, directory: Option<&Path>) -> Result<(), Failure> {
     let subject = Subject::of_course(&name, problem, &outcome, course, judged.as_ref())
         .with_paths(&motion, &outcome);
     let summary = summary(&replay, problem, &recording);
-    report.write_pictures(&subject, recording.entries(), &summary)?;
-    console::result_line(&text(&replay, &summary, &directory))?;
+    let mut written = Vec::new();
+    if let Some(file) = &arguments.film {
+        let colours = if arguments.dark {
+            Colours::Dark
+        } else {
+            Colours::Light
+        };
+        let film = animation(&subject, course, &summary.outcome, colours);
+        fs::write(file, film)
+            .with_context(|| format!("{}: cannot be written", file.display()))
+            .map_err(Failure::Failed)?;
+        written.push(format!("film: {}", file.display()));
+    }
+    if arguments.film.is_none() || arguments.report.is_some() {
+        let directory = arguments.report.clone();
+        let directory = directory.unwrap_or_else(|| default_directory(path));
+        let report = ReportDirectory::create(&directory)?;
+        report.write_pictures(&subject, course, &summary)?;
+        let page = directory.join("report.html");
+        written.push(format!("report: {}", page.display()));
+    }
+    console::result_line(&text(&replay, &summary, written))?;
     match &replay.file.damage {
         None => Ok(()),
         Some(damage) => Err(Failure::Failed(anyhow!(
@@ -165,7 +186,7 @@ fn judgement(verdict: &Verdict) -> Option<(Outcome, String)> {
     Some((outcome, text))
 }
 
-fn text(replay: &Replay, summary: &Summary, directory: &Path) -> String {
+fn text(replay: &Replay, summary: &Summary, written: Vec<String>) -> String {
     let rows = replay.samples.iter();
     let rows = rows.map(|(topic, count)| format!("{count:>8}  {topic}"));
     let mut lines = vec![format!("{:>8}  topic", "samples")];
@@ -176,9 +197,6 @@ fn text(replay: &Replay, summary: &Summary, directory: &Path) -> String {
         summary.outcome,
         replay.duration.as_secs_f64()
     ));
-    lines.push(format!(
-        "report: {}",
-        directory.join("report.html").display()
-    ));
+    lines.extend(written);
     lines.join("\n")
 }

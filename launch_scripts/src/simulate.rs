@@ -171,7 +171,7 @@ struct Sums {
     epochs: u64,
 }
 
-/// The median and the worst of the times that seeds took; `null` without any.
+/// Median and worst recovery time over the seeds; `null` if no seed has one.
 #[derive(Debug, Default, Serialize)]
 struct Spread {
     median: Option<u64>,

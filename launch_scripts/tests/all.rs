@@ -12,6 +12,7 @@ mod experiments;
 mod explain;
 mod generate;
 mod incomplete;
+mod manual;
 mod outputs;
 mod plan;
 mod run;

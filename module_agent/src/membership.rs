@@ -46,7 +46,7 @@ impl MembershipRequest {
     }
 }
 
-/// The same outcome; a refusal is logged.
+/// Logs a refusal, and passes the outcome on.
 fn logged(module: u32, outcome: Result<String, String>) -> Result<String, String> {
     outcome.inspect_err(|reason| tracing::warn!(module, "refused a request: {reason}"))
 }

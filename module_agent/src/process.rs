@@ -204,7 +204,7 @@ enum Input {
     Failed(String),
 }
 
-/// What takes long, each on a thread of its own.
+/// Slow work, each kind on its own thread.
 struct Workers {
     plans: Worker<PlanJob>,
     /// `None` without a store.
@@ -249,7 +249,7 @@ struct Publishers {
 struct ModuleNode {
     /// The time since the machine started, when the node did.
     start: Duration,
-    /// The same moment since 1970.
+    /// The time since 1970 at that moment.
     clock_zero: Duration,
     publishers: Publishers,
     host: Host,

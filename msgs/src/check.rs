@@ -30,13 +30,13 @@ impl FieldError {
         Self::new(field, Fault::Contradiction(reason))
     }
 
-    /// A number stands for nothing that is known.
+    /// A number that has no meaning here.
     pub(crate) fn unknown(field: &str, value: impl Into<i64>, known: &'static str) -> Self {
         let value = value.into();
         Self::new(field, Fault::UnknownValue { value, known })
     }
 
-    /// The same fault, seen from the message that holds `outer`.
+    /// Prefixes the field with `outer`, the field of the message around it.
     pub(crate) fn within(mut self, outer: impl fmt::Display) -> Self {
         self.field = if self.field.is_empty() {
             outer.to_string()
@@ -46,7 +46,7 @@ impl FieldError {
         self
     }
 
-    /// The same fault, seen from the list that holds `outer`.
+    /// Prefixes the field with an entry of the list `outer`.
     pub(crate) fn within_entry(self, outer: &str, index: usize) -> Self {
         self.within(format_args!("{outer}[{index}]"))
     }

@@ -107,7 +107,7 @@ pub enum Fault {
     /// An epoch is needed, but the one given is number 0.
     #[error("number 0 stands for no epoch, but one is needed here")]
     NoEpoch,
-    /// The same thing is listed twice.
+    /// A list holds an entry twice.
     #[error("{0} is listed twice")]
     Repeated(String),
     /// A list that must ascend does not.

@@ -1,4 +1,4 @@
-//! What travels on `roster`.
+//! The message on `roster`.
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 

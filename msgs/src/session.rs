@@ -38,7 +38,7 @@ pub trait InSession: Sized {
         ModuleSize::METRE
     }
 
-    /// The same message in a session.
+    /// Puts the message into a session.
     #[must_use]
     fn in_session(self, session: SessionId) -> Self;
 }

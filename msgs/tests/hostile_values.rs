@@ -145,7 +145,7 @@ proptest! {
     /// Two agents and an observer receive many such messages from three processes, mixed with each other's messages and
     /// with passing time.
     #[test]
-    fn agents_and_observers_bear_whatever_passes_the_border(seed in any::<u64>()) {
+    fn agents_and_observers_tolerate_whatever_passes_validation(seed in any::<u64>()) {
         let codecs = codecs();
         let mut random = Random::from_seed(seed);
         let mut agents = [agent(1), agent(2)];

@@ -96,7 +96,7 @@ pub fn driver_pose(module: ModuleId) -> Topic<PoseStamped> {
     of_module(module, topic::POSE, Quality::BestEffort)
 }
 
-/// The same as odometry.
+/// The pose of a module as odometry, from its driver.
 #[must_use]
 pub fn driver_odometry(module: ModuleId) -> Topic<Odometry> {
     of_module(module, topic::ODOMETRY, Quality::BestEffort)

@@ -1,8 +1,9 @@
 //! Pictures of formations, and a page that plays one.
 //!
 //! All functions turn data into text and do no I/O: a [`Subject`] becomes the pictures [`before`] and [`after`]; a subject
-//! and its course, planned ([`course_of_plan`]) or recorded, become a [`page`].
+//! and its course, planned ([`course_of_plan`]) or recorded, become a [`page`] or an animated picture ([`animation`]).
 
+mod animation;
 mod drawing;
 mod element;
 mod frame;
@@ -14,6 +15,7 @@ mod planned;
 mod playback;
 mod subject;
 
+pub use animation::{Colours, animation};
 pub use page::{Fact, Summary, Tone, page};
 pub use pictures::{after, before};
 pub use planned::course_of_plan;

@@ -15,7 +15,7 @@ use crate::element::{Element, Escaped, Short};
 use crate::frame::Frame;
 use crate::legend::{self, Mark};
 use crate::pictures::STYLE;
-use crate::playback::Film;
+use crate::playback::{Film, KEYFRAMES_MAX};
 use crate::subject::{Module, Subject};
 
 const TEMPLATE: &str = include_str!("../assets/page.html");
@@ -77,7 +77,7 @@ pub struct Summary {
 #[must_use]
 pub fn page(subject: &Subject, course: &[Entry], summary: &Summary) -> String {
     let frame = Frame::around(places(subject, course)).at_least(GROUND_WIDTH_MIN);
-    let film = Film::of(subject, course, &frame, &summary.outcome);
+    let film = Film::of(subject, course, &frame, &summary.outcome, KEYFRAMES_MAX);
     fill(TEMPLATE, |marker| match marker {
         "policy" => policy(),
         "title" => Escaped(subject.title()).to_string(),
@@ -156,7 +156,10 @@ fn embedded(value: &impl Serialize) -> String {
 }
 
 /// All poses in the film.
-fn places<'a>(subject: &'a Subject, course: &'a [Entry]) -> impl Iterator<Item = Pose> + 'a {
+pub(crate) fn places<'a>(
+    subject: &'a Subject,
+    course: &'a [Entry],
+) -> impl Iterator<Item = Pose> + 'a {
     let observed = course.iter().filter_map(|entry| match &entry.event {
         Event::State(state) => Some((state.module, state.pose)),
         Event::Pose { module, pose } => Some((*module, *pose)),

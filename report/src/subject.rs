@@ -122,7 +122,7 @@ impl Subject {
         }
     }
 
-    /// The same with the paths that the plan gives its modules.
+    /// Adds the paths that the plan gives the modules.
     #[must_use]
     pub fn with_paths(mut self, motion: &PlannedMotion, outcome: &PlanOutcome) -> Self {
         match motion {
@@ -150,7 +150,7 @@ impl Subject {
         self
     }
 
-    /// The same with modules whose processes died.
+    /// Marks the modules whose processes died.
     #[must_use]
     pub fn with_dead(mut self, dead: &BTreeSet<ModuleId>) -> Self {
         for module in &mut self.modules {

@@ -74,7 +74,7 @@ impl fmt::Display for Domain {
 pub enum DiscoveryRange {
     /// No process, not even on the same machine.
     Off,
-    /// The same machine, over the loopback interface alone.
+    /// This machine only, over the loopback interface.
     Localhost,
     /// Every machine that multicast reaches.
     #[default]

@@ -15,7 +15,7 @@ pub const ENFORCED: [(&str, &str); 2] = [(ENABLE, "true"), (STRATEGY, "Enforce")
 /// authority, and its content is encrypted.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Security {
-    /// Security is not asked for.
+    /// Messages need no protection.
     #[default]
     Off,
     /// The process logs a warning and goes on without.

@@ -63,9 +63,9 @@ enum Rule {
     AllBack,
     /// The rules Q1 to Q4 and Q7.
     Memories,
-    /// The same without Q7.
+    /// `Memories` without Q7.
     WithoutFounder,
-    /// The same, but a roster that was shown replaces the founders.
+    /// `Memories`, except that a roster that was shown replaces the founders.
     ShownReplacesFounders,
 }
 

@@ -1,4 +1,4 @@
-//! A peer on Zenoh that is built on hiroz, which others wrote.
+//! A peer over Zenoh built on hiroz, an independent implementation.
 
 use std::path::PathBuf;
 use std::process::{Child, Command, Stdio};

@@ -52,7 +52,7 @@ pub fn program(name: &str) -> PathBuf {
     built
 }
 
-/// One of our programs, running; it is killed at the latest with this value.
+/// One of our programs, running; killed when this value is dropped.
 pub struct Running {
     child: Child,
     name: String,

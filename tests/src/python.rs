@@ -54,6 +54,12 @@ impl Python {
         tool_or_skip(Tool::Python, made).map(|path| Self { path })
     }
 
+    /// The interpreter.
+    #[must_use]
+    pub fn path(&self) -> &Path {
+        &self.path
+    }
+
     /// A shell command that runs a script of the repository, named as seen from its root.
     #[must_use]
     pub fn command(&self, script: &str) -> String {

@@ -8,7 +8,7 @@ use serde_json::{Value, json};
 
 use crate::python::Python;
 
-/// A script at work; it is ended at the latest with this value.
+/// A running script, ended when this value is dropped.
 pub struct RosTool {
     child: Child,
     output: BufReader<ChildStdout>,

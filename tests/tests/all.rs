@@ -27,6 +27,7 @@ mod security;
 mod services;
 mod several_machines;
 mod terminal;
+mod tutorials;
 mod visualiser;
 #[cfg(feature = "zenoh")]
 mod zenoh;

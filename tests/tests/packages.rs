@@ -185,6 +185,8 @@ fn the_debian_package_forms_a_target_from_a_clean_root() {
         let script = fs::read_to_string(root.join("usr/share").join(completion)).unwrap();
         assert!(script.contains("simulate"), "{completion}");
     }
+    let manual = root.join("usr/share/man/man1/formation-run.1.gz");
+    assert!(manual.is_file(), "{}", manual.display());
     let defaults = fs::read_to_string(root.join("etc/default/formation")).unwrap();
     assert!(defaults.contains("MODULE_OPTIONS="));
     let name = scenario_path("mcs_detach");

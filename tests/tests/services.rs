@@ -47,7 +47,7 @@ fn wait_until_done(tool: &mut RosTool, settled: u32) -> Value {
 }
 
 #[test]
-fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
+fn status_is_reported_and_a_withdrawn_target_stays_withdrawn() {
     let domain = &*Domain::for_processes(4);
     let node = "/formation/target_publisher";
     let Some(mut tool) = RosTool::start(&["call", node, "--domain", domain]) else {
@@ -104,7 +104,7 @@ fn status_is_told_and_a_withdrawn_target_stays_withdrawn() {
 }
 
 #[test]
-fn modules_are_retired_and_added_and_stay_so_when_their_process_joins_anew() {
+fn retired_and_added_modules_stay_so_when_their_process_rejoins() {
     let domain = &*Domain::for_processes(4);
     let node = "/formation/modules_1_to_10";
     let Some(mut tool) = RosTool::start(&["call", node, "--domain", domain]) else {

@@ -11,7 +11,7 @@ use serde::Serialize;
 /// A file of states, one JSON object a line. Each state is written once.
 #[derive(Debug)]
 pub struct TraceFile<W: Write = BufWriter<File>> {
-    /// How the option and its file are named to the user.
+    /// The option and its file, as error messages name them.
     name: String,
     out: W,
     /// Why a line could not be written; then no further one is.

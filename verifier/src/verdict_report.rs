@@ -8,7 +8,7 @@ use ros_runtime::exit::{STATUS_DONE, STATUS_FAILED};
 
 use crate::verification::End;
 
-/// The end as a line for programs.
+/// The final line for programs, as JSON.
 #[must_use]
 pub fn end_line(end: &End) -> ReportLine {
     match end {

@@ -35,7 +35,7 @@ const JUDGEMENTS_WAITED: u32 = 9;
 /// How often a verifier that keeps watching looks for modules that have fallen silent.
 const REVIEW_INTERVAL: Duration = Duration::from_secs(1);
 
-/// A process that observes a formation and judges it, from what is on the topics alone.
+/// A process that observes a formation and judges it by the topics alone.
 #[derive(Clone, Debug)]
 pub struct VerifierProcess {
     /// Its place in the ROS 2 graph.

@@ -47,7 +47,7 @@ pub(crate) struct Attempt {
     pub stage: AttemptStage,
 }
 
-/// How far an attempt is.
+/// The progress of an attempt.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum AttemptStage {
     /// It goes on since then.

@@ -118,7 +118,7 @@ impl WorldProcess {
     }
 }
 
-/// Subscribes what the module sends to its driver.
+/// Subscribes to what a module sends to its driver.
 fn subscribe(
     session: &mut Session,
     inputs: &mut Inputs<(ModuleId, Command)>,
@@ -173,7 +173,7 @@ struct WorldNode<'a> {
     world: &'a mut World,
     /// By module, ascending.
     drivers: Vec<Driver>,
-    /// Until when the world has moved on.
+    /// The time up to which the world was simulated.
     advanced: Instant,
     notify: &'a mut dyn FnMut(&WorldReport),
     /// What was reported last, and when.

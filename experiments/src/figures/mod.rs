@@ -176,7 +176,7 @@ pub(crate) fn lattice(settings: &Settings, size: usize, seed: u64) -> Instance {
     generated(modules, modules, Docked::Lattice(size), seed)
 }
 
-/// The same on uniform labelled trees.
+/// As many modules as spots, all in configurations of one size on uniform labelled trees.
 pub(crate) fn labelled(settings: &Settings, size: usize, seed: u64) -> Instance {
     let modules = settings.full_size();
     generated(modules, modules, Docked::Labelled(size), seed)
@@ -295,7 +295,7 @@ impl Data<'_> {
         Sample::of(self.values(group, value))
     }
 
-    /// The same number of several contenders on one family of instances.
+    /// One number of each contender on a family of instances.
     fn samples<const N: usize>(
         &self,
         family: Family,

@@ -89,7 +89,7 @@ impl GeneratorParameters {
         }
     }
 
-    /// The same parameters with another grouping.
+    /// Sets the grouping.
     #[must_use]
     pub fn grouped(self, grouping: Grouping) -> Self {
         Self { grouping, ..self }

@@ -25,7 +25,7 @@ impl FieldError {
         }
     }
 
-    /// The same error of a field that is part of `whole`.
+    /// Prefixes the field with `whole`, of which it is a part.
     pub(crate) fn within(self, whole: &str) -> Self {
         Self::new(format_args!("{whole}.{}", self.field), self.reason)
     }

@@ -135,7 +135,7 @@ pub enum DriveState {
     Standing,
     /// The module moves straight on, until it publishes a state at the next corner or stop.
     Moving,
-    /// The same in a step in which the modules of its unit fold: these may overlap each other.
+    /// The module moves straight on in a step in which its unit folds, so modules of the unit may overlap.
     Folding,
 }
 
@@ -355,7 +355,7 @@ impl Roster {
         self.blocked_by(&self.bodies)
     }
 
-    /// The same if these were the bodies of modules that are not members.
+    /// The blocked spots if these were the bodies of modules that are not members.
     pub(crate) fn blocked_by(&self, bodies: &[BodyReport]) -> Vec<BlockedSpot> {
         let motion = self.target.parameters.motion;
         let target = self.target.target.as_ref();

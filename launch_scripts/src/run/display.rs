@@ -14,7 +14,7 @@ use crate::console;
 
 /// Without a terminal, a line is written at most this often within one stage.
 const LINE_INTERVAL: Duration = Duration::from_secs(1);
-/// The same where a formation is watched that another process runs, and a line repeats although nothing changes.
+/// The interval while another launcher's formation is watched; its line repeats even if nothing changes.
 const WATCH_INTERVAL: Duration = Duration::from_secs(10);
 
 /// How far a run has come, in one line: the stage, its numbers, and the modules for which it waits.

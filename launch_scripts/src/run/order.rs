@@ -8,12 +8,12 @@ use ros_runtime::exit::Failure;
 use super::{Programs, environment_of_runs};
 use crate::arguments::OrderArguments;
 
-/// The option by which the target publisher orders all modules to stop.
+/// The option of the target publisher that stops all modules.
 pub const STOP: &str = "--stop";
-/// The option by which it lets them resume.
+/// The option that lets them resume.
 pub const RESUME: &str = "--resume";
 
-/// The option by which the target publisher reports bodies as removed.
+/// The option that reports bodies as removed.
 pub fn removal(modules: &[u32]) -> Vec<String> {
     vec!["--remove-module".to_owned(), joined(modules, ",")]
 }

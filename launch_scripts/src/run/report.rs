@@ -42,7 +42,7 @@ pub struct RunReport {
     #[serde(flatten)]
     plan: PlanReport,
     violations: Vec<String>,
-    /// `None` where modules only agree.
+    /// `None` with `--plan-only`.
     missing: Option<Vec<String>>,
     discovery_ms: Option<u64>,
     planning_ms: Option<u64>,

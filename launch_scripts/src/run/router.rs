@@ -25,7 +25,7 @@ const DDS_PROCESSES_MAX: usize = 50;
 
 /// The variable that names the file of the configuration of Zenoh sessions.
 const SESSION_FILE: &str = "ZENOH_SESSION_CONFIG_URI";
-/// The same for routers.
+/// The variable that names the configuration file of a router.
 const ROUTER_FILE: &str = "ZENOH_ROUTER_CONFIG_URI";
 /// The variable with single values of that configuration.
 const OVERRIDE: &str = "ZENOH_CONFIG_OVERRIDE";

@@ -41,7 +41,7 @@ const LOOK: Duration = Duration::from_secs(10);
 const PROGRESS_INTERVAL: Duration = Duration::from_millis(50);
 /// The processes of a formation that is silent for longer after a verdict have ended.
 const ENDED_AFTER: Duration = Duration::from_secs(3);
-/// The same without a verdict: the network may be cut for a while.
+/// How long a formation may be silent before a verdict: the network may be cut for a while.
 const SILENCE_MAX: Duration = Duration::from_secs(30);
 
 /// Shows a formation until its verdict.
@@ -125,7 +125,7 @@ fn refuse_interruption(signal: &AtomicUsize) -> Result<(), Failure> {
     }
 }
 
-/// How a watch ended by itself.
+/// Why a watch ended, unless it was interrupted.
 enum End {
     /// With the verdict of a verifier.
     Judged(Box<Verdict>),

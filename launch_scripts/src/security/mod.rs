@@ -19,7 +19,7 @@ use certificates::{Authority, Purpose};
 
 /// Only the user who creates the files may read them.
 const PRIVATE_FILE: u32 = 0o600;
-/// The same for their directory.
+/// Permissions of the directory that holds them.
 const PRIVATE_DIRECTORY: u32 = 0o700;
 
 /// Names that every router has, so that a session on its own machine can connect to it.

@@ -55,7 +55,7 @@ pub struct MarkerArray {
 }
 
 impl MarkerArray {
-    /// The same shapes with every length multiplied.
+    /// Multiplies every length of the shapes.
     #[must_use]
     pub fn scaled(mut self, by: f64) -> Self {
         for marker in &mut self.markers {

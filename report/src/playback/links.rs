@@ -14,7 +14,7 @@ const SPANS_MAX: usize = 60_000;
 /// The kind of a link.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "snake_case")]
-enum Fate {
+pub(crate) enum Fate {
     Kept,
     Broken,
     New,
@@ -22,7 +22,13 @@ enum Fate {
 
 /// Two modules, the kind of their link, and the times at which it begins and ends.
 #[derive(Clone, Debug, Serialize)]
-pub(super) struct Span(usize, usize, Fate, f64, Option<f64>);
+pub(crate) struct Span(
+    pub(crate) usize,
+    pub(crate) usize,
+    pub(crate) Fate,
+    pub(crate) f64,
+    pub(crate) Option<f64>,
+);
 
 /// The links of the film so far.
 pub(super) struct Links {

@@ -1,4 +1,4 @@
-//! The data of the page's player: the state of all modules, spots and links at every time of the film.
+//! The film that the page and the animated picture play: the state of all modules, spots and links at every time.
 //!
 //! The film is not in real time, because turns take microseconds and motions take minutes: turns are lengthened, long
 //! motions shortened, and waits in which nothing moves cut. The clock next to the film shows the recorded time.
@@ -16,11 +16,13 @@ use serde::Serialize;
 use crate::frame::Frame;
 use crate::subject::Subject;
 use links::Links;
+pub(crate) use links::{Fate, Span};
 use pace::Pace;
-use track::{Corner, Track, corners};
+use track::{Corner, corners};
+pub(crate) use track::{Keyframe, Track};
 
-/// The approximate maximum of keyframes of all modules; more make the page large without visible effect.
-const KEYFRAMES_MAX: usize = 40_000;
+/// The approximate maximum of keyframes of all modules on a page; more make it large without visible effect.
+pub(crate) const KEYFRAMES_MAX: usize = 40_000;
 /// The minimum limit of keyframes of one module, which keeps the last ones.
 const KEYFRAMES_MIN: usize = 16;
 /// The approximate maximum of corners of all planned paths; a module whose path has more than its share is shown the way that it
@@ -33,7 +35,7 @@ const STEPS_MAX: usize = 30_000;
 #[derive(Clone, Debug, Serialize)]
 pub(crate) struct Film {
     /// The length in seconds.
-    length: f64,
+    pub(crate) length: f64,
     /// When the first module moves, at which the player begins; 0 if none does.
     begin: f64,
     /// The side of a module's square.
@@ -41,15 +43,15 @@ pub(crate) struct Film {
     /// The recorded milliseconds at some times, between which the player interpolates.
     clock: Vec<(f64, u64)>,
     /// The stages, each with the time at which it begins.
-    stages: Vec<(f64, FormationStage)>,
+    pub(crate) stages: Vec<(f64, FormationStage)>,
     /// The steps, each a sentence.
     pub(crate) steps: Vec<FilmStep>,
     /// Whether modules follow the planned paths, each with the time from which it holds.
     planned: Vec<(f64, bool)>,
-    modules: Vec<ModuleFilm>,
-    spots: Vec<SpotFilm>,
+    pub(crate) modules: Vec<ModuleFilm>,
+    pub(crate) spots: Vec<SpotFilm>,
     /// The links, each with the times at which it begins and ends.
-    links: Vec<links::Span>,
+    pub(crate) links: Vec<Span>,
 }
 
 #[derive(Clone, Debug, Serialize)]
@@ -64,30 +66,36 @@ pub(crate) struct FilmStep {
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct ModuleFilm {
-    id: u32,
+pub(crate) struct ModuleFilm {
+    pub(crate) id: u32,
     /// The keyframes of its path.
-    track: Track,
+    pub(crate) track: Track,
     /// The corners of its planned path.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     path: Vec<Corner>,
     /// Its phases, each with the time at which it begins.
-    phases: Vec<(f64, ModulePhase)>,
+    pub(crate) phases: Vec<(f64, ModulePhase)>,
 }
 
 #[derive(Clone, Debug, Serialize)]
-struct SpotFilm {
+pub(crate) struct SpotFilm {
     id: u32,
     x: f64,
     y: f64,
     /// Its holders by the claims, each with the time from which it holds the spot; `None` when the spot is free.
-    holders: Vec<(f64, Option<usize>)>,
+    pub(crate) holders: Vec<(f64, Option<usize>)>,
 }
 
 impl Film {
-    /// Makes a film of a course. `end` is its last sentence.
-    pub(crate) fn of(subject: &Subject, course: &[Entry], frame: &Frame, end: &str) -> Self {
-        let mut cutting = Cutting::new(subject, course, frame);
+    /// Makes a film of a course, of about `keyframes_max` keyframes at most. `end` is its last sentence.
+    pub(crate) fn of(
+        subject: &Subject,
+        course: &[Entry],
+        frame: &Frame,
+        end: &str,
+        keyframes_max: usize,
+    ) -> Self {
+        let mut cutting = Cutting::new(subject, course, frame, keyframes_max);
         for entry in course {
             cutting.take(entry);
         }
@@ -113,8 +121,8 @@ struct Cutting<'a> {
 }
 
 impl<'a> Cutting<'a> {
-    fn new(subject: &'a Subject, course: &[Entry], frame: &'a Frame) -> Self {
-        let keyframes_max = (KEYFRAMES_MAX / subject.modules.len().max(1)).max(KEYFRAMES_MIN);
+    fn new(subject: &'a Subject, course: &[Entry], frame: &'a Frame, keyframes_max: usize) -> Self {
+        let keyframes_max = (keyframes_max / subject.modules.len().max(1)).max(KEYFRAMES_MIN);
         let scene = Scene::default();
         let corners_max = (CORNERS_MAX / subject.modules.len().max(1)).max(KEYFRAMES_MIN);
         let modules = subject.modules.iter().map(|module| ModuleFilm {

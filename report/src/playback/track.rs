@@ -14,7 +14,12 @@ const JUMP_S: f64 = 0.3;
 
 /// Time, x, y and turn: seconds, pixels and degrees.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-struct Keyframe(f64, f64, f64, f64);
+pub(crate) struct Keyframe(
+    pub(crate) f64,
+    pub(crate) f64,
+    pub(crate) f64,
+    pub(crate) f64,
+);
 
 /// A corner of a path, in pixels.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -47,7 +52,7 @@ pub(super) fn corners(frame: &Frame, path: &[Pose]) -> Vec<Corner> {
 /// Keyframes in the order of time.
 #[derive(Clone, Debug, Serialize)]
 #[serde(transparent)]
-pub(super) struct Track {
+pub(crate) struct Track {
     frames: Vec<Keyframe>,
     #[serde(skip)]
     most: usize,
@@ -60,6 +65,11 @@ impl Track {
             frames: vec![keyframe(0.0, frame, pose)],
             most,
         }
+    }
+
+    /// The keyframes in the order of time; there is at least one.
+    pub(crate) fn keyframes(&self) -> &[Keyframe] {
+        &self.frames
     }
 
     /// Takes the pose of a state, before which the module was in phase `was`.

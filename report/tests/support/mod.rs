@@ -22,7 +22,10 @@ pub struct Formed {
 
 impl Formed {
     pub fn of(yaml: &str) -> Self {
-        let scenario = Scenario::from_yaml(yaml).unwrap();
+        Self::from_scenario(Scenario::from_yaml(yaml).unwrap())
+    }
+
+    pub fn from_scenario(scenario: Scenario) -> Self {
         let mut outcome = plan(Arc::new(scenario.problem().clone()));
         let (motion, plan) = PlannedMotion::of(scenario.problem(), outcome.plan, &[]);
         outcome.plan = plan;

@@ -1,4 +1,4 @@
-//! What a parameter is.
+//! The declaration of a parameter: name, type, range, default, and when it can change.
 
 use std::fmt::Display;
 

@@ -200,14 +200,14 @@ impl<P: Clone + 'static> Tunable<P> {
         }
     }
 
-    /// The same, set at the start only, for this reason.
+    /// Fixes the value at the start; `reason` is what a client that sets it later is told.
     #[must_use]
     pub fn at_start(self, reason: &'static str) -> Self {
         let change = Change::AtStart(reason);
         Self { change, ..self }
     }
 
-    /// The same as an option of the command line alone.
+    /// Makes it an option of the command line only, and no ROS parameter.
     #[must_use]
     pub fn option_only(self) -> Self {
         let is_parameter = false;
@@ -217,21 +217,21 @@ impl<P: Clone + 'static> Tunable<P> {
         }
     }
 
-    /// The same with an option of this name.
+    /// Names its option.
     #[must_use]
     pub fn option(self, name: &str) -> Self {
         let option = name.to_owned();
         Self { option, ..self }
     }
 
-    /// The same with a second name of the option.
+    /// Gives its option a second name.
     #[must_use]
     pub fn alias(self, alias: &'static str) -> Self {
         let alias = Some(alias);
         Self { alias, ..self }
     }
 
-    /// The same with an option of this name, which sets it to false.
+    /// Names an option that sets it to false.
     #[must_use]
     pub fn unset_by(self, name: &str) -> Self {
         let flag_sets = false;
@@ -314,7 +314,7 @@ pub trait Tunables: Clone + Default + Send + Sync + 'static {
         rows.map(|row| row.declaration(self)).collect()
     }
 
-    /// The same with the values that ROS 2 has now.
+    /// Replaces the values by the present ones of the ROS parameters.
     ///
     /// # Errors
     /// Names a parameter that is not declared, or that contradicts another.

@@ -43,9 +43,9 @@ const BASIC: [(&str, u8); 15] = [
 const BOUNDED_STRING: u8 = 4;
 /// How much the number of an array exceeds that of its elements.
 const ARRAY: u8 = 48;
-/// The same for a list with a bound.
+/// How much the number of a list with a bound exceeds that of its elements.
 const BOUNDED_LIST: u8 = 96;
-/// The same for a list without one.
+/// How much the number of a list without a bound exceeds that of its elements.
 const LIST: u8 = 144;
 
 impl Field {

@@ -213,7 +213,7 @@ impl ZenohGraph {
         Ok(decoded.boxed_local())
     }
 
-    /// The same without decoding the samples.
+    /// Subscribes without decoding the samples.
     pub(crate) fn raw_subscription<M: 'static>(
         &mut self,
         topic: &Topic<M>,
@@ -328,7 +328,7 @@ fn message_type<M>(topic: &Topic<M>) -> String {
     format!("{package}/msg/{type_name}")
 }
 
-/// The same stream, which keeps `held` until it is dropped.
+/// Ties the lifetime of `held` to a stream.
 fn holding<T: 'static>(
     held: impl Sized + 'static,
     stream: impl futures::Stream<Item = T> + 'static,

@@ -285,7 +285,7 @@ pub(super) fn check_session(security: Security, config: &Config) -> Result<(), S
     check(security, shortfall(config), configuration::SESSION_FILE)
 }
 
-/// The same for the configuration of a router.
+/// Checks the configuration of a router, like [`check_session`].
 ///
 /// # Errors
 /// As [`check_session`].

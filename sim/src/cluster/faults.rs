@@ -20,7 +20,7 @@ use crate::observation::Observation;
 const CLOCK_SECOND: u64 = 1_000_000;
 
 impl Cluster {
-    /// Lets a module's process start no earlier than `at`; for calls before the first step.
+    /// Delays the start of a module's process until `at`. To be called before the first step.
     pub fn start_late(&mut self, module: ModuleId, at: Duration) {
         self.late.insert(module, at);
     }

@@ -103,7 +103,7 @@ impl Cluster {
         Self::of_agents(problem, parameters, seed, AgentFactory::default())
     }
 
-    /// The same, with agents of another factory.
+    /// Starts a cluster whose agents come from this factory.
     #[must_use]
     pub fn of_agents(
         problem: &PlanningProblem,

@@ -65,7 +65,7 @@ impl Cluster {
         Some(self.agent(module)?.run())
     }
 
-    /// The same under the number that the process had at its start.
+    /// The run of a module under the number that its process had at the start.
     pub(super) fn process_run_of(&self, module: ModuleId) -> Option<ModuleRun> {
         Some(self.processes.get(&module)?.run)
     }

@@ -1,6 +1,7 @@
-//! The documents are true of the repository, and all of its text keeps to one vocabulary and to the rules of layout.
+//! The documents are true of the repository, and its text keeps to the rules of layout.
 
+mod book;
 mod files;
+mod parameters;
 mod references;
 mod sources;
-mod words;

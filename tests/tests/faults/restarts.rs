@@ -35,7 +35,7 @@ singletons:
 const DUPLICATE: &str = "a second process runs as module";
 
 #[test]
-fn a_module_that_is_started_anew_takes_its_part_again() {
+fn a_restarted_module_takes_part_again() {
     let domain = &*Domain::for_processes(6);
     let mut fleet = Fleet::new("restart", NO_SPARES, domain, Timing::Quick);
     // It misses a module before the others do, so its verdict on the break comes before theirs is another formation.
@@ -63,7 +63,7 @@ fn a_module_that_is_started_anew_takes_its_part_again() {
 }
 
 #[test]
-fn a_second_process_with_a_living_id_is_refused_and_both_are_told() {
+fn a_second_process_with_a_live_id_is_refused_and_both_log_it() {
     let domain = &*Domain::for_processes(7);
     let mut fleet = Fleet::new("duplicate", NO_SPARES, domain, Timing::Quick);
     let judge = fleet.judge(None);

@@ -55,7 +55,7 @@ impl Alignment {
 /// How exactly modules stand at the start.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Exactness {
-    /// What is off by no more needs no step.
+    /// A deviation up to this needs no step.
     pub tolerance: i64,
     /// How far cells of bodies that count as apart may overlap, and how far a module may be turned without needing the
     /// circle around it; at least the tolerance.

@@ -42,7 +42,7 @@ impl Routes {
         }
     }
 
-    /// The cheapest nodes from the present one, included, to a goal; none if there are none.
+    /// The cheapest nodes from the present one, included, to a goal; `None` if there is no way.
     ///
     /// A step costs [`STEP`] and what `cost` gives for each cell that is newly held; a cell without a cost is closed.
     /// `rest` never exceeds the cost that is left.

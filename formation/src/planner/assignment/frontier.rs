@@ -97,7 +97,7 @@ pub(super) struct Frontier {
     limit: i64,
     /// For each leaf, the amount by which the potentials of all of its spots have fallen.
     leaf_lifts: Vec<i64>,
-    /// The same for each branch.
+    /// The bound of each branch, likewise.
     branch_lifts: Vec<i64>,
     /// For each module; filled at its first insertion.
     outlooks: Vec<Outlook>,

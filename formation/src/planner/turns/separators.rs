@@ -54,7 +54,7 @@ impl<'a> Separators<'a> {
         true
     }
 
-    /// Notes that a node was removed. Returns the nodes that parted the graph and may no longer do.
+    /// Removes a node. Returns the separators that may no longer be separators.
     pub(super) fn remove(&mut self, node: usize) -> Vec<usize> {
         let mut freed = std::mem::take(&mut self.dependents[node]);
         freed.retain(|&dependent| std::mem::replace(&mut self.is_known[dependent], false));

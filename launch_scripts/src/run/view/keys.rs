@@ -13,9 +13,9 @@ pub const HELP: &str = "s stops all modules, r resumes, Ctrl-C ends";
 /// What a key asks for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Key {
-    /// All modules halt until they are to resume.
+    /// Halt all modules until `Resume`.
     Stop,
-    /// They go on.
+    /// Let all modules go on.
     Resume,
 }
 

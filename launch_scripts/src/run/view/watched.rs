@@ -133,7 +133,7 @@ impl Watched {
         }
     }
 
-    /// While modules move along paths, all at the same time: those that are on their way, and those that wait for others.
+    /// The modules on their way and those that wait for others, while modules move along paths.
     pub fn on_paths(&self) -> Option<(Vec<ModuleId>, Vec<ModuleId>)> {
         let plan = self.plan.as_ref().filter(|plan| self.follows(plan))?;
         if !self.is_acting() || plan.motion.paths().is_none() {

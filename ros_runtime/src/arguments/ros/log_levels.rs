@@ -14,7 +14,7 @@ pub enum LogLevel {
     Warn,
     /// Faults on which a person has to act.
     Error,
-    /// The same as `Error`: a fatal fault ends the process and is its last line.
+    /// Treated as `Error`: a fatal fault ends the process and is its last line.
     Fatal,
 }
 
