@@ -2,7 +2,6 @@
 
 use std::cmp::Ordering;
 use std::collections::BTreeMap;
-use std::ops::Bound::{Excluded, Unbounded};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -89,12 +88,12 @@ impl ModuleRecord {
     }
 
     /// Whether a run is a thing of the past in an epoch: a later run takes part in an earlier epoch. A recording that is played
-    /// next to a formation shows that.
+    /// next to a formation shows that, and modules that have all forgotten their epochs.
     fn is_past(&self, incarnation: Incarnation, epoch: Epoch) -> bool {
-        let mut later = self.runs.range((Excluded(incarnation), Unbounded));
-        later.any(|(&later, run)| {
+        let mut runs = self.runs.iter();
+        runs.any(|(&other, run)| {
             run.epoch.is_some_and(|shown| shown < epoch)
-                && self.compare_runs(later, incarnation).is_gt()
+                && self.compare_runs(other, incarnation).is_gt()
         })
     }
 
