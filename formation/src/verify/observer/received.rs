@@ -65,7 +65,9 @@ impl Received {
                 if let Some(target) = &roster.target.target {
                     self.bodies.note_target(target);
                 }
-                self.epoch(roster.epoch).handle_roster(now, roster);
+                let convener = self.modules.get(&roster.epoch.convener).cloned();
+                let epoch = self.epoch(roster.epoch);
+                epoch.handle_roster(now, roster, convener.as_ref());
                 true
             }
             Message::Claim(claim) => self.epoch(claim.epoch).handle_claim(now, claim),

@@ -1,7 +1,7 @@
 //! Records of modules, their runs and epochs, in a form that does not depend on the order of messages.
 
+use std::cmp::Ordering;
 use std::collections::BTreeMap;
-use std::ops::Bound::{Excluded, Unbounded};
 use std::sync::Arc;
 use std::time::Duration;
 
@@ -88,10 +88,28 @@ impl ModuleRecord {
     }
 
     /// Whether a run is a thing of the past in an epoch: a later run takes part in an earlier epoch. A recording that is played
-    /// next to a formation shows that.
+    /// next to a formation shows that, and modules that have all forgotten their epochs.
     fn is_past(&self, incarnation: Incarnation, epoch: Epoch) -> bool {
-        let mut later = self.runs.range((Excluded(incarnation), Unbounded));
-        later.any(|(_, run)| run.epoch.is_some_and(|shown| shown < epoch))
+        let mut runs = self.runs.iter();
+        runs.any(|(&other, run)| {
+            run.epoch.is_some_and(|shown| shown < epoch)
+                && self.compare_runs(other, incarnation).is_gt()
+        })
+    }
+
+    /// Which of two runs is the later one: that of the higher number, unless its last heartbeat came before the first message of the
+    /// other one, as where a clock was set back in between.
+    fn compare_runs(&self, one: Incarnation, other: Incarnation) -> Ordering {
+        let by_number = one.cmp(&other);
+        let (higher, lower) = (one.max(other), one.min(other));
+        let (Some(higher), Some(lower)) = (self.runs.get(&higher), self.runs.get(&lower)) else {
+            return by_number;
+        };
+        let last = higher.last_heartbeat.map(|(_, received)| received);
+        match last.is_some_and(|last| last < lower.first_received) {
+            true => by_number.reverse(),
+            false => by_number,
+        }
     }
 
     /// The newest run that published a state, where it was last seen, and when its latest heartbeat was received.
@@ -327,13 +345,26 @@ impl EpochRecord {
         })
     }
 
-    pub(super) fn handle_roster(&mut self, now: Duration, roster: &Arc<ClosedRoster>) {
+    /// Keeps a roster. `convener` is the record of the convener, if there is one.
+    pub(super) fn handle_roster(
+        &mut self,
+        now: Duration,
+        roster: &Arc<ClosedRoster>,
+        convener: Option<&ModuleRecord>,
+    ) {
         let epoch = roster.epoch;
+        let order = self.roster.as_ref().map(|known| {
+            let runs = [&known.roster, roster].map(|roster| run_of_convener(roster));
+            match (convener, runs) {
+                (Some(convener), [Some(known), Some(new)]) => convener.compare_runs(known, new),
+                (_, [known, new]) => known.cmp(&new),
+            }
+        });
         match &self.roster {
             Some(known) if known.roster == *roster => {}
             // A later run of the convener opens an epoch again that all have forgotten.
-            Some(known) if run_of_convener(&known.roster) > run_of_convener(roster) => {}
-            Some(known) if run_of_convener(&known.roster) == run_of_convener(roster) => {
+            Some(_) if order == Some(Ordering::Greater) => {}
+            Some(_) if order == Some(Ordering::Equal) => {
                 let violation = Violation::RostersDiffer { epoch };
                 if !self.violations.contains(&violation) {
                     self.violations.push(violation);

@@ -267,6 +267,30 @@ fn rosters_of_earlier_runs_are_of_no_account() {
     }
 }
 
+/// All restart and forget the epoch, and the clock of the convener is set back meanwhile: its later run has a lower number.
+#[test]
+fn a_roster_of_a_run_that_began_after_the_end_of_another_counts() {
+    let mut former = good_sequence().roster();
+    former.members[0].incarnation.0 += 1;
+    former.members.pop();
+    let mut ended = heartbeat(1, 90, 10);
+    ended.incarnation.0 += 1;
+    let mut observer = Observer::new(patient());
+    observer.handle(at(0), &Message::Heartbeat(ended));
+    let former = RosterMessage::Plan(Arc::new(former.into()));
+    observer.handle(at(0), &Message::Roster(former));
+    let mut messages = good_sequence().messages();
+    messages.sort_by_key(|message| !matches!(message, Message::Heartbeat(_)));
+    for message in messages {
+        observer.handle(at(10), &message);
+    }
+    let verdict = observer.review(at(10)).unwrap();
+    assert_eq!(
+        (verdict.outcome, &verdict.violations),
+        (Outcome::Complete, &Vec::new())
+    );
+}
+
 /// The good sequence's target under another revision, and what it asks for instead, if anything.
 fn announced(revision: u64, change: impl FnOnce(&mut TargetAnnouncement)) -> Message {
     let mut target = good_sequence().target;
