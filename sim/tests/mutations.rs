@@ -42,8 +42,8 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     (Mutation::CountDeadAsAlive, 2, ViolationKind::NoEnd),
     (
         Mutation::TrustBufferedHeartbeats,
-        126,
-        ViolationKind::MotionOnStalePlan,
+        1_201,
+        ViolationKind::TwoPlansInMotion,
     ),
     (Mutation::IgnoreNewcomers, 9, ViolationKind::Hole),
     (Mutation::IgnoreBodies, 0, ViolationKind::TwoBodiesOnOneSpot),
@@ -206,7 +206,8 @@ fn find_seeds() {
             continue;
         }
         let mut hits = 0;
-        for seed in 0..400 {
+        let first: u64 = std::env::var("FIRST_SEED").map_or(0, |first| first.parse().unwrap());
+        for seed in first..first + 400 {
             let report = run(Some(mutation), seed);
             if let Some(violation) = report.violations.first() {
                 println!(
