@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use crate::model::{
     BlockedSpot, BodyReport, Epoch, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    MotionMode, Roster, RosterMember, Service, SpotId, Whereabouts, body,
+    MotionMode, Roster, RosterMember, Service, SpotId, Target, Whereabouts, body,
 };
 
 use super::context::Context;
@@ -417,12 +417,34 @@ impl Context {
             spots.min(active(roster).count())
         };
         let gains = room(&soon) > room(&listed);
-        let freed = except(&listed, &soon).filter(|_| gains);
+        let mut freed: Vec<BlockedSpot> = except(&listed, &soon).filter(|_| gains).collect();
+        freed.extend(self.covered_by_due(&known, target, &[&listed, &now]));
         Comparison {
             newly_blocked: except(&now, &listed).collect(),
-            freed: freed.collect(),
+            freed,
             displaced: self.displaced(roster, &known),
         }
+    }
+
+    /// The spots that members hold although a body stands there whose removal is due: until a roster lists that, two robots seem to
+    /// stand on one spot. `blocked` are the spots that nobody holds.
+    fn covered_by_due(
+        &self,
+        known: &[BodyReport],
+        target: &Target,
+        blocked: &[&[BlockedSpot]],
+    ) -> Vec<BlockedSpot> {
+        let is_held = |spot: SpotId| !blocked.iter().copied().flatten().any(|it| it.spot == spot);
+        let due = known.iter().filter(|body| self.removals.is_due(body.run()));
+        due.flat_map(|body| {
+            let spots = target.spots().iter();
+            let covered = spots.filter(|spot| body.covers(&spot.pose) && is_held(spot.id));
+            covered.map(|spot| BlockedSpot {
+                spot: spot.id,
+                module: body.module,
+            })
+        })
+        .collect()
     }
 
     /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled and some paths
