@@ -230,14 +230,14 @@ impl<'a> EndState<'a> {
         }
     }
 
-    /// Whether the roster says that the body of this run was removed, or lists it where its latest state does not show it: then
-    /// states of it did not arrive.
+    /// Whether the roster says that the body of this run was removed, or does not list it right where its latest state shows it: then
+    /// it was on its way, or states of it did not arrive.
     fn is_elsewhere(&self, module: ModuleId, incarnation: Incarnation, pose: &Pose) -> bool {
         let mut bodies = self.planned.roster.roster.bodies.iter();
         bodies.any(|body| {
             body.module == module
                 && body.incarnation >= incarnation
-                && !body.whereabouts.poses().contains(pose)
+                && *body.whereabouts.poses() != [*pose]
         })
     }
 

@@ -111,7 +111,11 @@ impl Observer {
     /// violation of the next.
     pub fn review(&mut self, now: Duration) -> Option<&Verdict> {
         self.is_reviewed = true;
-        let has_target = self.target().is_some_and(|target| target.target.is_some());
+        // A roster carries the target, also where its publisher has ended.
+        let has_target = match self.target() {
+            Some(target) => target.target.is_some(),
+            None => self.received.current().is_some(),
+        };
         let has_new_target = std::mem::take(&mut self.has_new_target);
         let known = self.verdict.take();
         if !has_target || has_new_target {

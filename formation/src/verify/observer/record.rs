@@ -94,6 +94,15 @@ impl ModuleRecord {
         runs.any(|(&other, run)| {
             run.epoch.is_some_and(|shown| shown < epoch)
                 && self.compare_runs(other, incarnation).is_gt()
+                && !self.outlasts(incarnation, run)
+        })
+    }
+
+    /// Whether a run was there before another began, and has gone on since. Agents refuse the other one, whatever its number.
+    fn outlasts(&self, incarnation: Incarnation, other: &RunRecord) -> bool {
+        self.runs.get(&incarnation).is_some_and(|run| {
+            let last = run.last_heartbeat.map(|(_, received)| received);
+            run.first_received < other.first_received && last > Some(other.first_received)
         })
     }
 

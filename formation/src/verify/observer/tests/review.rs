@@ -267,6 +267,32 @@ fn rosters_of_earlier_runs_are_of_no_account() {
     }
 }
 
+/// Agents refuse a later run beside a live one, so a stranger that invents it ends no epoch.
+#[test]
+fn a_later_run_beside_a_live_one_makes_no_epoch_a_past_one() {
+    let mut observer = observe(&good_sequence().messages(), patient());
+    let mut invented = heartbeat(1, 1, 10);
+    invented.incarnation.0 += 100;
+    invented.epoch = Some(Epoch { number: 0, ..EPOCH });
+    observer.handle(at(1), &Message::Heartbeat(invented));
+    beat(&mut observer, at(2), 1..=5);
+    let verdict = observer.review(at(2)).unwrap();
+    assert_eq!(
+        (verdict.outcome, verdict.epoch),
+        (Outcome::Complete, Some(EPOCH))
+    );
+}
+
+/// The target publisher has ended; the roster carries the target.
+#[test]
+fn a_roster_is_judged_without_an_announcement() {
+    let mut messages = good_sequence().messages();
+    messages.retain(|message| !matches!(message, Message::Target(_)));
+    let mut observer = observe(&messages, patient());
+    let verdict = observer.review(at(1)).unwrap();
+    assert_eq!(verdict.outcome, Outcome::Complete);
+}
+
 /// All restart and forget the epoch, and the clock of the convener is set back meanwhile: its later run has a lower number.
 #[test]
 fn a_roster_of_a_run_that_began_after_the_end_of_another_counts() {
