@@ -103,11 +103,13 @@ const texts = ['h1', '.outcome', 'figcaption', '#player'].map((selector) => box(
 const rest = innerHeight - texts.reduce((one, other) => one + other);
 if (picture.top < 0 || picture.bottom > innerHeight) faults.push('the picture is not in view');
 if (rest < 0.4 * innerHeight) faults.push(`only ${Math.round(rest)} pixels are left for the picture`);
-if (picture.height < rest - 64) faults.push(`the picture is ${Math.round(picture.height)} high, where ${Math.round(rest)} are left`);
+if (picture.height < rest - 64)
+  faults.push(`the picture is ${Math.round(picture.height)} high, where ${Math.round(rest)} are left`);
 if (picture.width < Math.min(innerWidth * 0.9, 1000)) faults.push(`the picture is ${picture.width} wide`);
 const ground = box('#picture .floor');
 if (Math.max(ground.width / picture.width, ground.height / picture.height) < 0.85) {
-  faults.push(`the ground has ${Math.round(ground.width)} x ${Math.round(ground.height)} of the picture's ${Math.round(picture.width)} x ${Math.round(picture.height)}`);
+  const size = ({width, height}) => `${Math.round(width)} x ${Math.round(height)}`;
+  faults.push(`the ground has ${size(ground)} of the picture's ${size(picture)}`);
 }
 for (const across of [0.02, 0.25, 0.5, 0.75, 0.98]) {
   for (const down of [0.02, 0.25, 0.5, 0.75, 0.98]) {

@@ -140,6 +140,7 @@ fn tools_see_the_names_types_and_owners_of_all_endpoints() {
         "get_parameter_types",
         "list_parameters",
         "parameters",
+        "remove_module",
         "retire_module",
         "set_parameters",
         "set_parameters_atomically",
