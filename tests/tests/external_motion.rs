@@ -253,7 +253,7 @@ fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     let Some(python) = Python::find() else {
         return;
     };
-    let domain = &*Domain::for_processes(4);
+    let domain = &*Domain::alone();
     let file = ScenarioFile::new("far", ONE_FAR_SPOT);
     let _driver = start_driver(&python, &file, domain, &[]);
     let pose = "geometry_msgs/msg/PoseStamped";
