@@ -330,8 +330,7 @@ impl MonitoredRun<'_> {
         self.run_to(self.cluster.now() + LINGER);
         let has_formed = self.monitor.ending(&self.cluster) == Ending::Formed
             && self.cluster.parts().iter().skip(1).all(BTreeSet::is_empty);
-        // Where runs begin again one after another for minutes, states that the verifier misses make it report what was over: about one
-        // run of 300 (docs/fault_model.md).
+        // Where runs begin again one after another, the verifier is known to report FAILED falsely at times (docs/fault_model.md).
         if matches!(self.parameters.faults, FaultKind::Churn | FaultKind::Clocks) {
             return;
         }
