@@ -8,10 +8,10 @@ use std::time::Instant;
 use anyhow::anyhow;
 use formation::event_log::{Entry, Step};
 use formation::model::text::{counted, joined, listed_in_full};
-use formation::model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, Scenario, SpotId};
+use formation::model::{Assignment, Decision, ModuleId, PlanningProblem, Scenario, SpotId};
 use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Planning, Statistics};
-use formation::verify::{Violation, check_plan};
+use formation::verify::{check_plan, hole_of};
 use formation_report::{Fact, Subject, course_of_plan};
 use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
@@ -106,8 +106,12 @@ impl CheckedPlan {
             .iter()
             .map(|(_, decision)| decision.clone())
             .collect();
-        let violations = check_plan(&problem, &decisions, &outcome.plan);
-        let hole = hole_among(&problem, violations.err().unwrap_or_default())?;
+        check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
+            let text = joined(violations, "; ");
+            Failure::Failed(anyhow!("the plan does not keep its guarantees: {text}"))
+        })?;
+        let hole = hole_of(&problem, &outcome.plan);
+        let hole = (!hole.is_empty()).then(|| joined(hole, "; "));
         if let Some(progress) = &mut progress {
             progress.show_motion();
         }
@@ -185,20 +189,6 @@ impl CheckedPlan {
     pub fn warn(&self, path: &Path) {
         for warning in &self.statistics.warnings {
             console::note(&format!("warning: {}: {warning}", named(path)));
-        }
-        let (open, left) = (&self.statistics.open_spots, &self.statistics.unassigned);
-        if !open.is_empty() && !left.is_empty() {
-            console::note(&format!(
-                "warning: {}: {} stay{} open although {} no spot; the policy {} does not fill every spot",
-                path.display(),
-                listed_in_full(open.iter().copied()),
-                if open.len() == 1 { "s" } else { "" },
-                match left.len() {
-                    1 => "1 module has".to_owned(),
-                    several => format!("{several} modules have"),
-                },
-                self.problem.parameters().policy.name(),
-            ));
         }
         self.warn_of_motion(path);
         self.warn_of_cut_search(path);
@@ -368,29 +358,5 @@ impl CheckedPlan {
                 ),
             ),
         ]
-    }
-}
-
-/// What is wrong with the spots that a plan fills; `None` if nothing is.
-///
-/// # Errors
-/// Lists all violations, if the policy does not explain them.
-fn hole_among(
-    problem: &PlanningProblem,
-    violations: Vec<Violation>,
-) -> Result<Option<String>, Failure> {
-    if violations.is_empty() {
-        return Ok(None);
-    }
-    let is_hole =
-        |one: &Violation| matches!(one, Violation::WrongCount { .. } | Violation::Apart { .. });
-    let is_paper = problem.parameters().policy == Policy::Paper;
-    let is_explained = is_paper && violations.iter().all(is_hole);
-    let text = joined(violations, "; ");
-    match is_explained {
-        true => Ok(Some(text)),
-        false => Err(Failure::Failed(anyhow!(
-            "the plan does not keep its guarantees: {text}"
-        ))),
     }
 }

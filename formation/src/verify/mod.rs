@@ -14,7 +14,7 @@ pub use observer::{
     Agreement, CollisionRisk, Counts, Observer, ObserverParameters, Outcome, Progress, Timings,
     Verdict,
 };
-pub use plan::check_plan;
+pub use plan::{check_plan, hole_of};
 pub use report::{
     AgreementReport, NOT_COLLISION_FREE, ReportLine, TimingsReport, VerdictReport, outcome_text,
 };

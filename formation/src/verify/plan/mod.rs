@@ -97,6 +97,15 @@ fn check_assignment(
     }
 }
 
+/// What is wrong with the spots that a plan fills: too few of them, or in several parts that could be joined. `check_plan`
+/// reports the same, except under the policy `paper`, which promises neither.
+pub fn hole_of(problem: &PlanningProblem, plan: &Plan) -> Vec<Violation> {
+    let filled = plan.assignments.values().copied().collect();
+    let mut violations = Vec::new();
+    check_filled(problem, &filled, &mut violations);
+    violations
+}
+
 /// Checks the number of filled spots and that they are connected.
 pub(super) fn check_filled(
     problem: &PlanningProblem,
