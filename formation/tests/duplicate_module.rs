@@ -148,6 +148,7 @@ fn heartbeat(incarnation: u64) -> Heartbeat {
     }
 }
 
+/// Shows M4.
 #[test]
 fn a_later_run_yields_to_an_earlier_one_that_still_sends_heartbeats() {
     let mut agent = successor(at(1));
@@ -161,6 +162,7 @@ fn a_later_run_yields_to_an_earlier_one_that_still_sends_heartbeats() {
     assert_eq!(agent.phase(), ModulePhase::Listening);
 }
 
+/// Shows M5.
 #[test]
 fn an_earlier_run_that_resumes_does_not_replace_its_successor() {
     let mut agent = successor(at(6));
@@ -175,6 +177,7 @@ fn an_earlier_run_that_resumes_does_not_replace_its_successor() {
     assert_eq!(agent.phase(), phase);
 }
 
+/// Shows M7.
 #[test]
 fn a_run_goes_on_above_a_later_one_that_is_silent() {
     for store in [None, NonZeroU64::new(7).map(StoreId)] {

@@ -71,6 +71,7 @@ fn stop_and_plan_again(case: &Case, stops: usize, unevenness: f64, counts: &mut 
     }
 }
 
+/// Shows X10.
 #[test]
 fn stops_in_mid_step_and_mid_fold_are_starts_of_the_next_plan() {
     let mut counts = Counts::default();

@@ -49,6 +49,7 @@ fn replicas_that_apply_each_others_decisions_agree() {
     assert_eq!(speaker.finish().unwrap(), listener.finish().unwrap());
 }
 
+/// Shows T2.
 #[test]
 fn a_claim_that_does_not_follow_from_the_input_is_refused() {
     let problem = problem(

@@ -207,6 +207,7 @@ proptest! {
         prop_assert_eq!(total, hungarian::best_total(&utilities));
     }
 
+    /// Shows T4.
     #[test]
     fn guarantee_5_replicas_agree_bit_for_bit(world in worlds(3)) {
         let problem = world.problem();

@@ -61,6 +61,7 @@ fn heartbeat(sent_at: u64) -> Message {
     })
 }
 
+/// Shows B5.
 #[test]
 fn a_report_is_dropped_at_the_first_heartbeat_that_was_sent_after_it() {
     let mut agent = agent();
@@ -81,6 +82,7 @@ fn a_report_is_dropped_at_the_first_heartbeat_that_was_sent_after_it() {
     assert_eq!(handle(&mut agent, 10, heartbeat(10)), []);
 }
 
+/// Shows B5.
 #[test]
 fn a_report_of_an_unknown_run_is_counted_and_has_no_effect() {
     let mut agent = agent();

@@ -73,6 +73,7 @@ fn random_scenarios_of_every_kind() -> Result<(), Box<dyn std::error::Error>> {
 
 /// Some modules have settled on a connected part of the target, as after an interrupted epoch. Some of these have failed since, so
 /// that the others can be disconnected.
+/// Shows P2.
 #[test]
 fn modules_that_have_settled_stay() -> Result<(), Box<dyn std::error::Error>> {
     for seed in 0..300 {

@@ -88,6 +88,7 @@ fn the_json_has_every_promised_key() {
     }
 }
 
+/// Shows X7.
 #[test]
 fn the_motion_ends_on_the_spots_or_says_that_it_is_not_collision_free() {
     let directory = tempfile::tempdir().unwrap();

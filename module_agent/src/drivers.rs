@@ -118,6 +118,7 @@ fn subscribe_poses<M: DriverPose + DeserializeOwned + 'static>(
 /// Waits until the driver of every module has sent its pose, at most for the limit, and leaves the modules as they
 /// stand; false when the process is to end. Modules whose drivers sent no pose are removed and logged: they can be
 /// started again, and are newcomers then.
+/// Enforces B7.
 pub(crate) fn wait_for_poses(
     inputs: &mut DriverInputs,
     publishers: &mut DriverPublishers,

@@ -112,6 +112,7 @@ impl Journal {
     ///
     /// # Errors
     /// Names the file that cannot be written.
+    /// Enforces Q9.
     pub(crate) fn begin(&mut self, modules: &[(Identity, Service)]) -> Result<(), String> {
         for (identity, _) in modules {
             if let Some(entry) = self.contents.modules.get_mut(&identity.module) {
@@ -189,6 +190,7 @@ impl Journal {
 
     /// The store holds the contents of this number. Answers the requests that waited for them, and returns the agents that
     /// did, each with the number of its state.
+    /// Enforces Q8.
     pub(crate) fn finish(&mut self, number: u64) -> Vec<(ModuleId, u64)> {
         self.is_writing = false;
         self.held = self.held.max(number);

@@ -205,6 +205,7 @@ enum Input {
 }
 
 /// Slow work, each kind on its own thread.
+/// Enforces Q10.
 struct Workers {
     plans: Worker<PlanJob>,
     /// `None` without a store.

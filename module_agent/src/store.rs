@@ -201,6 +201,7 @@ impl Store {
     ///
     /// # Errors
     /// Names the file or directory that cannot be used, and what to do.
+    /// Enforces Q10.
     pub(crate) fn open(
         directory: &Path,
         name: &str,
@@ -303,6 +304,7 @@ impl Store {
     }
 
     /// Writes the shared file under a new number if it has changed, and then the file that names it.
+    /// Enforces Q9.
     fn replace(&self, contents: &Contents, written: &mut Written) -> io::Result<()> {
         let (parts, modules) = SharedParts::of(&contents.modules);
         let is_new = written.parts.as_ref() != Some(&parts);

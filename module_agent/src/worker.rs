@@ -7,6 +7,7 @@ use futures::{Stream, StreamExt, stream};
 use ros_runtime::session::SessionError;
 
 /// Does one job after another. The thread ends with the last sender of jobs, or with the process.
+/// Enforces T5.
 pub(crate) struct Worker<J> {
     jobs: Sender<J>,
 }

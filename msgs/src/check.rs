@@ -211,6 +211,7 @@ pub(crate) fn entries<R, T>(
 pub const PROTOCOL_VERSION: u32 = 5;
 
 /// The version of the protocol of a message.
+/// Enforces C6.
 pub(crate) fn version(version: u32) -> Checked<()> {
     if version == PROTOCOL_VERSION {
         return Ok(());

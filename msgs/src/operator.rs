@@ -50,6 +50,7 @@ impl From<&ModuleRun> for Removal {
 }
 
 impl Removal {
+    /// Enforces B5.
     fn validated(&self) -> Checked<ModuleRun> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         // Whoever reports a removal knows which run is gone; a receiver behind a cut does not.

@@ -344,6 +344,7 @@ fn member(module_id: u32) -> wire::RosterMember {
     }
 }
 
+/// Shows C6.
 #[test]
 fn rosters() {
     let span = wire::Duration { sec: 1, nanosec: 5 };

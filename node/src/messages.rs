@@ -111,6 +111,7 @@ pub fn source_id(participant: ParticipantId) -> SourceId {
 }
 
 /// The messages of a sample for modules of this size, if it belongs to this node's session or means something to all.
+/// Enforces C6.
 fn accepted<M: Sample>(
     sample: M,
     ours: SessionId,
@@ -149,6 +150,7 @@ pub fn decode<M: Sample>(bytes: &[u8]) -> Result<(SessionId, Vec<Message>), Stri
 }
 
 /// The revision of the target in a message, if none could follow it for too long a time: the highest one applies.
+/// Enforces E10.
 fn implausible_revision(message: &Message) -> Option<u64> {
     let revision = match message {
         Message::Target(announcement) => announcement.revision,
@@ -236,6 +238,7 @@ pub fn subscribe_verdicts(
 }
 
 /// The verdict, if it is valid and of this node's session.
+/// Enforces C6.
 fn accepted_verdict(verdict: Verdict, ours: SessionId) -> Result<Verdict, String> {
     let theirs = verdict.session();
     if theirs != ours {
@@ -281,6 +284,7 @@ mod tests {
         );
     }
 
+    /// Shows C6.
     #[test]
     fn a_sample_of_another_session_is_refused_by_name() {
         let size = ModuleSize::METRE;
@@ -292,6 +296,7 @@ mod tests {
         );
     }
 
+    /// Shows C6.
     #[test]
     fn a_verdict_counts_in_its_own_session_alone() {
         let of = |session, outcome| Verdict {

@@ -86,6 +86,7 @@ fn epochs_with_severed(links: &BTreeSet<(ModuleId, ModuleId)>, seed: u64) -> (Tr
     (trial, opened)
 }
 
+/// Shows E6.
 #[test]
 fn a_module_that_receives_nothing_does_not_keep_the_others_from_forming() {
     for receiver in [1, 3, 5] {
@@ -103,6 +104,7 @@ fn a_module_that_receives_nothing_does_not_keep_the_others_from_forming() {
     }
 }
 
+/// Shows E7.
 #[test]
 fn a_module_that_reaches_no_other_does_not_keep_the_others_from_forming() {
     for sender in [1, 3, 5] {
@@ -121,6 +123,7 @@ fn a_module_that_reaches_no_other_does_not_keep_the_others_from_forming() {
 }
 
 /// Reachability need not be transitive: here two modules receive messages of all others, and not of each other.
+/// Shows E7, X12.
 #[test]
 fn modules_that_do_not_reach_each_other_are_left_out_for_longer_and_longer() {
     for (one, other) in [(1, 4), (2, 5), (4, 5)] {
@@ -142,6 +145,7 @@ fn modules_that_do_not_reach_each_other_are_left_out_for_longer_and_longer() {
 
 /// The target changes while some modules are cut off from its publisher. A module that freezes on a spot of the former target
 /// does not stand on the spot of the same number in the new target.
+/// Shows P1.
 #[test]
 fn a_spot_of_another_target_is_no_pin() {
     let parameters = |agents| CampaignParameters {
@@ -252,6 +256,7 @@ fn forge_roster(living: &[u32]) {
 }
 
 /// All agree but the module that no longer receives one of the others. Each of the two is left out in turn, for longer and longer.
+/// Shows E7.
 #[test]
 fn a_link_that_fails_in_one_direction_interrupts_less_and_less() {
     for (from, to) in [(2, 5), (1, 2), (4, 1)] {
@@ -268,6 +273,7 @@ fn a_link_that_fails_in_one_direction_interrupts_less_and_less() {
 }
 
 /// A stranger's number is near enough to the clock of module 1, which is a minute ahead, and too far from the others'.
+/// Shows E2.
 #[test]
 fn a_number_that_only_one_module_takes_over_reaches_the_others_in_time() {
     let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
@@ -293,6 +299,7 @@ fn a_number_that_only_one_module_takes_over_reaches_the_others_in_time() {
 }
 
 /// A module that starts later knows none of the epochs by which a stranger has raised the number, step by step.
+/// Shows E2.
 #[test]
 fn a_number_that_a_stranger_raises_keeps_no_module_out() {
     let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 3), 3);
@@ -310,11 +317,13 @@ fn a_number_that_a_stranger_raises_keeps_no_module_out() {
     trial.until(|cluster| cluster.has_formed() && hold_a_plan(cluster, &all()));
 }
 
+/// Shows Q5.
 #[test]
 fn a_roster_that_lists_the_majority_that_it_invents_ends_no_formation() {
     forge_roster(&[]);
 }
 
+/// Shows E6.
 #[test]
 fn a_roster_that_lists_live_modules_which_refuse_it_ends_no_formation() {
     forge_roster(&[5]);
@@ -346,6 +355,7 @@ fn form_without(links: &[(u32, u32)], modules: u32, seed: u64) {
 }
 
 /// The body of the module that is left out moves, and one member does not receive it.
+/// Shows B4.
 #[test]
 fn a_link_that_never_carries_anything_does_not_keep_the_others_from_forming() {
     for seed in 0..20 {
@@ -356,6 +366,7 @@ fn a_link_that_never_carries_anything_does_not_keep_the_others_from_forming() {
 }
 
 /// It receives no roster of the second module, and so follows one that the others have left.
+/// Shows E6.
 #[test]
 fn a_module_with_several_failed_links_does_not_keep_the_others_from_forming() {
     for seed in 0..20 {

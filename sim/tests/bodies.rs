@@ -55,6 +55,7 @@ fn stands_alone(cluster: &Cluster, module: ModuleId) -> bool {
         .all(|body| body.distance_to(&here).to_units() >= 0.5)
 }
 
+/// Shows B1.
 #[test]
 fn the_spot_of_a_living_module_that_is_cut_off_is_given_to_no_other() {
     for seed in 0..50 {
@@ -74,6 +75,7 @@ fn the_spot_of_a_living_module_that_is_cut_off_is_given_to_no_other() {
     }
 }
 
+/// Shows B3.
 #[test]
 fn agents_that_ignore_bodies_drive_onto_it() {
     let agents = AgentFactory::new(|identity, parameters, now| {
@@ -85,6 +87,7 @@ fn agents_that_ignore_bodies_drive_onto_it() {
     }
 }
 
+/// Shows B5.
 #[test]
 fn a_spare_takes_the_spot_of_a_dead_module_once_its_body_was_removed() {
     for seed in 0..6 {
@@ -107,6 +110,7 @@ fn a_spare_takes_the_spot_of_a_dead_module_once_its_body_was_removed() {
     }
 }
 
+/// Shows B2.
 #[test]
 fn a_module_that_died_on_its_way_blocks_all_that_it_may_have_reached() {
     for seed in 0..6 {
@@ -132,6 +136,7 @@ fn a_module_that_died_on_its_way_blocks_all_that_it_may_have_reached() {
     }
 }
 
+/// Shows S6.
 #[test]
 fn a_retired_module_makes_room_for_the_spare_that_takes_its_spot() {
     for seed in 0..6 {

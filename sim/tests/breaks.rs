@@ -85,6 +85,7 @@ fn hand_the_majority_on(trial: &mut Trial) {
     trial.run_for(Duration::from_secs(120));
 }
 
+/// Shows Q3.
 #[test]
 fn members_that_are_all_back_have_forgotten_to_whom_they_passed_the_majority() {
     for seed in 0..10 {
@@ -100,6 +101,7 @@ fn members_that_are_all_back_have_forgotten_to_whom_they_passed_the_majority() {
     }
 }
 
+/// Shows Q3.
 #[test]
 fn counting_members_that_are_all_back_leads_to_two_formations() {
     let mut trial = five_with(Some(Mutation::CountAllBack), 0);
@@ -134,6 +136,7 @@ fn modules_that_a_cut_left_in_different_epochs_come_together() {
 }
 
 /// A module sets off from its spot and another epoch opens before it has moved.
+/// Shows P1.
 #[test]
 fn a_pin_is_not_lost_when_an_epoch_opens_as_its_module_sets_off() {
     for (modules, seed) in [
@@ -158,6 +161,7 @@ fn a_pin_is_not_lost_to_a_goal_that_waits_for_the_store() {
 
 /// A module wakes from a pause, and would settle by its plan at the moment at which it learns of two later targets, the last of
 /// which is one that it had settled for before.
+/// Shows E8.
 #[test]
 fn a_pin_is_not_lost_to_a_plan_for_a_former_target() {
     run_each(FaultKind::Hostile, [2, 12], &[110_009_944, 110_012_526]);
@@ -170,12 +174,14 @@ fn an_outsider_of_an_epoch_that_is_over_waits_with_the_members() {
 }
 
 /// The members have excluded one that was stuck, and agree with it a little later.
+/// Shows M6.
 #[test]
 fn an_exclusion_ends_when_its_module_agrees() {
     assert_eq!(violations(FaultKind::Churn, 7, 2_307), [""; 0]);
 }
 
 /// The module followed a call to an epoch that came to nothing, or refused a roster that lacked a majority which it knew of.
+/// Shows E12.
 #[test]
 fn a_module_that_waits_for_a_quorum_is_called_by_those_that_formed_without_it() {
     for (modules, seed) in [(4, 13_842), (6, 8_613), (7, 7_308), (7, 9_238), (7, 11_331)] {
@@ -185,6 +191,7 @@ fn a_module_that_waits_for_a_quorum_is_called_by_those_that_formed_without_it() 
 }
 
 /// The first roster lacks a majority, and the second is of an earlier epoch. Nothing else comes of their conveners.
+/// Shows G7.
 #[test]
 fn a_roster_that_lacks_a_majority_is_judged_again_after_an_earlier_one() {
     let problem = drawn(5, 5, Grouping::Singletons, 3);
@@ -223,18 +230,21 @@ fn a_roster_that_lacks_a_majority_is_judged_again_after_an_earlier_one() {
 }
 
 /// Bodies block all spots for the only module with a quorum, and a stranger's roster has led the modules of two bodies astray.
+/// Shows E3.
 #[test]
 fn modules_in_later_epochs_are_called_by_one_that_finds_all_spots_blocked() {
     assert_eq!(violations(FaultKind::Churn, 7, 1_009_019), [""; 0]);
 }
 
 /// The module crashes a tenth of a unit away from the spot on which it had settled.
+/// Shows Q8.
 #[test]
 fn a_pin_does_not_outlive_the_process_of_a_module_that_has_set_off() {
     assert_eq!(violations(FaultKind::Churn, 6, 8_249), [""; 0]);
 }
 
 /// The third module has a shorter lease than the others.
+/// Shows E11.
 #[test]
 fn a_roster_for_other_times_is_refused() {
     let agents = AgentFactory::new(|identity, mut parameters, now| {
@@ -270,6 +280,7 @@ fn forge_roster_and_crash(trial: &mut Trial) {
     trial.cluster.crash(ModuleId(5));
 }
 
+/// Shows Q5.
 #[test]
 fn a_roster_of_a_stranger_teaches_no_quorum_basis() {
     let mut trial = five(3);
@@ -303,6 +314,7 @@ fn a_squatter_keeps_a_module_out_only_while_it_sends() {
 }
 
 /// The squatter claims a later run, and the module starts while that counts: its only state arrives then.
+/// Shows M3.
 #[test]
 fn a_module_that_starts_under_a_silent_squatter_takes_part_again() {
     for seed in 0..4 {
@@ -320,6 +332,7 @@ fn a_module_that_starts_under_a_silent_squatter_takes_part_again() {
 }
 
 /// A stranger announces a target with the greatest revision there is.
+/// Shows E10.
 #[test]
 fn a_revision_of_a_stranger_does_not_end_all_targets() {
     let mut trial = five(5);
@@ -343,12 +356,14 @@ fn a_revision_of_a_stranger_does_not_end_all_targets() {
 }
 
 /// It has waited for a quorum, and moves to another spot as soon as the other members are back.
+/// Shows Q6.
 #[test]
 fn a_module_that_goes_on_shows_no_more_that_it_waits_for_a_quorum() {
     run_each(FaultKind::Mixed, [2, 12], &[82_008_280]);
 }
 
 /// A module that restarts keeps rosters until it knows their conveners; that of a stranger takes the place of none.
+/// Shows G7.
 #[test]
 fn a_roster_of_a_stranger_keeps_no_restarted_module_outside() {
     run_each(FaultKind::Clocks, [2, 9], &[37_422, 44_789]);
@@ -363,6 +378,7 @@ fn two_runs_never_take_the_same_number() {
 
 /// A member comes back from behind a cut, where it was in a later epoch that lacks a majority now. Those that stayed settled or spare
 /// take all members to be live.
+/// Shows E3.
 #[test]
 fn members_leave_their_epoch_when_one_of_them_waits_for_a_quorum_in_a_later_one() {
     run_each(FaultKind::Clocks, [2, 12], &[77_011_167]);

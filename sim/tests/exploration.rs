@@ -48,6 +48,7 @@ fn bounds() -> Vec<Bound> {
     }
 }
 
+/// Shows C1.
 #[test]
 fn no_schedule_of_three_modules_breaks_anything() {
     for bound in bounds() {

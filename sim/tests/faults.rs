@@ -30,6 +30,7 @@ fn faults_while_plans_are_computed_leave_no_hole() {
     }
 }
 
+/// Shows G1.
 #[test]
 fn mixed_faults_leave_no_hole() {
     run_all(&CampaignParameters::default(), 0..seeds());
@@ -53,6 +54,7 @@ fn cuts_alone_leave_no_hole() {
     run_all(&parameters, 0..seeds() / 10);
 }
 
+/// Shows M6, G4.
 #[test]
 fn hostile_faults_leave_no_hole() {
     let parameters = CampaignParameters {
@@ -80,6 +82,7 @@ fn churn_leaves_no_hole_and_no_module_alone() {
 
 /// Seeds with a goal of the instant in which its sender leaves the plan, and with an outsider that reaches only a later run of
 /// a member: the goal is withdrawn, and the outsider reports that it waits for a quorum.
+/// Shows Q6, A7.
 #[test]
 fn goals_end_with_their_plan_and_all_say_that_they_wait() {
     let parameters = CampaignParameters {
@@ -95,6 +98,7 @@ fn goals_end_with_their_plan_and_all_say_that_they_wait() {
 /// Seeds with a state that arrives while its sender's earlier run still counts as live, and with a target that changes between
 /// freezing and the roster: neither leaves a quorum waiting for itself. In the last, the convener cannot learn of the latest
 /// roster, as the only module that was in that one and in its own has restarted without a store.
+/// Shows M3, G5, G6.
 #[test]
 fn a_quorum_does_not_wait_for_itself() {
     run_each(FaultKind::Mixed, [2, 12], &[110_000_241]);
@@ -140,6 +144,7 @@ fn bodies_that_leave_no_room_are_listed() {
 }
 
 /// It is the only one to know of a majority that a roster lacks, and then receives an earlier roster, for which it stands aside.
+/// Shows E12.
 #[test]
 fn a_module_that_stands_aside_and_refuses_a_later_roster_is_not_left_behind() {
     run_each(FaultKind::Hostile, [5, 12], &[56_013_948]);
@@ -153,6 +158,7 @@ fn a_module_that_stands_aside_and_refuses_a_later_roster_is_not_left_behind() {
 /// know and the convener does not; in the others, a driver falls silent on its way: its module shows no place in later epochs, and
 /// counts for no majority. In the last but one, a module crashed while it turned. In the last, a block that was halted out of line
 /// stands next to a module that was docked to one that failed.
+/// Shows A3.
 #[test]
 fn modules_that_fail_or_crash_on_their_way_lead_to_no_contact() {
     let seeds = [50_001_993, 50_002_332, 60_001_552, 100_019_419, 30_002_089];

@@ -44,6 +44,7 @@ fn forms_as_planned(problem: &PlanningProblem, network: NetworkParameters, seed:
     }
 }
 
+/// Shows T1.
 #[test]
 fn agents_form_what_the_offline_planner_plans() {
     for seed in 0..40 {
@@ -56,6 +57,7 @@ fn agents_form_what_the_offline_planner_plans() {
     }
 }
 
+/// Shows C1, G7.
 #[test]
 fn loss_delay_and_duplication_change_nothing() {
     for seed in 0..40 {
@@ -88,6 +90,7 @@ fn one_seed_replays_one_run() {
 
 /// The corners of a square, docked in a ring. Two neighbours are cut off, one after the other: each time, the rest plans without it, and
 /// the other one undocks from it. When both are back they stay on their spots, and dock again.
+/// Shows X2.
 #[test]
 fn modules_that_a_plan_has_parted_dock_again() {
     let problem = scenario(

@@ -215,6 +215,7 @@ fn assert_formed(verdict: &Verdict, problem: &PlanningProblem, seed: u64) {
     assert_eq!(verdict.assignments, offline.assignments, "seed {seed}");
 }
 
+/// Shows X3, X11.
 #[test]
 fn whole_runs_are_complete_or_partial() {
     for seed in 0..12 {
@@ -257,6 +258,7 @@ fn an_observer_that_comes_late_receives_enough() {
     }
 }
 
+/// Shows X5.
 #[test]
 fn an_observer_may_miss_half_of_it_and_receive_the_rest_in_any_order() {
     for seed in 0..12 {
@@ -324,6 +326,7 @@ fn a_run_that_lost_a_module_on_the_way_is_judged_by_its_last_epoch() {
 
 /// A module dies at any time: before the others move, on the way, or after all have settled. Its body stays, or is removed. The
 /// observer reviews its verdict every second.
+/// Shows X5.
 #[test]
 fn one_death_is_no_broken_promise() {
     let mut failed = Vec::new();

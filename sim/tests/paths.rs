@@ -30,6 +30,7 @@ fn parameters(faults: FaultKind, apart: Apart) -> CampaignParameters {
     }
 }
 
+/// Shows X9.
 #[test]
 fn modules_form_without_contact() {
     for apart in [Apart::Cells, Apart::Circles] {
@@ -37,6 +38,7 @@ fn modules_form_without_contact() {
     }
 }
 
+/// Shows X8.
 #[test]
 fn faults_lead_to_no_contact() {
     for faults in [FaultKind::Mixed, FaultKind::Hostile] {
@@ -46,6 +48,7 @@ fn faults_lead_to_no_contact() {
 
 /// Robots move on for a while after their agents' last goals, also those that a plan has left out. In seed 86 a drive fails while its
 /// module moves on; in seed 593 a driver falls silent, and its agent never knows that it stands.
+/// Shows A2, S1.
 #[test]
 fn drives_that_halt_late_lead_to_no_contact() {
     for faults in [FaultKind::Partition, FaultKind::Mixed, FaultKind::Hostile] {
@@ -61,6 +64,7 @@ fn drives_that_halt_late_lead_to_no_contact() {
 }
 
 /// A module that is cut off on its way may be anywhere on the rest of its path.
+/// Shows X10.
 #[test]
 fn cuts_lead_to_no_contact() {
     run_all(
@@ -118,6 +122,7 @@ fn modules_keep_clear_of_obstacles_and_walls() {
 }
 
 /// The last body for which no module could move is reported as removed in one of these runs; in the other, its module is back.
+/// Shows B4.
 #[test]
 fn a_plan_is_made_again_when_the_body_is_gone_for_which_it_was_refused() {
     let text = include_str!("../../launch_scripts/scenarios/two_rooms.yaml");
@@ -166,12 +171,14 @@ fn form_with_an_invalid_start(motion: &str, agents: AgentFactory) {
     .unwrap();
 }
 
+/// Shows X13.
 #[test]
 fn a_module_with_an_invalid_start_stays_and_harms_no_other() {
     form_with_an_invalid_start("paths", AgentFactory::default());
 }
 
 /// Simulated modules would move in straight lines.
+/// Shows X13.
 #[test]
 fn robots_do_not_move_in_straight_lines_that_replace_paths() {
     let robots = AgentFactory::new(|identity, parameters, now| {
@@ -180,6 +187,7 @@ fn robots_do_not_move_in_straight_lines_that_replace_paths() {
     form_with_an_invalid_start("auto", robots);
 }
 
+/// Shows X8.
 #[test]
 fn modules_that_do_not_wait_for_each_other_meet() {
     let agents = AgentFactory::new(|identity, parameters, now| {
@@ -201,6 +209,7 @@ fn modules_that_do_not_wait_for_each_other_meet() {
 
 /// A slow process repeats a goal that its drive has reached meanwhile, so that the drive reports the same arrival twice: the
 /// second is not one at the next goal.
+/// Shows A8.
 #[test]
 fn an_arrival_counts_for_the_goal_that_was_reached() {
     let problem = scenario(

@@ -22,6 +22,7 @@ fn planned_within(plan_time_max: Duration) -> ClusterParameters {
     }
 }
 
+/// Shows T5.
 #[test]
 fn plans_of_the_host_are_those_of_the_agents() {
     for seed in 0..10 {
@@ -38,6 +39,7 @@ fn plans_of_the_host_are_those_of_the_agents() {
     }
 }
 
+/// Shows T5.
 #[test]
 fn a_member_that_computes_its_plan_is_not_stuck() {
     let problem = drawn(6, 6, Grouping::Singletons, 3);

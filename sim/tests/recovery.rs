@@ -11,6 +11,7 @@ use formation::model::{AssemblyWarning, ModuleId, ModulePhase};
 use formation::protocol::{Agent, AgentParameters, Event, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters, Standing};
 
+/// Shows E3.
 #[test]
 fn a_spare_replaces_a_module_that_dies_on_its_way() {
     for seed in 0..6 {
@@ -24,6 +25,7 @@ fn a_spare_replaces_a_module_that_dies_on_its_way() {
     }
 }
 
+/// Shows P4.
 #[test]
 fn without_a_spare_the_spot_of_a_module_that_died_settled_is_named_open() {
     for seed in 0..6 {
@@ -60,6 +62,7 @@ fn what_is_left_of_a_half_moved_block_carries_on() {
     }
 }
 
+/// Shows A6.
 #[test]
 fn unequal_digests_bring_one_new_epoch_and_then_both_sides_are_named() {
     let problem = drawn(5, 5, Grouping::Singletons, 2);
@@ -129,6 +132,7 @@ singletons:
   - {id: 10, x: 9.0, y: 3.0, theta: 0.0}
 ";
 
+/// Shows P3.
 #[test]
 fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
     let problem = scenario(SQUARE);
@@ -160,6 +164,7 @@ fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
     );
 }
 
+/// Shows E8.
 #[test]
 fn a_higher_revision_of_the_same_target_opens_no_epoch() {
     let problem = drawn(5, 5, Grouping::Singletons, 1);

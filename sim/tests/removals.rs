@@ -65,6 +65,7 @@ fn noted(trial: &Trial, by: ModuleId, is_it: impl Fn(&Event) -> bool) -> bool {
         .any(|(one, event)| *one == by && is_it(event))
 }
 
+/// Shows B5.
 #[test]
 fn a_report_that_names_a_settled_living_module_moves_nobody() {
     for seed in 0..6 {
@@ -94,6 +95,7 @@ fn a_report_that_names_a_settled_living_module_moves_nobody() {
     }
 }
 
+/// Shows B5.
 #[test]
 fn a_blind_flood_drops_no_module_opens_no_epoch_and_is_counted() {
     let mut trial = sound(1);
@@ -117,6 +119,7 @@ fn a_blind_flood_drops_no_module_opens_no_epoch_and_is_counted() {
 }
 
 /// The attack is real: agents that believe a report drive onto a living module.
+/// Shows B5.
 #[test]
 fn agents_that_trust_reports_drive_onto_a_living_module() {
     let agents = AgentFactory::new(|identity, parameters, now| {
@@ -135,6 +138,7 @@ fn agents_that_trust_reports_drive_onto_a_living_module() {
 }
 
 /// A report that names a run which never was, or a former one.
+/// Shows B5.
 #[test]
 fn a_report_of_another_run_than_the_known_one_is_refused() {
     let mut trial = sound(3);
@@ -155,6 +159,7 @@ fn a_report_of_another_run_than_the_known_one_is_refused() {
 }
 
 /// The others have dropped the report. The spare starts while the module is silent, and receives the latched report.
+/// Shows B5.
 #[test]
 fn a_late_module_that_receives_a_dropped_report_has_no_effect() {
     for seed in 0..6 {
@@ -185,6 +190,7 @@ fn a_late_module_that_receives_a_dropped_report_has_no_effect() {
 }
 
 /// Only one member receives the module, and knows of no report.
+/// Shows B5.
 #[test]
 fn a_member_that_hears_the_run_refuses_the_roster_by_name() {
     for seed in 0..6 {
@@ -222,6 +228,7 @@ fn a_member_that_hears_the_run_refuses_the_roster_by_name() {
 }
 
 /// The spare starts just before the roster that is the first to list the removal.
+/// Shows B5.
 #[test]
 fn a_member_that_has_listened_for_less_refuses_the_roster_by_name() {
     for seed in 0..6 {
@@ -251,6 +258,7 @@ fn a_member_that_has_listened_for_less_refuses_the_roster_by_name() {
 }
 
 /// Nobody hears a module that is cut off, so a false report is believed. When it is heard again, the removal is over.
+/// Shows B5.
 #[test]
 fn a_run_that_was_falsely_reported_as_removed_takes_part_once_it_is_heard() {
     for seed in 0..6 {
@@ -285,6 +293,7 @@ fn a_run_that_was_falsely_reported_as_removed_takes_part_once_it_is_heard() {
 }
 
 /// Whoever it lists, or does not list, goes on when the stranger is found to be alone.
+/// Shows B5.
 #[test]
 fn a_roster_of_a_stranger_that_lists_the_living_as_removed_drops_nobody() {
     for seed in 0..3 {
@@ -323,6 +332,7 @@ fn a_roster_of_a_stranger_that_lists_the_living_as_removed_drops_nobody() {
 }
 
 /// The removed module is back in a run that is earlier by its clock, and the convener receives nothing of it.
+/// Shows B5.
 #[test]
 fn a_removal_that_only_the_convener_believes_keeps_the_others_from_nothing() {
     for seed in 0..8 {

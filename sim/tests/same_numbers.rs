@@ -79,6 +79,7 @@ pub fn with_runs(module: ModuleId, incarnations: &'static [u64]) -> AgentFactory
     })
 }
 
+/// Shows B6.
 #[test]
 fn a_module_of_another_session_takes_no_body_from_one_with_its_number() {
     for seed in 0..4 {
@@ -94,6 +95,7 @@ fn a_module_of_another_session_takes_no_body_from_one_with_its_number() {
     }
 }
 
+/// Shows B6.
 #[test]
 fn bodies_of_another_session_take_no_room_from_those_of_this_one() {
     let problem = drawn(6, 5, Grouping::Singletons, 0);
@@ -113,6 +115,7 @@ fn bodies_of_another_session_take_no_room_from_those_of_this_one() {
     assert!(nearest(&trial, lost) > 0.9);
 }
 
+/// Shows M7.
 #[test]
 fn the_body_of_a_run_that_is_earlier_by_its_clock_is_known() {
     for seed in 0..12 {
@@ -138,6 +141,7 @@ fn the_body_of_a_run_that_is_earlier_by_its_clock_is_known() {
     }
 }
 
+/// Shows M7.
 #[test]
 fn the_removal_of_a_run_whose_clock_was_ahead_ends_with_it() {
     let agents = with_runs(ModuleId(5), &[LATE, 1_001, 1_002]);

@@ -15,6 +15,7 @@ use formation_sim::{Cluster, ClusterParameters};
 
 const SEEDS: std::ops::Range<u64> = 0..6;
 
+/// Shows S1.
 #[test]
 fn a_spare_takes_the_spot_of_a_retired_module() {
     for seed in SEEDS {
@@ -57,6 +58,7 @@ fn a_spare_takes_the_spot_of_a_retired_module() {
     }
 }
 
+/// Shows S3.
 #[test]
 fn without_a_spare_the_spot_of_a_retired_module_is_reported_open_until_it_rejoins() {
     for seed in SEEDS {
@@ -73,6 +75,7 @@ fn without_a_spare_the_spot_of_a_retired_module_is_reported_open_until_it_rejoin
     }
 }
 
+/// Shows S2.
 #[test]
 fn retired_modules_count_as_present_and_may_then_be_switched_off() {
     let mut trial = Trial::new(&drawn(7, 7, Grouping::Singletons, 3), 3);
@@ -88,6 +91,7 @@ fn retired_modules_count_as_present_and_may_then_be_switched_off() {
     assert_eq!(trial.settled().len(), 2);
 }
 
+/// Shows S1.
 #[test]
 fn a_module_that_is_retired_while_moving_halts_and_harms_no_other() {
     for seed in SEEDS {
@@ -104,6 +108,7 @@ fn a_module_that_is_retired_while_moving_halts_and_harms_no_other() {
     }
 }
 
+/// Shows X4.
 #[test]
 fn a_drive_that_fails_is_named_and_a_spare_takes_its_spot() {
     for seed in SEEDS {
@@ -132,6 +137,7 @@ fn a_drive_that_fails_is_named_and_a_spare_takes_its_spot() {
     }
 }
 
+/// Shows S5.
 #[test]
 fn a_module_with_a_repaired_drive_rejoins() {
     let mut trial = Trial::new(&drawn(5, 5, Grouping::Singletons, 1), 1);
@@ -148,6 +154,7 @@ fn a_module_with_a_repaired_drive_rejoins() {
 }
 
 /// The convener does not receive that it failed, and so calls no other epoch before the lease of its heartbeats ends.
+/// Shows A3.
 #[test]
 fn modules_halt_when_the_motion_of_another_fails() {
     let broken = ModuleId(6);
@@ -172,6 +179,7 @@ fn modules_halt_when_the_motion_of_another_fails() {
 
 /// Docked modules turn together onto the lattice. They are one body as long as all of them stay docked: each halts by its
 /// own clock.
+/// Shows S4.
 #[test]
 fn a_spare_that_leaves_service_while_all_turn_together_stays_docked_until_a_plan_without_it() {
     let problem = scenario(
@@ -332,6 +340,7 @@ fn a_module_that_rejoins_before_it_stands_is_not_waited_for() {
 }
 
 /// It would wait for its own rest, and the others for its roster.
+/// Shows E4.
 #[test]
 fn a_module_whose_driver_falls_silent_convenes_no_other() {
     let silent = ModuleId(1);
@@ -344,6 +353,7 @@ fn a_module_whose_driver_falls_silent_convenes_no_other() {
 }
 
 /// The same if its driver falls silent while it halts to convene.
+/// Shows G6.
 #[test]
 fn a_convener_whose_driver_falls_silent_leaves_the_gathering() {
     let silent = ModuleId(1);
@@ -374,6 +384,7 @@ fn in_a_row(count: u32, distance: u32, planner: &str, speed_units_per_s: f64) ->
 }
 
 /// It moves off in a straight line only. Where modules move along paths, its spot is blocked as by one whose motion failed.
+/// Shows S6.
 #[test]
 fn a_retired_module_stays_on_its_spot_where_modules_move_along_paths_only() {
     let paths = "planner: {motion: paths}";
@@ -394,6 +405,7 @@ fn a_retired_module_stays_on_its_spot_where_modules_move_along_paths_only() {
     }
 }
 
+/// Shows X12.
 #[test]
 fn a_retired_member_leaves_out_no_module_that_moves_along_its_path() {
     let mut trial = in_a_row(4, 100, "planner: {motion: paths}", 0.3);
@@ -405,6 +417,7 @@ fn a_retired_member_leaves_out_no_module_that_moves_along_its_path() {
 }
 
 /// Neither command means that it stands.
+/// Shows E4.
 #[test]
 fn a_module_whose_driver_fell_silent_convenes_no_other_after_a_command() {
     let silent = ModuleId(1);

@@ -27,6 +27,7 @@ fn stands_still(trial: &mut Trial, duration: Duration) {
     assert!(!moved, "{:?}", moving(&trial.cluster));
 }
 
+/// Shows H1.
 #[test]
 fn a_stop_in_mid_motion_reaches_all_and_lasts_until_it_is_resumed() {
     let lease = AgentParameters::default().lease;
@@ -61,6 +62,7 @@ fn a_stop_in_mid_motion_reaches_all_and_lasts_until_it_is_resumed() {
 }
 
 /// A stranger raises the revision step by step. A module that starts later knows none of the steps, and stands still all the same.
+/// Shows H1.
 #[test]
 fn a_stop_of_a_high_revision_reaches_a_module_that_starts_later() {
     let mut trial = Trial::new(&drawn(3, 3, Grouping::Singletons, 3), 3);
@@ -78,6 +80,7 @@ fn a_stop_of_a_high_revision_reaches_a_module_that_starts_later() {
 }
 
 /// A stranger has raised the revision as far as the clock of module 1 allows, which is a minute ahead.
+/// Shows H1.
 #[test]
 fn a_stop_that_only_one_module_takes_over_reaches_the_others_in_time() {
     let parameters = ClusterParameters {
@@ -101,6 +104,7 @@ fn a_stop_that_only_one_module_takes_over_reaches_the_others_in_time() {
     assert_eq!(stopped, 5);
 }
 
+/// Shows H2.
 #[test]
 fn a_module_that_is_cut_off_when_all_are_stopped_halts_within_the_lease() {
     let lease = AgentParameters::default().lease;

@@ -20,6 +20,7 @@ fn with_stores() -> ClusterParameters {
     }
 }
 
+/// Shows Q8.
 #[test]
 fn whole_formations_restart_and_go_on() {
     for seed in 0..6 {
@@ -100,6 +101,7 @@ fn bodies_at(trial: &Trial, module: ModuleId) -> usize {
 }
 
 /// A body is known from before, or becomes known by the restart itself.
+/// Shows Q8.
 #[test]
 fn a_body_on_a_spot_outlives_the_restart_of_all_that_know_it() {
     for seed in 0..12 {
@@ -130,6 +132,7 @@ fn stores_without_bodies_lead_to_two_bodies_on_one_spot() {
     assert_eq!(bodies_at(&trial, lost), 2);
 }
 
+/// Shows H3.
 #[test]
 fn a_stop_outlives_the_restart_of_all_modules() {
     for seed in 0..6 {

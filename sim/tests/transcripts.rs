@@ -92,6 +92,7 @@ fn compare(name: &str, events: &str) {
     );
 }
 
+/// Shows C4.
 #[test]
 fn three_single_modules_agree_and_move() {
     let mut trial = Trial::new(&drawn(3, 3, Grouping::Singletons, 1), 1);
@@ -120,6 +121,7 @@ fn a_block_that_does_not_fit_breaks() {
     compare("block_and_remainder", &trial.cluster.transcript().events());
 }
 
+/// Shows E4, G6.
 #[test]
 fn another_module_convenes_when_the_convener_dies() {
     let mut trial = Trial::new(&drawn(4, 4, Grouping::Singletons, 2), 2);
@@ -159,6 +161,7 @@ fn a_module_restarts() {
     compare("module_restarts", &trial.cluster.transcript().events());
 }
 
+/// Shows S4.
 #[test]
 fn a_module_retires_and_a_spare_takes_its_spot() {
     let mut trial = Trial::new(&drawn(4, 3, Grouping::Singletons, 5), 5);

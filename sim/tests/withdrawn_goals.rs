@@ -145,6 +145,7 @@ fn pin_after_a_withdrawn_goal(mutation: Option<Mutation>) -> Option<SpotId> {
     module.pin
 }
 
+/// Shows P1.
 #[test]
 fn a_pin_is_given_up_when_a_goal_leaves_and_not_before() {
     assert_eq!(pin_after_a_withdrawn_goal(None), Some(SpotId(1)));

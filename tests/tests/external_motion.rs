@@ -51,6 +51,7 @@ fn errors(run: &Finished) -> Vec<&str> {
         .collect()
 }
 
+/// Shows X2.
 #[test]
 fn driven_modules_undock_move_dock_and_leave_no_hole() {
     let Some(run) = run_driven("mcs_detach", "", &["--timeout", "60"]) else {
@@ -149,6 +150,7 @@ fn a_node_of_another_size_refuses_the_target_by_name() {
     }
 }
 
+/// Shows X4.
 #[test]
 fn a_driver_that_does_not_follow_a_goal_is_named_with_its_limit_and_harms_nobody() {
     let limits = ["--module-option=--motion-limit-s=4", "--timeout", "60"];
@@ -203,6 +205,7 @@ fn a_driver_that_never_docks_is_named_with_its_limit_and_odometry_will_do() {
     );
 }
 
+/// Shows B7.
 #[test]
 fn a_module_without_a_driver_ends_with_the_topic_and_the_limit_named() {
     let arguments = [
@@ -248,6 +251,7 @@ impl Drop for Driver {
 
 /// Goals cease to repeat when the agent ends, and the driver stops. The next run of the agent takes the pose that the driver
 /// measures.
+/// Shows A4.
 #[test]
 fn a_module_whose_agent_ends_on_the_way_stops_and_goes_on_from_there() {
     let Some(python) = Python::find() else {

@@ -87,6 +87,7 @@ fn assert_free_of_collisions(run: &Value, trace: &Path, modules: usize) {
     assert_eq!(overlaps, [], "{} lines", trace.lines().count());
 }
 
+/// Shows X8.
 #[test]
 fn figure_1_forms_with_seventeen_agent_processes_and_no_two_bodies_overlap() {
     let directory = tempfile::tempdir().unwrap();
@@ -359,6 +360,7 @@ fn bad_messages_are_refused_and_counted_and_stop_no_process() {
     }
 }
 
+/// Shows G2.
 #[test]
 fn a_missing_module_is_named_and_nothing_hangs() {
     let domain = &*Domain::for_processes(10);

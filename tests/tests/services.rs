@@ -46,6 +46,7 @@ fn wait_until_done(tool: &mut RosTool, settled: u32) -> Value {
     }
 }
 
+/// Shows E9.
 #[test]
 fn status_is_reported_and_a_withdrawn_target_stays_withdrawn() {
     let domain = &*Domain::for_processes(4);
@@ -103,6 +104,7 @@ fn status_is_reported_and_a_withdrawn_target_stays_withdrawn() {
     assert_eq!(announced, 1, "{}", publisher.stderr);
 }
 
+/// Shows C5.
 #[test]
 fn retired_and_added_modules_stay_so_when_their_process_rejoins() {
     let domain = &*Domain::for_processes(4);

@@ -82,6 +82,7 @@ impl BodyReport {
     }
 
     /// Orders reports on one module: a later run supersedes an earlier one, and a removal everything else of its run.
+    /// Enforces B1.
     #[must_use]
     pub fn compare_age(&self, other: &Self) -> Ordering {
         fn key(report: &BodyReport) -> impl Ord {
@@ -191,6 +192,7 @@ pub(crate) fn blocked_spots(
 /// The part of a target that can be formed although some of its spots are blocked: of the connected parts of the others,
 /// the one with room for the most active members; of equals the one with the most settled members, then the largest, then
 /// the one with the lowest spot. `None` if every spot is blocked.
+/// Enforces B3.
 pub(crate) fn open_part(
     target: &Arc<Target>,
     members: &[RosterMember],
@@ -316,6 +318,7 @@ mod tests {
         assert_eq!(blocked(&settled, &[report(9, Whereabouts::Seen(here))]), []);
     }
 
+    /// Shows B3.
     #[test]
     fn the_part_with_room_for_the_most_modules_is_formed() {
         let target = row(7);
@@ -340,6 +343,7 @@ mod tests {
         assert_eq!(open_part(&target, &two, &everything), None);
     }
 
+    /// Shows B1.
     #[test]
     fn later_runs_and_removals_supersede() {
         let at_epoch = |number: u64, sequence, whereabouts| BodyReport {

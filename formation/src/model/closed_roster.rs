@@ -48,6 +48,7 @@ impl ClosedRoster {
     ///
     /// # Errors
     /// Names the contradiction in the roster.
+    /// Enforces T5, S1, B3.
     pub fn problem(&self) -> Result<Option<Arc<PlanningProblem>>, ProblemError> {
         self.problem
             .get_or_init(|| problem_of(&self.roster))

@@ -194,6 +194,7 @@ fn put_motion(canonical: &mut Canonical, motion: &MotionPlan) {
 }
 
 /// The digest of a whole plan: the roster with its epoch, every decision in the order of the turns, and the paths.
+/// Enforces T4, X7.
 pub(crate) fn of_plan(
     roster: &Roster,
     decisions: &[(ModuleId, Decision)],

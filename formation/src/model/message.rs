@@ -344,6 +344,7 @@ impl Roster {
 
     /// The active members, ascending: a later roster must contain a majority of them. Members out of service have agreed to
     /// this roster, and so to counting no more.
+    /// Enforces S2.
     pub(crate) fn quorum_basis(&self) -> Vec<Voter> {
         RosterMember::active(&self.members)
             .map(RosterMember::voter)

@@ -190,6 +190,7 @@ impl ExternalDrive {
     }
 
     /// Does what is due by time.
+    /// Enforces S1.
     pub fn advance(&mut self, now: Duration) {
         match &mut self.state {
             State::Travelling { since, .. } => {

@@ -140,6 +140,7 @@ impl SimulatedDrive {
     }
 
     /// Moves up to the current time; `None` while the module stands still.
+    /// Enforces A4.
     pub fn advance(&mut self, now: Duration) -> Option<MotionReport> {
         let journey = self.journey.as_ref()?;
         let last = journey.repeated + self.patience;
@@ -260,6 +261,7 @@ mod tests {
         assert_eq!(drive.advance(at(4)), Some(arrived(goal)));
     }
 
+    /// Shows A4.
     #[test]
     fn it_halts_when_its_goal_does_not_repeat() {
         let mut drive = SimulatedDrive::new(Pose::default(), 1.0, Duration::from_secs(1));

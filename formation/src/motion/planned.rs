@@ -27,6 +27,7 @@ impl PlannedMotion {
     /// Plans the motion, and gives the plan the acting order that the motion has.
     ///
     /// Bodies of modules that take no part stand on `obstacles`.
+    /// Enforces X7.
     #[must_use]
     pub fn of(problem: &PlanningProblem, plan: Plan, obstacles: &[Area]) -> (Self, Plan) {
         let mode = problem.parameters().motion;

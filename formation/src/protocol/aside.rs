@@ -15,6 +15,7 @@ use crate::model::{
 const STEPS_MAX: i64 = 400;
 
 /// The modules that make room, ascending, and where each of them goes.
+/// Enforces S6.
 pub(super) fn asides(roster: &Roster, plan: &Plan) -> Vec<(ModuleId, Pose)> {
     let Some(target) = &roster.target.target else {
         return Vec::new();
@@ -120,6 +121,7 @@ fn square(pose: &Pose) -> (i64, i64) {
 mod tests {
     use super::*;
 
+    /// Shows S6.
     #[test]
     fn the_nearest_clear_place_is_a_unit_away_from_all_others() {
         let at = |x: f64, y: f64| Pose::from_units(x, y, 0.0).unwrap();

@@ -100,6 +100,7 @@ impl Bodies {
     ///
     /// Reports on modules of other sessions name no epoch, even where a roster passes them on. One that names an epoch takes the
     /// place of a report on a module of another session that has the same number.
+    /// Enforces B1.
     pub fn note(&mut self, report: BodyReport) {
         let is_of_this_session = report.epoch.is_some();
         let is_of_other_session = self.of_other_sessions.contains(&report.module);
@@ -119,6 +120,7 @@ impl Bodies {
 
     /// Keeps a report on a module of another session. It never takes the place of one on a module of this session, which may
     /// have the same number; then the result is `false`.
+    /// Enforces B6.
     pub fn note_of_other_session(&mut self, report: BodyReport) -> bool {
         debug_assert_eq!(
             report.epoch, None,
@@ -345,6 +347,7 @@ impl Context {
 
     /// Takes over the bodies in a roster, and refuses it if it opens a spot on which this module knows a body, or if paths may lead
     /// through one.
+    /// Enforces B3.
     pub fn check_bodies(&mut self, roster: &Roster) -> Result<(), Refusal> {
         self.learn_roster_bodies(roster);
         let Comparison {
@@ -449,6 +452,7 @@ impl Context {
 
     /// Whether bodies that became known, or were removed, call for another plan, when some spots are yet to be filled and some paths
     /// lie ahead.
+    /// Enforces B4.
     pub fn doubt_bodies(
         &mut self,
         roster: &Roster,

@@ -111,6 +111,7 @@ impl Context {
 
     /// Whether an incarnation, an epoch or a revision is low enough to be true. A bound that depends on what is known would let a
     /// stranger raise the number step by step, out of reach of modules that start later.
+    /// Enforces E2.
     pub fn is_plausible(&self, number: u64) -> bool {
         number <= self.latest_stamp()
     }
@@ -150,6 +151,7 @@ impl Context {
     }
 
     /// Whether an epoch may be opened to include a module. A run that is yet to take a later number would be no member.
+    /// Enforces M7.
     pub fn is_wanted(&self, module: ModuleId) -> bool {
         self.peers.is_wanted(self.now, module) && !self.is_outdated(module)
     }
@@ -168,6 +170,7 @@ impl Context {
     }
 
     /// Whether a later revision announces a target with other content than this one.
+    /// Enforces E8.
     pub fn has_replaced(&self, target: &TargetAnnouncement) -> bool {
         self.target.announcement().is_some_and(|latest| {
             latest.revision > target.revision
@@ -204,6 +207,7 @@ impl Context {
     }
 
     /// The spot on which the module has settled, and which it keeps, if the target of that spot has this digest.
+    /// Enforces P1.
     pub fn pin_for(&self, target: impl FnOnce() -> Digest) -> Option<SpotId> {
         if self.bugs.forget_pins() {
             return None;
@@ -213,6 +217,7 @@ impl Context {
     }
 
     /// This module as it announced itself when it froze for a plan for the target with this digest.
+    /// Enforces G3.
     pub fn as_member(&self, target: impl FnOnce() -> Digest) -> RosterMember {
         RosterMember {
             incarnation: self.own.run.incarnation,
@@ -230,6 +235,7 @@ impl Context {
     }
 
     /// Stops the drive, and withdraws goals of the same instant.
+    /// Enforces A7.
     pub fn stand_still(&mut self) {
         self.outbox.withdraw_goals();
         if self.body.moving {
@@ -238,12 +244,14 @@ impl Context {
     }
 
     /// Stops the drive, and gives up the spot on which the module has settled.
+    /// Enforces S1.
     pub fn leave_spot(&mut self) {
         self.stand_still();
         self.body.settled_on = None;
     }
 
     /// The drive or a port failed, or took too long: the module takes no spot until it receives the command to rejoin.
+    /// Enforces X4.
     pub fn fail_motion(&mut self, spot: Option<SpotId>) {
         self.cannot_move(Event::MotionFailed(spot));
     }
@@ -260,6 +268,7 @@ impl Context {
 
     /// Whether this module may open an epoch. One whose drive failed on the way may never be measured to stand, and then closes
     /// no roster.
+    /// Enforces E4.
     pub fn can_convene(&self) -> bool {
         self.body.is_at_rest() || !self.body.has_failed
     }

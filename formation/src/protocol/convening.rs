@@ -14,6 +14,7 @@ use super::stage::{Gathering, Stage};
 
 impl Agent {
     /// Opens an epoch when there has been a reason for long enough and it is this module's turn to do so.
+    /// Enforces E4, Q6.
     pub(super) fn consider_new_epoch(&mut self) {
         if matches!(&self.stage, Stage::Gathering(gathering) if gathering.is_convener()) {
             return;
@@ -86,6 +87,7 @@ fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
 
 impl Stage {
     /// Why the present epoch does not lead, or no longer leads, to a formation of the target, if so.
+    /// Enforces E3.
     fn doubt(&self, context: &mut Context) -> Option<EpochReason> {
         let roster = match self {
             Self::Gathering(gathering) => return gathering.doubt(context),
@@ -161,6 +163,7 @@ impl Stage {
     }
 
     /// The members that keep the epoch from going on: considered failed, they are left out of the next one.
+    /// Enforces M6.
     fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
         match self {
             Self::Planning(planning) => planning.stuck_claimant(context).into_iter().collect(),
@@ -173,6 +176,7 @@ impl Stage {
 
 /// Judges whether the members can go on with their roster; otherwise returns the reason for another epoch, or `None` if
 /// others have to decide.
+/// Enforces E6.
 fn judge_members(
     roster: &Roster,
     outside_since: Option<Duration>,
@@ -230,6 +234,7 @@ fn judge_members(
 }
 
 /// Those of some members that show a later epoch than that of the roster.
+/// Enforces E6.
 fn ahead_of(
     roster: &Roster,
     members: impl Iterator<Item = ModuleId>,
@@ -253,6 +258,7 @@ fn others<'a>(
 }
 
 /// Whether a member is live, in the run that the roster lists, and within reach of a quorum.
+/// Enforces E6.
 fn is_in_charge(run: ModuleRun, context: &Context) -> bool {
     context.peers.is_live(context.liveness(), run.module)
         && context
@@ -284,6 +290,7 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
 }
 
 /// The members that left service since the roster was made, or that were retired then and cannot move any more.
+/// Enforces S3.
 fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
     let members = roster.members.iter();
     let members = members.map(|member| (member.module.id, member));
@@ -313,6 +320,7 @@ fn live_unplanned(roster: &Roster, context: &Context) -> Vec<ModuleId> {
 
 /// Those of some live modules that the roster does not list as active and that are so now, if more spots can be filled with
 /// them.
+/// Enforces E7.
 fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
     if context.bugs.ignore_newcomers() {
         return Vec::new();
@@ -332,6 +340,7 @@ fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> 
 
 /// Those of some live modules that the roster does not list, that know its epoch, or a later one, and that wait for a quorum:
 /// they know of a majority that the members do not need, and learn in a gathering only that it no longer counts.
+/// Enforces E12.
 fn strays(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
     let others = others.iter().copied();
     others

@@ -15,6 +15,7 @@ use super::stage::{HeldPlan, Stage};
 
 impl Agent {
     /// Records, before an epoch is left, where its other members stand or may be on their way.
+    /// Enforces B2.
     pub(super) fn remember_members(&mut self) {
         let reports = self.member_reports(self.stage.has_acted());
         self.context.bodies.note_ascending(reports.into_iter());
@@ -94,6 +95,7 @@ impl Agent {
     }
 
     /// Records where a module of another session shows itself. Its epochs are not those of this session.
+    /// Enforces B6.
     pub(super) fn handle_other_session_state(&mut self, state: &ModuleState) {
         let report = BodyReport {
             module: state.module,

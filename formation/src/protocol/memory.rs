@@ -42,6 +42,7 @@ impl Memory {
     }
 
     /// The first majority that these modules lack.
+    /// Enforces Q4.
     pub fn shortfall(
         &self,
         present: &[Voter],
@@ -150,6 +151,7 @@ singletons: [{id: 1, x: 5.0, y: 0.0}]
         Scenario::from_yaml(yaml).unwrap().problem().clone()
     }
 
+    /// Shows Q4.
     #[test]
     fn founders_whom_an_announcement_names_count_while_none_are_known() {
         let voter = |id| Voter::new(ModuleId(id).run(Incarnation(1)), None);

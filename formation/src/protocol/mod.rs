@@ -309,6 +309,7 @@ impl Agent {
     }
 
     /// Does what is due.
+    /// Enforces C1.
     fn step(&mut self) {
         self.context.outbox.forget_wakes();
         let stood_back = self.succession.is_standing_back();
@@ -373,6 +374,7 @@ impl Agent {
         true
     }
 
+    /// Enforces E9, E10.
     fn handle_target(&mut self, announcement: Arc<TargetAnnouncement>) {
         if !self.is_plausible_revision(announcement.revision) {
             return self.context.refuse(None, Refusal::ImplausibleRevision);
@@ -439,6 +441,7 @@ impl Agent {
     }
 
     /// Handles a heartbeat; one that shows nothing new changes nothing that is due.
+    /// Enforces H2.
     fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
         let run = heartbeat.module.run(heartbeat.incarnation);
         if run.module == self.module() {
@@ -511,6 +514,7 @@ impl Agent {
         }
     }
 
+    /// Enforces T3.
     fn check_claim(&self, source: Option<SourceId>, claim: &SpotClaim) -> Result<(), Refusal> {
         let run = claim.claimant.run(claim.incarnation);
         self.context.peers.check_source(run, source)?;

@@ -62,6 +62,7 @@ impl Agent {
         self.context.mark_state_changed();
     }
 
+    /// Enforces S1.
     fn handle_failure(&mut self) {
         // It may move on for a while: it freezes, as any other, once its drive has reported that it stands.
         self.context.stand_still();
@@ -78,6 +79,7 @@ impl Agent {
     /// towards the majority of earlier rosters. Later rosters need no majority that includes it. Only the plan passes it
     /// over: a spare takes its spot, or the spot is reported open. It undocks from all modules, and moves off a spot that
     /// another one takes.
+    /// Enforces S5.
     pub(super) fn handle_command(&mut self, command: Command) {
         let (service, event) = match command {
             Command::Retire => (Service::Retired, Event::Retired),
@@ -111,6 +113,7 @@ impl Agent {
     }
 
     /// Follows the links that another module reports: it docked to this one, or undocked from it.
+    /// Enforces X3.
     pub(super) fn adjust_links_to(&mut self, other: ModuleId) {
         let Some(held) = self.stage.held_plan() else {
             return;

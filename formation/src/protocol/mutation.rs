@@ -16,16 +16,22 @@ use crate::model::{Digest, PlanningProblem, QuorumBasis, Voter};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Mutation {
     /// Follows rosters of epochs that are over.
+    /// Lacks E1.
     AcceptStaleEpoch,
     /// Counts every member as agreed, whatever its digest.
+    /// Lacks A1.
     SkipDigestBarrier,
     /// Moves as soon as all members agree.
+    /// Lacks A2.
     SkipLeaseWait,
     /// Keeps moving when members no longer show agreement.
+    /// Lacks A3.
     IgnoreLapse,
     /// Takes a restarted process for the one that it knew.
+    /// Lacks G3.
     DropIncarnationCheck,
     /// Applies claims that differ from its own recomputation.
+    /// Lacks T2.
     AcceptWithoutRecomputation,
     /// Records claims in the order in which they arrive.
     ApplyOutOfTurn,
@@ -34,12 +40,15 @@ pub enum Mutation {
     /// Counts a restarted module as if it remembered what it agreed on.
     CountForgetful,
     /// Counts the members of an earlier roster as if they remembered, if all of them are back.
+    /// Lacks Q3.
     CountAllBack,
     /// Adds the quorum bases of a roster before it judges the roster.
     LearnUnjudged,
     /// Moves without waiting for earlier units.
+    /// Lacks X1.
     MoveOutOfOrder,
     /// Begins a step without waiting for other units.
+    /// Lacks X8.
     SkipWaits,
     /// Forgets the spot on which it has settled.
     ForgetPins,
@@ -48,25 +57,30 @@ pub enum Mutation {
     /// Plans as if no module were docked, and so evicts members of configurations.
     EvictConfigurationMember,
     /// Counts every module that it ever received a heartbeat from as live.
+    /// Lacks M1.
     CountDeadAsAlive,
     /// Takes heartbeats that lay in a buffer for fresh ones.
+    /// Lacks M1.
     TrustBufferedHeartbeats,
     /// Holds another plan than it should, as a module of another build might.
     DifferentPlan,
     /// Never includes a late module to fill an open spot.
     IgnoreNewcomers,
     /// Plans as if absent modules had no bodies.
+    /// Lacks B3.
     IgnoreBodies,
     /// Follows rosters that do not say where a body is on which no spot lies.
     IgnoreDisplacedBodies,
     /// Excludes members that it considers stuck although they show a later epoch, and lets a roster count as agreed once it has
     /// agreed itself.
+    /// Lacks M6.
     ExcludeMembersAhead,
     /// Forgets its pin when it decides to set off, before its drive has a goal.
     ForgetPinBeforeGoal,
     /// Restarts without the bodies that its store holds.
     ForgetStoredBodies,
     /// Drops a module as soon as somebody reports its body as removed.
+    /// Lacks B5.
     TrustRemovals,
 }
 

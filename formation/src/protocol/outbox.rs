@@ -149,6 +149,7 @@ impl Outbox {
 
     /// Gives a state to the store if there is a new one, and lets the results of the present input wait for the store. A halt,
     /// an event and a heartbeat that shows nothing new, or nothing but a command to stop or to resume, depend on nothing.
+    /// Enforces Q8.
     pub fn write_ahead(&mut self, key: SyncKey, state: Option<DurableState>) {
         if state.is_some() {
             self.durable.given = Some(key);
@@ -200,6 +201,7 @@ impl Outbox {
     }
 
     /// Counts a refusal, and reports it unless it is the ordinary lateness of a network.
+    /// Enforces C2.
     pub fn refuse(&mut self, module: Option<ModuleId>, reason: Refusal) {
         self.refusals.add(reason);
         if !reason.is_ordinary() {

@@ -83,6 +83,7 @@ impl Bodies {
 impl Context {
     /// A run sends, and holds a plan or not. If the report on its body is about a former run with a later number, which is
     /// silent, the state of this module says so. A run that holds no plan then takes a later number itself.
+    /// Enforces M7.
     pub fn note_run(&mut self, run: ModuleRun, holds_plan: bool) {
         self.bodies.forget_outdated(run, holds_plan);
         let known = self.bodies.get(run.module);

@@ -26,11 +26,13 @@ impl EpochPacing {
     }
 
     /// An epoch was agreed on: the next one waits for the least interval only.
+    /// Enforces E5.
     pub fn relax(&mut self, interval: Duration) {
         self.interval = interval;
     }
 
     /// An epoch was opened: the interval doubles with each, up to `limit`.
+    /// Enforces E5.
     pub fn opened(&mut self, now: Duration, limit: Duration) {
         if self.last_opened.is_some() {
             self.interval = (self.interval * 2).min(limit);
@@ -63,6 +65,7 @@ impl EpochPacing {
 mod tests {
     use super::*;
 
+    /// Shows E5.
     #[test]
     fn the_interval_doubles_up_to_its_limit_until_an_epoch_agrees() {
         let (least, limit) = (Duration::from_secs(1), Duration::from_secs(16));

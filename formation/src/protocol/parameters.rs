@@ -90,6 +90,7 @@ impl AgentParameters {
     ///
     /// # Errors
     /// The first pair of limits that is in the wrong order.
+    /// Enforces A5.
     pub fn validated(self) -> Result<Self, ParametersError> {
         let pairs = [
             ("heartbeat", self.heartbeat, "zero", Duration::ZERO),
@@ -118,6 +119,7 @@ impl AgentParameters {
 mod tests {
     use super::*;
 
+    /// Shows A5.
     #[test]
     fn the_defaults_are_valid_and_a_long_lease_is_not() {
         assert!(AgentParameters::default().validated().is_ok());

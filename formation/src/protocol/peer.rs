@@ -98,6 +98,7 @@ impl Peer {
     ///
     /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift. A
     /// heartbeat that lay in a buffer while this process or the network stood still is recognised as old in this way.
+    /// Enforces M1.
     pub fn sent_at(&mut self, now: Duration, uptime: Duration) -> Duration {
         let micros = |duration: Duration| i128::try_from(duration.as_micros()).unwrap_or(i128::MAX);
         let sample = micros(now) - micros(uptime).min(i128::MAX / 4);

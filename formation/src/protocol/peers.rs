@@ -121,6 +121,7 @@ impl Peers {
     }
 
     /// Whether there is room for one more, if need be in the place of one that has long been silent.
+    /// Enforces C3.
     fn make_room(&mut self, liveness: Liveness) -> bool {
         if self.peers.len() < self.room {
             return true;
@@ -170,6 +171,7 @@ impl Peers {
     }
 
     /// Checks that a message of a run comes from the process that sends for its module, where that is known.
+    /// Enforces M2.
     pub fn check_source(&self, run: ModuleRun, source: Option<SourceId>) -> Result<(), Refusal> {
         let Some(peer) = self.peers.get(&run.module) else {
             return Ok(());
@@ -216,6 +218,7 @@ impl Peers {
     }
 
     /// The entry of the run that sends, made or replaced where the rules of incarnations allow it.
+    /// Enforces M3.
     fn admit(
         &mut self,
         liveness: Liveness,
@@ -349,6 +352,7 @@ impl Peers {
     }
 
     /// Whether a module's latest heartbeat is younger than `suspicion` and it is not excluded for lack of progress.
+    /// Enforces M1.
     pub fn is_live(&self, liveness: Liveness, module: ModuleId) -> bool {
         self.get(module).is_some_and(|peer| liveness.includes(peer))
     }
@@ -362,6 +366,7 @@ impl Peers {
     }
 
     /// Considers a module failed until a time, because it makes no progress.
+    /// Enforces M6.
     pub fn exclude(&mut self, module: ModuleId, until: Duration) {
         if let Some(peer) = self.peers.get_mut(&module) {
             peer.excluded_until = peer.excluded_until.max(until);
@@ -470,6 +475,7 @@ impl Peers {
     }
 
     /// Whether an epoch may be opened to include a module.
+    /// Enforces E7.
     pub fn is_wanted(&self, now: Duration, module: ModuleId) -> bool {
         self.get(module)
             .is_none_or(|peer| peer.unwanted_until <= now)
@@ -528,6 +534,7 @@ mod tests {
         }
     }
 
+    /// Shows M1.
     #[test]
     fn a_buffered_heartbeat_is_not_fresh() {
         let mut peers = Peers::default();
@@ -546,6 +553,7 @@ mod tests {
         assert!(peers.is_live(at(30), ModuleId(1)));
     }
 
+    /// Shows C3.
     #[test]
     fn invented_modules_take_no_more_room_than_there_is() {
         let mut peers = Peers::default();
@@ -564,6 +572,7 @@ mod tests {
         assert!(peers.get(ModuleId(7)).is_some());
     }
 
+    /// Shows M2, M3.
     #[test]
     fn a_second_process_is_refused_until_the_first_is_silent() {
         let mut peers = Peers::default();

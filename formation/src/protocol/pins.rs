@@ -17,6 +17,7 @@ use super::context::Context;
 use super::plans::PlanJob;
 
 /// Releases the pins that cannot stay; `members` ascend by module. `None` until the plan that shows which is computed.
+/// Enforces P3.
 pub(super) fn release(
     members: &mut [RosterMember],
     target: &Arc<Target>,

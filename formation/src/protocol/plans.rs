@@ -140,6 +140,7 @@ impl ComputedPlan {
 
     /// What follows with a roster. All agents of a process need the same, and its digest alone takes some milliseconds with a
     /// thousand modules.
+    /// Enforces T5.
     pub(super) fn for_roster(&self, roster: &Arc<ClosedRoster>) -> Arc<RosterPlan> {
         let compute = || {
             let digest = self.digest_of(roster, self.turns.decisions());
@@ -180,6 +181,7 @@ pub(super) struct Plans {
 
 impl Plans {
     /// The plan of a job if it is known; otherwise the host is asked for it, once.
+    /// Enforces T5.
     pub fn get(&mut self, job: PlanJob, outbox: &mut Outbox) -> Option<Arc<ComputedPlan>> {
         let known = self.computed.as_ref();
         if let Some(computed) = known.filter(|computed| computed.answers(&job)) {
@@ -219,6 +221,7 @@ pub struct SharedPlans {
 
 impl SharedPlans {
     /// Takes the request of an agent, in the place of its last one. Returns the plan if it is known.
+    /// Enforces T5.
     pub fn ask(&mut self, module: ModuleId, job: PlanJob) -> Option<Arc<ComputedPlan>> {
         self.waiting.remove(&module);
         let mut computed = self.computed.iter();

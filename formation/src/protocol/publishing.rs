@@ -17,6 +17,7 @@ fn into_period(now: Duration, period: Duration) -> Duration {
 
 impl Agent {
     /// Publishes the state if it changed, and the heartbeat if it is due or shows something new.
+    /// Enforces C4.
     pub(super) fn publish_due(&mut self) {
         let may_publish =
             self.stage.may_publish_state(&self.context) && !self.succession.is_standing_back();

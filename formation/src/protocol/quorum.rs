@@ -64,6 +64,7 @@ impl Quorum {
     }
 
     /// That no message can hold the known bases with this one. None is dropped to make room: its roster may have agreed.
+    /// Enforces Q1.
     pub fn lacks_room_for(&self, basis: &[Voter]) -> Option<Shortfall> {
         let is_new = !self.shown.values().any(|known| known == basis);
         let needed = self.known().count() + usize::from(is_new);
@@ -99,6 +100,7 @@ impl Quorum {
     ///
     /// That is enough: every later roster contains a majority of the basis that this module knows, so some module that counts
     /// in this basis, and is present if a majority of it is, knows that roster. What any other module reports teaches nothing.
+    /// Enforces Q5.
     pub fn learn_from(&mut self, reports: &[(Voter, &[QuorumBasis])], founders: Founders<'_>) {
         let mut unheard = reports.to_vec();
         loop {
@@ -159,6 +161,7 @@ impl Quorum {
     /// The first majority that `present` (ascending) lacks: of the founders, and of every known basis.
     ///
     /// Before the first agreement the founders count, even if some member showed a digest for a roster.
+    /// Enforces Q1.
     pub fn shortfall(&self, present: &[Voter], founders: Founders<'_>) -> Option<Shortfall> {
         let lacks_founders = match founders {
             Founders::Named(named) => of_founders(named, present, self.agreed.is_some()),
@@ -174,6 +177,7 @@ impl Quorum {
 }
 
 /// The majority that is missing of a basis: more than half of its voters, or an exact half with the lowest.
+/// Enforces Q2, Q3.
 fn of_basis(basis: &[Voter], present: &[Voter]) -> Option<Shortfall> {
     let is_present = |voter: &Voter| present.binary_search(voter).is_ok();
     let count = basis.iter().filter(|voter| is_present(voter)).count();
@@ -188,6 +192,7 @@ fn of_basis(basis: &[Voter], present: &[Voter]) -> Option<Shortfall> {
 /// The founders that are missing: without a store, a founder that restarts does not know what it agreed on, so all of them
 /// found the formation, or a majority that has stores. Later, one of them must be present: otherwise a formation that was
 /// handed on to added modules would go on while restarted founders found another.
+/// Enforces Q4, Q7.
 fn of_founders(named: &[ModuleId], present: &[Voter], has_agreed: bool) -> Option<Shortfall> {
     let memories_of = |founder: ModuleId| {
         let begin = present.partition_point(|voter| voter.module < founder);
@@ -263,6 +268,7 @@ mod tests {
         }
     }
 
+    /// Shows Q4.
     #[test]
     fn the_first_roster_needs_more_than_half_of_the_expected() {
         let quorum = Quorum::default();
@@ -276,6 +282,7 @@ mod tests {
         );
     }
 
+    /// Shows Q4.
     #[test]
     fn founders_are_all_present_or_a_majority_has_stores() {
         let quorum = Quorum::default();
@@ -291,6 +298,7 @@ mod tests {
         assert!(lacks(&stored(&[1], 1)));
     }
 
+    /// Shows Q7.
     #[test]
     fn every_later_roster_holds_a_founder() {
         let mut quorum = Quorum::default();
@@ -305,6 +313,7 @@ mod tests {
         assert!(!lacks(&modules(&[3, 8])));
     }
 
+    /// Shows Q2.
     #[test]
     fn an_exact_half_suffices_with_the_lowest_module_only() {
         let mut quorum = Quorum::default();
@@ -321,6 +330,7 @@ mod tests {
         );
     }
 
+    /// Shows Q1.
     #[test]
     fn shown_rosters_count_until_a_later_one_agrees() {
         let mut quorum = Quorum::default();
@@ -341,6 +351,7 @@ mod tests {
     }
 
     /// Module 3 enters each of these epochs without its roster. With 4 and 5, which only know the first roster, it is a majority.
+    /// Shows Q1.
     #[test]
     fn a_roster_that_may_have_agreed_counts_however_many_follow() {
         let mut quorum = Quorum::default();
@@ -361,6 +372,7 @@ mod tests {
     }
 
     /// Each of two modules knows other rosters, and both together more than a message holds.
+    /// Shows Q1.
     #[test]
     fn a_roster_that_no_message_can_hold_is_not_published() {
         let with_the = |run| runs(&[(1, 1), (2, 1), (3, 1), (7, run)]);
@@ -375,6 +387,7 @@ mod tests {
         assert_eq!(shortfall, Some(Shortfall::WithoutAgreement(400)));
     }
 
+    /// Shows Q3.
     #[test]
     fn a_restarted_module_counts_only_with_its_store() {
         let mut quorum = Quorum::default();
@@ -398,6 +411,7 @@ mod tests {
         );
     }
 
+    /// Shows Q5.
     #[test]
     fn only_modules_that_count_teach_bases() {
         let founders = named(&[1, 2, 3]);

@@ -11,6 +11,7 @@ use crate::model::text::joined;
 macro_rules! refusals {
     ($($(#[$documentation:meta])* $kind:ident = $name:literal: $text:literal,)*) => {
         /// Why a message was refused.
+        /// Enforces C2.
         #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Error)]
         pub enum Refusal {
             $($(#[$documentation])* #[error($text)] $kind,)*

@@ -113,6 +113,7 @@ impl Removals {
 
 impl Context {
     /// Handles a report of somebody that a body was taken away.
+    /// Enforces B5.
     pub fn handle_removal_report(&mut self, run: ModuleRun) {
         if self.bugs.trust_removals() {
             self.bodies.note(removed(run, None));
@@ -188,6 +189,7 @@ impl Context {
 
     /// A heartbeat of this run came, also if it was refused for a later one: what was reported before it was sent is dropped, and so is a
     /// removal that has taken effect.
+    /// Enforces B5.
     pub fn note_heard(&mut self, run: ModuleRun) {
         if self.bugs.trust_removals() {
             return;
@@ -366,6 +368,7 @@ impl Context {
 
     /// Refuses a roster that lists a run as removed that this module hears, or that the roster is the first to list while this module
     /// has not listened for `suspicion`.
+    /// Enforces B5.
     pub fn check_removals(&mut self, roster: &Roster) -> Result<(), Refusal> {
         let has_listened = self.has_listened();
         let (mut heard, mut early) = (Vec::new(), Vec::new());
@@ -400,6 +403,7 @@ impl Context {
 
     /// All members agree on a roster: the removals that it lists take effect, and those that it does not list although this module froze
     /// with them were refuted by another member.
+    /// Enforces B5.
     pub fn settle_removals(&mut self, roster: &Roster) {
         let in_effect: Vec<BodyReport> = self.removals.in_effect_by(roster).cloned().collect();
         for report in &in_effect {

@@ -32,6 +32,7 @@ pub(super) struct KeptRosters(BTreeMap<ModuleId, KeptRoster>);
 
 impl KeptRosters {
     /// Keeps a message, if need be in the place of the one of the earliest epoch.
+    /// Enforces G7.
     fn keep(&mut self, kept: KeptRoster) {
         let epoch = kept.message.epoch();
         let known = self.0.get(&epoch.convener);
@@ -57,6 +58,7 @@ impl Hash for KeptRoster {
 }
 
 impl Agent {
+    /// Enforces E1.
     pub(super) fn handle_roster(&mut self, source: Option<SourceId>, message: RosterMessage) {
         let epoch = message.epoch();
         if epoch.convener == self.context.module() {
@@ -107,6 +109,7 @@ impl Agent {
 
     /// Leaves a member out that has left several rosters of this module in a row by opening an epoch: each lists a module of
     /// which the other one receives nothing, so that none would ever agree.
+    /// Enforces M6.
     fn note_interruption(&mut self, convener: ModuleId) {
         let own = self.context.module();
         let is_left = self.stage.roster().is_some_and(|roster| {
@@ -128,6 +131,7 @@ impl Agent {
     /// Keeps a roster that lacks a majority, as it is judged again when this module follows another or its convener shows
     /// more. A module that waits for a quorum, or stands aside for an earlier roster, shows the epoch that it could not
     /// follow, so that the members of that call it to the next one.
+    /// Enforces E12.
     fn lack_quorum_for(&mut self, roster: Arc<ClosedRoster>, source: Option<SourceId>) {
         let epoch = roster.epoch;
         if self.context.shortfall.is_some() || matches!(self.stage, Stage::Outsider(_)) {
@@ -144,6 +148,7 @@ impl Agent {
     }
 
     /// Handles the kept messages again, the latest epoch first, as this module knows more.
+    /// Enforces G7.
     pub(super) fn handle_kept_rosters(&mut self) {
         let kept = std::mem::take(&mut self.kept_rosters.0).into_values();
         let mut kept: Vec<KeptRoster> = kept.collect();
@@ -207,6 +212,7 @@ impl Agent {
     }
 
     /// Checks that a roster lists this run as it announced itself.
+    /// Enforces G3.
     fn check_own_entry(
         &mut self,
         roster: &ClosedRoster,
@@ -244,6 +250,7 @@ impl Agent {
 
     /// What a member remembers with a roster that has every majority that it needs. A roster that lacks one teaches nothing, so
     /// that invented bases cannot keep the modules from forming.
+    /// Enforces Q5.
     fn judge_quorum(&mut self, roster: &Roster) -> Result<Memory, Refusal> {
         let context = &mut self.context;
         let mut memory = context.memory.clone();
@@ -267,6 +274,7 @@ impl Agent {
     }
 
     /// Checks that a roster does not contradict the announced target.
+    /// Enforces E11, G4.
     fn check_target(&self, roster: &ClosedRoster) -> Result<(), Refusal> {
         if roster.timing != self.context.parameters.timing() {
             return Err(Refusal::DifferentTiming);

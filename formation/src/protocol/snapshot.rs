@@ -19,6 +19,7 @@ impl Agent {
 
     /// The messages that a new process would receive from latched topics: the target, the state of every live module but
     /// this one, and the roster of this module's epoch. Each comes with its sender, as far as that is known.
+    /// Enforces C5.
     #[must_use]
     pub fn latched_snapshot(&self) -> Vec<(Option<SourceId>, Message)> {
         let context = &self.context;

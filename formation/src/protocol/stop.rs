@@ -13,6 +13,7 @@ use super::refusal::Refusal;
 
 impl Agent {
     /// Takes over a command to stop or to resume, if it is the latest.
+    /// Enforces H1.
     pub(super) fn handle_stop(&mut self, stop: Stop) {
         let context = &mut self.context;
         let known = context.stop;

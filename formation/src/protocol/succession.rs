@@ -43,6 +43,7 @@ impl Succession {
     }
 
     /// Stands back until a time.
+    /// Enforces M4.
     pub fn stand_back(&mut self, until: Duration) {
         self.standing_back_until = Some(until);
     }
@@ -89,6 +90,7 @@ impl Succession {
 
 impl Agent {
     /// Another process sends as this module.
+    /// Enforces M5.
     pub(super) fn handle_duplicate(&mut self, incarnation: Incarnation) {
         let own = self.context.own;
         if incarnation == own.run.incarnation {
@@ -131,6 +133,7 @@ impl Agent {
     }
 
     /// Takes a number above that of a later run for which this one stood back, and which has not sent meanwhile.
+    /// Enforces M7.
     pub(super) fn exceed_silent_run(&mut self) {
         if let Some(next) = self.succession.take_number_above(self.context.own) {
             self.context.own.run.incarnation = next;

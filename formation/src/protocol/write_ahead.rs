@@ -14,6 +14,7 @@ impl Agent {
     /// The same agent with a store, which holds what an earlier run wrote, if any did.
     ///
     /// A pin is kept only if the module still stands where it stood: a robot may have been moved while it was off.
+    /// Enforces Q9, H3.
     #[must_use]
     pub fn restored(mut self, stored: Option<DurableState>) -> Self {
         debug_assert!(self.context.own.store.is_some(), "only a store restores");

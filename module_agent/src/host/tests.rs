@@ -252,6 +252,7 @@ fn heartbeats_that_fall_due_together_share_a_sample() {
     assert_eq!(beats, [3; 10], "two a second, each for all three");
 }
 
+/// Shows C4.
 #[test]
 fn heartbeats_share_a_sample_after_modules_have_shown_something_at_different_times() {
     let (host, target) = host(&[4, 5, 17]);
@@ -325,6 +326,7 @@ fn a_module_that_is_added_receives_what_it_missed_and_takes_an_open_spot() {
     assert_eq!(phase, Some(ModulePhase::Settled));
 }
 
+/// Shows T5.
 #[test]
 fn one_plan_serves_all_modules_and_heartbeats_continue_until_it_is_computed() {
     let (mut host, target) = host(&[4, 5, 17]);
@@ -389,6 +391,7 @@ fn form_with_stores(directory: &Path) -> (Places, Option<Epoch>, bool) {
     (places, epoch, moved)
 }
 
+/// Shows Q9.
 #[test]
 fn processes_that_all_restart_continue_from_their_stores() {
     let directory = tempfile::tempdir().unwrap();

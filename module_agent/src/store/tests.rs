@@ -136,6 +136,7 @@ fn holding(states: &[(u32, &DurableState)]) -> Contents {
     contents
 }
 
+/// Shows Q9.
 #[test]
 fn what_modules_know_of_all_others_is_stored_once_and_written_only_when_it_changes() {
     let directory = tempfile::tempdir().unwrap();
@@ -185,6 +186,7 @@ fn a_shared_file_that_is_no_longer_named_does_not_stay() {
     assert_eq!(left, ["modules.session_7.shared_2.json"]);
 }
 
+/// Shows Q9.
 #[test]
 fn a_module_takes_over_what_others_of_its_process_know_of_bodies_but_not_of_its_own() {
     let directory = tempfile::tempdir().unwrap();
@@ -209,6 +211,7 @@ fn a_module_takes_over_what_others_of_its_process_know_of_bodies_but_not_of_its_
     assert_eq!(*bodies(6), [report(5, 1), report(7, 2), report(8, 1)]);
 }
 
+/// Shows Q10.
 #[test]
 fn a_shared_file_that_is_missing_or_damaged_is_refused() {
     let (directory, _) = written();
@@ -225,6 +228,7 @@ fn a_shared_file_that_is_missing_or_damaged_is_refused() {
     assert!(refused.unwrap_err().contains("it is missing"));
 }
 
+/// Shows Q10.
 #[test]
 fn a_torn_file_is_refused_wherever_it_ends() {
     let (directory, _) = written();
@@ -242,6 +246,7 @@ fn a_torn_file_is_refused_wherever_it_ends() {
 }
 
 /// Each is still valid JSON, of the same fields.
+/// Shows Q10.
 #[test]
 fn a_file_of_which_a_digit_has_changed_is_refused() {
     let (directory, _) = written();

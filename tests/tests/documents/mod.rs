@@ -4,4 +4,5 @@ mod book;
 mod files;
 mod parameters;
 mod references;
+mod rules;
 mod sources;

@@ -123,38 +123,6 @@ fn every_promise_of_the_fault_model_names_tests() {
     assert!(tests.len() > 20, "found {}", tests.len());
 }
 
-#[test]
-fn every_rule_of_the_protocol_names_what_enforces_it_and_a_test_that_shows_it() {
-    let page = TextFile::read("docs/protocol.md");
-    let rules: Vec<&str> = page
-        .text
-        .split("\n\n")
-        .filter(|paragraph| {
-            let number = paragraph
-                .strip_prefix("**")
-                .and_then(|rest| rest.split_once('.'));
-            number.is_some_and(|(number, _)| {
-                number.starts_with(char::is_uppercase) && number.ends_with(char::is_numeric)
-            })
-        })
-        .collect();
-    assert!(rules.len() > 30, "found {} rules", rules.len());
-    for rule in rules {
-        let (enforced, shown) = rule
-            .split_once("Shown:")
-            .unwrap_or_else(|| panic!("names no test: {rule}"));
-        let enforced = enforced
-            .split_once("Enforced:")
-            .unwrap_or_else(|| panic!("names nothing that enforces it: {rule}"))
-            .1;
-        assert!(references(enforced).next().is_some(), "{rule}");
-        assert!(references(shown).next().is_some(), "{rule}");
-        for reference in references(shown) {
-            assert!(is_test(reference), "{reference:?} is no test: {rule}");
-        }
-    }
-}
-
 /// The lines of one table of a manifest.
 fn table<'a>(manifest: &'a str, name: &str) -> impl Iterator<Item = &'a str> {
     let header = format!("[{name}]");

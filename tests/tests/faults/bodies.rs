@@ -11,6 +11,7 @@ use super::{PATIENCE, SPARES};
 
 const TRACE: &str = "trace.jsonl";
 
+/// Shows B4.
 #[test]
 fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
     let domain = &*Domain::for_processes(12);
@@ -155,6 +156,7 @@ fn two_that_die_on_their_way_and_one_that_stops_for_a_while_are_not_touched() {
 
 /// One process stops in mid-motion for longer than the lease and for less than the suspicion: all others on their way halt,
 /// and go on when it is back.
+/// Shows X10.
 #[test]
 fn all_halt_when_one_is_silent_beyond_the_lease_and_then_go_on() {
     let domain = &*Domain::for_processes(11);

@@ -79,6 +79,7 @@ fn refusals(agents: &[Finished]) -> BTreeMap<String, u64> {
     counts
 }
 
+/// Shows C2, E2, T3.
 #[test]
 fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
     let Some(python) = Python::find() else {
@@ -123,6 +124,7 @@ fn lies_and_a_flood_are_refused_counted_by_kind_and_fill_no_memory() {
 
 /// A stranger publishes a roster with invented quorum bases, a target and a command to stop of the highest revisions, and then
 /// heartbeats of a module whose process has ended. Later epochs, targets, commands and the module itself are not kept out.
+/// Shows E10.
 #[test]
 fn what_a_stranger_claims_has_no_lasting_effect() {
     let Some(python) = Python::find() else {

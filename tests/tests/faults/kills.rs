@@ -176,6 +176,7 @@ fn many_kills_at_random_moments_leave_no_hole() {
     report_times(&recoveries);
 }
 
+/// Shows G2.
 #[test]
 fn the_convener_and_then_a_leader_may_die() {
     let domain = &*Domain::for_processes(12);

@@ -35,6 +35,7 @@ planner: {motion: straight}
 
 const MINORITY: [u32; 2] = [4, 5];
 
+/// Shows Q6.
 #[test]
 fn the_majority_finishes_the_minority_waits_and_healing_gives_one_formation() {
     let domain = &*Domain::for_processes(7);

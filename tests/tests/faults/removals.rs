@@ -45,6 +45,7 @@ fn removals(runs: impl IntoIterator<Item = (u32, u64)>) -> Value {
 }
 
 /// CycloneDDS reports a settled module as removed that lives, and all modules there may be, blindly.
+/// Shows B5.
 #[test]
 fn a_sample_of_a_stranger_removes_no_living_module() {
     let domain = &*Domain::for_processes(6);
@@ -107,6 +108,7 @@ fn a_sample_of_a_stranger_removes_no_living_module() {
 }
 
 /// A program of a user, which serves nothing, announces the target.
+/// Shows B5.
 #[test]
 fn the_process_of_any_member_takes_the_report_where_no_target_publisher_does() {
     let domain = &*Domain::for_processes(5);

@@ -133,6 +133,7 @@ fn lone_traveller() -> u32 {
     alone.next_back().unwrap().0
 }
 
+/// Shows A1.
 #[test]
 fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     const SPEED: f64 = 0.25;

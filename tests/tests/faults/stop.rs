@@ -40,6 +40,7 @@ fn moved_after(observer: &Running, since: Instant) -> BTreeSet<u64> {
     moved
 }
 
+/// Shows H2.
 #[test]
 fn a_stop_in_mid_motion_halts_all_and_outlasts_restarts_until_it_is_resumed() {
     let domain = &*Domain::for_processes(6);

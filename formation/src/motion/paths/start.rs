@@ -23,6 +23,7 @@ use crate::model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 ///
 /// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan, `is_open` whether a
 /// rectangle is free of obstacles and within the walls.
+/// Enforces X10.
 pub(super) fn align(
     problem: &PlanningProblem,
     lattice: &Lattice,

@@ -16,6 +16,7 @@ use crate::planner::assembly;
 
 /// Plans for a problem, after the release of the pins that wall in spots. The pins that stay are those of
 /// [`PlannedTurns::problem`].
+/// Enforces P3.
 #[must_use]
 pub fn plan_releasing_pins(problem: Arc<PlanningProblem>) -> PlannedTurns {
     let (first, values) = PlannedTurns::with_values(problem);

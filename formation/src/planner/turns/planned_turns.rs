@@ -73,6 +73,7 @@ impl PlannedTurns {
     ///
     /// # Errors
     /// Names the reason.
+    /// Enforces T2.
     pub fn check(
         &self,
         turn: u32,

@@ -3,6 +3,7 @@
 //! Filling the spots of greatest utility would leave disconnected pieces that cannot be assembled. So the target is peeled
 //! from its rim, one spot at a time, until as many spots are left as there are modules. Spots that a dry run of the
 //! allocation leaves free or gives to singletons go first, so that configurations keep the places that fit them.
+//! Enforces P2.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;

@@ -174,6 +174,7 @@ impl Acting {
     }
 
     /// Whether it moves to another goal than this one, so that a report that the drive has reached this one comes late.
+    /// Enforces A8.
     pub fn seeks_other_than(&self, goal: &Pose) -> bool {
         let moves = matches!(self.task, Task::Moving { .. });
         moves && self.goal().is_some_and(|present| present.pose != *goal)
@@ -223,6 +224,7 @@ impl Acting {
     }
 
     /// The goal that is published again with each heartbeat, as a drive stops when goals cease to repeat.
+    /// Enforces A4.
     pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
         let moves = matches!(self.task, Task::Moving { held: None, .. });
         let may_move = || context.bugs.ignore_lapses() || self.held.lagging(context).is_empty();
@@ -255,6 +257,7 @@ impl Acting {
         Step::Stay(Stage::Acting(self))
     }
 
+    /// Enforces A1, A2, S4, H1.
     fn advance(&mut self, context: &mut Context) -> Progress {
         if self.held.note_mismatch(context) {
             return Progress::Wait;
@@ -370,6 +373,7 @@ impl Acting {
     }
 
     /// Moves off a spot that another module takes: undocks from all modules, and goes where it is in no way.
+    /// Enforces S6.
     fn make_room(
         &mut self,
         to_act: Option<(usize, Vec<ModuleId>)>,
@@ -399,6 +403,7 @@ impl Acting {
 
     /// Stays on its spot. It undocks from modules that the target does not have there, such as a failed neighbour, and docks to
     /// those that the target has: a plan without them has parted them.
+    /// Enforces P4.
     pub(super) fn stay(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
         let unwanted = context.links_except(|link| self.held.ends_linked_to(link));
         if !unwanted.is_empty() {
@@ -413,6 +418,7 @@ impl Acting {
     }
 
     /// Begins to undock the links that the plan breaks.
+    /// Enforces X2.
     fn set_off(&mut self, place: Place, context: &mut Context) {
         self.proofs = Proofs::of_departure(&self.held, place, context);
         self.task = Task::Undocking;
@@ -434,6 +440,7 @@ impl Acting {
     }
 
     /// Halts when agreement lapses, continues when it is back, and fails when the time is up.
+    /// Enforces A3, X4, X10.
     pub(super) fn watch_motion(
         &mut self,
         mut since: Duration,
@@ -480,6 +487,7 @@ impl Acting {
     }
 
     /// Docks to the settled neighbours, and has settled when it is docked to all that are placed before it.
+    /// Enforces X2, X11.
     pub(super) fn dock(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
         if !self.is_docked(place, lagging, context) || !self.parent_has_settled(context) {
             return;
@@ -527,6 +535,7 @@ impl Acting {
     }
 
     /// The first step of which not all modules have done their part, with those that have not.
+    /// Enforces X1.
     fn step_to_act(&self, context: &Context) -> Option<(usize, Vec<ModuleId>)> {
         let steps = 0..self.held.steps();
         steps

@@ -25,6 +25,7 @@ pub(in crate::protocol) struct EarlyClaims {
 
 impl EarlyClaims {
     /// Keeps a claim until the plan is computed.
+    /// Enforces C3.
     pub fn keep(&mut self, claim: Arc<SpotClaim>) -> Result<(), Refusal> {
         let entries = claim.decision.entry_count();
         if self.claims.len() >= CLAIMS_MAX || self.entries + entries > ENTRIES_MAX {
@@ -82,6 +83,7 @@ mod tests {
         assert_eq!(kept.collect::<Vec<_>>(), [(0, 3), (1, 9), (2, 7), (2, 5)]);
     }
 
+    /// Shows C3.
     #[test]
     fn one_turn_has_room_for_few_claims() {
         let mut claims = EarlyClaims::default();

@@ -131,6 +131,7 @@ impl Gathering {
     }
 
     /// Why a member no longer waits for the roster, if so.
+    /// Enforces G6.
     pub fn doubt(&self, context: &Context) -> Option<EpochReason> {
         let Role::Member(incarnation) = self.role else {
             return None;
@@ -203,6 +204,7 @@ impl Gathering {
 
     /// Waits for more modules, as no roster can be made of those that have frozen. Live modules that show a later epoch do not
     /// come back to this one, so they are called to another.
+    /// Enforces E3.
     fn wait_for_others(self, announcement: &TargetAnnouncement, context: &mut Context) -> Step {
         let live = context.peers.live(context.liveness());
         let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
@@ -215,6 +217,7 @@ impl Gathering {
     }
 
     /// Publishes the roster, unless it lacks a quorum or the target has changed.
+    /// Enforces G5.
     fn close(mut self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Step {
         let Some(announcement) = context.target.announcement().cloned() else {
             return Step::Stay(Stage::Gathering(self));
@@ -287,6 +290,7 @@ impl Gathering {
 
 impl Collection {
     /// Counts the frozen members, and judges whether the roster may be closed.
+    /// Enforces G2.
     fn advance(
         &mut self,
         since: Duration,

@@ -112,6 +112,7 @@ impl HeldPlan {
     }
 
     /// Reports the spots that the plan leaves open, and why.
+    /// Enforces B4.
     pub(super) fn report_open_spots(&self, context: &mut Context) {
         let filled: BTreeSet<SpotId> = self.plan.assignments.values().copied().collect();
         let open = self.roster.open_target();
@@ -192,6 +193,7 @@ impl HeldPlan {
 
     /// Where another member, with its path if it has one, may be that was last `seen` there, now that this module has `acted` or
     /// not. It stays where it was seen if it moves no more, or cannot have set off while this module acts before it.
+    /// Enforces B2.
     pub(in crate::protocol) fn whereabouts(
         &self,
         (module, place): (ModuleId, Option<PathPlace<'_>>),
@@ -330,6 +332,7 @@ impl HeldPlan {
 
     /// The members that forbid every motion: those whose latest heartbeat does not show this plan or exceeds the lease, and those
     /// whose motion failed since the roster was made, which stand in the way of the plan.
+    /// Enforces A3.
     pub(super) fn lagging(&self, context: &Context) -> Vec<ModuleId> {
         if context.bugs.skip_digest_barrier() {
             return Vec::new();
@@ -341,6 +344,7 @@ impl HeldPlan {
     }
 
     /// The same as [`Self::lagging`], found again only when it may have changed.
+    /// Enforces A1.
     pub(super) fn lagging_now(&mut self, context: &Context) -> Vec<ModuleId> {
         let version = context.peers.version();
         let holds = |known: &InForce| known.version == version && context.now <= known.until;
@@ -387,6 +391,7 @@ impl HeldPlan {
     }
 
     /// Reports the first member that shows another digest for this epoch; returns whether it did.
+    /// Enforces A6.
     pub(super) fn note_mismatch(&mut self, context: &mut Context) -> bool {
         if self.has_mismatch {
             return false;
@@ -442,6 +447,7 @@ impl HeldPlan {
     }
 
     /// The state of another member, if it shows that the member has settled on its spot in this epoch.
+    /// Enforces X1.
     pub(super) fn settled_state<'a>(
         &self,
         module: ModuleId,
@@ -466,6 +472,7 @@ impl HeldPlan {
     }
 
     /// The number of steps that another member is known to have done in this epoch.
+    /// Enforces X9.
     pub(super) fn steps_done_by(&self, module: ModuleId, peer: Option<&Peer>) -> u32 {
         let incarnation = self.roster_plan.members.get(&module).copied();
         let Some(peer) = peer.filter(|peer| Some(peer.incarnation) == incarnation) else {

@@ -9,6 +9,7 @@ use crate::motion::paths::{Area, MotionError, StartFault};
 const NEAR: MicroUnits = MicroUnits(1_500_000);
 
 /// Why this member has to stay where it is, if it has to. All members find the same.
+/// Enforces X13.
 pub(super) fn fault_of(
     module: ModuleId,
     error: &MotionError,

@@ -162,6 +162,7 @@ impl Stage {
 
     /// Whether a changed state may be published now. Others take a module that carries out no plan of theirs to stand where its
     /// state shows it, so such a module publishes at rest only, with no port at work.
+    /// Enforces G1.
     pub fn may_publish_state(&self, context: &Context) -> bool {
         let carries_out = matches!(
             self,

@@ -43,6 +43,7 @@ impl From<Duration> for Advance {
 
 impl HeldPlan {
     /// Whether a body may stand in the way of a member that has yet to move there. This module has done `own_steps` steps.
+    /// Enforces B4.
     pub(in crate::protocol) fn has_in_the_way(
         &self,
         body: &BodyReport,
@@ -122,6 +123,7 @@ impl Acting {
     }
 
     /// Begins the next step if all that it waits for is done.
+    /// Enforces X8.
     fn begin_step(&mut self, context: &mut Context) -> Progress {
         let Some(route) = &self.held.motion.route else {
             return Progress::Wait;
@@ -198,6 +200,7 @@ impl Acting {
     }
 
     /// Whether the unit to which this module's unit docks has settled, if there is one.
+    /// Enforces X11.
     pub(super) fn parent_has_settled(&self, context: &Context) -> bool {
         let route = self.held.motion.route.as_ref();
         route.is_none_or(|route| {
@@ -215,6 +218,7 @@ impl Acting {
     }
 
     /// A step has ended. Returns whether other modules should know this at once.
+    /// Enforces X9.
     pub(super) fn end_step(&mut self) -> bool {
         self.steps_done += 1;
         self.task = Task::Pausing;
@@ -263,6 +267,7 @@ impl Acting {
     }
 
     /// The modules that could go on and do not, if no member has made progress for longer than a step may take.
+    /// Enforces X12.
     pub(super) fn stuck_on_paths(&self, route: &Route, context: &Context) -> Vec<ModuleId> {
         let is_overdue = context.now.saturating_sub(self.progress.since) > stall_limit(context);
         if !is_overdue || self.count_progress(context) != self.progress.count {

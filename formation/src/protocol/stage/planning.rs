@@ -108,6 +108,7 @@ impl Planning {
     }
 
     /// Judges a claim of a member, or keeps it until the plan is computed.
+    /// Enforces T3.
     pub fn take_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
         let member = self.roster.member(claim.claimant);
         if member.is_none_or(|member| member.incarnation != claim.incarnation) {
@@ -130,6 +131,7 @@ impl Planning {
     }
 
     /// Publishes this module's claims once the plan is computed, and applies the turns in order, as far as they are claimed.
+    /// Enforces T2.
     pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
         let Some(planned) = self.planned(context) else {
             return Step::Stay(Stage::Planning(self));
@@ -185,6 +187,7 @@ impl Planning {
     }
 
     /// Publishes the decisions of the units that this module leads.
+    /// Enforces T1.
     fn publish_claims(&self, planned: &PlannedTurns, context: &mut Context) {
         let epoch = self.roster.epoch;
         let claimant = context.module();
@@ -260,6 +263,7 @@ impl Planning {
 }
 
 /// Judges a claim: it must come from the module whose turn it is, and equal this replica's own recomputation.
+/// Enforces T2.
 fn judge(planned: &PlannedTurns, claim: &SpotClaim, bugs: Bugs) -> Result<(), Refusal> {
     match planned.check(claim.turn, claim.claimant, &claim.decision) {
         Ok(()) => Ok(()),
@@ -324,6 +328,7 @@ mod tests {
         (right.into_iter().map(Arc::new).collect(), wrong)
     }
 
+    /// Shows T2.
     #[test]
     fn claims_are_judged_as_they_come_and_turns_applied_in_order() {
         let problem = problem(6);

@@ -24,6 +24,7 @@ impl Proofs {
     /// The proofs of a module that begins to move to its place in a straight line, or leaves it along a path.
     ///
     /// Along paths it waits for nothing but agreement. Otherwise the lead of a unit names every module of the unit before; the others name the holders next to their own spot.
+    /// Enforces X5.
     pub fn of_departure(held: &HeldPlan, place: Place, context: &Context) -> Self {
         let units = &held.plan.assembly.units;
         let unit = held.unit_of(place);
@@ -69,6 +70,7 @@ impl Proofs {
 
     /// The proofs of a module without a spot that leaves along a path: as of one that makes room, if no module with a spot
     /// moves. Otherwise the lead of the first unit has the proof.
+    /// Enforces X5.
     pub fn of_making_way(held: &HeldPlan, context: &Context) -> Self {
         let mut units = held.plan.assembly.units.iter();
         match units.all(|unit| unit.pinned) {
@@ -91,6 +93,7 @@ impl Proofs {
     }
 
     /// The state with this sequence number shows that the module has settled.
+    /// Enforces X6.
     pub fn note_settled(&mut self, sequence: u64) {
         if self.settled_since == 0 {
             self.settled_since = sequence;

@@ -184,6 +184,7 @@ impl Route {
 
     /// The modules that have not done as many steps as a step of a unit waits for. All modules that do a step together
     /// must have done the one before.
+    /// Enforces X8.
     pub fn awaited_by(
         &self,
         unit: &UnitMotion,

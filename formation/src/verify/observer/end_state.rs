@@ -145,6 +145,7 @@ impl<'a> EndState<'a> {
     }
 
     /// The violations of the end state, once it is reached.
+    /// Enforces V1.
     pub(super) fn violations(
         &self,
         now: Duration,
@@ -193,6 +194,7 @@ impl<'a> EndState<'a> {
 
     /// No other module, member or not, of this session or another, stands on a spot on which a member has settled. A silent
     /// module stands where it was last seen, unless the roster says that its body was removed.
+    /// Enforces V4.
     fn check_bodies(
         &self,
         holders: &BTreeMap<SpotId, ModuleId>,

@@ -18,6 +18,7 @@ const ONE_REACTION: Duration = Duration::from_secs(1);
 
 impl Observer {
     /// The verdict at this time; `None` if the formation is neither done nor failed.
+    /// Enforces V1.
     pub(super) fn judge(&mut self, now: Duration) -> Option<Verdict> {
         self.note_stop(now);
         self.judge_at(now, now >= self.time_limit())
@@ -94,6 +95,7 @@ impl Observer {
     }
 
     /// The members whose last heartbeat is too old.
+    /// Enforces V2.
     fn silent(&self, now: Duration, planned: PlannedEpoch<'_>) -> impl Iterator<Item = Missing> {
         let silence = self.parameters.silence;
         planned.members().iter().filter_map(move |member| {

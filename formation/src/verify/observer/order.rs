@@ -164,6 +164,7 @@ impl<'a> Acts<'a> {
     }
 
     /// The states for which a module waited must be settled, and the heartbeats on which it moved must show agreement.
+    /// Enforces X5.
     fn check_marks(&self, violations: &mut Vec<Violation>) {
         let epoch = self.planned.epoch;
         for (&module, act) in &self.moved {
@@ -203,6 +204,7 @@ impl<'a> Acts<'a> {
     }
 
     /// The units that `holds` accepts, and all units with one of these in their causal past.
+    /// Enforces V3.
     fn after_any(&self, holds: impl Fn(&Unit) -> bool) -> BTreeSet<ModuleId> {
         let accepted = self.units.iter().filter(|(_, unit)| holds(unit));
         let mut walk = Dfs::empty(&self.order);

@@ -228,6 +228,7 @@ impl Received {
 }
 
 /// The violations that messages show, and the number of the others.
+/// Enforces V3.
 pub(super) fn split(mut violations: Vec<Violation>) -> (Vec<Violation>, u64) {
     let all = violations.len();
     violations.retain(|violation| !violation.is_lack_of_proof());

@@ -303,6 +303,7 @@ impl<'a> PlannedEpoch<'a> {
     }
 
     /// Whether members that are not pinned moved, and not along paths.
+    /// Enforces V5.
     pub(super) fn straight_motion(self) -> Option<CollisionRisk> {
         let mut members = self.members().iter();
         let moved = members.any(|member| {

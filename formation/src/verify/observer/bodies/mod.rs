@@ -142,6 +142,7 @@ impl Bodies {
     }
 
     /// Judges what a new state of a module adds.
+    /// Enforces V5.
     fn judge(&mut self, module: ModuleId, added: Added) {
         let suspicions = std::mem::take(&mut self.suspicions).into_iter();
         let (suspicions, others): (Vec<_>, Vec<_>) =

@@ -95,6 +95,7 @@ impl Sequence {
     }
 }
 
+/// Shows V5.
 #[test]
 fn a_module_that_runs_into_another_is_found_whether_that_one_stands_or_moves() {
     let passing = [
@@ -151,6 +152,7 @@ fn a_module_that_left_in_time_is_not_run_into() {
     outsider.further.clear();
 }
 
+/// Shows V5.
 #[test]
 fn one_that_follows_too_closely_is_found_although_the_bodies_do_not_touch() {
     let first = [(1, 1_000, 10, 0, Moving, 0), (1, 2_000, 50, 0, Standing, 4)];
@@ -206,6 +208,7 @@ fn pair(partner: [(u64, i64, DriveState); 4]) -> Vec<Moment> {
     moments
 }
 
+/// Shows V5.
 #[test]
 fn docked_modules_keep_their_places_from_step_to_step_unless_they_fold() {
     let rigid = [

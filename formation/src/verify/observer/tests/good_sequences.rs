@@ -25,6 +25,7 @@ fn a_good_run_is_complete() {
     assert_eq!(timings.completed, Some(Duration::from_secs(1)));
 }
 
+/// Shows V3.
 #[test]
 fn neither_the_order_of_arrival_nor_repetition_matters() {
     let sequence = good_sequence();
@@ -92,6 +93,7 @@ fn no_verdict_comes_before_the_last_message() {
     }
 }
 
+/// Shows X6.
 #[test]
 fn states_that_were_missed_are_not_held_against_the_modules() {
     let mut sequence = good_sequence();
@@ -160,6 +162,7 @@ fn an_agreement_needs_every_claim_and_every_member() {
     assert_eq!(silent.observe().agreement(), None);
 }
 
+/// Shows V1.
 #[test]
 fn fewer_modules_than_spots_are_partial() {
     let mut sequence = good_sequence();

@@ -21,6 +21,7 @@ fn outcome(verdict: Option<&Verdict>) -> Option<Outcome> {
     verdict.map(|verdict| verdict.outcome)
 }
 
+/// Shows V2.
 #[test]
 fn a_formation_is_not_done_while_a_member_is_silent() {
     let mut observer = observe(&good_sequence().messages(), ObserverParameters::default());
@@ -216,6 +217,7 @@ fn what_was_reported_of_one_formation_is_no_violation_of_the_next() {
 }
 
 /// No message proves that the modules agreed before module 1 moved. That holds against the epoch, and ends with it.
+/// Shows V3.
 #[test]
 fn a_lack_of_proof_ends_with_its_epoch() {
     let mut sequence = good_sequence();

@@ -163,6 +163,7 @@ fn of_moving_without_a_plan() {
     });
 }
 
+/// Shows X5.
 #[test]
 fn of_moving_before_agreement() {
     let mut sequence = good_sequence();
@@ -293,6 +294,7 @@ fn of_units() {
     sequence.assert_violates(&Violation::WrongUnit { lead: ModuleId(3) });
 }
 
+/// Shows V1.
 #[test]
 fn of_the_end_state() {
     let mut sequence = good_sequence();
@@ -352,6 +354,7 @@ fn of_the_end_state() {
     });
 }
 
+/// Shows B6, V4.
 #[test]
 fn of_two_modules_on_one_spot() {
     // Module 9 takes no part in this roster, lives, and stands where module 3 has settled.
