@@ -8,13 +8,11 @@ use super::fault::DriveFault;
 use super::goal::MotionReport;
 use crate::model::ModuleId;
 
-/// The interval at which an unanswered request is repeated: drivers can join late, and messages can be lost.
-const REPEAT_AFTER: Duration = Duration::from_millis(500);
-
 /// The requests of one module in the order in which they were made.
 #[derive(Clone, Debug)]
 pub(super) struct DockingQueue {
     limit: Duration,
+    repeat: Duration,
     next_request: u64,
     waiting: VecDeque<DockingRequest>,
     /// When the first request of the queue was sent for the first time, and for the last time.
@@ -22,10 +20,11 @@ pub(super) struct DockingQueue {
 }
 
 impl DockingQueue {
-    /// Requests are numbered from `first_request`; each must be answered within `limit`.
-    pub(super) fn new(limit: Duration, first_request: u64) -> Self {
+    /// Requests are numbered from `first_request`; each must be answered within `limit`, and is repeated after `repeat` until then.
+    pub(super) fn new(limit: Duration, repeat: Duration, first_request: u64) -> Self {
         Self {
             limit,
+            repeat,
             next_request: first_request,
             waiting: VecDeque::new(),
             sent: None,
@@ -57,7 +56,7 @@ impl DockingQueue {
             self.clear();
             return Err(DriveFault::DockingUnanswered { request, limit });
         }
-        if self.sent.is_some() && now < last + REPEAT_AFTER {
+        if self.sent.is_some() && now < last + self.repeat {
             return Ok(None);
         }
         self.sent = Some((first, now));
@@ -90,7 +89,7 @@ impl DockingQueue {
         self.waiting.front()?;
         Some(match self.sent {
             None => Duration::ZERO,
-            Some((first, last)) => (last + REPEAT_AFTER).min(first + self.limit),
+            Some((first, last)) => (last + self.repeat).min(first + self.limit),
         })
     }
 

@@ -22,6 +22,8 @@ pub struct ExternalParameters {
     pub pose_limit: Duration,
     /// The longest time until the driver answers a docking request.
     pub docking_limit: Duration,
+    /// The time after which an unanswered docking request is repeated: drivers can join late, and messages can be lost.
+    pub docking_repeat: Duration,
     /// The longest time until a module stands still after its goals cease.
     pub halt_limit: Duration,
     /// A module whose poses stay within the tolerances for this long stands still.
@@ -38,6 +40,7 @@ impl Default for ExternalParameters {
         Self {
             pose_limit: Duration::from_secs(5),
             docking_limit: Duration::from_secs(30),
+            docking_repeat: Duration::from_millis(500),
             halt_limit: Duration::from_secs(10),
             still: Duration::from_millis(500),
             position_tolerance: MicroUnits(20_000),
@@ -100,7 +103,11 @@ impl ExternalDrive {
             received: Duration::ZERO,
             rest: Rest::at(pose),
             state: State::Standing,
-            docking: DockingQueue::new(parameters.docking_limit, first_request),
+            docking: DockingQueue::new(
+                parameters.docking_limit,
+                parameters.docking_repeat,
+                first_request,
+            ),
             commands: VecDeque::new(),
             reports: VecDeque::new(),
             faults: VecDeque::new(),

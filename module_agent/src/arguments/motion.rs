@@ -96,7 +96,7 @@ impl Tunables for Motion {
 
 impl Motion {
     /// The limits and tolerances of external motion.
-    fn limits() -> [Tunable<Self>; 7] {
+    fn limits() -> [Tunable<Self>; 8] {
         let limit = |name, field: fn(&mut Self) -> &mut Duration, help| {
             Tunable::new(name, seconds(), field, help).at_start(SET_UP)
         };
@@ -118,6 +118,11 @@ impl Motion {
                 "external.docking_limit_s",
                 |own| &mut own.external.docking_limit,
                 "External motion: a driver must answer a docking request within this",
+            ),
+            limit(
+                "external.docking_repeat_s",
+                |own| &mut own.external.docking_repeat,
+                "External motion: a docking request that is not answered is repeated after this",
             ),
             limit(
                 "external.halt_limit_s",
