@@ -58,6 +58,9 @@ def scenario_path(name):
 
 def modules_of(scenario):
     """All modules ascending, and those that the file names as leaders."""
+    if drawn := scenario.get("modules"):
+        count = sum(symbol.isalnum() for symbol in drawn["map"])
+        return sorted(drawn.get("ids") or range(1, count + 1)), set()
     configurations = scenario.get("configurations") or []
     modules = [module["id"] for configuration in configurations for module in configuration["modules"]]
     modules += [module["id"] for module in scenario.get("singletons") or []]

@@ -84,3 +84,23 @@ fn the_installed_launch_file_of_driven_modules_finds_their_driver() {
         ]
     );
 }
+
+/// A launch file starts a process for each module that a scenario draws.
+#[test]
+fn the_installed_launch_file_forms_a_scenario_that_draws_its_modules() {
+    let Some(rclpy) = Rclpy::find() else {
+        return;
+    };
+    let domain = &*Domain::for_processes(6);
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("drawn.yaml");
+    let text = "target: {origin: [0, 6], map: 'o-o-o-o'}\nmodules: {ids: [5, 3, 8, 7], map: 'A-A   B   C'}\n";
+    std::fs::write(&file, text).unwrap();
+    let scenario = format!("scenario:={}", file.display());
+    let ended = launched(
+        &rclpy,
+        domain,
+        &["formation.launch.py", &scenario, "speed:=20"],
+    );
+    assert_eq!(ended.len(), 6, "{ended:?}");
+}
