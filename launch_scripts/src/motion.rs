@@ -89,11 +89,12 @@ pub fn warning(motion: &PlannedMotion) -> Option<String> {
     }
 }
 
-/// What is added to an outcome of which the motion is not free of collisions.
+/// What is added to the outcome of a plan whose motion is not free of collisions, or that no module can carry out.
 pub fn mark(motion: &PlannedMotion) -> String {
     match motion {
+        PlannedMotion::Paths(_) => String::new(),
         PlannedMotion::Straight(_) => format!(", {NOT_COLLISION_FREE}"),
-        PlannedMotion::Paths(_) | PlannedMotion::Refused(_) => String::new(),
+        PlannedMotion::Refused(_) => ", and none can move".to_owned(),
     }
 }
 

@@ -341,3 +341,22 @@ fn the_papers_counterexamples_are_planned_and_shown() {
         .collect();
     assert_eq!(spots, BTreeSet::from([1, 3, 5]));
 }
+
+#[test]
+fn the_page_of_a_plan_that_no_module_can_carry_out_says_so() {
+    let directory = tempfile::tempdir().unwrap();
+    let file = directory.path().join("walled.yaml");
+    let wall = "obstacles: [{x: 2.5, y: 0, width: 1, height: 9}]\narena: {x: 2, y: 0, width: 9, height: 9}\n";
+    let modules =
+        "target: {spots: [{id: 1, x: 5, y: 0}], edges: []}\nsingletons: [{id: 1, x: 0, y: 0}]\n";
+    fs::write(&file, format!("{modules}{wall}")).unwrap();
+    let report = directory.path().join("report");
+    let output = Command::new(env!("CARGO_BIN_EXE_formation"))
+        .args(["plan", "--report"])
+        .args([&report, &file])
+        .output()
+        .unwrap();
+    assert_eq!(output.status.code(), Some(0));
+    let page = fs::read_to_string(report.join("report.html")).unwrap();
+    assert!(page.contains("Planned: 1 of 1 spots get a module, and none can move"));
+}
