@@ -104,7 +104,9 @@ pub fn refuse_long_plans(path: &Path, scenario: &Scenario) -> Result<(), Failure
 /// Names what they cannot move.
 pub fn refuse_turning(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
     let refused = check_differential_drives(scenario.problem());
-    refused.map_err(|reason| Failure::bad_input(format_args!("{}: {reason}", path.display())))
+    refused.map_err(|reason| {
+        Failure::bad_input(format_args!("{}: {reason}", scenario_file::named(path)))
+    })
 }
 
 /// Prints a warning for all that is valid and yet looks like a mistake.

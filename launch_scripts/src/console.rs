@@ -1,8 +1,8 @@
 //! Writing to the terminal without a panic when the reader is gone.
 
-use std::fs;
 use std::io::{ErrorKind, Write, stderr, stdout};
-use std::os::unix::fs::MetadataExt;
+use std::path::Path;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use anyhow::anyhow;
 use ros_runtime::exit::Failure;
@@ -22,7 +22,7 @@ pub fn result_text(text: &str) -> Result<(), Failure> {
 /// # Errors
 /// The reader closed the output, it was closed from the start, or writing failed.
 pub fn result_line(line: &str) -> Result<(), Failure> {
-    if is_closed() {
+    if IS_CLOSED.load(Ordering::Relaxed) {
         return Err(Failure::failed(
             "cannot write the result: the standard output is closed",
         ));
@@ -46,28 +46,17 @@ pub fn result_json(result: &impl Serialize) -> Result<(), Failure> {
     result_line(&json)
 }
 
-/// Whether the program was started without a standard output (`>&-`).
-///
-/// The Rust runtime then puts `/dev/null` in its place before `main`, open for reading as well, which a shell's `>/dev/null`
-/// is not. Programs that start others with all output discarded open it likewise, but for the standard error output too.
-fn is_closed() -> bool {
-    replaces_closed(1) && !replaces_closed(2)
-}
+static IS_CLOSED: AtomicBool = AtomicBool::new(false);
 
-/// Whether a descriptor is `/dev/null`, open for reading and writing.
-fn replaces_closed(descriptor: u8) -> bool {
-    const READ_WRITE: u32 = 0o2;
-    const ACCESS: u32 = 0o3;
-    let device = |path: &str| fs::metadata(path).map(|file| file.rdev()).ok();
-    let null = device("/dev/null");
-    if null.is_none() || device(&format!("/proc/self/fd/{descriptor}")) != null {
-        return false;
-    }
-    let info = fs::read_to_string(format!("/proc/self/fdinfo/{descriptor}")).unwrap_or_default();
-    let mut lines = info.lines();
-    let flags = lines.find_map(|line| line.strip_prefix("flags:"));
-    let flags = flags.and_then(|flags| u32::from_str_radix(flags.trim(), 8).ok());
-    flags.is_some_and(|flags| flags & ACCESS == READ_WRITE)
+/// Notes whether the program was started without a standard output (`>&-`).
+///
+/// It runs before the Rust runtime, which puts `/dev/null` in the place of a closed descriptor before it calls `main`; from then on
+/// nothing tells it from output that was discarded.
+#[ctor::ctor]
+fn note_closed_output() {
+    let descriptors = Path::new("/proc/self/fd");
+    let is_closed = descriptors.exists() && descriptors.join("1").symlink_metadata().is_err();
+    IS_CLOSED.store(is_closed, Ordering::Relaxed);
 }
 
 /// Writes one line about the progress to the standard error output. If that is closed, the line is lost.

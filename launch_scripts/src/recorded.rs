@@ -91,6 +91,11 @@ fn default_directory(path: &Path) -> PathBuf {
     match path.extension() {
         Some(_) if !path.is_dir() => path.with_extension(""),
         _ => {
+            // `..` has no name of its own.
+            let path = match path.file_name() {
+                Some(_) => path,
+                None => path.canonicalize().unwrap_or(path),
+            };
             let mut name = path.file_name().unwrap_or_default().to_owned();
             name.push(".report");
             path.with_file_name(name)

@@ -148,7 +148,9 @@ fn planned(arguments: &RunArguments, scenario: &Scenario) -> Result<Arc<CheckedP
     plan.refuse_without_motion(path)?;
     if arguments.motion.is_external() {
         let refused = plan.motion.check_for_robots();
-        refused.map_err(|reason| Failure::bad_input(format!("{}: {reason}", path.display())))?;
+        refused.map_err(|reason| {
+            Failure::bad_input(format!("{}: {reason}", scenario_file::named(path)))
+        })?;
     }
     if arguments.motion.world.is_differential() {
         check::refuse_turning(path, scenario)?;

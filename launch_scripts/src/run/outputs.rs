@@ -76,8 +76,16 @@ fn check_file(path: &Path) -> Result<(), String> {
 
 /// Creates a file and deletes it again.
 fn created(path: &Path) -> io::Result<File> {
-    let file = OpenOptions::new().write(true).create_new(true).open(path)?;
-    fs::remove_file(path)?;
+    // A link to what does not exist yet is kept.
+    let place = match fs::read_link(path) {
+        Ok(target) => parent(path).join(target),
+        Err(_) => path.to_owned(),
+    };
+    let file = OpenOptions::new()
+        .write(true)
+        .create_new(true)
+        .open(&place)?;
+    fs::remove_file(place)?;
     Ok(file)
 }
 
