@@ -93,10 +93,15 @@ fn named(description: &Path) -> io::Result<Vec<String>> {
 /// The files of a folder without a description, as that of a recorder that was killed; by the numbers in their names.
 fn found(folder: &Path) -> io::Result<Vec<String>> {
     let mut names = Vec::new();
-    for entry in fs::read_dir(folder)?.take(FILES_MAX) {
+    for entry in fs::read_dir(folder)? {
         let name = entry?.file_name().to_string_lossy().into_owned();
         if name.ends_with(".mcap") || name.ends_with(".mcap.zstd") {
             names.push(name);
+        }
+        if names.len() > FILES_MAX {
+            return Err(io::Error::other(format!(
+                "has more than {FILES_MAX} files of MCAP"
+            )));
         }
     }
     names.sort_by_cached_key(|name| (number_of(name), name.clone()));

@@ -153,9 +153,9 @@ impl<F: FnMut(Recorded<'_>)> Reader<F> {
             }
             Record::Metadata(metadata) if metadata.name == LOSSES => {
                 let lost = metadata.metadata.get(LOST);
-                let lost = lost.and_then(|count| count.parse::<u64>().ok());
-                if let Some(lost) = lost {
-                    *self.summary.lost.get_or_insert_default() += lost;
+                if let Some(lost) = lost.and_then(|count| count.parse::<u64>().ok()) {
+                    let before = self.summary.lost.unwrap_or(0);
+                    self.summary.lost = Some(before.saturating_add(lost));
                 }
                 Ok(())
             }
