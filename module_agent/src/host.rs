@@ -72,7 +72,7 @@ struct Hosted {
     /// How many messages of a second process with the same identifier it reported.
     duplicates: u64,
     /// The number of events about reports that bodies were taken away.
-    removals: u64,
+    removals: BTreeMap<ModuleId, u64>,
     diagnostics: ModuleDiagnostics,
 }
 
@@ -147,7 +147,7 @@ impl Host {
             heartbeat: None,
             refusals: 0,
             duplicates: 0,
-            removals: 0,
+            removals: BTreeMap::new(),
             diagnostics: ModuleDiagnostics::default(),
         });
     }
@@ -538,9 +538,10 @@ impl Hosted {
         let count = match event {
             Event::Refused { .. } => Some(&mut self.refusals),
             Event::DuplicateModule(_) => Some(&mut self.duplicates),
-            Event::RemovalProposed(_) | Event::RemovalRefuted(_) | Event::RemovalOverruled(_) => {
-                Some(&mut self.removals)
-            }
+            // Reports name modules that this one knows, so there are no more counts than that.
+            Event::RemovalProposed(module)
+            | Event::RemovalRefuted(module)
+            | Event::RemovalOverruled(module) => Some(self.removals.entry(*module).or_default()),
             _ => None,
         };
         if let Some(count) = count {

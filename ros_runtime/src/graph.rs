@@ -89,12 +89,13 @@ impl Graph {
         }
     }
 
-    /// Whether a process is known that subscribes what this one publishes. Over Zenoh none is: publishers do not see subscribers.
-    pub(crate) fn has_subscribers(&self) -> bool {
+    /// Whether a process is known that subscribes what this one publishes; `None` over Zenoh, where publishers do not see
+    /// subscribers.
+    pub(crate) fn has_subscribers(&self) -> Option<bool> {
         match self {
-            Self::Dds(graph) => graph.matched_readers.is_any(),
+            Self::Dds(graph) => Some(graph.matched_readers.is_any()),
             #[cfg(feature = "zenoh")]
-            Self::Zenoh(_) => false,
+            Self::Zenoh(_) => None,
         }
     }
 

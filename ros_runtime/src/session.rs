@@ -87,10 +87,10 @@ impl Session {
         self.graph.participant()
     }
 
-    /// Whether a process is known that subscribes what this one publishes, which every ROS 2 node does over DDS. Over Zenoh
-    /// none is known.
+    /// Whether a process is known that subscribes what this one publishes, which every ROS 2 node does over DDS; `None`
+    /// over Zenoh, which does not say.
     #[must_use]
-    pub fn has_subscribers(&self) -> bool {
+    pub fn has_subscribers(&self) -> Option<bool> {
         self.graph.has_subscribers()
     }
 

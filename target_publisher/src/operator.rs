@@ -83,6 +83,10 @@ impl Known {
     }
 
     fn note_run(&mut self, module: ModuleId, incarnation: Incarnation) {
+        // Modules refuse later runs.
+        if incarnation.0 > stamp::latest() {
+            return;
+        }
         // More modules than a formation can have are invented.
         if self.runs.len() < MODULES_MAX || self.runs.contains_key(&module) {
             let known = self.runs.entry(module).or_insert(incarnation);
@@ -282,8 +286,8 @@ impl Node for Operator {
         if now >= self.due {
             self.due = now + REPEAT;
             let patience = match session.has_subscribers() {
-                true => PATIENCE,
-                false => PATIENCE_ALONE,
+                Some(false) => PATIENCE_ALONE,
+                Some(true) | None => PATIENCE,
             };
             self.outcome = self.pursue(now, patience);
         }

@@ -122,12 +122,13 @@ impl Agent {
         peer.heartbeat.map(|_| peer.last_seen())
     }
 
-    /// Whether the latest roster that it took over lists it.
+    /// Whether the latest roster that it took over lists it, or it waits for one.
     #[must_use]
     pub fn is_member(&self) -> bool {
         let own = self.context.module();
         let roster = self.stage.roster();
-        roster.is_some_and(|roster| body::lists(&roster.members, own))
+        matches!(self.stage, Stage::Gathering(_))
+            || roster.is_some_and(|roster| body::lists(&roster.members, own))
     }
 
     /// The times that its roster names, or would.
