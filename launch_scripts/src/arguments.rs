@@ -1,5 +1,6 @@
 //! The command line.
 
+use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
 
@@ -290,7 +291,7 @@ pub struct RunArguments {
 #[derive(Debug, Args)]
 pub struct MotionArguments {
     /// The speed of simulated modules, in units a second.
-    #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S)]
+    #[arg(long, value_name = "UNITS", default_value_t = SPEED_UNITS_PER_S, value_parser = speed)]
     pub speed: f64,
     /// What moves the modules: a simulation in their processes, or an external driver for each, over topics
     /// [default: simulated; external with --driver]
@@ -331,6 +332,25 @@ impl MotionArguments {
     }
 }
 
+/// A number within a range.
+fn number_within(text: &str, range: RangeInclusive<f64>) -> Result<f64, String> {
+    let number = text.parse().map_err(|_| "not a number".to_owned())?;
+    match range.contains(&number) {
+        true => Ok(number),
+        false => Err(format!("must be from {} to {}", range.start(), range.end())),
+    }
+}
+
+/// What agents and the world accept as a speed.
+fn speed(text: &str) -> Result<f64, String> {
+    number_within(text, 0.001..=1.0e6)
+}
+
+/// What the world accepts as the share of a velocity that is lost.
+fn share(text: &str) -> Result<f64, String> {
+    number_within(text, 0.0..=1.0)
+}
+
 /// A physical world that plays the robots.
 #[derive(Debug, Args)]
 pub struct WorldArguments {
@@ -338,7 +358,7 @@ pub struct WorldArguments {
     #[arg(long, conflicts_with_all = ["driver", "motion"])]
     pub world: bool,
     /// World: robots lose up to this share of a commanded velocity.
-    #[arg(long, value_name = "SHARE", requires = "world")]
+    #[arg(long, value_name = "SHARE", requires = "world", value_parser = share)]
     slip: Option<f64>,
     /// World: standard deviation of measured poses, in units and radians. Raises the tolerances of modules to 4 times this,
     /// and of the verifier to 8 times.

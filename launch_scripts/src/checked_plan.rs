@@ -8,7 +8,7 @@ use std::time::Instant;
 use anyhow::anyhow;
 use formation::event_log::{Entry, Step};
 use formation::model::text::{counted, joined, listed_in_full};
-use formation::model::{Assignment, Decision, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation::model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, Scenario, SpotId};
 use formation::motion::PlannedMotion;
 use formation::planner::{PlanOutcome, Planning, Statistics};
 use formation::verify::{check_plan, hole_of};
@@ -275,7 +275,10 @@ impl CheckedPlan {
             "total utility {:.3}, total distance {:.3} units",
             statistics.total_utility, statistics.total_distance
         ));
-        if !self.problem.configurations().is_empty() {
+        // The other policies ignore that modules are docked.
+        let policy = self.problem.parameters().policy;
+        let places_blocks = matches!(policy, Policy::Exact | Policy::Paper);
+        if places_blocks && !self.problem.configurations().is_empty() {
             parts.push(self.proof_text().to_owned());
         }
         parts.push(motion::line(&self.motion));

@@ -19,6 +19,7 @@ use crate::arguments::ReportArguments;
 use crate::console;
 use crate::report::ReportDirectory;
 use crate::run::Recording;
+use crate::scenario_file;
 
 /// Draws a recording, and prints what it holds.
 ///
@@ -55,6 +56,9 @@ pub fn run(arguments: &ReportArguments) -> Result<(), Failure> {
     let summary = summary(&replay, problem, &recording);
     let mut written = Vec::new();
     if let Some(file) = &arguments.film {
+        if scenario_file::is_standard_input(file) {
+            return Err(Failure::bad_input("--film -: name a file"));
+        }
         let colours = if arguments.dark {
             Colours::Dark
         } else {

@@ -379,7 +379,7 @@ fn a_death_without_a_spare_leaves_a_hole_with_a_name() {
     );
     assert!(
         stderr.ends_with(
-            "error: the formation has a hole: spot 2 open; module 8 died, and no spare was left\n"
+            "error: not all spots are filled: spot 2 open; module 8 died, and no spare was left\n"
         ),
         "{stderr}"
     );

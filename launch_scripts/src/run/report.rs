@@ -409,7 +409,7 @@ impl RunReport {
         let hole = match self.verdict {
             RunOutcome::Judged(_) => {
                 let open = self.plan.statistics.open_spots.iter().copied();
-                format!("the formation has a hole: {} open", listed_in_full(open))
+                format!("not all spots are filled: {} open", listed_in_full(open))
             }
             RunOutcome::Agreed => "the plan has a hole".to_owned(),
         };

@@ -252,7 +252,7 @@ fn a_module_that_left_service_is_named_and_no_other_plan() {
     let partial = report_on(half(Outcome::Partial), Observed::default(), &[7, 8], &[7]);
     assert_eq!(
         partial.conclusion().unwrap_err().to_string(),
-        "the formation has a hole: spot 1 open; module 7 left service, and no spare was left"
+        "not all spots are filled: spot 1 open; module 7 left service, and no spare was left"
     );
     assert_eq!(
         partial.outcome_text(),
@@ -290,7 +290,7 @@ fn a_time_that_was_up_is_named_with_what_was_missing() {
     let report = report_on(half(Outcome::Partial), observed, &[8], &[]);
     assert_eq!(
         report.conclusion().unwrap_err().to_string(),
-        "the formation has a hole: spot 1 open; module 7 did not join, and no spare was left; the time was up after \
+        "not all spots are filled: spot 1 open; module 7 did not join, and no spare was left; the time was up after \
              60 s (--timeout); on a busy machine, host several modules in each process with --modules-per-process"
     );
     assert_eq!(
@@ -351,7 +351,7 @@ fn a_blocked_spot_is_named_with_what_can_be_done() {
     let report = report_without(7, partial);
     assert_eq!(
         report.conclusion().unwrap_err().to_string(),
-        "the formation has a hole: spot 1 open; module 7 died, spot 1 is blocked by the body of module 7; once a body is \
+        "not all spots are filled: spot 1 open; module 7 died, spot 1 is blocked by the body of module 7; once a body is \
              taken away, report that with `formation remove`"
     );
     let blocked = "spot 1 is blocked by the body of module 7".to_owned();
