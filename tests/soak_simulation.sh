@@ -16,5 +16,5 @@ nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$see
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 2-12 --faults churn || status=1
 FORMATION_EXPLORE=large nice -n 5 cargo test --release --quiet -p formation_sim --test all -- exploration:: --nocapture || status=1
 nice -n 5 cargo test --release --quiet -p formation_sim --test all -- --ignored stores:: majority_model:: mutations:: --nocapture || status=1
-nice -n 5 cargo test --release --quiet -p formation --test all -- --ignored motion_ --nocapture || status=1
+nice -n 5 cargo test --release --quiet -p formation_motion --test all -- --ignored motion_ --nocapture || status=1
 exit "$status"

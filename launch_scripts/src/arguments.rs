@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
-use formation::model::{MICRO_PER_UNIT, MicroUnits};
+use formation_model::{MICRO_PER_UNIT, MicroUnits};
 use formation_sim::FaultKind;
 use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::Domain;

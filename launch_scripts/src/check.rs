@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use formation::model::text::counted;
-use formation::model::{ModuleId, PlanningProblem, Scenario, SpotId};
-use formation::motion::check_differential_drives;
-use formation::planner::PlanSize;
+use formation_model::text::counted;
+use formation_model::{ModuleId, PlanningProblem, Scenario, SpotId};
+use formation_motion::check_differential_drives;
+use formation_planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
 

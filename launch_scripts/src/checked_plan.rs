@@ -6,13 +6,13 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use formation::event_log::{Entry, Step};
-use formation::model::text::{counted, joined, listed_in_full};
-use formation::model::{Assignment, Decision, ModuleId, PlanningProblem, Scenario, SpotId};
-use formation::motion::PlannedMotion;
-use formation::planner::{PlanOutcome, Planning, Statistics};
-use formation::verify::{check_plan, hole_of};
+use formation_event_log::{Entry, Step};
+use formation_model::text::{counted, joined, listed_in_full};
+use formation_model::{Assignment, Decision, ModuleId, PlanningProblem, Scenario, SpotId};
+use formation_motion::PlannedMotion;
+use formation_planner::{PlanOutcome, Planning, Statistics};
 use formation_report::{Fact, Subject, course_of_plan};
+use formation_verify::{check_plan, hole_of};
 use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
 

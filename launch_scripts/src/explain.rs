@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use formation::event_log::Step;
-use formation::model::text::{counted, joined};
-use formation::model::{ModuleId, SpotId};
-use formation::planner::{ConcernedTurn, Explanation, TurnOutcome};
+use formation_event_log::Step;
+use formation_model::text::{counted, joined};
+use formation_model::{ModuleId, SpotId};
+use formation_planner::{ConcernedTurn, Explanation, TurnOutcome};
 use ros_runtime::exit::Failure;
 use serde::Serialize;
 

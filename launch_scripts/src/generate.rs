@@ -3,11 +3,11 @@
 use std::fmt::Write;
 
 use anyhow::anyhow;
-use formation::generate::{
+use formation_generate::{
     Apart, GenerateError, GeneratorParameters, Grouping, generate, set_apart,
 };
-use formation::model::text::joined;
-use formation::model::{RawModule, RawScenario};
+use formation_model::text::joined;
+use formation_model::{RawModule, RawScenario};
 use ros_runtime::exit::Failure;
 
 use crate::arguments::GenerateArguments;
@@ -115,7 +115,7 @@ fn quoted(text: &str) -> String {
 
 #[cfg(test)]
 mod tests {
-    use formation::model::PlannerParameters;
+    use formation_model::PlannerParameters;
 
     use super::*;
 

@@ -1,10 +1,9 @@
 //! The motion of a plan as `formation plan` prints it.
 
-use formation::model::ModuleId;
-use formation::model::text::counted;
-use formation::motion::PlannedMotion;
-use formation::motion::paths::{ModuleMotion, MotionPlan, OrderKind, UnitMotion, Variant};
-use formation::verify::NOT_COLLISION_FREE;
+use formation_model::text::counted;
+use formation_model::{ModuleId, ModuleMotion, MotionPlan, OrderKind, UnitMotion, Variant};
+use formation_motion::PlannedMotion;
+use formation_verifier_lines::NOT_COLLISION_FREE;
 use serde::Serialize;
 
 /// How the modules of a plan move.

@@ -6,12 +6,13 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use anyhow::{Context, anyhow};
-use formation::model::{ModuleId, PlanningProblem, SpotId};
-use formation::motion::PlannedMotion;
-use formation::planner::plan;
-use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
+use formation_model::{ModuleId, PlanningProblem, SpotId};
+use formation_motion::PlannedMotion;
 use formation_msgs::Verdict;
+use formation_planner::plan;
 use formation_report::{Colours, Fact, Subject, Summary, Tone, animation};
+use formation_verifier_lines::{NOT_COLLISION_FREE, outcome_text};
+use formation_verify::Outcome;
 use recorder::replay::{Replay, replay};
 use ros_runtime::exit::{Failure, one_line};
 

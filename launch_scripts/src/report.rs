@@ -5,7 +5,7 @@ use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
 use anyhow::{Context, anyhow};
-use formation::event_log::Entry;
+use formation_event_log::Entry;
 use formation_report::{Subject, Summary, after, before, page};
 use ros_runtime::exit::Failure;
 use serde::Serialize;

@@ -4,7 +4,7 @@ use std::io::stdin;
 use std::path::Path;
 
 use anyhow::{Context, anyhow};
-use formation::model::{Scenario, ScenarioError};
+use formation_model::{Scenario, ScenarioError};
 use ros_runtime::arguments::{read_bounded, text_of};
 use ros_runtime::exit::{Failure, shortened};
 

@@ -2,8 +2,8 @@
 
 use std::path::Path;
 
-use formation::model::text::joined;
-use formation::model::{Area, BODY_WIDTH, PlannerParameters, RawArea, Scenario};
+use formation_model::text::joined;
+use formation_model::{Area, BODY_WIDTH, PlannerParameters, RawArea, Scenario};
 use formation_report::before;
 use ros_runtime::exit::{Failure, one_line};
 

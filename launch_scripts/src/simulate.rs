@@ -8,9 +8,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use anyhow::anyhow;
-use formation::event_log::milliseconds;
-use formation::model::SpotId;
-use formation::model::text::{counted, joined};
+use formation_event_log::milliseconds;
+use formation_model::SpotId;
+use formation_model::text::{counted, joined};
 use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ros_runtime::exit::Failure;

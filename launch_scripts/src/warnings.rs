@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Display;
 
-use formation::model::text::counted;
-use formation::model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
+use formation_model::text::counted;
+use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 
 /// A module is one unit wide; poses are written with a few decimals, so a little less still counts as apart.
 const WIDTH_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT - TOLERANCE.0);

@@ -9,8 +9,8 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation::verify::Outcome;
 use formation_tests::{Domain, Tool, on_path, tool_or_skip};
+use formation_verify::Outcome;
 use rustix::process::{Pid, Signal, kill_process};
 use serde_json::Value;
 

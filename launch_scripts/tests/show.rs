@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::process::{Command, Output};
 
-use formation::model::Scenario;
+use formation_model::Scenario;
 use serde_json::Value;
 
 fn formation(arguments: &[&str]) -> Output {
@@ -124,7 +124,7 @@ fn the_schema_knows_every_field_of_the_scenarios_and_of_the_reader() {
         if value["target"]["map"].is_string() {
             continue;
         }
-        let raw: formation::model::RawScenario = serde_yaml::from_str(&text).unwrap();
+        let raw: formation_model::RawScenario = serde_yaml::from_str(&text).unwrap();
         let all_fields = serde_json::to_value(&raw).unwrap();
         check(&schema, &schema, &all_fields, "all fields");
     }

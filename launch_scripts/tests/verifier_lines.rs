@@ -1,7 +1,8 @@
 //! Shell commands that print what a verifier prints.
 
-use formation::model::{Assignment, FormationStage, ModuleId, SpotId};
-use formation::verify::{Counts, Outcome, Progress, ReportLine, TimingsReport, VerdictReport};
+use formation_model::{Assignment, FormationStage, ModuleId, SpotId};
+use formation_verifier_lines::{ReportLine, TimingsReport, VerdictReport};
+use formation_verify::{Counts, Outcome, Progress};
 
 /// A command that prints a line of the verifier.
 pub fn prints(line: &ReportLine) -> String {

@@ -3,10 +3,10 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use formation::event_log::Entry;
-use formation::model::PlanningProblem;
-use formation::model::text::listed;
-use formation::verify::Progress;
+use formation_event_log::Entry;
+use formation_model::PlanningProblem;
+use formation_model::text::listed;
+use formation_verify::Progress;
 
 use super::view::{Key, View};
 use crate::checked_plan::CheckedPlan;
@@ -204,7 +204,7 @@ impl LineThrottle {
 
 #[cfg(test)]
 mod tests {
-    use formation::model::{FormationStage, ModuleId};
+    use formation_model::{FormationStage, ModuleId};
 
     use super::*;
 

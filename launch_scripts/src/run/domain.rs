@@ -11,7 +11,7 @@ use std::ops::RangeInclusive;
 use std::time::Duration;
 
 use async_channel::bounded;
-use formation::model::text::joined;
+use formation_model::text::joined;
 use formation_node::find_sessions;
 use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::{DiscoveryRange, Domain, Environment};

@@ -1,7 +1,7 @@
 //! `formation stop`, `resume` and `remove`: commands to the modules of a running formation.
 
 use anyhow::{Context, anyhow};
-use formation::model::text::joined;
+use formation_model::text::joined;
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use formation::event_log::Entry;
-use formation::model::{ModuleId, SpotId};
+use formation_event_log::Entry;
+use formation_model::{ModuleId, SpotId};
 use formation_report::{Fact, Subject, Summary, Tone};
 use ros_runtime::exit::{Failure, one_line};
 

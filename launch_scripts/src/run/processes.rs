@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use formation::model::text::listed_in_full;
-use formation::model::{ModuleId, PlanningProblem};
+use formation_model::text::listed_in_full;
+use formation_model::{ModuleId, PlanningProblem};
 
 /// The processes of every run that host no modules: the target publisher and the verifier.
 pub const OTHER_PROCESSES: usize = 2;
@@ -54,7 +54,7 @@ pub fn hosts(problem: &PlanningProblem, modules_per_process: usize) -> Vec<Host>
 
 #[cfg(test)]
 mod tests {
-    use formation::model::Scenario;
+    use formation_model::Scenario;
 
     use super::*;
 

@@ -1,7 +1,7 @@
 //! The event log of a run, kept for its report.
 
-use formation::event_log::{Entry, Event};
-use formation::model::{Digest, Epoch, ModuleId};
+use formation_event_log::{Entry, Event};
+use formation_model::{Digest, Epoch, ModuleId};
 
 /// The most entries that are kept: some hundred megabytes, and far more than a run of 100 modules has.
 const ENTRIES_MAX: usize = 200_000;
@@ -76,7 +76,7 @@ impl Recording {
 
 #[cfg(test)]
 mod tests {
-    use formation::model::Pose;
+    use formation_model::Pose;
 
     use super::*;
 

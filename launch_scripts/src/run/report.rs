@@ -4,12 +4,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
 use anyhow::anyhow;
-use formation::event_log::milliseconds;
-use formation::model::text::{joined, listed_in_full};
-use formation::model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
-use formation::motion::WorldReport;
-use formation::verify::{NOT_COLLISION_FREE, Outcome, outcome_text};
+use formation_event_log::milliseconds;
+use formation_model::text::{joined, listed_in_full};
+use formation_model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
+use formation_motion::WorldReport;
 use formation_report::Fact;
+use formation_verifier_lines::{NOT_COLLISION_FREE, outcome_text};
+use formation_verify::Outcome;
 use ros_runtime::exit::Failure;
 use serde::{Serialize, Serializer};
 

@@ -5,7 +5,7 @@ use std::fmt;
 use std::process::ExitStatus;
 use std::time::Duration;
 
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 use ros_runtime::exit::STATUS_BAD_INPUT;
 use serde::{Serialize, Serializer};
 

@@ -4,10 +4,11 @@ use std::collections::BTreeSet;
 use std::process::{Command, ExitStatus};
 use std::time::{Duration, Instant};
 
-use formation::model::ModuleId;
-use formation::model::text::listed_in_full;
-use formation::motion::WorldReport;
-use formation::verify::{AgreementReport, Outcome, Progress, ReportLine, VerdictReport};
+use formation_model::ModuleId;
+use formation_model::text::listed_in_full;
+use formation_motion::WorldReport;
+use formation_verifier_lines::{AgreementReport, ReportLine, VerdictReport};
+use formation_verify::{Outcome, Progress};
 
 use super::display::Display;
 use super::order;
@@ -339,8 +340,8 @@ impl RunLoop<'_> {
 mod tests {
     use std::path::Path;
 
-    use formation::event_log::{Entry, Event};
-    use formation::model::{Assignment, Epoch, FormationStage, SpotId};
+    use formation_event_log::{Entry, Event};
+    use formation_model::{Assignment, Epoch, FormationStage, SpotId};
 
     use super::super::display::{LineThrottle, progress_line};
     use super::*;

@@ -7,8 +7,8 @@ use std::process::Command;
 use std::time::Duration;
 
 use anyhow::Context;
-use formation::model::text::ranges;
-use formation::model::{ModuleId, ModuleSize, PlanningProblem};
+use formation_model::text::ranges;
+use formation_model::{ModuleId, ModuleSize, PlanningProblem};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 

@@ -8,14 +8,13 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use async_channel::{Receiver, Sender, bounded};
-use formation::event_log::{POSE_INTERVAL, Recorder};
-use formation::model::text::joined;
-use formation::model::{Epoch, Message, ModuleSize, PlanningProblem, RosterMessage};
-use formation::protocol::SourceId;
-use formation::verify::{Admission, Observer, ObserverParameters, Progress, SourceGuard};
+use formation_event_log::{POSE_INTERVAL, Recorder};
+use formation_model::text::joined;
+use formation_model::{Epoch, Message, ModuleSize, PlanningProblem, RosterMessage, SourceId};
 use formation_msgs::Verdict;
 use formation_node::find_sessions;
 use formation_node::messages::{Received, subscribe_all, subscribe_verdicts};
+use formation_verify::{Admission, Observer, ObserverParameters, Progress, SourceGuard};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::{Failure, stop_requested};
 use ros_runtime::inputs::Inputs;

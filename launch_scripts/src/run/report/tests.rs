@@ -3,9 +3,9 @@
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
-use formation::event_log::{Entry, Event};
-use formation::model::Scenario;
-use formation::verify::{AgreementReport, VerdictReport};
+use formation_event_log::{Entry, Event};
+use formation_model::Scenario;
+use formation_verifier_lines::{AgreementReport, VerdictReport};
 use serde_json::{Value, json};
 
 use super::super::recording::Recording;

@@ -3,8 +3,8 @@
 use std::time::Duration;
 
 use ::console::{measure_text_width, strip_ansi_codes, truncate_str};
-use formation::model::text::joined;
-use formation::model::{FormationStage, ModuleId};
+use formation_model::text::joined;
+use formation_model::{FormationStage, ModuleId};
 use ros_runtime::exit::one_line;
 
 use super::map::map;

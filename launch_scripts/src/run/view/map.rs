@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::model::{MICRO_PER_UNIT, SpotId, Target};
+use formation_model::{MICRO_PER_UNIT, SpotId, Target};
 
 use super::style::{Paint, Style, colour_of};
 use super::watched::{SpotStatus, Watched};

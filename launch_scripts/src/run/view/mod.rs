@@ -13,9 +13,9 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use ::console::{Term, colors_enabled_stderr};
-use formation::event_log::Entry;
-use formation::model::PlanningProblem;
-use formation::verify::Progress;
+use formation_event_log::Entry;
+use formation_model::PlanningProblem;
+use formation_verify::Progress;
 
 use crate::checked_plan::CheckedPlan;
 use canvas::Canvas;

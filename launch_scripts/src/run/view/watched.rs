@@ -4,12 +4,10 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::event_log::{Entry, Scene};
-use formation::model::text::ranges;
-use formation::model::{
-    FormationStage, Identifier, ModuleId, ModulePhase, PlanningProblem, SpotId,
-};
-use formation::verify::Progress;
+use formation_event_log::{Entry, Scene};
+use formation_model::text::ranges;
+use formation_model::{FormationStage, Identifier, ModuleId, ModulePhase, PlanningProblem, SpotId};
+use formation_verify::Progress;
 
 use crate::checked_plan::CheckedPlan;
 

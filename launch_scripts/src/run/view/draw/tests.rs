@@ -1,10 +1,10 @@
 use std::sync::Arc;
 
 use ::console::{measure_text_width, strip_ansi_codes};
-use formation::event_log::{Entry, Event, ModuleSnapshot};
-use formation::model::{Epoch, ModuleId, ModulePhase, Pose, Scenario, SpotId};
-use formation::verify::Progress;
+use formation_event_log::{Entry, Event, ModuleSnapshot};
+use formation_model::{Epoch, ModuleId, ModulePhase, Pose, Scenario, SpotId};
 use formation_report::course_of_plan;
+use formation_verify::Progress;
 
 use super::super::keys::HELP;
 use super::*;
