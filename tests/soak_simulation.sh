@@ -9,7 +9,7 @@ repository="$(cd "$(dirname "${BASH_SOURCE[0]}")/.." && pwd)"
 cd "$repository"
 seeds="${1:-10000}"
 
-cargo build --release --quiet -p launch_scripts
+cargo build --release --quiet -p formation
 status=0
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 5-40 --faults mixed || status=1
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 2-12 --faults hostile || status=1

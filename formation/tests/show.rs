@@ -1,6 +1,5 @@
 //! `formation show` and `formation schema`.
 
-use std::path::Path;
 use std::process::{Command, Output};
 
 use formation_model::Scenario;
@@ -14,7 +13,7 @@ fn formation(arguments: &[&str]) -> Output {
 }
 
 fn scenarios() -> Vec<std::path::PathBuf> {
-    let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    let folder = formation_tests::root().join("launch_scripts/scenarios");
     let files = std::fs::read_dir(folder).unwrap();
     let files = files.map(|entry| entry.unwrap().path());
     files

@@ -75,7 +75,7 @@ fn main() -> ExitCode {
         Command::Report(arguments) => recorded::run(&arguments),
         #[cfg(not(feature = "recordings"))]
         Command::Report(_) => Err(ros_runtime::exit::Failure::bad_input(
-            "this program was built without recordings; `cargo build --release -p launch_scripts` includes them",
+            "this program was built without recordings; `cargo build --release -p formation` includes them",
         )),
         Command::Completions { shell } => completions(&mut Arguments::command(), &shell)
             .and_then(|script| console::result_line(script.trim_end())),
@@ -86,7 +86,7 @@ fn main() -> ExitCode {
         Command::Experiments(arguments) => experiments::run(&arguments),
         #[cfg(not(feature = "experiments"))]
         Command::Experiments(_) => Err(ros_runtime::exit::Failure::bad_input(
-            "this program was built without the experiments; `cargo build --release -p launch_scripts` includes them",
+            "this program was built without the experiments; `cargo build --release -p formation` includes them",
         )),
     };
     conclude(outcome.map(|()| STATUS_DONE))

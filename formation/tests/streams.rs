@@ -12,7 +12,7 @@ use std::path::PathBuf;
 use std::process::{Command, Output, Stdio};
 
 fn scenario() -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenarios/figure1_ladder17.yaml")
+    formation_tests::root().join("launch_scripts/scenarios/figure1_ladder17.yaml")
 }
 
 fn with_input(arguments: &[&str], text: &str) -> Output {

@@ -7,14 +7,13 @@
 )]
 
 use std::collections::BTreeMap;
-use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use serde_json::Value;
 
 /// Runs a command on the shipped scenario with more modules than spots.
 fn formation(command: &str, options: &[&str]) -> Output {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    let folder = formation_tests::root().join("launch_scripts/scenarios");
     Command::new(env!("CARGO_BIN_EXE_formation"))
         .arg(command)
         .arg(folder.join("oversupply.yaml"))
@@ -89,7 +88,7 @@ fn numbers(text: &str) -> Vec<u64> {
 
 #[test]
 fn no_module_both_takes_a_spot_and_is_left_over() {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    let folder = formation_tests::root().join("launch_scripts/scenarios");
     let directory = tempfile::tempdir().unwrap();
     let path = directory.path().join("scenario.yaml");
     let mut leaving = 0;

@@ -14,10 +14,7 @@ use std::process::{Command, Output};
 use serde_json::{Value, json};
 
 fn scenario(name: &str) -> PathBuf {
-    PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("scenarios")
-        .join(name)
-        .with_extension("yaml")
+    formation_tests::scenario_path(name)
 }
 
 fn plan(name: &str, options: &[&str]) -> Output {

@@ -2,7 +2,6 @@
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use std::path::PathBuf;
 use std::process::{Command, Output};
 
 use formation_sim::FaultKind;
@@ -98,7 +97,7 @@ fn one_seed_is_printed_in_full() {
 
 #[test]
 fn a_scenario_gives_its_modules_and_its_target() {
-    let scenario = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenarios/oversupply.yaml");
+    let scenario = formation_tests::root().join("launch_scripts/scenarios/oversupply.yaml");
     let scenario = scenario.to_str().unwrap();
     let report = json(&[scenario, "--seeds", "2", "--faults", "none"]);
     assert_eq!(report["modules"], serde_json::json!([12, 12]));

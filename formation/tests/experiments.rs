@@ -5,7 +5,7 @@
 use std::fs;
 #[cfg(feature = "experiments")]
 use std::io::{BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 #[cfg(feature = "experiments")]
 use std::process::Stdio;
 use std::process::{Command, Output};
@@ -22,7 +22,7 @@ fn formation(arguments: &[&str]) -> Output {
 }
 
 fn case_studies() -> Vec<PathBuf> {
-    let directory = Path::new(env!("CARGO_MANIFEST_DIR")).join("scenarios/case_studies");
+    let directory = formation_tests::root().join("launch_scripts/scenarios/case_studies");
     let mut paths: Vec<PathBuf> = fs::read_dir(directory)
         .unwrap()
         .map(|entry| entry.unwrap().path())
@@ -116,7 +116,7 @@ fn a_program_without_experiments_names_the_build_command() {
     assert_eq!(output.status.code(), Some(2));
     let errors = String::from_utf8_lossy(&output.stderr);
     assert!(
-        errors.contains("cargo build --release -p launch_scripts"),
+        errors.contains("cargo build --release -p formation"),
         "{errors}"
     );
     assert_eq!(errors.trim_end().lines().count(), 1, "{errors}");

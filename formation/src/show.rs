@@ -11,7 +11,7 @@ use crate::checked_plan::CheckedPlan;
 use crate::{console, scenario_file};
 
 /// The JSON schema of scenario files.
-const SCHEMA: &str = include_str!("../scenario.schema.json");
+const SCHEMA: &str = include_str!("../../launch_scripts/scenario.schema.json");
 
 /// Prints a scenario as maps, or as a picture of its start.
 ///

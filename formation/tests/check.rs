@@ -7,7 +7,7 @@
 )]
 
 use std::fs;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
 /// A valid scenario, of which each case below spoils one place.
@@ -495,7 +495,7 @@ fn what_looks_like_a_mistake_is_warned_about() {
 
 #[test]
 fn the_scenarios_of_the_repository_are_valid() {
-    let folder = PathBuf::from(env!("CARGO_MANIFEST_DIR")).join("scenarios");
+    let folder = formation_tests::root().join("launch_scripts/scenarios");
     let mut names = Vec::new();
     for entry in fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
