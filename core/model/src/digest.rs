@@ -163,6 +163,14 @@ fn put_bodies(canonical: &mut Canonical, bodies: &[BodyReport]) {
     }
 }
 
+impl PlanningProblem {
+    /// Equal for equal problems, and different for others up to collisions of 64-bit hashes.
+    #[must_use]
+    pub fn digest(&self) -> Digest {
+        of_problem(self)
+    }
+}
+
 /// The digest of a target and the planner's parameters: equal for announcements that lead to the same plans, whatever
 /// their revision and name.
 pub fn of_target(announcement: &TargetAnnouncement) -> Digest {

@@ -3,10 +3,12 @@
 //!
 //! Raw input becomes a validated type here, and nowhere else.
 
+pub mod blocked_spots;
 pub mod body;
 mod closed_roster;
 mod covered_area;
 mod cut_nodes;
+mod decision;
 pub mod digest;
 mod docking;
 mod field;
@@ -23,8 +25,10 @@ mod parameters;
 mod plan;
 pub mod polyline;
 mod problem;
+mod roster;
 mod scenario;
 mod scenario_file;
+mod spot;
 mod stage;
 mod surroundings;
 mod target;
@@ -36,6 +40,7 @@ mod yaml;
 pub use body::{BlockedSpot, BodyReport, Whereabouts};
 pub use closed_roster::ClosedRoster;
 pub use cut_nodes::cut_nodes;
+pub use decision::*;
 pub use docking::*;
 pub use field::FieldError;
 pub use fixed::*;
@@ -50,7 +55,9 @@ pub use parameters::*;
 pub use plan::*;
 pub use polyline::{POLYLINE_POSES_MAX, Polyline, PolylineError};
 pub use problem::*;
+pub use roster::*;
 pub use scenario::*;
+pub use spot::*;
 pub use stage::*;
 pub use surroundings::*;
 pub use target::*;

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::{
-    ConfigurationId, Digest, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
-    Topology, digest,
+    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
+    Topology,
 };
 
 /// The data about one module on which planning depends.
@@ -125,12 +125,6 @@ impl PlanningProblem {
             module.pin = module.pin.filter(|pin| !released.contains(pin));
         }
         problem
-    }
-
-    /// Equal for equal problems, and different for others up to collisions of 64-bit hashes.
-    #[must_use]
-    pub fn digest(&self) -> Digest {
-        digest::of_problem(self)
     }
 
     /// The target to form.

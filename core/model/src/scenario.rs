@@ -8,13 +8,15 @@ use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
 use crate::field::{check_id, checked_pose, connected_graph};
-use crate::scenario_file::ScenarioFile;
-use crate::yaml::{self, YamlError};
+use crate::yaml::YamlError;
 use crate::{
     ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize, MotionMode,
     NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawArea,
     RawModule, RawPlacement, RawSurroundings, RawTarget, SpotId, Surroundings, Target, Topology,
 };
+
+/// The greatest depth of nested brackets; scenarios nest four.
+pub(crate) const NESTING_MAX: usize = 64;
 
 /// An initial configuration as it stands in a scenario file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -100,35 +102,6 @@ impl From<serde_yaml::Error> for ScenarioError {
     }
 }
 
-/// The greatest depth of nested brackets; scenarios nest four.
-const NESTING_MAX: usize = 64;
-
-/// Refuses deeply nested brackets, on which the parser takes time in the square of their number.
-///
-/// Quoted text counts as well: a name with more than [`NESTING_MAX`] open brackets is refused.
-fn check_nesting(text: &str) -> Result<(), ScenarioError> {
-    let mut depth = 0_usize;
-    for (line, content) in text.lines().enumerate() {
-        let mut previous = ' ';
-        for (column, character) in content.chars().enumerate() {
-            match character {
-                '#' if previous.is_whitespace() => break,
-                '[' | '{' => depth += 1,
-                ']' | '}' => depth = depth.saturating_sub(1),
-                _ => {}
-            }
-            if depth > NESTING_MAX {
-                return Err(ScenarioError::TooDeep {
-                    line: line + 1,
-                    column: column + 1,
-                });
-            }
-            previous = character;
-        }
-    }
-    Ok(())
-}
-
 fn check_length(field: &str, name: &str) -> Result<(), FieldError> {
     let length = name.len();
     if length > NAME_BYTES_MAX {
@@ -172,16 +145,6 @@ fn check_degrees<N: fmt::Display>(
 }
 
 impl Scenario {
-    /// Reads and validates the text of a scenario file.
-    ///
-    /// # Errors
-    /// Names the line of a syntax error, or the field that is wrong and why.
-    pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
-        check_nesting(text)?;
-        let file: ScenarioFile = yaml::read(text)?;
-        Self::try_from(RawScenario::try_from(file)?)
-    }
-
     /// The scenario's name.
     pub fn name(&self) -> &str {
         &self.name

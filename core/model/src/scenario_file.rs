@@ -3,9 +3,11 @@
 use serde::Deserialize;
 
 use crate::map::{Lattice, Map, Undrawable, draw};
+use crate::scenario::NESTING_MAX;
+use crate::yaml;
 use crate::{
     FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration, RawModule,
-    RawScenario, RawSpot, RawTarget, Scenario,
+    RawScenario, RawSpot, RawTarget, Scenario, ScenarioError,
 };
 
 /// A scenario file as it is written.
@@ -95,6 +97,32 @@ impl TargetSection {
     }
 }
 
+/// Refuses deeply nested brackets, on which the parser takes time in the square of their number.
+///
+/// Quoted text counts as well: a name with more than [`NESTING_MAX`] open brackets is refused.
+fn check_nesting(text: &str) -> Result<(), ScenarioError> {
+    let mut depth = 0_usize;
+    for (line, content) in text.lines().enumerate() {
+        let mut previous = ' ';
+        for (column, character) in content.chars().enumerate() {
+            match character {
+                '#' if previous.is_whitespace() => break,
+                '[' | '{' => depth += 1,
+                ']' | '}' => depth = depth.saturating_sub(1),
+                _ => {}
+            }
+            if depth > NESTING_MAX {
+                return Err(ScenarioError::TooDeep {
+                    line: line + 1,
+                    column: column + 1,
+                });
+            }
+            previous = character;
+        }
+    }
+    Ok(())
+}
+
 impl TryFrom<ScenarioFile> for RawScenario {
     type Error = FieldError;
 
@@ -129,6 +157,16 @@ impl TryFrom<ScenarioFile> for RawScenario {
 }
 
 impl Scenario {
+    /// Reads and validates the text of a scenario file.
+    ///
+    /// # Errors
+    /// Names the line of a syntax error, or the field that is wrong and why.
+    pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
+        check_nesting(text)?;
+        let file: ScenarioFile = yaml::read(text)?;
+        Self::try_from(RawScenario::try_from(file)?)
+    }
+
     /// The sections `target` and `modules` of a scenario file that draws this scenario. Headings are not drawn, which on a
     /// lattice of squares makes no difference, and every configuration has the leader that is chosen by default.
     ///

@@ -3,7 +3,9 @@
 use serde::{Deserialize, Serialize};
 
 use crate::field::{check_id, checked_pose, connected_graph};
-use crate::{EDGES_MAX, FieldError, MicroUnits, Pose, SPOTS_MAX, SpotId, Surroundings, Topology};
+use crate::{
+    EDGES_MAX, FieldError, MicroUnits, Pose, SPOTS_MAX, Spot, SpotId, Surroundings, Topology,
+};
 
 /// A spot or a module as it stands in a file or a message, not yet checked.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
@@ -42,15 +44,6 @@ pub struct RawTarget {
 
 fn default_frame() -> String {
     "map".to_owned()
-}
-
-/// One place for a module.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Spot {
-    /// The spot's identifier.
-    pub id: SpotId,
-    /// The pose of the module on it.
-    pub pose: Pose,
 }
 
 /// A validated target: at least one spot, distinct identifiers, a connected simple graph.

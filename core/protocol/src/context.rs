@@ -1,5 +1,9 @@
 //! What an agent has in every stage: who it is, what it knows of others, what it remembers, and what it has to send.
 
+mod bodies;
+mod outdated;
+mod removals;
+
 use std::collections::BTreeSet;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
@@ -10,7 +14,10 @@ use formation_model::{
     STAMP_AHEAD_MAX, Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter, digest,
 };
 
-use super::bodies::Bodies;
+use bodies::Bodies;
+use removals::Removals;
+
+use super::asked_plan::Plans;
 use super::body::Body;
 use super::event::Event;
 use super::io::{Identity, Output};
@@ -21,10 +28,9 @@ use super::pacing::EpochPacing;
 use super::parameters::AgentParameters;
 use super::peer::Peer;
 use super::peers::{Liveness, Peers};
-use super::plans::{ComputedPlan, PlanJob, Plans};
+use super::plans::{ComputedPlan, PlanJob};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
-use super::removals::Removals;
 
 /// Which module this is, and which run of its process.
 #[derive(Clone, Copy, Debug)]

@@ -17,7 +17,7 @@
 //! earlier message, so messages may come late, twice or in any order across writers.
 
 mod aside;
-mod bodies;
+mod asked_plan;
 mod body;
 mod context;
 mod convening;
@@ -29,7 +29,6 @@ mod memory;
 mod motion;
 mod mutation;
 mod outbox;
-mod outdated;
 mod pacing;
 mod parameters;
 mod peer;
@@ -39,7 +38,6 @@ mod plans;
 mod publishing;
 mod quorum;
 mod refusal;
-mod removals;
 mod roster_plan;
 mod rosters;
 mod snapshot;

@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use formation_model::{
     BodyReport, ModuleId, ModuleRun, ModuleState, Pose, Roster, RosterMember, Timing, Whereabouts,
-    body,
+    blocked_spots,
 };
 
 use super::Agent;
@@ -86,7 +86,7 @@ impl Agent {
     /// left.
     pub(super) fn note_body(&mut self, module: ModuleId) {
         let roster = self.stage.roster();
-        let is_member = roster.is_some_and(|roster| body::lists(&roster.members, module));
+        let is_member = roster.is_some_and(|roster| blocked_spots::lists(&roster.members, module));
         let Context { bodies, peers, .. } = &mut self.context;
         if let Some(state) = peers.state(module).filter(|_| !is_member) {
             bodies.note_state(state);
@@ -125,7 +125,7 @@ impl Agent {
     pub fn is_member(&self) -> bool {
         let own = self.context.module();
         let roster = self.stage.roster();
-        roster.is_some_and(|roster| body::lists(&roster.members, own))
+        roster.is_some_and(|roster| blocked_spots::lists(&roster.members, own))
     }
 
     /// The times that its roster names, or would.

@@ -1,7 +1,7 @@
 //! The plans of an agent: jobs that its host may run on another thread, and share between agents.
 //!
 //! A plan can take seconds, in which a process must go on sending heartbeats. An agent therefore asks for its plan
-//! ([`Output::Compute`]) and continues when the plan comes ([`Input::Computed`]); meanwhile it shows the phase COMPUTING.
+//! ([`Output::Compute`](super::Output::Compute)) and continues when the plan comes ([`Input::Computed`]); meanwhile it shows the phase COMPUTING.
 //! The alternative, planning in slices between heartbeats, would have to interrupt every search of the planner, and its
 //! slices would still have to be short against the heartbeats of the slowest machine.
 //!
@@ -16,13 +16,11 @@ use std::sync::{Arc, OnceLock};
 
 use formation_model::{
     Area, BODY_WIDTH, ClosedRoster, Decision, Digest, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan,
-    PlanningProblem, Roster, Service, body, digest, polyline,
+    PlanningProblem, Roster, Service, blocked_spots, digest, polyline,
 };
 use formation_motion::PlannedMotion;
 use formation_planner::{PlannedTurns, plan_releasing_pins};
 
-use super::io::Output;
-use super::outbox::Outbox;
 use super::roster_plan::RosterPlan;
 
 /// The number of plans that are kept for other agents and for the next epoch.
@@ -63,7 +61,7 @@ pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
     let aside = members.filter(|member| member.service != Service::Active);
     let aside = aside.map(|member| member.module.pose);
     let bodies = roster.bodies.iter();
-    let absent = bodies.filter(|body| !body::lists(&roster.members, body.module));
+    let absent = bodies.filter(|body| !blocked_spots::lists(&roster.members, body.module));
     let spacing = MicroUnits(MICRO_PER_UNIT / 2);
     let mut areas: Vec<Area> = aside.map(|pose| Area::of_body(&pose, width)).collect();
     for body in absent {
@@ -160,48 +158,11 @@ impl ComputedPlan {
     }
 
     /// Whether this is the plan of a job. After a release of pins it is also the plan for the pins that stay.
-    fn answers(&self, job: &PlanJob) -> bool {
+    pub(super) fn answers(&self, job: &PlanJob) -> bool {
         let is_for_rest = !job.releases_pins
             && *self.turns.problem() == job.problem
             && self.job.obstacles == job.obstacles;
         is_for_rest || self.job == *job
-    }
-}
-
-/// The plan that an agent has asked for last.
-#[derive(Clone, Debug, Default)]
-pub(super) struct Plans {
-    /// Whether the host computes plans; otherwise the agent does.
-    pub by_host: bool,
-    asked: Option<PlanJob>,
-    computed: Option<Arc<ComputedPlan>>,
-}
-
-impl Plans {
-    /// The plan of a job if it is known; otherwise the host is asked for it, once.
-    pub fn get(&mut self, job: PlanJob, outbox: &mut Outbox) -> Option<Arc<ComputedPlan>> {
-        let known = self.computed.as_ref();
-        if let Some(computed) = known.filter(|computed| computed.answers(&job)) {
-            return Some(Arc::clone(computed));
-        }
-        if !self.by_host {
-            return Some(Arc::clone(self.computed.insert(Arc::new(job.run()))));
-        }
-        if self.asked.as_ref() != Some(&job) {
-            self.asked = Some(job.clone());
-            outbox.push(Output::Compute(job));
-        }
-        None
-    }
-
-    /// Takes a plan of the host; returns whether it is the one that was asked for.
-    pub fn receive(&mut self, computed: Arc<ComputedPlan>) -> bool {
-        let is_asked = |job: &mut PlanJob| computed.answers(job);
-        let is_answer = self.asked.take_if(is_asked).is_some();
-        if is_answer {
-            self.computed = Some(computed);
-        }
-        is_answer
     }
 }
 
@@ -298,7 +259,7 @@ pub(super) mod tests {
         }
     }
 
-    fn job(seed: u64) -> PlanJob {
+    pub(crate) fn job(seed: u64) -> PlanJob {
         PlanJob::plan(problem(seed), Vec::new())
     }
 
@@ -365,27 +326,6 @@ pub(super) mod tests {
                 .ask(ModuleId(2), PlanJob::plan(kept, Vec::new()))
                 .is_some()
         );
-    }
-
-    #[test]
-    fn an_agent_takes_the_plan_that_it_asked_for_only() {
-        let mut outbox = Outbox::default();
-        let mut plans = Plans {
-            by_host: true,
-            ..Plans::default()
-        };
-        let (wanted, other) = (job(4), job(5));
-        assert!(plans.get(wanted.clone(), &mut outbox).is_none());
-        assert!(plans.get(wanted.clone(), &mut outbox).is_none());
-        let asked = std::iter::from_fn(|| outbox.pop()).collect::<Vec<_>>();
-        assert!(matches!(&asked[..], [Output::Compute(job)] if *job == wanted));
-        assert!(!plans.receive(Arc::new(other.run())));
-        assert!(plans.get(wanted.clone(), &mut outbox).is_none());
-        let computed = Arc::new(wanted.clone().run());
-        assert!(plans.receive(Arc::clone(&computed)));
-        assert!(!plans.receive(computed), "it has it");
-        let taken = plans.get(wanted, &mut outbox).unwrap();
-        assert_eq!(taken.turns, PlannedTurns::of(problem(4)));
     }
 
     #[test]

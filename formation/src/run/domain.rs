@@ -19,8 +19,8 @@ use ros_runtime::exit::Failure;
 use ros_runtime::middleware::Middleware;
 
 use super::claim::{ClaimError, DomainClaim, Holder};
-use super::network::{has_sockets, participants_taken};
 use super::router;
+use super::sockets::{has_sockets, participants_taken};
 use crate::arguments::RunArguments;
 use crate::{console, joining};
 

@@ -15,6 +15,7 @@ mod report;
 mod roles;
 mod router;
 mod run_loop;
+mod sockets;
 mod start;
 mod supervisor;
 mod tail;

@@ -15,7 +15,7 @@ use ros_runtime::security::{self, DDS_SHORTFALL, Security};
 use ros_runtime::service_mapping::RMW_IMPLEMENTATION;
 use rustix::process::{Pid, Signal, kill_process};
 
-use super::network;
+use super::sockets;
 use crate::arguments::RunArguments;
 use crate::console;
 use crate::role::{self, ROUTER, Role};
@@ -260,7 +260,7 @@ impl Router {
 
     fn wait_until_ready(&mut self, address: SocketAddr) -> anyhow::Result<()> {
         let deadline = Instant::now() + START_LIMIT;
-        while !network::listens(address.port()) {
+        while !sockets::listens(address.port()) {
             if let Some(status) = self.process.try_wait()? {
                 return Err(anyhow!("the Zenoh router ended with {status}"));
             }

@@ -1,8 +1,9 @@
 //! Attempts to plan: order and paths of the units; blocks that do not get in are taken apart.
 
-use super::lattice::{Site, Time, bounds};
+use super::lattice::{Site, Time};
 use super::order::Formation;
 use super::output::Draft;
+use super::rectangle::bounds;
 use super::result::MotionError;
 use super::variants::Ground;
 use super::workshop::{Crew, Workshop};

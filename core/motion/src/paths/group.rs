@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 
 use super::fit::Measured;
 use super::lattice::{Lattice, Site, Time, nearest_to_all, point, reach};
+use super::rectangle::{HALF, Rectangle, hull, square};
 use super::shape::Shape;
 use formation_model::turning::{
     Point, angle_of, by_quarters, off_quarter, quarters, rotated, shortest,
@@ -94,35 +95,6 @@ pub(super) struct Group {
 
 /// How far the corners of a single module's cell reach from its middle.
 const RADIUS_OF_ONE: i64 = 707_107;
-
-/// The corners with the smaller and with the larger coordinates.
-pub(super) type Rectangle = (Point, Point);
-
-/// Whether two rectangles overlap by more than some slack.
-pub(super) fn overlap(one: &Rectangle, other: &Rectangle, slack: i64) -> bool {
-    one.0.0 + slack < other.1.0
-        && other.0.0 + slack < one.1.0
-        && one.0.1 + slack < other.1.1
-        && other.0.1 + slack < one.1.1
-}
-
-pub(super) fn hull(one: Rectangle, other: Rectangle) -> Rectangle {
-    (
-        (one.0.0.min(other.0.0), one.0.1.min(other.0.1)),
-        (one.1.0.max(other.1.0), one.1.1.max(other.1.1)),
-    )
-}
-
-/// Half the side of a cell.
-pub(super) const HALF: i64 = MICRO_PER_UNIT / 2;
-
-/// The cell around a point.
-pub(super) fn square(middle: Point) -> Rectangle {
-    (
-        (middle.0 - HALF, middle.1 - HALF),
-        (middle.0 + HALF, middle.1 + HALF),
-    )
-}
 
 impl Group {
     /// The group of some modules; `spots` gives the pose of the spot of each module that the whole group moves to as

@@ -1,5 +1,6 @@
 //! The lattice that the target spans, and the arena: the cells of it that the motion may use.
 
+use super::rectangle::bounds;
 use super::result::{FIELD_CELLS_MAX, MotionError};
 use formation_model::turning::{Point, off_quarter};
 use formation_model::{Area, MICRO_PER_UNIT, MicroUnits, Pose, Target};
@@ -230,17 +231,6 @@ impl Arena {
         let rows = (from / self.width).abs_diff(to / self.width);
         Time::try_from(columns + rows).unwrap_or(FOREVER)
     }
-}
-
-/// The lowest and the highest column and row.
-pub(super) fn bounds(sites: &[Site]) -> (Site, Site) {
-    let mut low = (i64::MAX, i64::MAX);
-    let mut high = (i64::MIN, i64::MIN);
-    for site in sites {
-        low = (low.0.min(site.0), low.1.min(site.1));
-        high = (high.0.max(site.0), high.1.max(site.1));
-    }
-    (low, high)
 }
 
 /// How far the corners of some cells are from the middle of one of them: the square of the greatest distance, in

@@ -23,6 +23,7 @@ mod lattice;
 mod make_way;
 mod order;
 mod output;
+mod rectangle;
 mod regroup;
 mod result;
 mod route;

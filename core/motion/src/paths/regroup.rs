@@ -3,8 +3,9 @@
 
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 
-use super::group::{Group, HALF, Rectangle};
+use super::group::Group;
 use super::lattice::{Lattice, Site, point};
+use super::rectangle::{HALF, Rectangle};
 use super::result::StartFault;
 use super::shape::Shape;
 use formation_model::turning::off_quarter;

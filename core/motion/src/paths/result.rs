@@ -5,7 +5,7 @@ use std::fmt::Display;
 
 use thiserror::Error;
 
-use super::group::{Rectangle, overlap};
+use super::rectangle::{Rectangle, overlap};
 use formation_model::text::{counted, enumerated};
 use formation_model::{
     Area, MicroUnits, ModuleId, POLYLINE_POSES_MAX, Plan, PlanningProblem, SpotId,

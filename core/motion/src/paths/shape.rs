@@ -1,6 +1,6 @@
 //! What bodies cover, exactly: convex shapes with rounded corners.
 
-use super::group::{Rectangle, overlap};
+use super::rectangle::{Rectangle, bounds, overlap};
 use formation_model::turning::{Point, rotated};
 
 /// All points within a distance of the convex hull of some points.
@@ -54,7 +54,7 @@ impl Shape {
 
     /// The least rectangle that holds the shape.
     pub fn bounds(&self) -> Rectangle {
-        let (mut low, mut high) = super::lattice::bounds(&self.points);
+        let (mut low, mut high) = bounds(&self.points);
         low = (low.0 - self.radius, low.1 - self.radius);
         high = (high.0 + self.radius, high.1 + self.radius);
         (low, high)

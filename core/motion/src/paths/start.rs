@@ -11,8 +11,9 @@
 //!
 //! A group whose modules stand off a common lattice regroups instead: each module goes to its own cell (`regroup`).
 
-use super::group::{Alignment, Exactness, Group, Phase, Rectangle, overlap, square};
+use super::group::{Alignment, Exactness, Group, Phase};
 use super::lattice::{Lattice, point};
+use super::rectangle::{Rectangle, overlap, square};
 use super::regroup::Ground;
 use super::result::StartFault;
 use super::shape::Shape;

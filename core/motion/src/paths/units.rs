@@ -36,7 +36,7 @@ impl Layout {
         Self {
             cells: held.iter().map(index).collect(),
             leading,
-            extent: super::lattice::bounds(held),
+            extent: super::rectangle::bounds(held),
             sites,
         }
     }

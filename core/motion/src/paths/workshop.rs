@@ -3,8 +3,9 @@
 use std::collections::BTreeSet;
 
 use super::field::NO_UNIT;
-use super::group::{Group, Phase, Rectangle};
-use super::lattice::{Arena, Lattice, Site, Time, bounds};
+use super::group::{Group, Phase};
+use super::lattice::{Arena, Lattice, Site, Time};
+use super::rectangle::{Rectangle, bounds};
 use super::result::{MotionError, MotionRequest, StartFault};
 use super::shape::Shape;
 use super::start::align;

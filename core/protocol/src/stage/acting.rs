@@ -1,6 +1,8 @@
 //! Acting: units move, and only while every member shows agreement. Along paths (`on_paths`) they move at the same time
 //! and wait for each other's steps; in straight lines one after another.
 
+mod on_paths;
+
 use std::collections::BTreeSet;
 use std::time::Duration;
 
@@ -15,9 +17,9 @@ use super::super::event::Event;
 use super::super::io::Output;
 use super::super::roster_plan::Place;
 use super::invalid_start::fault_of;
-use super::on_paths::Advance;
 use super::proofs::Proofs;
 use super::{HeldPlan, Stage, Step};
+use on_paths::Advance;
 
 /// This module's task in the plan, and its progress.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -6,7 +6,6 @@ mod claims;
 mod gathering;
 mod held_plan;
 mod invalid_start;
-mod on_paths;
 mod planning;
 mod proofs;
 mod route;

@@ -11,33 +11,42 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    BlockedSpot, BodyReport, Epoch, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    MotionMode, Roster, RosterMember, Service, SpotId, Target, Whereabouts, body,
+    BlockedSpot, BodyReport, Epoch, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun,
+    ModuleState, MotionMode, Roster, RosterMember, Service, SpotId, Target, Whereabouts,
+    blocked_spots, body,
 };
 
-use super::context::Context;
-use super::event::{EpochReason, Event};
-use super::outdated::Outdated;
-use super::refusal::Refusal;
 use super::removals;
+use crate::context::Context;
+use crate::event::{EpochReason, Event};
+use crate::refusal::Refusal;
 
 /// The most bodies of other sessions that are kept, so that they take no room from those of this one.
 const OTHER_SESSIONS_MAX: usize = 1_024;
 
+/// A module whose run sends under an earlier number than a former one had.
+#[derive(Clone, Copy, Debug, Hash)]
+pub(crate) struct Outdated {
+    /// The number of the former run.
+    pub former: Incarnation,
+    /// Since when the states of this module say so.
+    pub since: Duration,
+}
+
 /// The bodies of other modules.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Bodies {
-    pub(super) known: BTreeMap<ModuleId, BodyReport>,
+pub(crate) struct Bodies {
+    pub(crate) known: BTreeMap<ModuleId, BodyReport>,
     /// The modules in `known` whose bodies belong to other sessions.
     of_other_sessions: BTreeSet<ModuleId>,
     /// Rises whenever something becomes known.
-    pub(super) version: u64,
+    pub(crate) version: u64,
     /// Rises whenever a removal that took effect is over.
     removals: u64,
     /// An epoch whose roster opens spots on which this module knows bodies, and the modules of these bodies.
     contested: Option<(Epoch, BTreeSet<ModuleId>)>,
     /// The modules whose runs send under earlier numbers than former ones had that are known.
-    pub(super) outdated: BTreeMap<ModuleId, Outdated>,
+    pub(crate) outdated: BTreeMap<ModuleId, Outdated>,
     /// The blocked spots that were last reported.
     reported: Vec<BlockedSpot>,
     /// What was last found by [`Context::compare_bodies`].
@@ -330,7 +339,7 @@ impl Context {
             self.bodies.forget_outdated(member.run(), true);
         }
         for report in &roster.bodies {
-            if body::lists(&roster.members, report.module) {
+            if blocked_spots::lists(&roster.members, report.module) {
                 continue;
             }
             if report.whereabouts != Whereabouts::Removed {
@@ -412,7 +421,7 @@ impl Context {
         left.retain(|body| !self.removals.is_due(body.run()));
         let soon = roster.blocked_by(&left);
         let room = |blocked: &[BlockedSpot]| {
-            let part = body::open_part(target, &roster.members, blocked);
+            let part = blocked_spots::open_part(target, &roster.members, blocked);
             let spots = part.map_or(0, |part| part.spots().len());
             spots.min(active(roster).count())
         };
@@ -495,7 +504,7 @@ impl Context {
         let mut known = self.bodies.outside(&roster.members);
         known.retain(|body| !newcomers.contains(&body.module) && !self.removals.is_due(body.run()));
         let blocked = roster.blocked_by(&known);
-        let open = body::open_part(target, &roster.members, &blocked);
+        let open = blocked_spots::open_part(target, &roster.members, &blocked);
         let open = open.map_or(0, |part| part.spots().len());
         open.min(members + newcomers.len()) > filled
     }
@@ -520,7 +529,7 @@ fn active(roster: &Roster) -> impl Iterator<Item = &RosterMember> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use formation_model::{Incarnation, Pose};
+    use formation_model::Pose;
 
     fn seen(incarnation: u64, epoch: Option<u64>, x: f64) -> BodyReport {
         BodyReport {

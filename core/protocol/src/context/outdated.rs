@@ -4,22 +4,13 @@ use std::time::Duration;
 
 use formation_model::{BodyReport, Incarnation, ModuleId, ModuleRun, Whereabouts};
 
-use super::bodies::Bodies;
-use super::context::Context;
-use super::peers::SILENCES_REMEMBERED;
-
-/// A module whose run sends under an earlier number than a former one had.
-#[derive(Clone, Copy, Debug, Hash)]
-pub(super) struct Outdated {
-    /// The number of the former run.
-    former: Incarnation,
-    /// Since when the states of this module say so.
-    since: Duration,
-}
+use super::bodies::{Bodies, Outdated};
+use crate::context::Context;
+use crate::peers::SILENCES_REMEMBERED;
 
 impl Bodies {
     /// A run sends under a later number than all former ones that are known, or with a plan, so that it keeps its number.
-    pub(super) fn forget_outdated(&mut self, run: ModuleRun, holds_plan: bool) {
+    pub(crate) fn forget_outdated(&mut self, run: ModuleRun, holds_plan: bool) {
         let outdated = self.outdated.get(&run.module);
         if outdated.is_some_and(|outdated| holds_plan || outdated.former <= run.incarnation) {
             self.outdated.remove(&run.module);
@@ -27,7 +18,7 @@ impl Bodies {
     }
 
     /// A run sends under an earlier number than the known one of its module. Returns whether that is news.
-    pub(super) fn note_outdated(
+    pub(crate) fn note_outdated(
         &mut self,
         module: ModuleId,
         former: Incarnation,
@@ -44,7 +35,7 @@ impl Bodies {
 
     /// A run has taken the place of a former one: what was reported of that one is about the same body, which the next report
     /// on the present run replaces; and a removal of that one is over.
-    pub(super) fn take_over(&mut self, run: ModuleRun) {
+    pub(crate) fn take_over(&mut self, run: ModuleRun) {
         let Some(known) = self.known.get_mut(&run.module) else {
             return;
         };
@@ -59,7 +50,7 @@ impl Bodies {
 
     /// The report on a body, under the number of the former run if the present one has an earlier number: in a state of this
     /// module it makes the former one known to that run.
-    pub(super) fn under_former_number(&self, report: &BodyReport) -> BodyReport {
+    pub(crate) fn under_former_number(&self, report: &BodyReport) -> BodyReport {
         let mut report = report.clone();
         if let Some(outdated) = self.outdated.get(&report.module)
             && outdated.former > report.incarnation

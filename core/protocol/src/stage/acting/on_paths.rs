@@ -5,12 +5,12 @@ use std::time::Duration;
 
 use formation_model::{Area, BODY_WIDTH, BodyReport, ModuleId, Pose, polyline};
 
-use super::super::context::Context;
-use super::super::event::Event;
-use super::acting::{Acting, Progress, Task};
-use super::held_plan::HeldPlan;
-use super::proofs::Proofs;
-use super::route::{PathPlace, Route};
+use super::{Acting, Progress, Task};
+use crate::context::Context;
+use crate::event::Event;
+use crate::stage::held_plan::HeldPlan;
+use crate::stage::proofs::Proofs;
+use crate::stage::route::{PathPlace, Route};
 
 /// How often the progress of the members is counted within the time after which they are stuck. To count takes longer the more
 /// members there are, and each member counts; the time is longer than it needs to be by at most one of these parts.
@@ -23,7 +23,7 @@ fn stall_limit(context: &Context) -> Duration {
 
 /// When the members were last seen to make progress.
 #[derive(Clone, Copy, Debug, Hash)]
-pub(super) struct Advance {
+pub(in crate::stage) struct Advance {
     /// The steps that the members have done, and the members that have settled.
     count: u64,
     since: Duration,
@@ -71,7 +71,7 @@ impl HeldPlan {
 
 impl Acting {
     /// One step of this module's task; `lagging` members forbid every motion.
-    pub(super) fn carry_on_along_path(
+    pub(in crate::stage) fn carry_on_along_path(
         &mut self,
         lagging: &[ModuleId],
         context: &mut Context,
@@ -183,7 +183,7 @@ impl Acting {
     }
 
     /// Whether the modules of its unit may overlap each other during the present step.
-    pub(super) fn folds(&self) -> bool {
+    pub(in crate::stage) fn folds(&self) -> bool {
         let route = self.held.motion.route.as_ref();
         route.is_some_and(|route| route.folds(self.steps_done + 1))
     }
@@ -197,7 +197,7 @@ impl Acting {
     }
 
     /// Whether the unit to which this module's unit docks has settled, if there is one.
-    pub(super) fn parent_has_settled(&self, context: &Context) -> bool {
+    pub(in crate::stage) fn parent_has_settled(&self, context: &Context) -> bool {
         let route = self.held.motion.route.as_ref();
         route.is_none_or(|route| {
             let mut parents = route.parents();
@@ -214,7 +214,7 @@ impl Acting {
     }
 
     /// A step has ended. Returns whether other modules should know this at once.
-    pub(super) fn end_step(&mut self) -> bool {
+    pub(in crate::stage) fn end_step(&mut self) -> bool {
         self.steps_done += 1;
         self.task = Task::Pausing;
         let route = self.held.motion.route.as_ref();
@@ -262,7 +262,11 @@ impl Acting {
     }
 
     /// The modules that could go on and do not, if no member has made progress for longer than a step may take.
-    pub(super) fn stuck_on_paths(&self, route: &Route, context: &Context) -> Vec<ModuleId> {
+    pub(in crate::stage) fn stuck_on_paths(
+        &self,
+        route: &Route,
+        context: &Context,
+    ) -> Vec<ModuleId> {
         let is_overdue = context.now.saturating_sub(self.progress.since) > stall_limit(context);
         if !is_overdue || self.count_progress(context) != self.progress.count {
             // A count that has changed since begins the time again.

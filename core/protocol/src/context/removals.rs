@@ -10,12 +10,13 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    BodyReport, Epoch, Incarnation, ModuleId, ModuleRun, ModuleState, Roster, Whereabouts, body,
+    BodyReport, Epoch, Incarnation, ModuleId, ModuleRun, ModuleState, Roster, Whereabouts,
+    blocked_spots,
 };
 
-use super::context::Context;
-use super::event::{EpochReason, Event};
-use super::refusal::Refusal;
+use crate::context::Context;
+use crate::event::{EpochReason, Event};
+use crate::refusal::Refusal;
 
 /// A proposal that another member has refuted is not proposed again by reports for this many times `stuck`, so that who repeats a report
 /// of a module that only some hear halts the others rarely.
@@ -46,7 +47,7 @@ struct Report {
 
 /// The reports that have not taken effect, at most one a module that sent a message or whose body is known.
 #[derive(Clone, Debug, Default, Hash)]
-pub(super) struct Removals {
+pub(crate) struct Removals {
     reports: BTreeMap<ModuleId, Report>,
     /// The proposals that a roster may list.
     due: BTreeSet<ModuleRun>,
@@ -88,12 +89,13 @@ impl Removals {
 fn listed(roster: &Roster) -> impl Iterator<Item = &BodyReport> {
     let bodies = roster.bodies.iter();
     bodies.filter(|report| {
-        report.whereabouts == Whereabouts::Removed && !body::lists(&roster.members, report.module)
+        report.whereabouts == Whereabouts::Removed
+            && !blocked_spots::lists(&roster.members, report.module)
     })
 }
 
 /// Whether a roster lists this run as removed, or a later one of its module.
-pub(super) fn lists(roster: &Roster, run: ModuleRun) -> bool {
+pub(crate) fn lists(roster: &Roster, run: ModuleRun) -> bool {
     let find = roster
         .bodies
         .binary_search_by_key(&run.module, |report| report.module);
@@ -416,7 +418,7 @@ impl Context {
         }
         let standing = roster.bodies.iter().filter(|report| {
             report.whereabouts != Whereabouts::Removed
-                && !body::lists(&roster.members, report.module)
+                && !blocked_spots::lists(&roster.members, report.module)
         });
         for report in standing {
             let run = report.run();
