@@ -7,7 +7,7 @@ use thiserror::Error;
 
 use crate::{MicroUnits, Pose};
 
-/// The most poses of a polyline. The path of a module that needs more is not used ([`formation_motion`]).
+/// The most poses of a polyline. The path of a module that needs more is not used (`formation_motion`).
 pub const POLYLINE_POSES_MAX: usize = 256;
 
 /// Straight lines from each pose to the next; at least one pose and at most [`POLYLINE_POSES_MAX`]. Cheap to clone.
