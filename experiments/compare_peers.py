@@ -4,7 +4,7 @@
     python3 -m venv .venv && .venv/bin/pip install -r experiments/requirements.txt
     .venv/bin/python experiments/compare_peers.py [--seed 1] [--timeout 60] [--json FILE]
 
-Our part is the release build of `formation/examples/peer_instances.rs`. The conversion of an instance into a peer's own
+Our part is the release build of `core/planner/examples/peer_instances.rs`. The conversion of an instance into a peer's own
 form is not timed: only the solving is, on one thread, and the median of several runs counts. All times are processor
 times, which other work on the machine does not lengthen. Answers are compared where possible, and a difference ends the
 run with an error.
@@ -189,7 +189,7 @@ def main():
     arguments = parser.parse_args()
     RDLogger.DisableLog("rdApp.*")
     command = [
-        "cargo", "run", "--release", "--quiet", "-p", "formation", "--example", "peer_instances", "--", str(arguments.seed),
+        "cargo", "run", "--release", "--quiet", "-p", "formation_planner", "--example", "peer_instances", "--", str(arguments.seed),
     ]
     ours = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE)
     instances = json.loads(ours.stdout)

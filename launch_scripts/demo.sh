@@ -67,7 +67,7 @@ if [ ! -x "$target/release/formation" ]; then
     echo "Building in $target; the first time, this takes about four minutes on two cores." >&2
 fi
 cargo build --release --locked --manifest-path "$repository/Cargo.toml" --target-dir "$target" \
-    --no-default-features "${features[@]}" -p launch_scripts -p module_agent -p leader_agent -p target_publisher -p verifier
+    --no-default-features "${features[@]}" -p formation -p module_agent -p leader_agent -p target_publisher -p verifier
 
 scenario="$repository/launch_scripts/scenarios/figure1_ladder17.yaml"
 if [ -n "${drawn:-}" ]; then

@@ -1,6 +1,6 @@
 //! The planners that are compared.
 
-use formation::model::{PaperBundle, PlannerParameters, Policy, TurnOrder};
+use formation_model::{PaperBundle, PlannerParameters, Policy, TurnOrder};
 use serde::{Deserialize, Serialize};
 
 /// A planner and its parameters.

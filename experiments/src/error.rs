@@ -4,8 +4,8 @@ use std::fmt::Display;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use formation::generate::GenerateError;
-use formation::model::ScenarioError;
+use formation_generate::GenerateError;
+use formation_model::ScenarioError;
 use thiserror::Error;
 
 /// Why one cell could not be measured.

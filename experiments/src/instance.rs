@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use formation::generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
-use formation::model::{PlanningProblem, RawScenario, Scenario, ScenarioError};
+use formation_generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
+use formation_model::{PlanningProblem, RawScenario, Scenario, ScenarioError};
 use serde::{Deserialize, Serialize};
 
 use crate::case_studies::CASES;

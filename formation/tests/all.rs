@@ -1,4 +1,4 @@
-//! The tests of the core as a whole.
+//! The tests of the launcher as its users meet it.
 
 #![allow(
     clippy::unwrap_used,
@@ -7,20 +7,17 @@
     reason = "a test fails by panicking, and so do its helpers"
 )]
 
-mod baselines;
-mod degenerate;
-mod duplicate_module;
-mod limits;
-mod motion_paths;
-mod motion_starts;
-mod motion_stops;
-mod obstacles;
-mod oracles;
-mod paper;
-mod planning;
-mod properties;
-mod removals;
-mod scenario_text;
-mod support;
-mod theorems;
-mod verified_plans;
+mod check;
+mod experiments;
+mod explain;
+mod generate;
+mod incomplete;
+mod manual;
+mod outputs;
+mod plan;
+mod run;
+mod scenario_files;
+mod show;
+mod simulate;
+mod streams;
+mod verifier_lines;

@@ -10,7 +10,7 @@ out="${1:-$target/debian}"
 programs="${FORMATION_PROGRAMS:-$target/release}"
 if [ -z "${FORMATION_PROGRAMS:-}" ]; then
     cargo build --release --locked --manifest-path "$repository/Cargo.toml" --target-dir "$target" \
-        -p launch_scripts --features programs
+        -p formation --features programs
 fi
 
 version="$(sed -n '/^\[workspace.package\]/,/^\[/s/^version = "\(.*\)"/\1/p' "$repository/Cargo.toml")"

@@ -8,7 +8,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 use formation_node::Program;
 use formation_node::scenario::read_own_scenario;
 use module_agent::ModuleProcess;

@@ -3,12 +3,11 @@
 use std::collections::VecDeque;
 use std::time::Duration;
 
-use formation::model::ModuleId;
-use formation::motion::{
-    DockingAction, DriveCommand, DriveFault, ExternalDrive, MotionGoal, MotionReport,
-    SimulatedDrive,
+use formation_model::{DockingAction, ModuleId};
+use formation_motion::{
+    DriveCommand, DriveFault, ExternalDrive, MotionGoal, MotionReport, SimulatedDrive,
 };
-use formation::protocol::Identity;
+use formation_protocol::Identity;
 
 use crate::arguments::{Motion, MotionMode};
 use crate::drivers::DriverMessage;

@@ -3,14 +3,14 @@
 use std::collections::BTreeMap;
 use std::time::Instant;
 
-use formation::model::{ModuleId, ModuleSize, Pose, Service};
-use formation::motion::{DockingResult, DriveCommand};
-use formation::protocol::Identity;
+use formation_model::{DockingResult, ModuleId, ModuleSize, Pose, Service};
+use formation_motion::DriveCommand;
 use formation_msgs::external::geometry_msgs::{self, PoseStamped};
 use formation_msgs::external::nav_msgs::Path;
 use formation_msgs::{DockingRequest, DriverPose, Header, IntoCore, Time};
 use formation_node::messages::module_size_of;
 use formation_node::{PoseSource, stamp, topics};
+use formation_protocol::Identity;
 use futures::stream::LocalBoxStream;
 use ros_runtime::PublisherQueue;
 use ros_runtime::arguments::Resource;

@@ -7,16 +7,16 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
-    EvictionNotice, Heartbeat, Message, ModuleId, ModulePhase, ModuleState, Pose, RosterMessage,
-    Service, SpotClaim,
+use formation_model::{
+    DockingAction, EvictionNotice, Heartbeat, Message, ModuleId, ModulePhase, ModuleState, Pose,
+    RosterMessage, Service, SourceId, SpotClaim,
 };
-use formation::motion::{DockingAction, DriveCommand};
-use formation::protocol::{
-    Agent, AgentParameters, Command, ComputedPlan, Event, Identity, Input, Output, PlanJob,
-    RefusalCounts, Severity, SharedPlans, SourceId,
-};
+use formation_motion::DriveCommand;
 use formation_node::{stamp, topics};
+use formation_protocol::{
+    Agent, AgentParameters, Command, ComputedPlan, Event, Identity, Input, Output, PlanJob,
+    RefusalCounts, Severity, SharedPlans,
+};
 use ros_runtime::diagnostics::Report;
 use ros_runtime::topic_statistics::is_logged;
 

@@ -4,8 +4,8 @@ use std::collections::VecDeque;
 use std::path::Path;
 use std::sync::Arc;
 
-use formation::model::{Incarnation, ModuleId, ModuleRun, Service};
-use formation::protocol::{DurableState, Identity};
+use formation_model::{Incarnation, ModuleId, ModuleRun, Service};
+use formation_protocol::{DurableState, Identity};
 
 use crate::arguments::single_module;
 use crate::store::{Contents, Entry, Store};

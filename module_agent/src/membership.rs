@@ -2,15 +2,15 @@
 
 use std::time::Duration;
 
-use formation::model::text::joined;
-use formation::model::{
+use formation_model::text::joined;
+use formation_model::{
     MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleSize, NO_ID, PoseError,
     Service as InService,
 };
-use formation::protocol::Command;
 use formation_msgs::{
     AddModuleRequest, AddModuleResponse, RetireModuleRequest, RetireModuleResponse,
 };
+use formation_protocol::Command;
 use ros_runtime::service::{Call, Service};
 
 use crate::arguments::single_module;
@@ -134,8 +134,8 @@ fn retire(host: &mut Host, now: Duration, request: RetireModuleRequest) -> Resul
 
 #[cfg(test)]
 mod tests {
-    use formation::model::{Heartbeat, Incarnation, Message, Pose, Stop};
-    use formation::protocol::{AgentParameters, SourceId};
+    use formation_model::{Heartbeat, Incarnation, Message, Pose, SourceId, Stop};
+    use formation_protocol::AgentParameters;
 
     use super::*;
     use crate::arguments::{Motion, MotionMode};

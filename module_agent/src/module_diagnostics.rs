@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use formation::model::{Message, ModulePhase, ModuleState};
-use formation::protocol::{Agent, Event, Severity};
+use formation_model::{Message, ModulePhase, ModuleState};
+use formation_protocol::{Agent, Event, Severity};
 use ros_runtime::diagnostics::{DiagnosticLevel, Report};
 
 /// The counts of one module.

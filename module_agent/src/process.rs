@@ -6,9 +6,8 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::{Incarnation, ModuleId, ModuleSize, Service};
-use formation::motion::PlannedMotion;
-use formation::protocol::{ComputedPlan, Identity, PlanJob};
+use formation_model::{Incarnation, ModuleId, ModuleSize, Service};
+use formation_motion::PlannedMotion;
 use formation_msgs::{
     Eviction, Heartbeat, InSession, ModuleStates, RemoveModuleRequest, RemoveModuleResponse,
     Roster, SpotClaim,
@@ -18,6 +17,8 @@ use formation_node::messages::{
 };
 use formation_node::removal_requests::Requests;
 use formation_node::{stamp, topics};
+use formation_planner::plan;
+use formation_protocol::{ComputedPlan, Identity, PlanJob};
 use ros_runtime::PublisherQueue;
 use ros_runtime::diagnostics::Report;
 use ros_runtime::inputs::Inputs;
@@ -88,7 +89,9 @@ impl ModuleProcess {
         if motion.mode == MotionMode::External
             && let Some(scenario) = &self.hosted.scenario
         {
-            let planned = PlannedMotion::offline(scenario.problem());
+            let problem = scenario.problem();
+            let planned = plan(Arc::new(problem.clone()));
+            let (planned, _) = PlannedMotion::of(problem, planned.plan, &[]);
             planned.check_for_robots().map_err(SessionError::BadInput)?;
         }
         self.begin_runs(name, parameters.values(), modules, journal)?;

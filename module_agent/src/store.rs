@@ -17,9 +17,9 @@ use std::io::{self, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use formation::model::text::listed_in_full;
-use formation::model::{BodyReport, Incarnation, ModuleId, QuorumBasis, StoreId};
-use formation::protocol::DurableState;
+use formation_model::text::listed_in_full;
+use formation_model::{BodyReport, Incarnation, ModuleId, QuorumBasis, StoreId};
+use formation_protocol::DurableState;
 use serde::{Deserialize, Serialize};
 
 /// The format that this version writes, and the only one that it reads.

@@ -7,7 +7,7 @@ use std::os::unix::ffi::OsStringExt;
 use std::time::Duration;
 
 use clap::Parser;
-use formation::model::MODULES_MAX;
+use formation_model::MODULES_MAX;
 use formation_node::ModuleList;
 use module_agent::arguments::{ModuleArguments, Motion, Timing};
 use proptest::collection::vec;

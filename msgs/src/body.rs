@@ -1,6 +1,6 @@
 //! The bodies of modules that take no part in a plan; states and rosters carry them.
 
-use formation::model::{BodyReport, Incarnation, ModuleId, Polyline, Pose, Whereabouts};
+use formation_model::{BodyReport, Incarnation, ModuleId, Polyline, Pose, Whereabouts};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, PATH_NUMBERS_MAX};

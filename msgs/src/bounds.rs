@@ -1,7 +1,7 @@
 //! How much one message may hold; the `.msg` files state the same numbers.
 
-use formation::model::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT, POLYLINE_POSES_MAX};
-pub use formation::model::{
+use formation_model::{COORDINATE_LIMIT_UNITS, MICRO_PER_UNIT, POLYLINE_POSES_MAX};
+pub use formation_model::{
     EDGES_MAX, LINKS_MAX, MODULES_MAX, NAME_BYTES_MAX, OBSTACLES_MAX, QUORUM_BASES_MAX, SPOTS_MAX,
 };
 

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::fmt;
 
-use formation::model::{
+use formation_model::{
     Digest, Epoch, MicroUnits, ModuleId, ModuleSize, NO_ID, Pose, PoseError, TURNS_MAX,
 };
 

@@ -2,7 +2,7 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
-use formation::model::{self, Decision, EvictionNotice, Incarnation, ModuleId, SpotId};
+use formation_model::{self as model, Decision, EvictionNotice, Incarnation, ModuleId, SpotId};
 use serde::{Deserialize, Serialize};
 
 use crate::NONE;

@@ -2,8 +2,7 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
-use formation::model::ModuleId;
-use formation::motion::{self, DockingAction};
+use formation_model::{self as model, DockingAction, ModuleId};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::REASON_BYTES_MAX;
@@ -42,7 +41,7 @@ enumeration! {
 impl DockingRequest {
     /// A module's request, as it goes out.
     #[must_use]
-    pub fn new(header: Header, module: ModuleId, request: &motion::DockingRequest) -> Self {
+    pub fn new(header: Header, module: ModuleId, request: &model::DockingRequest) -> Self {
         Self {
             header,
             module_id: module.0,
@@ -54,9 +53,9 @@ impl DockingRequest {
 }
 
 impl DockingRequest {
-    pub(crate) fn validated(self) -> Checked<(ModuleId, motion::DockingRequest)> {
+    pub(crate) fn validated(self) -> Checked<(ModuleId, model::DockingRequest)> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
-        let request = motion::DockingRequest {
+        let request = model::DockingRequest {
             request: self.request,
             action: docking_action(self.action)?,
             other: check::id("other_module_id", self.other_module_id, ModuleId)?,
@@ -68,7 +67,7 @@ impl DockingRequest {
 impl DockingResult {
     /// The answer of a module's driver.
     #[must_use]
-    pub fn new(header: Header, module: ModuleId, result: motion::DockingResult) -> Self {
+    pub fn new(header: Header, module: ModuleId, result: model::DockingResult) -> Self {
         Self {
             header,
             module_id: module.0,
@@ -84,7 +83,7 @@ impl DockingResult {
         FieldError::new("module_id", Fault::WrongModule(named)).on(topic::DOCKING_RESULT)
     }
 
-    pub(crate) fn validated(self) -> Checked<(ModuleId, motion::DockingResult)> {
+    pub(crate) fn validated(self) -> Checked<(ModuleId, model::DockingResult)> {
         let module = check::id("module_id", self.module_id, ModuleId)?;
         check::length("reason", &self.reason, REASON_BYTES_MAX)?;
         let outcome = match (self.success, self.reason) {
@@ -92,7 +91,7 @@ impl DockingResult {
             (false, reason) if reason.is_empty() => Err("it gives no reason".to_owned()),
             (false, reason) => Err(reason),
         };
-        let result = motion::DockingResult {
+        let result = model::DockingResult {
             request: self.request,
             outcome,
         };

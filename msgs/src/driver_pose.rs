@@ -1,6 +1,6 @@
 //! The poses that drivers publish, in either of two message types.
 
-use formation::model::{self, ModuleSize};
+use formation_model::{self as model, ModuleSize};
 
 use crate::check::{self, Checked, FieldError};
 use crate::error::{Fault, MessageError};

@@ -4,8 +4,8 @@
 
 use std::num::NonZeroU64;
 
-use formation::model;
-use formation::model::{Incarnation, ModuleId, StoreId, Voter, VoterMemory};
+use formation_model as model;
+use formation_model::{Incarnation, ModuleId, StoreId, Voter, VoterMemory};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, QUORUM_BASES_MAX};

@@ -1,8 +1,8 @@
 //! What can be wrong with a message.
 
-use formation::model::{
-    self, CutPriceError, MICRO_PER_UNIT, ModuleId, ModuleSize, NO_ID, OptionRefused, ProblemError,
-    QuantiseError, SpotId, WeightsError,
+use formation_model::{
+    self as model, CutPriceError, MICRO_PER_UNIT, ModuleId, ModuleSize, NO_ID, OptionRefused,
+    ProblemError, QuantiseError, SpotId, WeightsError,
 };
 use thiserror::Error;
 

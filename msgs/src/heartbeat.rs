@@ -2,8 +2,8 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
-use formation::model;
-use formation::model::{Incarnation, ModuleId, ModuleSize};
+use formation_model as model;
+use formation_model::{Incarnation, ModuleId, ModuleSize};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;

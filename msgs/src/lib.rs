@@ -4,9 +4,9 @@
 //! the same types in Rust. Each struct here has the name of a `.msg` file, or of a section of a `.srv` or `.action`
 //! file, and its fields in the order of that file; the file says what each field means and in which unit.
 //!
-//! Whatever arrives is raw. [`IntoCore`] makes validated data of [`formation::model`] of it, or a [`MessageError`]
+//! Whatever arrives is raw. [`IntoCore`] makes validated data of [`formation_model`] of it, or a [`MessageError`]
 //! that names the topic, the field and the reason; constructors go the other way. Messages are in metres and the core is in
-//! units, so both take a [`formation::model::ModuleSize`]. Going out and in again changes nothing. Neither way panics,
+//! units, so both take a [`formation_model::ModuleSize`]. Going out and in again changes nothing. Neither way panics,
 //! and nothing grows beyond a constant factor of the bytes that arrived.
 
 /// The numbers of an enumerated field: the constants of its message, each with its name in errors, and the conversions from
@@ -103,7 +103,7 @@ mod target;
 pub mod topic;
 mod verdict;
 
-use formation::{model, motion};
+use formation_model as model;
 
 pub use body::Body;
 pub use check::PROTOCOL_VERSION;
@@ -210,6 +210,6 @@ validated! {
     Roster => model::RosterMessage, topic::ROSTER, with_lengths;
     SpotClaim => model::SpotClaim, topic::CLAIMS;
     TargetConfiguration => model::TargetAnnouncement, topic::TARGET, with_lengths;
-    DockingRequest => (model::ModuleId, motion::DockingRequest), topic::DOCKING;
-    DockingResult => (model::ModuleId, motion::DockingResult), topic::DOCKING_RESULT;
+    DockingRequest => (model::ModuleId, model::DockingRequest), topic::DOCKING;
+    DockingResult => (model::ModuleId, model::DockingResult), topic::DOCKING_RESULT;
 }

@@ -4,9 +4,9 @@
 
 use std::time::Duration;
 
-use formation::model::{
-    self, ConfigurationId, DriveState, Incarnation, ModuleId, ModulePhase, ModuleSize, SenderTime,
-    Service, SpotId,
+use formation_model::{
+    self as model, ConfigurationId, DriveState, Incarnation, ModuleId, ModulePhase, ModuleSize,
+    SenderTime, Service, SpotId,
 };
 use serde::{Deserialize, Serialize};
 

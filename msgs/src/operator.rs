@@ -1,6 +1,6 @@
 //! What travels on `commands`.
 
-use formation::model::{self, Incarnation, Message, ModuleId, ModuleRun};
+use formation_model::{self as model, Incarnation, Message, ModuleId, ModuleRun};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::MODULES_MAX;

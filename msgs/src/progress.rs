@@ -2,8 +2,8 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
-use formation::model::FormationStage;
-use formation::verify;
+use formation_model::FormationStage;
+use formation_verify as verify;
 use serde::{Deserialize, Serialize};
 
 use crate::epoch::Epoch;

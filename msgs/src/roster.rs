@@ -4,9 +4,9 @@
 
 use std::sync::Arc;
 
-use formation::model::{
-    self, ClosedRoster, ConfigurationId, Digest, Incarnation, ModuleId, ModuleSize, PlanningModule,
-    Pose, RosterMessage, SpotId, Timing,
+use formation_model::{
+    self as model, ClosedRoster, ConfigurationId, Digest, Incarnation, ModuleId, ModuleSize,
+    PlanningModule, Pose, RosterMessage, SpotId, Timing,
 };
 use serde::{Deserialize, Serialize};
 

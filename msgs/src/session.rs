@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use formation::model::ModuleSize;
+use formation_model::ModuleSize;
 
 use crate::claim::{Eviction, SpotClaim};
 use crate::heartbeat::Heartbeat;

@@ -5,8 +5,8 @@
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use formation::model::{
-    self, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea, RawSpot,
+use formation_model::{
+    self as model, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea, RawSpot,
     RawSurroundings, RawTarget, Surroundings, Target, TargetAnnouncement, TurnOrder, Weights,
     WeightsError,
 };

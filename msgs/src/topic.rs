@@ -1,6 +1,6 @@
 //! The names of the topics, relative to the namespace of the nodes.
 
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 
 /// Carries [`crate::TargetConfiguration`].
 pub const TARGET: &str = "target";

@@ -2,8 +2,8 @@
 
 #![expect(missing_docs, reason = "the .msg files document fields and constants")]
 
-use formation::model::{ModuleId, SpotId};
-use formation::verify::{self, Outcome};
+use formation_model::{ModuleId, SpotId};
+use formation_verify::{self as verify, Outcome};
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, SPOTS_MAX, VIOLATION_BYTES_MAX, VIOLATIONS_MAX, shortened};

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::time::Duration;
 
 use crate::common::codec::over_the_wire;
-use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::model::{Message, ModuleId, ModuleSize, RosterMessage, Scenario};
+use formation_generate::{GeneratorParameters, Grouping, generate};
+use formation_model::{Message, ModuleId, ModuleSize, RosterMessage, Scenario};
 use formation_msgs as wire;
 use formation_msgs::IntoCore;
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters, Observation};

@@ -10,8 +10,7 @@ use std::collections::BTreeMap;
 
 use crate::common::codec::{Codec, part};
 use crate::common::python;
-use formation::model::{self, ModuleSize};
-use formation::motion::{self, DockingAction};
+use formation_model::{self as model, DockingAction, ModuleSize};
 use formation_msgs::external::geometry_msgs::{
     Point, Pose, PoseStamped, PoseWithCovariance, Quaternion, Transform, TransformStamped, Twist,
     TwistWithCovariance, Vector3,
@@ -277,7 +276,7 @@ fn a_pose_that_cannot_be_used_is_refused_with_its_field() {
 fn docking_requests_and_results_survive_the_way_out_and_in() {
     let module = model::ModuleId(4);
     for action in [DockingAction::Dock, DockingAction::Undock] {
-        let request = motion::DockingRequest {
+        let request = model::DockingRequest {
             request: 77,
             action,
             other: model::ModuleId(9),
@@ -293,7 +292,7 @@ fn docking_requests_and_results_survive_the_way_out_and_in() {
         );
     }
     for outcome in [Ok(()), Err("the ports are blocked".to_owned())] {
-        let result = motion::DockingResult {
+        let result = model::DockingResult {
             request: 77,
             outcome,
         };

@@ -16,13 +16,13 @@ use std::time::Duration;
 use crate::common::cases;
 use crate::common::codec::{self, Codec, read};
 use crate::common::hostile::Writer;
-use formation::generate::Random;
-use formation::model::{Incarnation, Message, ModuleId, ModuleSize, Pose};
-use formation::motion::MotionReport;
-use formation::protocol::{Agent, AgentParameters, Identity, Input, Output, SourceId};
-use formation::verify::{Observer, ObserverParameters};
+use formation_generate::Random;
+use formation_model::{Incarnation, Message, ModuleId, ModuleSize, Pose, SourceId};
+use formation_motion::MotionReport;
 use formation_msgs as wire;
 use formation_msgs::IntoCore;
+use formation_protocol::{Agent, AgentParameters, Identity, Input, Output};
+use formation_verify::{Observer, ObserverParameters};
 use proptest::prelude::*;
 use serde_reflection::Registry;
 
@@ -116,12 +116,12 @@ fn drain(agent: &mut Agent, now: Duration, said: &mut Vec<Message>) {
 
 /// A real target, so that agents have something to quarrel about.
 fn target() -> Message {
-    let scenario = formation::model::Scenario::from_yaml(
+    let scenario = formation_model::Scenario::from_yaml(
         "target: {spots: [{id: 1, x: 5.0, y: 5.0}, {id: 2, x: 6.0, y: 5.0}], edges: [[1, 2]]}\n\
          singletons: [{id: 1, x: 1.0, y: 0.0}, {id: 2, x: 2.0, y: 0.0}]",
     )
     .unwrap();
-    let announcement = formation::model::TargetAnnouncement::new(scenario.problem(), 1);
+    let announcement = formation_model::TargetAnnouncement::new(scenario.problem(), 1);
     Message::Target(Arc::new(announcement))
 }
 

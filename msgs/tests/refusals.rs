@@ -5,7 +5,7 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-use formation::model::{self, ModuleSize};
+use formation_model::{self as model, ModuleSize};
 use formation_msgs as wire;
 use formation_msgs::{IntoCore, NONE, PROTOCOL_VERSION, bounds};
 

@@ -5,7 +5,7 @@ use std::time::Duration;
 use crate::common::codec::over_the_wire;
 use crate::common::core_values;
 use crate::common::samples::header;
-use formation::model::{self, MicroUnits, ModuleSize};
+use formation_model::{self as model, MicroUnits, ModuleSize};
 use formation_msgs as wire;
 use formation_msgs::IntoCore;
 use proptest::prelude::*;

@@ -2,10 +2,10 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{BlockedSpot, Epoch, ModuleId, SpotId};
-use formation::verify::{Counts, Missing, Outcome, Timings, Verdict, Violation};
+use formation_model::{BlockedSpot, Epoch, ModuleId, SpotId};
 use formation_msgs as wire;
 use formation_msgs::bounds::VIOLATIONS_MAX;
+use formation_verify::{Counts, Missing, Outcome, Timings, Verdict, Violation};
 
 fn verdict() -> Verdict {
     Verdict {

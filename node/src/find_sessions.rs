@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::ModuleSize;
+use formation_model::ModuleSize;
 use formation_msgs::{Heartbeat, InSession, SessionId, TargetConfiguration};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;

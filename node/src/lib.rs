@@ -9,8 +9,6 @@ pub mod removal_requests;
 pub mod scenario;
 pub mod stamp;
 pub mod topics;
-#[cfg(test)]
-mod type_hashes;
 mod value_types;
 
 use std::process::ExitCode;

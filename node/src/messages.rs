@@ -2,8 +2,7 @@
 
 use std::sync::Arc;
 
-use formation::model::{Message, ModuleSize, RosterMessage};
-use formation::protocol::SourceId;
+use formation_model::{Message, ModuleSize, RosterMessage, SourceId};
 use formation_msgs::{
     Eviction, Heartbeat, InSession, IntoCore, MessageError, ModuleStates, OperatorCommand, Roster,
     SessionId, SpotClaim, TargetConfiguration, Verdict,
@@ -252,12 +251,12 @@ fn accepted_verdict(verdict: Verdict, ours: SessionId) -> Result<Verdict, String
 mod tests {
     use std::time::Duration;
 
-    use formation::model::{Incarnation, ModuleId, ModulePhase, Stop};
+    use formation_model::{Incarnation, ModuleId, ModulePhase, Stop};
 
     use super::*;
 
-    fn heartbeat(module: u32) -> formation::model::Heartbeat {
-        formation::model::Heartbeat {
+    fn heartbeat(module: u32) -> formation_model::Heartbeat {
+        formation_model::Heartbeat {
             store: None,
             module: ModuleId(module),
             incarnation: Incarnation(1),

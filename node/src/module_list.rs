@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::str::FromStr;
 
-use formation::model::{MODULES_MAX, ModuleId, NO_ID};
+use formation_model::{MODULES_MAX, ModuleId, NO_ID};
 
 /// Modules given as numbers and ranges, such as `1,4,7-9`: ascending, distinct, at least one.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -5,8 +5,8 @@
 
 use std::time::Duration;
 
-use formation::model::text::listed_in_full;
-use formation::model::{Incarnation, ModuleId, ModuleRun, NO_ID, Timing};
+use formation_model::text::listed_in_full;
+use formation_model::{Incarnation, ModuleId, ModuleRun, NO_ID, Timing};
 use formation_msgs::{RemoveModuleRequest, RemoveModuleResponse};
 use ros_runtime::service::{Call, Reply};
 

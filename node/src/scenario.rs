@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use formation::model::{ModuleSize, Scenario};
+use formation_model::{ModuleSize, Scenario};
 
 use ros_runtime::arguments::read_bounded;
 use ros_runtime::exit::Failure;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation::model::{Incarnation, STAMP_AHEAD_MAX};
+use formation_model::{Incarnation, STAMP_AHEAD_MAX};
 use formation_msgs::{Header, Time};
 use ros_runtime::stamp::{since_boot, since_epoch};
 

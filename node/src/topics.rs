@@ -1,6 +1,6 @@
 //! The topics of the formation: their names, types and quality of service, in one table.
 
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 use formation_msgs::external::geometry_msgs::PoseStamped;
 use formation_msgs::external::nav_msgs::{Odometry, Path};
 use formation_msgs::external::tf2_msgs::TFMessage;

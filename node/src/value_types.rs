@@ -1,6 +1,6 @@
 //! Types of parameters that the core defines.
 
-use formation::model::MicroUnits;
+use formation_model::MicroUnits;
 use ros_runtime::parameters::{ParameterValue, Range, ValueType, as_number};
 
 /// A number that the core holds in fixed point, both bounds included.

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use async_channel::Receiver;
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 use formation_msgs::INTERFACES;
 use formation_node::topics;
 use ros_runtime::arguments::Resource;

@@ -6,8 +6,8 @@ use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::event_log::{Entry, POSE_INTERVAL, Recorder};
-use formation::model::{Message, PlanningProblem, RosterMessage};
+use formation_event_log::{Entry, POSE_INTERVAL, Recorder};
+use formation_model::{Message, PlanningProblem, RosterMessage};
 use formation_msgs::{
     InterfaceType, ModuleStates, Roster, SessionId, SpotClaim, TargetConfiguration, Verdict,
 };

@@ -9,9 +9,9 @@ mod docks;
 
 use std::fmt::Write as _;
 
-use formation::event_log::Entry;
-use formation::model::text::counted;
-use formation::model::{FormationStage, ModulePhase};
+use formation_event_log::Entry;
+use formation_model::text::counted;
+use formation_model::{FormationStage, ModulePhase};
 
 use crate::drawing::{self, rectangle, translate};
 use crate::element::{Element, Short};

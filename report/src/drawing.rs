@@ -1,6 +1,6 @@
 //! The drawings of spots, links and modules, for the pictures and for the page's player.
 
-use formation::model::{Area, MicroUnits, Pose};
+use formation_model::{Area, MicroUnits, Pose};
 
 use crate::element::{Element, Short};
 use crate::frame::Frame;

@@ -1,6 +1,6 @@
 //! From units on the ground to pixels in a picture.
 
-use formation::model::Pose;
+use formation_model::Pose;
 
 /// The length of a unit, unless the picture would become too large.
 const PIXELS_PER_UNIT_MAX: f64 = 48.0;

@@ -1,6 +1,6 @@
 //! The legend: the signs in a picture and their meaning.
 
-use formation::model::text::counted;
+use formation_model::text::counted;
 
 use crate::drawing::{self, body, translate};
 use crate::element::Element;

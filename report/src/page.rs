@@ -4,9 +4,9 @@ use std::fmt::Display;
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use formation::event_log::{Entry, Event};
-use formation::model::Pose;
-use formation::model::text::counted;
+use formation_event_log::{Entry, Event};
+use formation_model::Pose;
+use formation_model::text::counted;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 

@@ -1,7 +1,7 @@
 //! The pictures before and after, each an SVG file.
 
-use formation::model::Pose;
-use formation::model::text::counted;
+use formation_model::Pose;
+use formation_model::text::counted;
 
 use crate::drawing::{self, BELOW, LEFT, translate};
 use crate::element::{Element, Short};

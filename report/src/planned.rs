@@ -4,15 +4,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation::event_log::{Entry, Event, ModuleSnapshot, milliseconds};
-use formation::model::{
+use formation_event_log::{Entry, Event, ModuleSnapshot, milliseconds};
+use formation_model::{
     ActingUnit, Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem, Pose,
-    SpotId,
+    SpotId, Step, StepKind, UnitMotion,
 };
-use formation::motion::MotionGoal;
-use formation::motion::paths::{Step, StepKind, UnitMotion};
-use formation::motion::{PlannedMotion, SimulatedDrive};
-use formation::planner::PlanOutcome;
+use formation_motion::{MotionGoal, PlannedMotion, SimulatedDrive};
+use formation_planner::PlanOutcome;
 
 /// Into how many straight parts an arc is divided.
 const ARC_PARTS: u32 = 6;

@@ -2,13 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::event_log::{Entry, Event, Scene};
-use formation::model::{
-    self, ConfigurationId, Digest, MicroUnits, ModuleId, ModulePhase, PlanningModule,
+use formation_event_log::{Entry, Event, Scene};
+use formation_model::{
+    self as model, ConfigurationId, Digest, MicroUnits, ModuleId, ModulePhase, PlanningModule,
     PlanningProblem, Pose, SpotId, Surroundings,
 };
-use formation::motion::PlannedMotion;
-use formation::planner::PlanOutcome;
+use formation_motion::PlannedMotion;
+use formation_planner::PlanOutcome;
 
 /// A formation from its start to its end. Indices of modules, spots and configurations are positions in these lists.
 #[derive(Clone, Debug)]

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 
 use crate::support::Formed;
-use formation::generate::{GeneratorParameters, Grouping, generate};
+use formation_generate::{GeneratorParameters, Grouping, generate};
 use formation_report::{Colours, animation, course_of_plan};
 
 const OUTCOME: &str = "COMPLETE: all spots are filled, hole-free";

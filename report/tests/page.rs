@@ -8,8 +8,8 @@
 use std::time::Duration;
 
 use crate::support::Formed;
-use formation::event_log::{Entry, Event, ModuleSnapshot};
-use formation::model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId, SpotSelection};
+use formation_event_log::{Entry, Event, ModuleSnapshot};
+use formation_model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId, SpotSelection};
 use formation_report::{Fact, Summary, Tone, course_of_plan, page};
 use serde_json::Value;
 

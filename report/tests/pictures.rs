@@ -8,7 +8,7 @@
 use std::collections::BTreeSet;
 
 use crate::support::Formed;
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 use formation_report::{after, before};
 
 fn count(text: &str, part: &str) -> usize {

@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::{Apart, GenerateError, GeneratorParameters, Grouping, Random, set_apart};
-use formation::model::{
+use formation_generate::{Apart, GenerateError, GeneratorParameters, Grouping, Random, set_apart};
+use formation_model::{
     ModuleId, PlanningProblem, Scenario, ScenarioError, Target, TargetAnnouncement,
 };
-use formation::protocol::AgentParameters;
-use formation::verify::Violation as Breach;
+use formation_protocol::AgentParameters;
+use formation_verify::Violation as Breach;
 
 use crate::cluster::{Cluster, ClusterParameters};
 use crate::faults::{Fault, FaultKind, ScheduledFault, draw};
@@ -144,7 +144,7 @@ fn draw_problem(
     };
     let generator =
         GeneratorParameters::new(modules, spots, random.below(u64::MAX)).grouped(Grouping::Mixed);
-    let mut raw = formation::generate::generate(&generator)?;
+    let mut raw = formation_generate::generate(&generator)?;
     if let Some((apart, percent)) = parameters.apart {
         set_apart(&mut raw, apart, percent, random.below(u64::MAX));
     }
@@ -395,6 +395,6 @@ fn announce(cluster: &mut Cluster, target: Option<Arc<Target>>) {
 fn draw_target(problem: &PlanningProblem, seed: u64) -> Result<Arc<Target>, CampaignError> {
     let modules = problem.modules().len();
     let spots = (modules + 2 - Random::from_seed(seed).index(4)).max(1);
-    let raw = formation::generate::generate(&GeneratorParameters::new(modules, spots, seed))?;
+    let raw = formation_generate::generate(&GeneratorParameters::new(modules, spots, seed))?;
     Ok(Arc::clone(Scenario::try_from(raw)?.problem().target()))
 }

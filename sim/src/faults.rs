@@ -8,9 +8,9 @@ use std::fmt;
 use std::str::FromStr;
 use std::time::Duration;
 
-use formation::generate::Random;
-use formation::model::{ModuleId, Stop};
-use formation::protocol::Command;
+use formation_generate::Random;
+use formation_model::{ModuleId, Stop};
+use formation_protocol::Command;
 
 use crate::network::duration_below;
 

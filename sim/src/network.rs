@@ -3,8 +3,8 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation::generate::Random;
-use formation::model::{Message, ModuleId};
+use formation_generate::Random;
+use formation_model::{Message, ModuleId};
 
 /// The network's treatment of messages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

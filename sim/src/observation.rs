@@ -2,8 +2,8 @@
 
 use std::sync::Arc;
 
-use formation::model::{Digest, Epoch, Message, ModuleId, Pose, TargetAnnouncement};
-use formation::protocol::Event;
+use formation_model::{Digest, Epoch, Message, ModuleId, Pose, TargetAnnouncement};
+use formation_protocol::Event;
 
 use crate::faults::Fault;
 

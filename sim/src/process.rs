@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Digest, Epoch, Message, ModuleId, ModuleRun, TargetAnnouncement};
-use formation::motion::SimulatedDrive;
-use formation::protocol::{Agent, AgentParameters, DurableState, Identity, Input};
+use formation_model::{Digest, Epoch, Message, ModuleId, ModuleRun, TargetAnnouncement};
+use formation_motion::SimulatedDrive;
+use formation_protocol::{Agent, AgentParameters, DurableState, Identity, Input};
 
 use crate::network::Topic;
 

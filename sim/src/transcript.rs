@@ -7,12 +7,12 @@
 use std::fmt::{self, Display, Write as _};
 use std::time::Duration;
 
-use formation::model::text::joined;
-use formation::model::{
+use formation_model::text::joined;
+use formation_model::{
     AssemblyWarning, BlockedSpot, BodyReport, Epoch, Message, ModuleId, Roster, RosterMember,
     RosterMessage, Service, SpotClaim, SpotId, Whereabouts,
 };
-use formation::protocol::{Command, EpochReason, Event, Shortfall};
+use formation_protocol::{Command, EpochReason, Event, Shortfall};
 
 use crate::faults::Fault;
 use crate::observation::Observation;

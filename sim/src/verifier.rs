@@ -6,11 +6,10 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use formation::generate::Random;
-use formation::model::text::joined;
-use formation::model::{BODY_WIDTH, Message, ModuleId};
-use formation::protocol::SourceId;
-use formation::verify::{
+use formation_generate::Random;
+use formation_model::text::joined;
+use formation_model::{BODY_WIDTH, Message, ModuleId, SourceId};
+use formation_verify::{
     Admission, Observer, ObserverParameters, Outcome, SourceGuard, Verdict, Violation as Breach,
 };
 

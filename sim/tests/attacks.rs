@@ -7,12 +7,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, settled, spots};
-use formation::generate::Grouping;
-use formation::model::{
+use formation_generate::Grouping;
+use formation_model::{
     ClosedRoster, Epoch, Incarnation, Message, ModuleId, PlanningModule, Pose, QuorumBasis, Roster,
     RosterMember, RosterMessage, STAMP_AHEAD_MAX, Service, TargetAnnouncement,
 };
-use formation::protocol::{Agent, AgentParameters, Command, Event, Mutation};
+use formation_protocol::{Agent, AgentParameters, Command, Event, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, ViolationKind,
     run_seed,

@@ -5,9 +5,9 @@
 use std::collections::BTreeSet;
 
 use crate::support::{Trial, drawn, in_phase, spots};
-use formation::generate::Grouping;
-use formation::model::{BlockedSpot, ModuleId, ModulePhase, SpotId};
-use formation::protocol::{Agent, Event, Mutation};
+use formation_generate::Grouping;
+use formation_model::{BlockedSpot, ModuleId, ModulePhase, SpotId};
+use formation_protocol::{Agent, Event, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
 
 /// The blocked spots that were last reported.
@@ -143,7 +143,7 @@ fn a_retired_module_makes_room_for_the_spare_that_takes_its_spot() {
         let mut trial = Trial::new(&drawn(7, 6, Grouping::Mixed, seed), seed);
         trial.until(Cluster::has_formed);
         let (retired, spot) = trial.settled()[1];
-        let command = formation::protocol::Command::Retire;
+        let command = formation_protocol::Command::Retire;
         trial.cluster.command(retired, command);
         trial.until_formed_again();
         assert!(spots(&trial.settled()).contains(&spot), "seed {seed}");

@@ -7,12 +7,12 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, hold_a_plan, ids, run_each};
-use formation::generate::Grouping;
-use formation::model::{
+use formation_generate::Grouping;
+use formation_model::{
     ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, Roster,
     RosterMember, RosterMessage, Service, TargetAnnouncement,
 };
-use formation::protocol::{Agent, AgentParameters, Event, Mutation, Refusal};
+use formation_protocol::{Agent, AgentParameters, Event, Mutation, Refusal};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, run_seed,
 };

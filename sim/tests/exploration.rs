@@ -9,8 +9,8 @@
 use std::time::Duration;
 
 use crate::explorer::{Bound, Explorer};
-use formation::model::{PlanningProblem, Scenario};
-use formation::protocol::{Agent, Mutation};
+use formation_model::{PlanningProblem, Scenario};
+use formation_protocol::{Agent, Mutation};
 use formation_sim::AgentFactory;
 
 const THREE: &str = "

@@ -6,16 +6,16 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::{GeneratorParameters, Grouping};
-use formation::model::{ModuleId, ModulePhase, PlanningProblem, Scenario};
-use formation::planner;
+use formation_generate::{GeneratorParameters, Grouping};
+use formation_model::{ModuleId, ModulePhase, PlanningProblem, Scenario};
+use formation_planner as planner;
 use formation_sim::{Cluster, ClusterParameters, NetworkParameters};
 
 use crate::support::{Trial, scenario};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
     let parameters = GeneratorParameters::new(modules, spots, seed).grouped(Grouping::Mixed);
-    let raw = formation::generate::generate(&parameters).unwrap();
+    let raw = formation_generate::generate(&parameters).unwrap();
     Scenario::try_from(raw).unwrap().problem().clone()
 }
 

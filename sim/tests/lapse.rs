@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Message, ModuleId, TargetAnnouncement};
-use formation::motion::MotionReport;
-use formation::protocol::{Agent, AgentParameters, Input, Output};
+use formation_model::{Message, ModuleId, TargetAnnouncement};
+use formation_motion::MotionReport;
+use formation_protocol::{Agent, AgentParameters, Input, Output};
 
 use crate::support::{agent, scenario};
 

@@ -1,11 +1,11 @@
 //! Deliberate protocol bugs: each is found by the simulator, on the seed that is listed with it.
 //!
 //! The bugs are compiled in by this package's dev-dependency on `formation` alone, and chosen at run time here; see
-//! `formation/src/protocol/mutation.rs`.
+//! `core/protocol/src/mutation.rs`.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 
-use formation::protocol::{Agent, Mutation};
+use formation_protocol::{Agent, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, FaultKind, RunReport, Violation, ViolationKind, run_seed,
 };

@@ -6,14 +6,14 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::{Apart, GeneratorParameters, Grouping, Random, generate, set_apart};
-use formation::model::{
+use formation_generate::{Apart, GeneratorParameters, Grouping, Random, generate, set_apart};
+use formation_model::{
     Message, ModuleId, ModulePhase, MotionMode, PlanningProblem, Scenario, TargetAnnouncement,
 };
-use formation::planner;
-use formation::protocol::{Agent, Mutation};
-use formation::verify::{Observer, ObserverParameters, Outcome, Verdict, Violation};
+use formation_planner as planner;
+use formation_protocol::{Agent, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters, NetworkParameters, Observation};
+use formation_verify::{Observer, ObserverParameters, Outcome, Verdict, Violation};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
     problem_of(modules, spots, Grouping::Mixed, seed)

@@ -5,10 +5,10 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::Apart;
-use formation::model::{Message, ModuleId, Scenario, TargetAnnouncement};
-use formation::motion::MotionReport;
-use formation::protocol::{Agent, EpochReason, Event, Input, Mutation, Output};
+use formation_generate::Apart;
+use formation_model::{Message, ModuleId, Scenario, TargetAnnouncement};
+use formation_motion::MotionReport;
+use formation_protocol::{Agent, EpochReason, Event, Input, Mutation, Output};
 use formation_sim::{
     AgentFactory, CampaignParameters, ClusterParameters, Ending, FaultKind, ViolationKind,
     run_seed, run_seeds,

@@ -6,10 +6,10 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::Grouping;
-use formation::model::{ModuleId, ModulePhase};
-use formation::planner;
-use formation::protocol::Event;
+use formation_generate::Grouping;
+use formation_model::{ModuleId, ModulePhase};
+use formation_planner as planner;
+use formation_protocol::Event;
 use formation_sim::{Cluster, ClusterParameters};
 
 use crate::support::{Trial, drawn, in_phase, settled};

@@ -6,9 +6,9 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, newest_epoch, scenario, spots};
-use formation::generate::Grouping;
-use formation::model::{AssemblyWarning, ModuleId, ModulePhase};
-use formation::protocol::{Agent, AgentParameters, Event, Mutation};
+use formation_generate::Grouping;
+use formation_model::{AssemblyWarning, ModuleId, ModulePhase};
+use formation_protocol::{Agent, AgentParameters, Event, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters, Standing};
 
 /// Shows E3.
@@ -138,7 +138,7 @@ fn settled_modules_that_wall_in_an_open_spot_make_way_outermost_first() {
     let problem = scenario(SQUARE);
     let mut trial = Trial::new(&problem, 5);
     trial.until(Cluster::has_formed);
-    let centre = formation::model::SpotId(5);
+    let centre = formation_model::SpotId(5);
     let (lost, _) = trial
         .settled()
         .into_iter()

@@ -8,12 +8,12 @@ use std::time::Duration;
 
 use crate::same_numbers::{LATE, with_runs};
 use crate::support::{Trial, drawn, hold_a_plan, ids, newest_epoch, settled, spots};
-use formation::generate::Grouping;
-use formation::model::{
+use formation_generate::Grouping;
+use formation_model::{
     BodyReport, ClosedRoster, Epoch, Incarnation, Message, ModuleId, Roster, RosterMessage, SpotId,
     Whereabouts,
 };
-use formation::protocol::{Agent, Event, Mutation, Refusal};
+use formation_protocol::{Agent, Event, Mutation, Refusal};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
 
 /// Forms five spots with one spare.

@@ -8,12 +8,12 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, hold_a_plan, ids};
-use formation::generate::Grouping;
-use formation::model::{
+use formation_generate::Grouping;
+use formation_model::{
     BodyReport, ClosedRoster, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
     Pose, Roster, RosterMessage, Whereabouts,
 };
-use formation::protocol::Agent;
+use formation_protocol::Agent;
 use formation_sim::{AgentFactory, Cluster, ClusterParameters};
 
 /// An incarnation that is later than every other.

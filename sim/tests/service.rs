@@ -6,11 +6,11 @@ use std::collections::BTreeSet;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, hold_a_plan, in_phase, scenario, spots};
-use formation::generate::Grouping;
-use formation::model::{
+use formation_generate::Grouping;
+use formation_model::{
     BlockedSpot, BodyReport, ModuleId, ModulePhase, Service, TargetAnnouncement, Whereabouts,
 };
-use formation::protocol::{AgentParameters, Command, EpochReason, Event};
+use formation_protocol::{AgentParameters, Command, EpochReason, Event};
 use formation_sim::{Cluster, ClusterParameters};
 
 const SEEDS: std::ops::Range<u64> = 0..6;

@@ -5,9 +5,9 @@
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, spots};
-use formation::generate::Grouping;
-use formation::model::{Message, ModuleId, ModulePhase, STAMP_AHEAD_MAX, Stop};
-use formation::protocol::{AgentParameters, Event};
+use formation_generate::Grouping;
+use formation_model::{Message, ModuleId, ModulePhase, STAMP_AHEAD_MAX, Stop};
+use formation_protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters};
 
 fn moving(cluster: &Cluster) -> Vec<ModuleId> {

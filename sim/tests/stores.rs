@@ -5,9 +5,9 @@
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, run_each, spots};
-use formation::generate::Grouping;
-use formation::model::{ModuleId, Stop};
-use formation::protocol::{Agent, AgentParameters, Mutation};
+use formation_generate::Grouping;
+use formation_model::{ModuleId, Stop};
+use formation_protocol::{Agent, AgentParameters, Mutation};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, Ending, FaultKind, run_seed,
 };

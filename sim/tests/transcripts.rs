@@ -16,9 +16,9 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, scenario};
-use formation::generate::Grouping;
-use formation::model::{ModuleId, ModulePhase};
-use formation::protocol::Command;
+use formation_generate::Grouping;
+use formation_model::{ModuleId, ModulePhase};
+use formation_protocol::Command;
 use formation_sim::Cluster;
 
 /// The nearest spot of the second module is taken when its turn comes.

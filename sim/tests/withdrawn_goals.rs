@@ -6,12 +6,12 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     Heartbeat, Incarnation, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Pose, Scenario,
-    SpotId, Stop, TargetAnnouncement,
+    SourceId, SpotId, Stop, TargetAnnouncement,
 };
-use formation::motion::MotionReport;
-use formation::protocol::{Agent, AgentParameters, Identity, Input, Mutation, Output, SourceId};
+use formation_motion::MotionReport;
+use formation_protocol::{Agent, AgentParameters, Identity, Input, Mutation, Output};
 
 /// One module by itself, on the clock of the test.
 struct Alone {

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::TargetAnnouncement;
+use formation_model::TargetAnnouncement;
 use formation_msgs::{InSession, OperatorCommand, SessionId, TargetConfiguration};
 use formation_node::messages::{Received, module_size_of, session_of};
 use formation_node::{stamp, topics};

@@ -5,11 +5,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
-    Heartbeat, MODULES_MAX, Message, ModuleId, ModulePhase, TargetAnnouncement,
-};
-use formation::verify::{self, Observer, ObserverParameters};
+use formation_model::{Heartbeat, MODULES_MAX, Message, ModuleId, ModulePhase, TargetAnnouncement};
 use formation_msgs::{Epoch, Progress, QueryStatusRequest, QueryStatusResponse, Verdict};
+use formation_verify::{self as verify, Observer, ObserverParameters};
 use ros2_client::builtin_interfaces::Time;
 
 /// A module that is silent for longer is not waited for.
@@ -193,7 +191,7 @@ impl FormationStatus {
 
 #[cfg(test)]
 mod tests {
-    use formation::model::Scenario;
+    use formation_model::Scenario;
 
     use super::*;
 

@@ -2,10 +2,10 @@
 
 use std::path::PathBuf;
 
-use formation::model::{MODULES_MAX, ModuleSize, TargetAnnouncement};
-use formation::planner::PlanSize;
+use formation_model::{MODULES_MAX, ModuleSize, TargetAnnouncement};
 use formation_msgs::{FormConfigurationGoal, IntoCore};
 use formation_node::scenario::read_scenario;
+use formation_planner::PlanSize;
 
 /// How many scenarios the answer to a client lists that asked for one that does not exist.
 const LISTED_MAX: usize = 10;
@@ -134,7 +134,7 @@ pub(crate) fn refuse_long_plans(announcement: &TargetAnnouncement) -> Result<(),
 mod tests {
     use std::sync::Arc;
 
-    use formation::model::{PlannerParameters, RawSpot, RawTarget};
+    use formation_model::{PlannerParameters, RawSpot, RawTarget};
     use formation_msgs::{Edge, Spot, TargetConfiguration};
 
     use super::*;

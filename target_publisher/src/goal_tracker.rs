@@ -3,9 +3,9 @@
 
 use std::time::Duration;
 
-use formation::model::{Message, TargetAnnouncement};
-use formation::verify::Progress;
+use formation_model::{Message, TargetAnnouncement};
 use formation_msgs::{FormConfigurationFeedback, FormConfigurationResult, Verdict, bounds};
+use formation_verify::Progress;
 use ros_runtime::goals::Goals;
 use ros2_client::action::{CancelGoalResponse, GoalId, GoalInfo, GoalStatusEnum};
 use ros2_client::action_msgs::GoalStatusArray;

@@ -14,7 +14,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::{Args, Parser};
-use formation::model::{ModuleId, TargetAnnouncement};
+use formation_model::{ModuleId, TargetAnnouncement};
 use formation_node::scenario::read_own_scenario;
 use formation_node::{Program, stamp};
 use ros_runtime::exit::{Failure, STATUS_DONE};

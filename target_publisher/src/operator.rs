@@ -8,8 +8,8 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::text::listed_in_full;
-use formation::model::{
+use formation_model::text::listed_in_full;
+use formation_model::{
     Heartbeat, Incarnation, MODULES_MAX, Message, ModuleId, ModuleRun, RosterMessage, Stop, Timing,
 };
 use formation_msgs::{
@@ -420,7 +420,7 @@ mod tests {
     use std::cell::RefCell;
     use std::rc::Rc;
 
-    use formation::model::ModulePhase;
+    use formation_model::ModulePhase;
 
     use super::*;
 

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation::model::MODULES_MAX;
+use formation_model::MODULES_MAX;
 use ros_runtime::parameters::{Tunable, Tunables, seconds, text, whole_number};
 
 /// The parameters of the target publisher.

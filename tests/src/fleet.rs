@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation::model::{PlanningModule, Scenario};
+use formation_model::{PlanningModule, Scenario};
 use serde_json::Value;
 use tempfile::TempDir;
 

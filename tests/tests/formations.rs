@@ -11,7 +11,7 @@ use std::net::{Ipv4Addr, UdpSocket};
 use std::path::Path;
 use std::time::Duration;
 
-use formation::model::Scenario;
+use formation_model::Scenario;
 use formation_tests::{
     Domain, EIGHT, Finished, Fleet, Peer, Running, ScenarioFile, Timing, overlaps,
     room_for_many_processes, scenario_path,

@@ -59,8 +59,8 @@ fn the_launch_package_installs_programs_and_folders_that_exist() {
         let (words, _) = rest.split_once(end).unwrap();
         words.split_whitespace().map(str::to_owned).collect()
     };
-    assert!(build.contains("-p launch_scripts --features programs\n"));
-    let package = fs::read_to_string(root().join("launch_scripts/Cargo.toml")).unwrap();
+    assert!(build.contains("-p formation --features programs\n"));
+    let package = fs::read_to_string(root().join("formation/Cargo.toml")).unwrap();
     for program in listed("set(PROGRAMS ", ")") {
         assert!(
             package.contains(&format!("[[bin]]\nname = \"{program}\"\n")),

@@ -4,10 +4,10 @@ use std::path::PathBuf;
 use std::time::Duration;
 
 use clap::Args;
-use formation::model::MicroUnits;
-use formation::verify::ObserverParameters;
+use formation_model::MicroUnits;
 use formation_node::micro_units;
 use formation_node::scenario::read_own_scenario;
+use formation_verify::ObserverParameters;
 use ros_runtime::exit::Failure;
 use ros_runtime::parameters::{Tunable, Tunables, Tuned, milliseconds, seconds};
 use ros_runtime::settings::Settings;

@@ -7,8 +7,8 @@ use std::time::Duration;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation::verify::ReportLine;
 use formation_node::Program;
+use formation_verifier_lines::ReportLine;
 use ros_runtime::exit::{EXIT_GRACE, Failure, limit_exit};
 use ros_runtime::settings::Settings;
 use verifier::judging::JudgingArguments;

@@ -5,7 +5,7 @@ use std::fs::File;
 use std::io::{self, BufWriter, Write};
 use std::path::Path;
 
-use formation::model::{DriveState, Incarnation, Message, ModuleId, ModuleState};
+use formation_model::{DriveState, Incarnation, Message, ModuleId, ModuleState};
 use serde::Serialize;
 
 /// A file of states, one JSON object a line. Each state is written once.
@@ -120,7 +120,7 @@ mod tests {
     use std::sync::Arc;
     use std::time::Duration;
 
-    use formation::model::{ModuleRun, Pose, SenderTime};
+    use formation_model::{ModuleRun, Pose, SenderTime};
 
     use super::*;
 

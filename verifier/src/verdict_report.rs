@@ -1,9 +1,10 @@
 //! The end of the observation, for programs and for people.
 
-use formation::model::text::listed_in_full;
-use formation::verify::{
-    AgreementReport, NOT_COLLISION_FREE, Outcome, ReportLine, VerdictReport, outcome_text,
+use formation_model::text::listed_in_full;
+use formation_verifier_lines::{
+    AgreementReport, NOT_COLLISION_FREE, ReportLine, VerdictReport, outcome_text,
 };
+use formation_verify::Outcome;
 use ros_runtime::exit::{STATUS_DONE, STATUS_FAILED};
 
 use crate::verification::End;
@@ -90,8 +91,8 @@ pub fn end_status(end: &End) -> u8 {
 mod tests {
     use std::time::Duration;
 
-    use formation::model::{Epoch, ModuleId, SpotId};
-    use formation::verify::{Agreement, Counts, Missing, Timings, Verdict, Violation};
+    use formation_model::{Epoch, ModuleId, SpotId};
+    use formation_verify::{Agreement, Counts, Missing, Timings, Verdict, Violation};
 
     use super::*;
 

@@ -5,13 +5,12 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::event_log::{Entry, POSE_INTERVAL, Recorder};
-use formation::model::Message;
-use formation::protocol::SourceId;
-use formation::verify::{Admission, Agreement, Observer, Progress, SourceGuard, Verdict};
+use formation_event_log::{Entry, POSE_INTERVAL, Recorder};
+use formation_model::{Message, SourceId};
 use formation_msgs::{InSession, SessionId};
 use formation_node::messages::{Received, session_of, subscribe_all};
 use formation_node::{stamp, topics};
+use formation_verify::{Admission, Agreement, Observer, Progress, SourceGuard, Verdict};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;

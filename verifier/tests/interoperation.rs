@@ -5,9 +5,9 @@ use std::thread;
 use std::time::Duration;
 
 use async_channel::bounded;
-use formation::model::FormationStage;
-use formation::verify::{ObserverParameters, Outcome};
+use formation_model::FormationStage;
 use formation_tests::{Domain, Peer};
+use formation_verify::{ObserverParameters, Outcome};
 use ros_runtime::environment::{DiscoveryRange, Environment, Overrides};
 use ros_runtime::settings::Settings;
 use ros_runtime::topic_statistics::RefusalKind;

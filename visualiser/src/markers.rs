@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{BODY_WIDTH, ModuleId, ModulePhase, ModuleSize, Pose, Surroundings};
+use formation_model::{BODY_WIDTH, ModuleId, ModulePhase, ModuleSize, Pose, Surroundings};
 use formation_msgs::Header;
 use formation_msgs::external::geometry_msgs::{self, Point, Vector3};
 use formation_msgs::external::std_msgs::ColorRGBA;
@@ -340,7 +340,7 @@ mod tests {
     use std::sync::Arc;
     use std::time::Duration;
 
-    use formation::model::Message;
+    use formation_model::Message;
 
     use super::*;
     use crate::scene::tests::{pose, scene, state};

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::event_log::{ModuleSnapshot, Recorder, Scene, milliseconds};
-use formation::model::{ConfigurationId, Message, MicroUnits, ModuleId, Pose, SpotId, Target};
+use formation_event_log::{ModuleSnapshot, Recorder, Scene, milliseconds};
+use formation_model::{ConfigurationId, Message, MicroUnits, ModuleId, Pose, SpotId, Target};
 
 /// The most corners of a trail; the oldest are dropped.
 const CORNERS_MAX: usize = 64;
@@ -177,7 +177,7 @@ fn lengthen(trail: &mut Vec<Pose>, pose: Pose) {
 
 #[cfg(test)]
 pub(crate) mod tests {
-    use formation::model::{
+    use formation_model::{
         ClosedRoster, Decision, Epoch, EvictionRecord, Heartbeat, Incarnation, ModulePhase,
         ModuleRun, ModuleState, PlannerParameters, Roster, RosterMessage, Scenario, SpotClaim,
         SpotSelection, Stop, TargetAnnouncement,
@@ -218,7 +218,7 @@ pub(crate) mod tests {
 
     fn roster(number: u64) -> Message {
         Message::Roster(RosterMessage::Plan(Arc::new(ClosedRoster::from(Roster {
-            timing: formation::model::Timing {
+            timing: formation_model::Timing {
                 heartbeat: Duration::from_millis(500),
                 suspicion: Duration::from_secs(5),
                 lease: Duration::from_millis(2_500),

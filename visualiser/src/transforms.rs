@@ -1,6 +1,6 @@
 //! The frames of modules and spots (REP-105: children of the frame of all poses).
 
-use formation::model::{ModuleSize, Target};
+use formation_model::{ModuleSize, Target};
 use formation_msgs::Header;
 use formation_msgs::external::geometry_msgs::{Transform, TransformStamped};
 use formation_msgs::external::tf2_msgs::TFMessage;

@@ -4,7 +4,7 @@ use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::{Message, ModuleSize};
+use formation_model::{Message, ModuleSize};
 use formation_msgs::external::tf2_msgs::TFMessage;
 use formation_msgs::external::visualization_msgs::MarkerArray;
 use formation_node::messages::{Received, module_size_of, subscribe_all};

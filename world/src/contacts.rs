@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::time::Duration;
 
-use formation::motion::WorldReport;
+use formation_motion::WorldReport;
 use rapier2d::geometry::{ContactPair, SolverFlags};
 use rapier2d::math::{Real, Vector};
 use rapier2d::pipeline::{PairFilterContext, PhysicsHooks, PhysicsWorld};

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::f32::consts::FRAC_PI_2;
 use std::time::Duration;
 
-use formation::motion::DockingRequest;
+use formation_model::DockingRequest;
 use rapier2d::dynamics::{
     FixedJointBuilder, ImpulseJointHandle, RigidBodyHandle, SpringCoefficients,
 };

@@ -2,9 +2,8 @@
 
 use rapier2d::dynamics::RigidBody;
 use rapier2d::math::{Pose, Real, Vector};
-use ros_runtime::words::Words;
 
-use crate::options::WorldOptions;
+use crate::options::{DriveKind, WorldOptions};
 use crate::plane::{real, turn};
 use crate::random::Random;
 
@@ -22,23 +21,6 @@ const GRIP: Real = 3.0;
 const ARRIVED: Real = 0.01;
 /// At this distance it drives again.
 const STRAYED: Real = 0.025;
-
-/// How the wheels of a robot let it move.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum DriveKind {
-    /// In every direction, whatever its heading.
-    #[default]
-    Holonomic,
-    /// Along its heading only, forwards and backwards; it turns in place.
-    Differential,
-}
-
-impl Words for DriveKind {
-    const WORDS: &'static [(&'static str, Self)] = &[
-        ("holonomic", Self::Holonomic),
-        ("differential", Self::Differential),
-    ];
-}
 
 /// A velocity in the frame of the robot: units a second along and across its heading, and radians a second.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]

@@ -14,5 +14,5 @@ mod random;
 mod robot;
 mod world;
 
-pub use drive::DriveKind;
+pub use options::DriveKind;
 pub use world::World;

@@ -6,7 +6,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation::motion::WorldReport;
+use formation_motion::WorldReport;
 use formation_node::Program;
 use formation_node::scenario::read_own_scenario;
 use ros_runtime::exit::{Failure, STATUS_DONE};

@@ -6,8 +6,24 @@ use formation_node::PoseSource;
 use ros_runtime::parameters::{
     ParameterValue, Range, Tunable, Tunables, ValueType, choice, milliseconds, number,
 };
+use ros_runtime::words::Words;
 
-use crate::drive::DriveKind;
+/// How the wheels of a robot let it move.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum DriveKind {
+    /// In every direction, whatever its heading.
+    #[default]
+    Holonomic,
+    /// Along its heading only, forwards and backwards; it turns in place.
+    Differential,
+}
+
+impl Words for DriveKind {
+    const WORDS: &'static [(&'static str, Self)] = &[
+        ("holonomic", Self::Holonomic),
+        ("differential", Self::Differential),
+    ];
+}
 
 /// How the robots of the world move, measure and dock.
 #[derive(Clone, Debug, PartialEq)]

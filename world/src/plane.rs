@@ -2,7 +2,7 @@
 
 use std::f32::consts::{PI, TAU};
 
-use formation::model;
+use formation_model as model;
 use rapier2d::math::{Pose, Real, Vector};
 
 /// A number of the physics, which computes with 32 bits.

@@ -1,16 +1,18 @@
 //! The node that plays the drivers of all modules of a scenario.
 
 use std::ops::ControlFlow;
+use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use async_channel::Receiver;
-use formation::model::{ModuleId, ModuleSize, Pose, Scenario};
-use formation::motion::{self, PlannedMotion, WorldReport};
+use formation_model::{DockingRequest, ModuleId, ModuleSize, Pose, Scenario};
+use formation_motion::{self as motion, PlannedMotion, WorldReport};
 use formation_msgs::external::geometry_msgs::{self, PoseStamped, PoseWithCovariance};
 use formation_msgs::external::nav_msgs::Odometry;
 use formation_msgs::{DockingResult, DriverPose, IntoCore, Time};
 use formation_node::messages::module_size_of;
 use formation_node::{PoseSource, stamp, topics};
+use formation_planner::plan;
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
@@ -45,7 +47,7 @@ pub struct WorldProcess {
 /// What a driver gets.
 enum Command {
     Goal(Pose),
-    Docking(motion::DockingRequest),
+    Docking(DockingRequest),
 }
 
 impl WorldProcess {
@@ -59,7 +61,10 @@ impl WorldProcess {
         mut notify: impl FnMut(&WorldReport),
     ) -> Result<(), SessionError> {
         let problem = self.scenario.problem();
-        let refused = PlannedMotion::offline(problem).check_for_robots();
+        let planned = plan(Arc::new(problem.clone()));
+        let refused = PlannedMotion::of(problem, planned.plan, &[])
+            .0
+            .check_for_robots();
         refused.map_err(SessionError::BadInput)?;
         if self.options.drive == DriveKind::Differential {
             let refused = motion::check_differential_drives(problem);

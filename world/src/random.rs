@@ -1,7 +1,7 @@
 //! Random numbers from a seed.
 
-use formation::generate;
-use formation::model::ModuleId;
+use formation_generate as generate;
+use formation_model::ModuleId;
 use rapier2d::math::Real;
 
 use crate::plane::real;

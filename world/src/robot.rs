@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 use rapier2d::dynamics::RigidBodyHandle;
 use rapier2d::math::{Pose, Vector};
 

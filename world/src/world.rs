@@ -3,8 +3,11 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
-use formation::model::{Area, MicroUnits, ModuleId, PlanningProblem, Pose as CorePose};
-use formation::motion::{DockingAction, DockingRequest, DockingResult, WorldReport};
+use formation_model::{
+    Area, DockingAction, DockingRequest, DockingResult, MicroUnits, ModuleId, PlanningProblem,
+    Pose as CorePose,
+};
+use formation_motion::WorldReport;
 use rapier2d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
 use rapier2d::geometry::ColliderBuilder;
 use rapier2d::math::{Pose, Real, Vector};

@@ -2,9 +2,9 @@
 
 use std::sync::Arc;
 
-use formation::model::PlanningProblem;
-use formation::planner::assignment::Instance;
-use formation::planner::baseline::auction::{Bid, assign_observed};
+use formation_baselines::auction::{Bid, assign_observed};
+use formation_model::PlanningProblem;
+use formation_planner::assignment::Instance;
 
 use super::talk::{Moment, Talk};
 

@@ -1,9 +1,9 @@
 //! The time to find where one configuration fits into one target.
 
-use formation::model::PlanningProblem;
-use formation::planner::assignment::Instance;
-use formation::planner::baseline::CandidateInput;
-use formation::planner::placement::{MatchingInput, common_subtree};
+use formation_model::PlanningProblem;
+use formation_planner::assignment::Instance;
+use formation_planner::baseline::CandidateInput;
+use formation_planner::placement::{MatchingInput, common_subtree};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 

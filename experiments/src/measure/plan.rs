@@ -3,8 +3,8 @@
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
-use formation::model::{Decision, PlanningProblem, Policy};
-use formation::planner::{Planning, Statistics};
+use formation_model::{Decision, PlanningProblem, Policy};
+use formation_planner::{Planning, Statistics};
 use serde::{Deserialize, Serialize};
 
 use super::least_us;

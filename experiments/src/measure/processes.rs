@@ -5,7 +5,7 @@ use std::io;
 use std::path::Path;
 use std::process::{Command, Stdio};
 
-use formation::model::RawScenario;
+use formation_model::RawScenario;
 use serde::{Deserialize, Serialize};
 
 use crate::error::CellError;

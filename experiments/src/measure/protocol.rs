@@ -8,9 +8,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Decision, Message, ModuleId, PlanningProblem, RosterMessage};
-use formation::planner;
-use formation::protocol::{AgentParameters, Event};
+use formation_model::{Decision, Message, ModuleId, PlanningProblem, RosterMessage};
+use formation_planner as planner;
+use formation_protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
 
 use super::spot_table::SpotTable;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{Decision, ModuleId, SpotId};
+use formation_model::{Decision, ModuleId, SpotId};
 
 /// The (spot, selector) pairs, computed from all claims.
 #[derive(Default)]

@@ -4,12 +4,11 @@ use std::collections::BTreeSet;
 use std::path::PathBuf;
 
 use clap::Args;
-use formation::model::{ConfigurationId, ModuleId, NO_ID, Pose, PoseError, Scenario};
-use formation::protocol::Identity;
+use formation_model::{ConfigurationId, ModuleId, NO_ID, Pose, PoseError, Scenario};
+use formation_protocol::Identity;
 
-use formation_node::ModuleList;
 use formation_node::scenario::read_own_scenario;
-use formation_node::stamp;
+use formation_node::{ModuleList, stamp};
 use ros_runtime::exit::Failure;
 use ros_runtime::settings::Settings;
 

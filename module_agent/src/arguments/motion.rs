@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use formation::model::MicroUnits;
-use formation::motion::ExternalParameters;
+use formation_model::MicroUnits;
+use formation_motion::ExternalParameters;
 use formation_node::{PoseSource, micro_units};
 use ros_runtime::parameters::{Tunable, Tunables, choice, number, seconds, text};
 use ros_runtime::words::Words;

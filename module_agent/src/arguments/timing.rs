@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation::protocol::{AgentParameters, ParametersError};
+use formation_protocol::{AgentParameters, ParametersError};
 use ros_runtime::parameters::{ParameterError, Tunable, Tunables, seconds, switch};
 
 /// How long agents wait.

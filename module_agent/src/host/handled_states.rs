@@ -2,8 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use formation::model::{Incarnation, MODULES_MAX, ModuleId, ModuleState};
-use formation::protocol::SourceId;
+use formation_model::{Incarnation, MODULES_MAX, ModuleId, ModuleState, SourceId};
 
 /// Which state of each module the hosted ones handled last. A process sends the states of all its modules whenever one of them
 /// changes, so most of those that arrive came before. To hand each of these to each hosted module costs their number squared.

@@ -1,10 +1,10 @@
 //! Reports that bodies were taken away, by a service of each process of modules: where a user's program announces the target, no target
 //! publisher serves them.
 
-use formation::model::{Message, Timing};
-use formation::protocol::Agent;
+use formation_model::{Message, Timing};
 use formation_msgs::{RemoveModuleRequest, RemoveModuleResponse};
 use formation_node::removal_requests::{self, Request};
+use formation_protocol::Agent;
 use ros_runtime::service::Service as Served;
 
 use super::{Arrived, Host};
@@ -62,9 +62,11 @@ mod tests {
     use std::rc::Rc;
     use std::time::Duration;
 
-    use formation::model::{Heartbeat, Incarnation, ModuleId, ModulePhase, Pose, Service, Stop};
-    use formation::protocol::{AgentParameters, SourceId};
+    use formation_model::{
+        Heartbeat, Incarnation, ModuleId, ModulePhase, Pose, Service, SourceId, Stop,
+    };
     use formation_node::removal_requests::Requests;
+    use formation_protocol::AgentParameters;
     use ros_runtime::service::Call;
 
     use super::*;

@@ -5,8 +5,8 @@ use std::collections::BTreeSet;
 use std::path::Path;
 use std::rc::Rc;
 
-use formation::model::{Epoch, Incarnation, Scenario, TargetAnnouncement};
-use formation::protocol::DurableState;
+use formation_model::{Epoch, Incarnation, Scenario, TargetAnnouncement};
+use formation_protocol::DurableState;
 
 use super::*;
 

@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU64;
 
-use formation::model::{
+use formation_model::{
     BodyReport, Digest, Epoch, Polyline, Pose, QuorumBasis, Service, SpotId, Stop, Voter,
     VoterMemory, Whereabouts,
 };

@@ -2,7 +2,7 @@
 
 #![expect(missing_docs, reason = "the fields are those of the package")]
 
-use formation::model::{self, ModuleSize};
+use formation_model::{self as model, ModuleSize};
 use serde::{Deserialize, Serialize};
 
 use crate::check::{self, Checked, FieldError};

@@ -3,8 +3,7 @@
 use std::fmt::Debug;
 
 use byteorder::{BigEndian, LittleEndian};
-use formation::model::{ModuleId, ModuleSize};
-use formation::{model, motion};
+use formation_model::{self as model, ModuleId, ModuleSize};
 use formation_msgs as wire;
 use formation_msgs::{InterfaceType, IntoCore};
 use serde::Serialize;
@@ -135,8 +134,8 @@ pub fn all() -> Vec<Codec> {
         part::<wire::Area>(),
         part::<wire::Body>(),
         part::<wire::CausalMark>(),
-        codec::<wire::DockingRequest, (ModuleId, motion::DockingRequest)>(),
-        codec::<wire::DockingResult, (ModuleId, motion::DockingResult)>(),
+        codec::<wire::DockingRequest, (ModuleId, model::DockingRequest)>(),
+        codec::<wire::DockingResult, (ModuleId, model::DockingResult)>(),
         part::<wire::Edge>(),
         part::<wire::Epoch>(),
         codec::<wire::Eviction, model::EvictionNotice>(),

@@ -5,7 +5,7 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     BodyReport, CausalMark, ConfigurationId, CutPrice, Decision, Digest, DriveState, Epoch,
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
     ModuleRun, ModuleState, MotionMode, PaperBundle, PaperOptions, PlannerParameters,

@@ -1,6 +1,6 @@
 //! Well-formed CDR of any type, made from its description alone, with values that no sound sender would send.
 
-use formation::generate::Random;
+use formation_generate::Random;
 use serde_reflection::{ContainerFormat, Format, Registry};
 
 /// Numbers at which something is likely to break, and small ones, which are likely to name something.

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation::model::ModuleSize;
+use formation_model::ModuleSize;
 use formation_msgs as wire;
 use formation_msgs::InterfaceType;
 use proptest::prelude::*;

@@ -1,6 +1,6 @@
 //! Obstacles and walls of targets.
 
-use formation::model::{MotionMode, RawArea, RawSurroundings, Surroundings, Target};
+use formation_model::{MotionMode, RawArea, RawSurroundings, Surroundings, Target};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::event_log::{ModuleSnapshot, Scene};
+use formation_event_log::{ModuleSnapshot, Scene};
 use serde::Serialize;
 
 use super::track::time;

@@ -9,8 +9,8 @@ mod track;
 
 use std::collections::BTreeMap;
 
-use formation::event_log::{Entry, Event, ModuleSnapshot, Scene, Step};
-use formation::model::{FormationStage, ModuleId, ModulePhase, SpotId};
+use formation_event_log::{Entry, Event, ModuleSnapshot, Scene, Step};
+use formation_model::{FormationStage, ModuleId, ModulePhase, SpotId};
 use serde::Serialize;
 
 use crate::frame::Frame;

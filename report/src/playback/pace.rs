@@ -1,6 +1,6 @@
 //! From recorded time to the time of the film.
 
-use formation::event_log::{Entry, Event, Scene};
+use formation_event_log::{Entry, Event, Scene};
 
 use super::track::time;
 

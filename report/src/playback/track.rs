@@ -1,6 +1,6 @@
 //! The path of one module through the film.
 
-use formation::model::{ModulePhase, Pose};
+use formation_model::{ModulePhase, Pose};
 use serde::Serialize;
 
 use crate::frame::Frame;

@@ -8,9 +8,9 @@
 use std::fs;
 use std::sync::Arc;
 
-use formation::model::{PlanningProblem, Scenario};
-use formation::motion::PlannedMotion;
-use formation::planner::{PlanOutcome, Statistics, plan};
+use formation_model::{PlanningProblem, Scenario};
+use formation_motion::PlannedMotion;
+use formation_planner::{PlanOutcome, Statistics, plan};
 use formation_report::{Subject, course_of_plan};
 
 /// A scenario with its plan.

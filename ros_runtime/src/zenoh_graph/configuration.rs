@@ -1,9 +1,7 @@
 //! The configuration of Zenoh, from the variables that `rmw_zenoh_cpp` reads.
 
-use serde_json::Value;
+use serde_json::{Map, Value};
 use zenoh::Config;
-
-use super::protection;
 
 /// The file of the configuration of sessions.
 pub(super) const SESSION_FILE: &str = "ZENOH_SESSION_CONFIG_URI";
@@ -50,9 +48,21 @@ pub(super) fn settings(defaults: &[(&str, &str)]) -> Result<Value, String> {
     let mut settings = Value::Null;
     for (key, value) in COMMON.iter().chain(defaults) {
         let value = serde_json::from_str(value).map_err(|error| format!("{key}: {error}"))?;
-        protection::set(&mut settings, key, value);
+        set(&mut settings, key, value);
     }
     Ok(settings)
+}
+
+/// Sets the value with this path, which is separated by `/`.
+pub(super) fn set(settings: &mut Value, path: &str, value: Value) {
+    let mut place = settings;
+    for part in path.split('/') {
+        if !place.is_object() {
+            *place = Value::Object(Map::new());
+        }
+        place = &mut place[part];
+    }
+    *place = value;
 }
 
 /// The configuration of a session.

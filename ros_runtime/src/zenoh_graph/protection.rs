@@ -5,10 +5,10 @@
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use serde_json::{Map, Value, json};
+use serde_json::{Value, json};
 use zenoh::Config;
 
-use super::configuration;
+use super::configuration::{self, set};
 use super::names::mangled;
 use crate::security::Security;
 use crate::session_error::SessionError;
@@ -80,18 +80,6 @@ pub fn router_file(
         access_control(router, rights),
     );
     finished(&settings)
-}
-
-/// Sets the value with this path, which is separated by `/`.
-pub(super) fn set(settings: &mut Value, path: &str, value: Value) {
-    let mut place = settings;
-    for part in path.split('/') {
-        if !place.is_object() {
-            *place = Value::Object(Map::new());
-        }
-        place = &mut place[part];
-    }
-    *place = value;
 }
 
 fn finished(settings: &Value) -> Result<String, String> {

@@ -3,8 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use formation::model::{Message, ModuleId};
-use formation::protocol::SourceId;
+use formation_model::{Message, ModuleId, SourceId};
 
 use super::Cluster;
 use super::schedule::{Delivery, Happening};

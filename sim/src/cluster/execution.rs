@@ -4,10 +4,9 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Message, ModuleId, ModuleRun};
-use formation::motion::MotionReport;
-use formation::motion::SimulatedDrive;
-use formation::protocol::{Event, Input, Output, PlanJob, SourceId};
+use formation_model::{Message, ModuleId, ModuleRun, SourceId};
+use formation_motion::{MotionReport, SimulatedDrive};
+use formation_protocol::{Event, Input, Output, PlanJob};
 
 use super::Cluster;
 use super::schedule::{Delivery, Happening};

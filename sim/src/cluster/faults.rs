@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     ClosedRoster, Decision, Epoch, Heartbeat, Incarnation, Message, ModuleId, ModulePhase,
     ModuleRun, QuorumBasis, Roster, RosterMessage, SpotClaim, Stop, Voter, VoterMemory,
 };
-use formation::motion::MotionReport;
-use formation::protocol::{Command, Identity, Input};
+use formation_motion::MotionReport;
+use formation_protocol::{Command, Identity, Input};
 
 use super::Cluster;
 use super::schedule::Happening;

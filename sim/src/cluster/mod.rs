@@ -11,11 +11,11 @@ use std::num::NonZeroU64;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::Random;
-use formation::model::{
+use formation_generate::Random;
+use formation_model::{
     Incarnation, Message, ModuleId, ModuleRun, PlanningProblem, StoreId, TargetAnnouncement,
 };
-use formation::protocol::{AgentParameters, Identity};
+use formation_protocol::{AgentParameters, Identity};
 
 use delivery::Transport;
 use observer::Record;

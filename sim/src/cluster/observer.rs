@@ -3,10 +3,10 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     Digest, Epoch, ModuleId, ModulePhase, ModuleRun, Pose, SpotId, TargetAnnouncement, Voter,
 };
-use formation::protocol::Agent;
+use formation_protocol::Agent;
 
 use super::Cluster;
 use crate::network::Participant;

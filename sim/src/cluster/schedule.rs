@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Message, ModuleId, ModuleRun};
-use formation::protocol::{ComputedPlan, SourceId};
+use formation_model::{Message, ModuleId, ModuleRun, SourceId};
+use formation_protocol::ComputedPlan;
 
 use crate::network::Channel;
 

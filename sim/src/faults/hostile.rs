@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation::model::ModuleId;
+use formation_model::ModuleId;
 
 use super::{Drawing, Fault};
 

@@ -9,7 +9,7 @@
 use std::collections::BTreeSet;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     BodyReport, ModuleId, ModulePhase, ModuleState, Pose, Roster, Service, SpotId, Target,
     Whereabouts,
 };

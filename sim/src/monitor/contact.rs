@@ -7,7 +7,7 @@
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::time::Duration;
 
-use formation::model::{Area, BODY_WIDTH, MicroUnits, ModuleId, Pose, Surroundings};
+use formation_model::{Area, BODY_WIDTH, MicroUnits, ModuleId, Pose, Surroundings};
 
 use super::{Monitor, PlanKey, ViolationKind};
 use crate::cluster::Cluster;
@@ -298,7 +298,7 @@ pub(super) fn nearest(before: (f64, f64), after: (f64, f64)) -> f64 {
 
 #[cfg(test)]
 mod tests {
-    use formation::model::{RawArea, RawSurroundings};
+    use formation_model::{RawArea, RawSurroundings};
 
     use super::*;
 

@@ -7,8 +7,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation::model::text::joined;
-use formation::model::{
+use formation_model::text::joined;
+use formation_model::{
     Digest, Epoch, Heartbeat, ModuleId, ModulePhase, ModuleState, Service, SpotId, Target,
     TargetAnnouncement, Voter,
 };

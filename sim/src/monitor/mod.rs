@@ -13,11 +13,11 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     ClosedRoster, Digest, Epoch, Heartbeat, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun,
     ModuleState, Pose, Roster, RosterMember, RosterMessage, Service, SpotClaim, SpotId, Voter,
 };
-use formation::protocol::Event;
+use formation_protocol::Event;
 
 pub use bodies::{blocks_all, room};
 use contact::Bodies;

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation::model::{ModuleId, ModulePhase, ModuleState};
+use formation_model::{ModuleId, ModulePhase, ModuleState};
 
 use super::{Monitor, PlanKey, ViolationKind};
 use crate::cluster::Cluster;

@@ -5,7 +5,7 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     Digest, Epoch, Message, ModuleId, ModulePhase, Roster, RosterMessage, SpotId, Target,
 };
 use formation_sim::{blocks_all, room};

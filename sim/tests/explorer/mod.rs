@@ -16,8 +16,8 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Incarnation, PlanningProblem, TargetAnnouncement};
-use formation::protocol::AgentParameters;
+use formation_model::{Incarnation, PlanningProblem, TargetAnnouncement};
+use formation_protocol::AgentParameters;
 use formation_sim::AgentFactory;
 
 use world::{Disturbance, Published, World};

@@ -5,9 +5,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Incarnation, Message, ModuleId, Pose};
-use formation::motion::MotionReport;
-use formation::protocol::{Identity, Input, Output, SourceId};
+use formation_model::{Incarnation, Message, ModuleId, Pose, SourceId};
+use formation_motion::MotionReport;
+use formation_protocol::{Identity, Input, Output};
 
 use super::world::{Actor, Agenda, World, hash_of, id};
 use super::{Explorer, MODULES, Step, Trail};

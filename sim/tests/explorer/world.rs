@@ -6,11 +6,11 @@ use std::rc::Rc;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{
+use formation_model::{
     Heartbeat, Incarnation, Message, ModuleId, ModuleState, Pose, RosterMessage,
 };
-use formation::motion::MotionGoal;
-use formation::protocol::Agent;
+use formation_motion::MotionGoal;
+use formation_protocol::Agent;
 
 use super::evidence::{Evidence, PlanKey};
 use super::{Bound, MODULES, Step, Trail};

@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::generate::{GeneratorParameters, Grouping, generate};
-use formation::model::{
+use formation_generate::{GeneratorParameters, Grouping, generate};
+use formation_model::{
     ClosedRoster, Incarnation, Message, ModuleId, ModulePhase, PlanningModule, PlanningProblem,
     RosterMessage, Scenario, SpotId,
 };
-use formation::protocol::{Agent, AgentParameters, Event, Identity};
+use formation_protocol::{Agent, AgentParameters, Event, Identity};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, Observation,
     RunReport, run_seed, run_seeds,

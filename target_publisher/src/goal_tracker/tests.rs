@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use formation::model::{
+use formation_model::{
     Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, Roster, RosterMember, RosterMessage,
     Scenario, Service, Stop, TargetAnnouncement,
 };
@@ -99,7 +99,7 @@ fn plan(tracker: &mut GoalTracker<u32>, now: Duration) {
     let scenario = Scenario::from_yaml(SCENARIO).unwrap();
     let modules = scenario.problem().modules().iter();
     let roster = Roster {
-        timing: formation::model::Timing {
+        timing: formation_model::Timing {
             heartbeat: Duration::from_millis(500),
             suspicion: Duration::from_secs(5),
             lease: Duration::from_millis(2_500),

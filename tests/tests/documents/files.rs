@@ -83,3 +83,23 @@ fn collect(folder: &str, found: &mut Vec<TextFile>) {
         }
     }
 }
+
+/// The lines of one table of a manifest.
+pub fn table<'a>(manifest: &'a str, name: &str) -> impl Iterator<Item = &'a str> {
+    let header = format!("[{name}]");
+    manifest
+        .lines()
+        .skip_while(move |line| *line != header)
+        .skip(1)
+        .take_while(|line| !line.starts_with('['))
+}
+
+/// The folder of each package of the workspace.
+pub fn members() -> Vec<String> {
+    let manifest = TextFile::read("Cargo.toml");
+    let members = table(&manifest.text, "workspace").filter_map(|line| {
+        let member = line.trim().strip_prefix('"')?;
+        member.strip_suffix("\",")
+    });
+    members.map(str::to_owned).collect()
+}

@@ -1,6 +1,7 @@
 //! The documents are true of the repository, and its text keeps to the rules of layout.
 
 mod book;
+mod circles;
 mod files;
 mod parameters;
 mod references;

@@ -123,20 +123,10 @@ fn every_promise_of_the_fault_model_names_tests() {
     assert!(tests.len() > 20, "found {}", tests.len());
 }
 
-/// The lines of one table of a manifest.
-fn table<'a>(manifest: &'a str, name: &str) -> impl Iterator<Item = &'a str> {
-    let header = format!("[{name}]");
-    manifest
-        .lines()
-        .skip_while(move |line| *line != header)
-        .skip(1)
-        .take_while(|line| !line.starts_with('['))
-}
-
 /// The folder of each crate of the workspace, by name.
 fn folders() -> BTreeMap<String, String> {
     let manifest = TextFile::read("Cargo.toml");
-    table(&manifest.text, "workspace.dependencies")
+    files::table(&manifest.text, "workspace.dependencies")
         .filter_map(|line| {
             let (name, rest) = line.split_once(" = { path = \"")?;
             let (folder, _) = rest.split_once('"')?;
@@ -160,19 +150,15 @@ fn the_table_of_crates_agrees_with_the_manifests() {
         })
         .collect();
     let folders = folders();
-    let members = TextFile::read("Cargo.toml");
-    let members = table(&members.text, "workspace").filter_map(|line| {
-        let member = line.trim().strip_prefix('"')?;
-        member.strip_suffix("\",")
-    });
-    let used: BTreeMap<String, BTreeSet<String>> = members
+    let used: BTreeMap<String, BTreeSet<String>> = files::members()
+        .into_iter()
         .map(|member| {
             let manifest = TextFile::read(&format!("{member}/Cargo.toml"));
-            let uses = table(&manifest.text, "dependencies")
+            let uses = files::table(&manifest.text, "dependencies")
                 .filter_map(|line| line.split(['.', ' ']).next())
                 .filter_map(|name| folders.get(name).cloned())
                 .collect();
-            (member.to_owned(), uses)
+            (member, uses)
         })
         .collect();
     assert!(used.len() > 10, "found {used:?}");
@@ -182,8 +168,8 @@ fn the_table_of_crates_agrees_with_the_manifests() {
 #[test]
 fn every_file_of_tests_is_compiled() {
     let mut folders = 0;
-    for package in fs::read_dir(root()).unwrap() {
-        let package = package.unwrap().path();
+    for package in files::members() {
+        let package = root().join(package);
         let Ok(all) = fs::read_to_string(package.join("tests/all.rs")) else {
             continue;
         };

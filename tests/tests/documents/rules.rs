@@ -73,27 +73,17 @@ fn item<'a>(lines: impl Iterator<Item = &'a str>) -> (String, bool) {
         is_test |= line.starts_with("#[test]");
         !line.starts_with("//") && !line.starts_with('#') && !line.starts_with(')')
     });
-    let words = head
-        .unwrap_or_default()
-        .split([' ', '(', '<', ',', ':', '{']);
-    let leading = [
-        "pub",
-        "const",
-        "fn",
-        "struct",
-        "enum",
-        "static",
-        "trait",
-        "type",
-        "mod",
-        "super)",
-        "crate)",
-        "in",
-        "crate",
-        "",
-        "protocol)",
+    let head = head.unwrap_or_default();
+    // A visibility such as `pub(in crate::stage)`.
+    let head = match head.strip_prefix("pub(") {
+        Some(rest) => rest.split_once(") ").map_or("", |(_, item)| item),
+        None => head.strip_prefix("pub ").unwrap_or(head),
+    };
+    let kinds = [
+        "const", "fn", "struct", "enum", "static", "trait", "type", "mod",
     ];
-    let name = words.into_iter().find(|word| !leading.contains(word));
+    let mut words = head.split([' ', '(', '<', ',', ':', '{', ';']);
+    let name = words.find(|word| !kinds.contains(word));
     (name.unwrap_or_default().to_owned(), is_test)
 }
 

@@ -9,7 +9,7 @@ use std::fmt;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation::generate::Random;
+use formation_generate::Random;
 use formation_tests::{Domain, Fleet, Timing, report};
 
 use super::{PATIENCE, SPARES};

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::thread;
 use std::time::Instant;
 
-use formation::model::Scenario;
-use formation::planner;
+use formation_model::Scenario;
+use formation_planner as planner;
 use formation_tests::{Domain, Fleet, Judged, Peer, Signal, Timing};
 
 use super::{PATIENCE, SPARES};

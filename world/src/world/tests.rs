@@ -3,7 +3,7 @@
     reason = "a failure in a helper fails the test that calls it"
 )]
 
-use formation::model::Scenario;
+use formation_model::Scenario;
 
 use super::*;
 

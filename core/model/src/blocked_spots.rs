@@ -1,0 +1,271 @@
+//! The spots that bodies block, and the part of a target that they leave open.
+
+use std::sync::Arc;
+
+use crate::{
+    BlockedSpot, BodyReport, ModuleId, MotionMode, Roster, RosterMember, Service, SpotId, Target,
+    Whereabouts,
+};
+
+/// Whether a module is among these members, which ascend by module.
+pub fn lists(members: &[RosterMember], module: ModuleId) -> bool {
+    RosterMember::find(members, module).is_some()
+}
+
+/// The spots of a target that bodies cover, ascending.
+///
+/// The bodies are those that `bodies` reports of modules that are not members, and those of members that stay where they are: of
+/// those whose motion failed, and of retired ones where modules move along paths only. The spot of an active member that has
+/// settled on it is free of other bodies.
+pub fn blocked_spots(
+    target: &Target,
+    motion: MotionMode,
+    members: &[RosterMember],
+    bodies: &[BodyReport],
+) -> Vec<BlockedSpot> {
+    let may_make_room = motion != MotionMode::Paths && target.surroundings().is_open();
+    let staying = members.iter().filter(|member| match member.service {
+        Service::Active => false,
+        Service::Retired => !may_make_room,
+        Service::MotionFailed => true,
+    });
+    let mut standing: Vec<BodyReport> = staying
+        .map(|member| BodyReport {
+            module: member.module.id,
+            incarnation: member.incarnation,
+            epoch: None,
+            sequence: 0,
+            whereabouts: Whereabouts::Halted(member.module.pose),
+        })
+        .collect();
+    let others = bodies.iter().filter(|body| !lists(members, body.module));
+    standing.extend(others.cloned());
+    standing.sort_by_key(|body| body.module);
+    if standing.is_empty() {
+        return Vec::new();
+    }
+    let active = RosterMember::active(members);
+    let mut pins: Vec<SpotId> = active.filter_map(|member| member.module.pin).collect();
+    pins.sort_unstable();
+    let spots = target.spots().iter();
+    spots
+        .filter(|spot| pins.binary_search(&spot.id).is_err())
+        .filter_map(|spot| {
+            let body = standing.iter().find(|body| body.covers(&spot.pose))?;
+            Some(BlockedSpot {
+                spot: spot.id,
+                module: body.module,
+            })
+        })
+        .collect()
+}
+
+/// The part of a target that can be formed although some of its spots are blocked: of the connected parts of the others,
+/// the one with room for the most active members; of equals the one with the most settled members, then the largest, then
+/// the one with the lowest spot. `None` if every spot is blocked.
+/// Enforces B3.
+pub fn open_part(
+    target: &Arc<Target>,
+    members: &[RosterMember],
+    blocked: &[BlockedSpot],
+) -> Option<Arc<Target>> {
+    if blocked.is_empty() {
+        return Some(Arc::clone(target));
+    }
+    let active = RosterMember::active(members);
+    let pins: Vec<usize> = active
+        .clone()
+        .filter_map(|member| target.position_of(member.module.pin?))
+        .collect();
+    let count = active.count();
+    let parts = target.topology().components_within(|position| {
+        let spot = target.spots()[position].id;
+        let find = blocked.binary_search_by_key(&spot, |blocked| blocked.spot);
+        find.is_err()
+    });
+    let best = parts.into_iter().rev().max_by_key(|part| {
+        let is_in = |pin: &&usize| part.binary_search(pin).is_ok();
+        let settled = pins.iter().filter(is_in).count();
+        (part.len().min(count), settled, part.len())
+    })?;
+    target.restricted_to(&best).map(Arc::new)
+}
+
+impl Roster {
+    /// The spots of its target that bodies cover, ascending.
+    pub fn blocked_spots(&self) -> Vec<BlockedSpot> {
+        self.blocked_by(&self.bodies)
+    }
+
+    /// The blocked spots if these were the bodies of modules that are not members.
+    pub fn blocked_by(&self, bodies: &[BodyReport]) -> Vec<BlockedSpot> {
+        let motion = self.target.parameters.motion;
+        let target = self.target.target.as_ref();
+        target.map_or_else(Vec::new, |target| {
+            blocked_spots(target, motion, &self.members, bodies)
+        })
+    }
+
+    /// The part of its target that bodies leave open; `None` when they leave none, or the target is withdrawn.
+    pub fn open_target(&self) -> Option<Arc<Target>> {
+        let target = self.target.target.as_ref()?;
+        open_part(target, &self.members, &self.blocked_spots())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::cmp::Ordering;
+
+    use super::*;
+    use crate::{Epoch, Incarnation, PlanningModule, Polyline, Pose, RawSpot, RawTarget};
+
+    fn at(x: f64, y: f64) -> Pose {
+        Pose::from_units(x, y, 0.0).unwrap()
+    }
+
+    fn report(module: u32, whereabouts: Whereabouts) -> BodyReport {
+        BodyReport {
+            module: ModuleId(module),
+            incarnation: Incarnation(1),
+            epoch: None,
+            sequence: 1,
+            whereabouts,
+        }
+    }
+
+    fn member(id: u32, pin: Option<u32>, service: Service, pose: Pose) -> RosterMember {
+        RosterMember {
+            incarnation: Incarnation(1),
+            store: None,
+            service,
+            module: PlanningModule {
+                id: ModuleId(id),
+                pose,
+                links: [].into(),
+                configuration: None,
+                leader: None,
+                pin: pin.map(SpotId),
+            },
+        }
+    }
+
+    /// Spots 1 to `count` in a row, one unit apart.
+    fn row(count: u32) -> Arc<Target> {
+        let spot = |id| RawSpot {
+            id,
+            x: f64::from(id),
+            y: 0.0,
+            theta: 0.0,
+        };
+        let raw = RawTarget {
+            frame_id: "map".to_owned(),
+            spots: (1..=count).map(spot).collect(),
+            edges: (1..count).map(|id| [id, id + 1]).collect(),
+        };
+        Arc::new(Target::try_from(raw).unwrap())
+    }
+
+    fn blocked(members: &[RosterMember], bodies: &[BodyReport]) -> Vec<(u32, u32)> {
+        blocked_spots(&row(7), MotionMode::Auto, members, bodies)
+            .into_iter()
+            .map(|BlockedSpot { spot, module }| (spot.0, module.0))
+            .collect()
+    }
+
+    #[test]
+    fn a_body_covers_what_is_nearer_than_half_a_unit() {
+        let still = |x, y| [report(9, Whereabouts::Seen(at(x, y)))];
+        assert_eq!(blocked(&[], &still(3.0, 0.499)), [(3, 9)]);
+        assert_eq!(blocked(&[], &still(3.0, 0.5)), []);
+        let between = [report(
+            9,
+            Whereabouts::OnTheWay(Polyline::line(at(2.0, 3.0), at(5.0, 0.0))),
+        )];
+        assert_eq!(blocked(&[], &between), [(5, 9)]);
+        let along = [report(
+            9,
+            Whereabouts::OnTheWay(Polyline::line(at(-3.0, 0.3), at(3.0, 0.0))),
+        )];
+        assert_eq!(blocked(&[], &along), [(1, 9), (2, 9), (3, 9)]);
+        // A path that leads around spots 3 and 4 covers neither.
+        let path = [at(2.0, -2.0), at(2.0, 2.0), at(5.0, 2.0), at(5.0, 0.4)];
+        let path = Polyline::through(path).unwrap();
+        let around = [report(9, Whereabouts::OnTheWay(path))];
+        assert_eq!(blocked(&[], &around), [(2, 9), (5, 9)]);
+        assert_eq!(blocked(&[], &[report(9, Whereabouts::Removed)]), []);
+    }
+
+    #[test]
+    fn members_block_only_where_their_motion_failed() {
+        let here = at(3.0, 0.0);
+        for (service, expected) in [
+            (Service::Active, vec![]),
+            (Service::Retired, vec![]),
+            (Service::MotionFailed, vec![(3, 4)]),
+        ] {
+            let members = [member(4, None, service, here)];
+            // What is claimed of a member's body is ignored.
+            let claimed = [report(4, Whereabouts::Seen(at(6.0, 0.0)))];
+            assert_eq!(blocked(&members, &claimed), expected);
+        }
+        let settled = [member(4, Some(3), Service::Active, here)];
+        assert_eq!(blocked(&settled, &[report(9, Whereabouts::Seen(here))]), []);
+    }
+
+    /// Shows B3.
+    #[test]
+    fn the_part_with_room_for_the_most_modules_is_formed() {
+        let target = row(7);
+        let blocked = |spot| {
+            [BlockedSpot {
+                spot: SpotId(spot),
+                module: ModuleId(9),
+            }]
+        };
+        let module = |id, pin| member(id, pin, Service::Active, at(9.0, 9.0));
+        let ids = |members: &[RosterMember], spot: u32| {
+            let part = open_part(&target, members, &blocked(spot)).unwrap();
+            let spots = part.spots().iter().map(|spot| spot.id.0);
+            spots.collect::<Vec<_>>()
+        };
+        let four: Vec<RosterMember> = (1..=4).map(|id| module(id, None)).collect();
+        assert_eq!(ids(&four, 3), [4, 5, 6, 7]);
+        assert_eq!(ids(&four, 4), [1, 2, 3], "the lowest of equals");
+        let two = [module(1, Some(1)), module(2, None)];
+        assert_eq!(ids(&two, 3), [1, 2], "where a module has settled");
+        let everything: Vec<BlockedSpot> = (1..=7).flat_map(blocked).collect();
+        assert_eq!(open_part(&target, &two, &everything), None);
+    }
+
+    /// Shows B1.
+    #[test]
+    fn later_runs_and_removals_supersede() {
+        let at_epoch = |number: u64, sequence, whereabouts| BodyReport {
+            epoch: (number > 0).then_some(Epoch {
+                number,
+                convener: ModuleId(1),
+            }),
+            sequence,
+            ..report(4, whereabouts)
+        };
+        let seen = || Whereabouts::Seen(at(0.0, 0.0));
+        let on_the_way = Whereabouts::OnTheWay(Polyline::line(at(0.0, 0.0), at(1.0, 0.0)));
+        let ascending = [
+            at_epoch(0, 1, seen()),
+            at_epoch(0, 2, seen()),
+            at_epoch(2, 1, seen()),
+            at_epoch(2, 0, on_the_way),
+            at_epoch(2, 0, Whereabouts::Halted(at(1.0, 0.0))),
+            at_epoch(3, 1, seen()),
+            report(4, Whereabouts::Removed),
+            BodyReport {
+                incarnation: Incarnation(2),
+                ..report(4, seen())
+            },
+        ];
+        for pair in ascending.windows(2) {
+            assert_eq!(pair[0].compare_age(&pair[1]), Ordering::Less, "{pair:?}");
+        }
+    }
+}

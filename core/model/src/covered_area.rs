@@ -1,0 +1,99 @@
+//! What bodies cover, as rectangles along the axes.
+
+use crate::turning::rotated;
+use crate::{Area, MicroUnits, Pose, polyline};
+
+impl Area {
+    /// What a body of this width covers, and the corners between its headings and the axes.
+    #[must_use]
+    pub fn of_body(pose: &Pose, width: MicroUnits) -> Self {
+        let half = width.0 / 2;
+        let corners = [(half, half), (half, -half)].map(|corner| rotated(corner, pose.theta.0));
+        let reach = |along: fn(&(i64, i64)) -> i64| {
+            let reaches = corners.iter().map(|corner| along(corner).abs());
+            reaches.max().unwrap_or(half)
+        };
+        let (across, along) = (reach(|corner| corner.0), reach(|corner| corner.1));
+        let corner = |sign: i64| {
+            let (x, y) = (pose.x.0 + sign * across, pose.y.0 + sign * along);
+            (MicroUnits(x), MicroUnits(y))
+        };
+        Self {
+            low: corner(-1),
+            high: corner(1),
+        }
+    }
+
+    /// What a body of this width covers in any heading.
+    fn of_turning_body(pose: &Pose, width: MicroUnits) -> Self {
+        let half = width.0 / 2;
+        let reach = (2 * half * half).isqrt() + 1;
+        let corner = |reach: i64| (MicroUnits(pose.x.0 + reach), MicroUnits(pose.y.0 + reach));
+        Self {
+            low: corner(-reach),
+            high: corner(reach),
+        }
+    }
+
+    /// What a body of this width covers at a pose on the line between two others. Where their headings differ, it may have any.
+    fn of_body_between(ends: (&Pose, &Pose)) -> fn(&Pose, MicroUnits) -> Self {
+        match ends.0.theta == ends.1.theta {
+            true => Self::of_body,
+            false => Self::of_turning_body,
+        }
+    }
+
+    /// What a body of this width may cover on the line between two poses, in rectangles around places at most `spacing` apart.
+    pub fn along_line(
+        (from, to): (&Pose, &Pose),
+        width: MicroUnits,
+        spacing: MicroUnits,
+    ) -> Vec<Self> {
+        let area_of = Self::of_body_between((from, to));
+        let ends = [*from, *to];
+        let poses = polyline::sampled(&ends, spacing);
+        poses.map(|pose| area_of(&pose, width)).collect()
+    }
+
+    /// The rectangle around all that.
+    pub fn around_line((from, to): (&Pose, &Pose), width: MicroUnits) -> Self {
+        let area_of = Self::of_body_between((from, to));
+        area_of(from, width).joined(&area_of(to, width))
+    }
+
+    fn joined(&self, other: &Self) -> Self {
+        Self {
+            low: (self.low.0.min(other.low.0), self.low.1.min(other.low.1)),
+            high: (self.high.0.max(other.high.0), self.high.1.max(other.high.1)),
+        }
+    }
+
+    /// The rectangle around what bodies of this width cover.
+    pub fn of_bodies(poses: [&Pose; 2], width: MicroUnits) -> Self {
+        let [first, second] = poses.map(|pose| Self::of_body(pose, width));
+        first.joined(&second)
+    }
+
+    /// Both corners, in micro-units.
+    pub fn corners(&self) -> ((i64, i64), (i64, i64)) {
+        let point = |corner: (MicroUnits, MicroUnits)| (corner.0.0, corner.1.0);
+        (point(self.low), point(self.high))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Half of the diagonal of a body of 0.9 units is 0.636 units.
+    #[test]
+    fn a_body_that_turns_covers_its_corners_in_every_heading() {
+        let pose = |x, theta| Pose::from_units(x, 0.0, theta).unwrap();
+        let width = crate::BODY_WIDTH;
+        let reach = |from, to| Area::around_line((&from, &to), width).high.1.to_units();
+        assert!((reach(pose(0.0, 0.0), pose(2.0, 0.0)) - 0.45).abs() < 0.001);
+        assert!((reach(pose(0.0, 0.0), pose(0.0, 3.0)) - 0.636).abs() < 0.001);
+        let along = Area::along_line((&pose(0.0, 0.0), &pose(0.0, 3.0)), width, width);
+        assert!(along.iter().all(|area| area.high.1.to_units() > 0.636));
+    }
+}

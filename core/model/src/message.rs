@@ -1,0 +1,304 @@
+//! The messages of the protocol as validated data; the wire types are in `formation_msgs`.
+
+use std::collections::BTreeSet;
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{
+    BodyReport, ClosedRoster, ConfigurationId, Decision, Digest, Epoch, EvictionRecord,
+    Incarnation, ModuleId, ModuleRun, Pose, QuorumBasis, Service, SpotId, StoreId,
+    TargetAnnouncement, Voter,
+};
+
+/// The phase in which a module is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
+#[serde(rename_all = "SCREAMING_SNAKE_CASE")]
+pub enum ModulePhase {
+    /// Started; receives messages for a while before it takes part.
+    Listening,
+    /// Halted, in an epoch that gathers its members.
+    Gathered,
+    /// Halted; computes the plan of its epoch, or as its convener which pins stay.
+    Computing,
+    /// Taking turns.
+    Planning,
+    /// All turns are applied; waits until all members show the same digest.
+    Agreeing,
+    /// Agreed; waits until the earlier units have settled.
+    Waiting,
+    /// Moves to its spot.
+    Moving,
+    /// On its spot and docked.
+    Settled,
+    /// Agreed; the plan gives it no spot.
+    Spare,
+    /// Receives heartbeats of too few modules for a majority.
+    WaitingForQuorum,
+}
+
+impl ModulePhase {
+    /// The name of the phase for people and in `ModuleState.msg`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Listening => "LISTENING",
+            Self::Gathered => "GATHERED",
+            Self::Computing => "COMPUTING",
+            Self::Planning => "PLANNING",
+            Self::Agreeing => "AGREEING",
+            Self::Waiting => "WAITING",
+            Self::Moving => "MOVING",
+            Self::Settled => "SETTLED",
+            Self::Spare => "SPARE",
+            Self::WaitingForQuorum => "WAITING_FOR_QUORUM",
+        }
+    }
+}
+
+/// A message of a module for which an action waited.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub struct CausalMark {
+    /// The module that sent it.
+    pub module: ModuleId,
+    /// Its sequence number.
+    pub sequence: u64,
+}
+
+/// What the drive of a module does from the time of a state on.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum DriveState {
+    /// The module stands where it is until it publishes another state.
+    #[default]
+    Standing,
+    /// The module moves straight on, until it publishes a state at the next corner or stop.
+    Moving,
+    /// The module moves straight on in a step in which its unit folds, so modules of the unit may overlap.
+    Folding,
+}
+
+/// When a state held. An agent counts from the start of its own clock, a message from 1970-01-01 UTC by the clock of its
+/// sender. No agent decides by it, so it does not enter hashes.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub struct SenderTime(pub Duration);
+
+impl Hash for SenderTime {
+    fn hash<H: Hasher>(&self, _: &mut H) {}
+}
+
+/// The state that a module publishes.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct ModuleState {
+    /// The module.
+    pub module: ModuleId,
+    /// The run of its process.
+    pub incarnation: Incarnation,
+    /// Its store, if it has one.
+    pub store: Option<StoreId>,
+    /// Rises with every state that this incarnation publishes.
+    pub sequence: u64,
+    /// The epoch of the state; `None` before the first.
+    pub epoch: Option<Epoch>,
+    /// The digest of its plan; `None` without a plan.
+    pub digest: Option<Digest>,
+    /// Its phase.
+    pub phase: ModulePhase,
+    /// Whether it takes part in plans.
+    pub service: Service,
+    /// When it had this pose.
+    pub at: SenderTime,
+    /// What its drive does from then on.
+    pub drive: DriveState,
+    /// Its pose.
+    pub pose: Pose,
+    /// The modules to which it is docked.
+    pub links: BTreeSet<ModuleId>,
+    /// The initial configuration to which it belongs.
+    pub configuration: Option<ConfigurationId>,
+    /// The module that leads it.
+    pub leader: Option<ModuleId>,
+    /// The spot that the plan gives it; in GATHERED, the spot on which it has settled already and stays.
+    pub spot: Option<SpotId>,
+    /// The lead of its acting unit; itself when it moves alone.
+    pub unit: Option<ModuleId>,
+    /// The number of steps of its path that it has done in this epoch; `None` without a plan, or if modules move in
+    /// straight lines.
+    pub steps_done: Option<u32>,
+    /// The sequence number of the first state that showed it settled in this epoch; 0 before. A reader that keeps one
+    /// sample can miss that state, and this shows whether a mark is later.
+    pub settled_since: u64,
+    /// In MOVING and SETTLED: the settled states for which it waited. They prove the order to observers.
+    pub waited_for: Vec<CausalMark>,
+    /// In MOVING and SETTLED of the first unit to move: the heartbeats that showed agreement, one of each member. SETTLED
+    /// repeats them for observers that join late and receive no MOVING.
+    pub agreed_on: Vec<CausalMark>,
+    /// In GATHERED: the rosters known to it of which a new one must contain a majority.
+    pub quorum_bases: Vec<QuorumBasis>,
+    /// In GATHERED: the known bodies and removals of modules that are absent, ascending by module.
+    pub bodies: Vec<BodyReport>,
+    /// In GATHERED: the runs whose bodies were reported as removed, and that this module has not heard for `suspicion`; ascending by
+    /// module.
+    pub proposed_removals: Vec<ModuleRun>,
+    /// In GATHERED: the runs that this module has heard since their bodies were reported as removed; ascending by module.
+    pub refuted_removals: Vec<ModuleRun>,
+}
+
+impl ModuleState {
+    /// The first state of a run: it stands at a pose, docked to no module, and takes part in no plan yet.
+    #[must_use]
+    pub fn standing(run: ModuleRun, pose: Pose) -> Self {
+        Self {
+            module: run.module,
+            incarnation: run.incarnation,
+            store: None,
+            sequence: 1,
+            epoch: None,
+            digest: None,
+            phase: ModulePhase::Listening,
+            service: Service::Active,
+            at: SenderTime::default(),
+            drive: DriveState::Standing,
+            pose,
+            links: BTreeSet::new(),
+            configuration: None,
+            leader: None,
+            spot: None,
+            unit: None,
+            steps_done: None,
+            settled_since: 0,
+            waited_for: Vec::new(),
+            agreed_on: Vec::new(),
+            quorum_bases: Vec::new(),
+            bodies: Vec::new(),
+            proposed_removals: Vec::new(),
+            refuted_removals: Vec::new(),
+        }
+    }
+
+    /// The module with the memory that counts towards majorities.
+    #[must_use]
+    pub fn voter(&self) -> Voter {
+        let run = self.module.run(self.incarnation);
+        Voter::new(run, self.store)
+    }
+}
+
+/// The message of a convener.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum RosterMessage {
+    /// Opens an epoch: receivers halt and publish their state.
+    Gather {
+        /// The epoch.
+        epoch: Epoch,
+        /// The revision of the target to plan for.
+        target_revision: u64,
+        /// Its digest: a module that has settled for a target with this digest publishes its spot as its pin.
+        target: Digest,
+    },
+    /// Ends the gathering: receivers plan for this roster.
+    Plan(Arc<ClosedRoster>),
+}
+
+impl RosterMessage {
+    /// The epoch that it opens or plans.
+    pub fn epoch(&self) -> Epoch {
+        match self {
+            Self::Gather { epoch, .. } => *epoch,
+            Self::Plan(roster) => roster.epoch,
+        }
+    }
+}
+
+/// A unit's decision as published.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct SpotClaim {
+    /// The epoch.
+    pub epoch: Epoch,
+    /// Counts the turns of the epoch, from 0.
+    pub turn: u32,
+    /// The module that publishes for the unit: its leader.
+    pub claimant: ModuleId,
+    /// The run of its process.
+    pub incarnation: Incarnation,
+    /// The decision.
+    pub decision: Decision,
+}
+
+/// One eviction, published for the evicted module and for observers; it changes no state.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct EvictionNotice {
+    /// The epoch.
+    pub epoch: Epoch,
+    /// The turn whose claim evicts.
+    pub turn: u32,
+    /// The eviction.
+    pub eviction: EvictionRecord,
+}
+
+/// A heartbeat of one module.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub struct Heartbeat {
+    /// The module.
+    pub module: ModuleId,
+    /// The run of its process.
+    pub incarnation: Incarnation,
+    /// Its store, if it has one.
+    pub store: Option<StoreId>,
+    /// Rises with every heartbeat of this incarnation.
+    pub sequence: u64,
+    /// The time since the start of this incarnation, by its own clock, at the time of sending. Receivers compare it with
+    /// their own clocks to recognise a heartbeat that was delayed in a buffer.
+    pub uptime: Duration,
+    /// Its epoch.
+    pub epoch: Option<Epoch>,
+    /// The digest of its plan; `None` until every turn is applied.
+    pub digest: Option<Digest>,
+    /// The sequence number of the first heartbeat that showed this digest; 0 without one.
+    pub digest_since: u64,
+    /// The number of turns of the epoch that it has applied.
+    pub applied_turns: u32,
+    /// The number of steps of its path that it has done in this epoch.
+    pub steps_done: u32,
+    /// Its phase.
+    pub phase: ModulePhase,
+    /// The latest command to stop or to resume that it knows.
+    pub stop: Stop,
+}
+
+/// A command to all modules to stand still, or to move again; the highest revision applies. Revision 0 stands for none.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+pub struct Stop {
+    /// Rises with every command.
+    pub revision: u64,
+    /// Whether the modules are to stand still; of two commands of one revision, the one to stand still applies.
+    pub stopped: bool,
+}
+
+/// A message that an agent can receive, by its topic.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum Message {
+    /// On `target`.
+    Target(Arc<TargetAnnouncement>),
+    /// On `module_states`.
+    ModuleState(Arc<ModuleState>),
+    /// On `module_states`, of another session: the module takes no part, and its body stands there.
+    OtherSessionState(Arc<ModuleState>),
+    /// On `roster`.
+    Roster(RosterMessage),
+    /// On `claims`.
+    Claim(Arc<SpotClaim>),
+    /// On `evictions`.
+    Eviction(EvictionNotice),
+    /// On `heartbeats`.
+    Heartbeat(Heartbeat),
+    /// On `commands`.
+    Stop(Stop),
+    /// On `commands`: the body of this run, with those of all earlier ones, was taken away.
+    Removal(ModuleRun),
+}

@@ -1,0 +1,384 @@
+//! The user's choices about planning.
+
+use serde::{Deserialize, Deserializer, Serialize};
+use thiserror::Error;
+
+use crate::{FieldError, MicroUnits, PaperBundle, PaperOptions, QuantiseError, WEIGHT_LIMIT};
+
+/// The planner. Digests contain the numbers.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum Policy {
+    /// Utility-optimal common subtrees and eviction chains.
+    #[default]
+    Exact = 0,
+    /// Algorithms 1 and 2 of the paper, by the readings of [`PaperOptions`].
+    Paper = 1,
+    /// Bertsekas' auction, which treats every module as a singleton.
+    Auction = 2,
+    /// A central optimal assignment, which treats every module as a singleton.
+    Hungarian = 3,
+}
+
+impl Policy {
+    /// The names of all policies.
+    pub const NAMES: &'static str = "exact, paper, auction, hungarian";
+
+    /// The name in scenario files and messages.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Exact => "exact",
+            Self::Paper => "paper",
+            Self::Auction => "auction",
+            Self::Hungarian => "hungarian",
+        }
+    }
+
+    /// The policy of a name.
+    #[must_use]
+    pub fn named(name: &str) -> Option<Self> {
+        let all = [Self::Exact, Self::Paper, Self::Auction, Self::Hungarian];
+        all.into_iter().find(|policy| policy.name() == name)
+    }
+}
+
+/// The order in which units take their turns. Digests contain the numbers.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum TurnOrder {
+    /// By distance of the unit's leader from the target's centre, the paper's order.
+    #[default]
+    Rank = 0,
+    /// Larger configurations first, then by rank; this breaks fewer links.
+    SizeFirst = 1,
+}
+
+/// How modules get to their spots. Digests contain the numbers.
+#[derive(
+    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
+)]
+#[serde(rename_all = "snake_case")]
+pub enum MotionMode {
+    /// Along paths where there are any; otherwise in straight lines, with a warning.
+    #[default]
+    Auto = 0,
+    /// Along paths without contact, all units at the same time. Where there are none, no module moves.
+    Paths = 1,
+    /// In straight lines, one unit after another. Modules may run into each other.
+    Straight = 2,
+}
+
+/// The weights of the cost of taking a spot; always `loc > dock > undock >= 0`.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "RawWeights", into = "RawWeights")]
+pub struct Weights {
+    loc: MicroUnits,
+    dock: MicroUnits,
+    undock: MicroUnits,
+}
+
+/// The weights as they stand in a scenario file.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields, default)]
+struct RawWeights {
+    loc: f64,
+    dock: f64,
+    undock: f64,
+}
+
+impl Default for RawWeights {
+    fn default() -> Self {
+        Weights::default().into()
+    }
+}
+
+impl From<Weights> for RawWeights {
+    fn from(weights: Weights) -> Self {
+        Self {
+            loc: weights.loc.to_units(),
+            dock: weights.dock.to_units(),
+            undock: weights.undock.to_units(),
+        }
+    }
+}
+
+impl TryFrom<RawWeights> for Weights {
+    type Error = FieldError;
+
+    fn try_from(raw: RawWeights) -> Result<Self, FieldError> {
+        Self::from_units(raw.loc, raw.dock, raw.undock)
+            .map_err(|error| FieldError::new("weights", error))
+    }
+}
+
+/// Why a set of weights was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum WeightsError {
+    /// A weight is not finite or too large.
+    #[error("{name} {source}")]
+    Weight {
+        /// `loc`, `dock` or `undock`.
+        name: &'static str,
+        /// What is wrong with it.
+        #[source]
+        source: QuantiseError,
+    },
+    /// The order of the weights contradicts the paper's cost model.
+    #[error(
+        "must satisfy loc > dock > undock >= 0, got loc {}, dock {}, undock {}", loc.to_units(), dock.to_units(), undock.to_units()
+    )]
+    Order {
+        /// The cost of one unit of distance.
+        loc: MicroUnits,
+        /// The cost of one docking.
+        dock: MicroUnits,
+        /// The cost of one undocking.
+        undock: MicroUnits,
+    },
+}
+
+impl Weights {
+    /// Validates and quantises a set of weights.
+    ///
+    /// # Errors
+    /// Refuses what is not finite, is above [`WEIGHT_LIMIT`], or breaks `loc > dock > undock >= 0`.
+    pub fn from_units(loc: f64, dock: f64, undock: f64) -> Result<Self, WeightsError> {
+        let quantise = |name, value| {
+            MicroUnits::from_units_within(value, WEIGHT_LIMIT)
+                .map_err(|source| WeightsError::Weight { name, source })
+        };
+        let (loc, dock, undock) = (
+            quantise("loc", loc)?,
+            quantise("dock", dock)?,
+            quantise("undock", undock)?,
+        );
+        if loc > dock && dock > undock && undock >= MicroUnits::ZERO {
+            Ok(Self { loc, dock, undock })
+        } else {
+            Err(WeightsError::Order { loc, dock, undock })
+        }
+    }
+
+    /// The cost of one unit of distance.
+    pub fn loc(&self) -> MicroUnits {
+        self.loc
+    }
+
+    /// The cost of one docking, per link end.
+    pub fn dock(&self) -> MicroUnits {
+        self.dock
+    }
+
+    /// The cost of one undocking, per link end.
+    pub fn undock(&self) -> MicroUnits {
+        self.undock
+    }
+}
+
+impl Default for Weights {
+    fn default() -> Self {
+        Self {
+            loc: MicroUnits(1_000_000),
+            dock: MicroUnits(100_000),
+            undock: MicroUnits(50_000),
+        }
+    }
+}
+
+/// The price, in units of utility, of each cut when a configuration chooses its spots; never negative.
+///
+/// A cut is a link that the configuration breaks, or an edge between a spot that it takes and a free one that it leaves: on
+/// trees, one more piece for later turns. Like the utility, the price decides between places for equally many modules, but
+/// it enters no total. At zero the utility decides alone; above the longest distance, the number of cuts decides first.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "f64", into = "f64")]
+pub struct CutPrice(MicroUnits);
+
+impl CutPrice {
+    /// No price.
+    pub const ZERO: Self = Self(MicroUnits::ZERO);
+
+    /// The cost of one unit of distance at the default weights.
+    pub const ONE: Self = Self(MicroUnits::ONE);
+
+    /// Validates and quantises a price.
+    ///
+    /// # Errors
+    /// Refuses what is not finite, negative, or above [`WEIGHT_LIMIT`].
+    pub fn from_units(price: f64) -> Result<Self, CutPriceError> {
+        let price = MicroUnits::from_units_within(price, WEIGHT_LIMIT)?;
+        if price < MicroUnits::ZERO {
+            return Err(CutPriceError::Negative(price));
+        }
+        Ok(Self(price))
+    }
+
+    /// The price of one cut.
+    pub fn per_cut(&self) -> MicroUnits {
+        self.0
+    }
+}
+
+impl Default for CutPrice {
+    fn default() -> Self {
+        Self::ONE
+    }
+}
+
+impl TryFrom<f64> for CutPrice {
+    type Error = FieldError;
+
+    fn try_from(price: f64) -> Result<Self, FieldError> {
+        Self::from_units(price).map_err(|error| FieldError::new("cut_price", error))
+    }
+}
+
+impl From<CutPrice> for f64 {
+    fn from(price: CutPrice) -> Self {
+        price.0.to_units()
+    }
+}
+
+/// Why a price of cuts was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+pub enum CutPriceError {
+    /// The price is not finite or too large.
+    #[error(transparent)]
+    Number(#[from] QuantiseError),
+    /// The price is below zero.
+    #[error("must not be negative, got {0}")]
+    Negative(MicroUnits),
+}
+
+/// All choices of the user about planning, as they stand in a scenario file; every replica holds the same.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "RawPlannerParameters")]
+pub struct PlannerParameters {
+    /// The planner.
+    pub policy: Policy,
+    /// How the policy `paper` reads the paper.
+    #[serde(skip_serializing_if = "PaperOptions::are_default")]
+    pub paper: PaperOptions,
+    /// The order in which units take their turns.
+    pub order: TurnOrder,
+    /// The greatest number of evictions of one chain; `None` is unbounded. In a scenario file of the policy `paper` that
+    /// does not set it, it is the bundle's.
+    pub d_max: Option<u32>,
+    /// With a bounded `d_max`, let the last turn move singletons so that their allocation is utility-optimal given the
+    /// blocks. Without a bound it always is. Only for the policy `exact`.
+    pub exact_finish: bool,
+    /// The weights of the cost of taking a spot.
+    pub weights: Weights,
+    /// The price of each cut when a configuration chooses its spots. Only for the policy `exact`.
+    pub cut_price: CutPrice,
+    /// Keep every spot even when there are fewer modules than spots, instead of trimming the target. The policy `paper`
+    /// never trims.
+    pub keep_all_spots: bool,
+    /// How modules get to their spots.
+    pub motion: MotionMode,
+}
+
+impl PlannerParameters {
+    /// The policy `paper` with the readings and the `D_max` of a bundle.
+    #[must_use]
+    pub fn of_paper(bundle: PaperBundle) -> Self {
+        Self {
+            policy: Policy::Paper,
+            paper: bundle.options(),
+            d_max: Some(bundle.d_max()),
+            ..Self::default()
+        }
+    }
+
+    /// Whether the target is trimmed if there are fewer modules than spots.
+    #[must_use]
+    pub fn trims_target(&self) -> bool {
+        !self.keep_all_spots && self.policy != Policy::Paper
+    }
+}
+
+/// The section `planner` of a scenario file.
+#[derive(Deserialize)]
+#[serde(deny_unknown_fields, default, rename = "PlannerParameters")]
+#[derive(Default)]
+struct RawPlannerParameters {
+    policy: Policy,
+    paper: Option<PaperOptions>,
+    order: TurnOrder,
+    /// `None` if the file does not mention it, which differs from `null`.
+    #[serde(deserialize_with = "mentioned")]
+    d_max: Option<Option<u32>>,
+    exact_finish: bool,
+    weights: Weights,
+    cut_price: CutPrice,
+    keep_all_spots: bool,
+    motion: MotionMode,
+}
+
+/// Distinguishes a field that is `null` from one that is missing.
+fn mentioned<'de, D: Deserializer<'de>>(value: D) -> Result<Option<Option<u32>>, D::Error> {
+    Option::deserialize(value).map(Some)
+}
+
+impl TryFrom<RawPlannerParameters> for PlannerParameters {
+    type Error = FieldError;
+
+    fn try_from(raw: RawPlannerParameters) -> Result<Self, FieldError> {
+        let is_paper = raw.policy == Policy::Paper;
+        if raw.paper.is_some() && !is_paper {
+            let reason = "belongs to `policy: paper`, which is not set";
+            return Err(FieldError::new("planner.paper", reason));
+        }
+        let of_bundle = is_paper.then(|| PaperBundle::default().d_max());
+        Ok(Self {
+            policy: raw.policy,
+            paper: raw.paper.unwrap_or_default(),
+            order: raw.order,
+            d_max: raw.d_max.unwrap_or(of_bundle),
+            exact_finish: raw.exact_finish,
+            weights: raw.weights,
+            cut_price: raw.cut_price,
+            keep_all_spots: raw.keep_all_spots,
+            motion: raw.motion,
+        })
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn weights_must_keep_the_papers_order() {
+        assert_eq!(Weights::from_units(1.0, 0.1, 0.05), Ok(Weights::default()));
+        assert!(matches!(
+            Weights::from_units(0.1, 1.0, 0.05),
+            Err(WeightsError::Order { .. })
+        ));
+        assert!(matches!(
+            Weights::from_units(1.0, f64::NAN, 0.0),
+            Err(WeightsError::Weight { name: "dock", .. })
+        ));
+    }
+
+    #[test]
+    fn a_cut_is_never_rewarded() {
+        assert_eq!(CutPrice::from_units(1.0), Ok(CutPrice::default()));
+        assert_eq!(CutPrice::from_units(0.0), Ok(CutPrice::ZERO));
+        assert!(matches!(
+            CutPrice::from_units(-0.5),
+            Err(CutPriceError::Negative(_))
+        ));
+        for price in [100.5, f64::NAN, f64::INFINITY] {
+            assert!(matches!(
+                CutPrice::from_units(price),
+                Err(CutPriceError::Number(_))
+            ));
+        }
+    }
+}

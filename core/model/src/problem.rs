@@ -1,0 +1,207 @@
+//! The input of one plan, which every replica holds alike before the first turn.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
+
+use thiserror::Error;
+
+use crate::{
+    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
+    Topology,
+};
+
+/// The data about one module on which planning depends.
+#[derive(Clone, Debug, PartialEq, Eq, Hash)]
+pub struct PlanningModule {
+    /// The module.
+    pub id: ModuleId,
+    /// Its pose.
+    pub pose: Pose,
+    /// The modules to which it is docked. A link counts only if both ends name it.
+    pub links: BTreeSet<ModuleId>,
+    /// The initial configuration to which it belongs. Reports show it; planning goes by the links.
+    pub configuration: Option<ConfigurationId>,
+    /// The module that it names as its leader.
+    pub leader: Option<ModuleId>,
+    /// The spot on which it has settled already and stays.
+    pub pin: Option<SpotId>,
+}
+
+/// A connected group of docked modules, found from their links.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Configuration {
+    /// The module that publishes the decisions on all of them.
+    pub leader: ModuleId,
+    /// Two or more modules in ascending order.
+    pub modules: Vec<ModuleId>,
+}
+
+/// Target, parameters and modules, validated.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct PlanningProblem {
+    target: Arc<Target>,
+    parameters: PlannerParameters,
+    modules: Vec<PlanningModule>,
+}
+
+/// Why an input cannot be planned for.
+#[derive(Clone, Debug, PartialEq, Eq, Error)]
+pub enum ProblemError {
+    /// There is no module.
+    #[error("there is no module to plan for")]
+    NoModules,
+    /// There are more than [`MODULES_MAX`] modules.
+    #[error("{0} modules; at most {MODULES_MAX} are supported")]
+    TooManyModules(usize),
+    /// A module has the identifier reserved for "none".
+    #[error("module identifier {NO_ID} is reserved")]
+    ReservedId,
+    /// A module is listed twice.
+    #[error("{0} is listed twice")]
+    DuplicateModule(ModuleId),
+    /// A module is pinned to a spot that does not exist.
+    #[error("{0} is pinned to {1}, which the target does not have")]
+    NoSuchPin(ModuleId, SpotId),
+    /// Two modules are pinned to one spot.
+    #[error("{0} and {1} are both pinned to {2}")]
+    SharedPin(ModuleId, ModuleId, SpotId),
+}
+
+impl PlanningProblem {
+    /// Validates an input, sorts the modules, and drops links that only one end names.
+    ///
+    /// # Errors
+    /// Refuses empty or oversized inputs, repeated modules, and pins that contradict the target or each other.
+    pub fn new(
+        target: Arc<Target>,
+        parameters: PlannerParameters,
+        mut modules: Vec<PlanningModule>,
+    ) -> Result<Self, ProblemError> {
+        if modules.is_empty() {
+            return Err(ProblemError::NoModules);
+        }
+        if modules.len() > MODULES_MAX {
+            return Err(ProblemError::TooManyModules(modules.len()));
+        }
+        modules.sort_by_key(|module| module.id);
+        if let Some(pair) = modules.windows(2).find(|pair| pair[0].id == pair[1].id) {
+            return Err(ProblemError::DuplicateModule(pair[1].id));
+        }
+        if modules.last().is_some_and(|module| module.id.0 == NO_ID) {
+            return Err(ProblemError::ReservedId);
+        }
+        let mut holders = BTreeMap::new();
+        for module in &modules {
+            let Some(spot) = module.pin else { continue };
+            if target.position_of(spot).is_none() {
+                return Err(ProblemError::NoSuchPin(module.id, spot));
+            }
+            if let Some(other) = holders.insert(spot, module.id) {
+                return Err(ProblemError::SharedPin(other, module.id, spot));
+            }
+        }
+        // The links that modules name, turned round: from the module named to the one that names it.
+        let named: BTreeSet<(ModuleId, ModuleId)> = modules
+            .iter()
+            .flat_map(|module| module.links.iter().map(|&other| (other, module.id)))
+            .collect();
+        for module in &mut modules {
+            let id = module.id;
+            module
+                .links
+                .retain(|&other| other != id && named.contains(&(id, other)));
+        }
+        Ok(Self {
+            target,
+            parameters,
+            modules,
+        })
+    }
+
+    /// The same problem without the pins to some spots.
+    pub fn without_pins(&self, released: &BTreeSet<SpotId>) -> Self {
+        let mut problem = self.clone();
+        for module in &mut problem.modules {
+            module.pin = module.pin.filter(|pin| !released.contains(pin));
+        }
+        problem
+    }
+
+    /// The target to form.
+    pub fn target(&self) -> &Arc<Target> {
+        &self.target
+    }
+
+    /// The user's choices about planning.
+    pub fn parameters(&self) -> &PlannerParameters {
+        &self.parameters
+    }
+
+    /// The modules in ascending order of identifier; their links are symmetric.
+    pub fn modules(&self) -> &[PlanningModule] {
+        &self.modules
+    }
+
+    /// The position of a module in [`Self::modules`].
+    pub fn position_of(&self, id: ModuleId) -> Option<usize> {
+        self.modules
+            .binary_search_by_key(&id, |module| module.id)
+            .ok()
+    }
+
+    /// The module of that identifier.
+    pub fn module(&self, id: ModuleId) -> Option<&PlanningModule> {
+        self.position_of(id).map(|position| &self.modules[position])
+    }
+
+    /// The links between the modules, by their positions in [`Self::modules`].
+    pub fn links(&self) -> Topology {
+        let mut edges = Vec::new();
+        for (position, module) in self.modules.iter().enumerate() {
+            let higher = module.links.range(module.id..);
+            let others = higher.filter_map(|&other| self.position_of(other));
+            edges.extend(others.map(|other| (position, other)));
+        }
+        Topology::new(self.modules.len(), &edges)
+    }
+
+    /// The configurations of two or more modules that are free to move, in ascending order of their lowest module.
+    ///
+    /// Pinned modules take no part. The leader is the member that the members name, if they name exactly one of
+    /// themselves; otherwise the member nearest the target's centre, the lowest of equals.
+    pub fn configurations(&self) -> Vec<Configuration> {
+        let components = self
+            .links()
+            .components_within(|position| self.modules[position].pin.is_none());
+        components
+            .into_iter()
+            .filter(|members| members.len() > 1)
+            .filter_map(|members| {
+                let members = members.iter().map(|&position| &self.modules[position]);
+                Some(Configuration {
+                    leader: self.leader_among(members.clone())?,
+                    modules: members.map(|member| member.id).collect(),
+                })
+            })
+            .collect()
+    }
+
+    fn leader_among<'a>(
+        &self,
+        members: impl Iterator<Item = &'a PlanningModule> + Clone,
+    ) -> Option<ModuleId> {
+        let ids: BTreeSet<ModuleId> = members.clone().map(|member| member.id).collect();
+        let named: BTreeSet<ModuleId> = members
+            .clone()
+            .filter_map(|member| member.leader)
+            .filter(|leader| ids.contains(leader))
+            .collect();
+        if named.len() == 1 {
+            return named.first().copied();
+        }
+        let centre = self.target.centre();
+        members
+            .min_by_key(|member| (member.pose.distance_to(&centre), member.id))
+            .map(|member| member.id)
+    }
+}

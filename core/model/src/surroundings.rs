@@ -1,0 +1,293 @@
+//! What a target's modules are and where they move: the width of their bodies, obstacles, and walls.
+
+use std::fmt;
+
+use serde::{Deserialize, Serialize};
+
+use crate::{FieldError, MICRO_PER_UNIT, MicroUnits, Spot};
+
+/// The width of a body in units, unless a scenario gives another.
+pub const BODY_WIDTH: MicroUnits = MicroUnits(900_000);
+
+/// The most obstacles of one target.
+pub const OBSTACLES_MAX: usize = 1_000;
+
+/// The least width of a body.
+const BODY_WIDTH_MIN: MicroUnits = MicroUnits(100_000);
+
+/// A rectangle with sides along the axes of the frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct Area {
+    /// The corner with the smaller coordinates.
+    pub low: (MicroUnits, MicroUnits),
+    /// The corner with the larger coordinates.
+    pub high: (MicroUnits, MicroUnits),
+}
+
+/// An area as it stands in a file or a message, in units, not yet checked.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields, expecting = "a box with x, y, width and height")]
+pub struct RawArea {
+    /// Its middle.
+    pub x: f64,
+    /// Its middle.
+    pub y: f64,
+    /// Its extent along x.
+    pub width: f64,
+    /// Its extent along y.
+    pub height: f64,
+}
+
+/// The surroundings of a target as they stand in a file or a message, in units, not yet checked.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct RawSurroundings {
+    /// The width of a body; `None` for [`BODY_WIDTH`].
+    pub body_width: Option<f64>,
+    /// Boxes that no module may enter.
+    pub obstacles: Vec<RawArea>,
+    /// The box that no module may leave; `None` for an open field.
+    pub arena: Option<RawArea>,
+}
+
+/// Validated surroundings of a target.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Surroundings {
+    body_width: MicroUnits,
+    obstacles: Vec<Area>,
+    arena: Option<Area>,
+}
+
+impl Default for Surroundings {
+    fn default() -> Self {
+        Self {
+            body_width: BODY_WIDTH,
+            obstacles: Vec::new(),
+            arena: None,
+        }
+    }
+}
+
+impl Area {
+    /// Quantises an area with the path `field`.
+    fn checked(field: &str, raw: RawArea) -> Result<Self, FieldError> {
+        for (name, extent) in [("width", raw.width), ("height", raw.height)] {
+            if extent <= 0.0 {
+                let reason = format!("must be positive, got {extent}");
+                return Err(FieldError::new(format_args!("{field}.{name}"), reason));
+            }
+        }
+        let along = |name: &str, middle: f64, extent: f64| {
+            let quantised = |end: f64| {
+                let refused = |error| FieldError::new(format_args!("{field}.{name}"), error);
+                MicroUnits::from_units(end).map_err(refused)
+            };
+            let (low, high) = (middle - extent / 2.0, middle + extent / 2.0);
+            Ok::<_, FieldError>((quantised(low)?, quantised(high)?))
+        };
+        let (left, right) = along("x", raw.x, raw.width)?;
+        let (bottom, top) = along("y", raw.y, raw.height)?;
+        Ok(Self {
+            low: (left, bottom),
+            high: (right, top),
+        })
+    }
+
+    /// The area as it stands in files and messages.
+    #[must_use]
+    pub fn to_raw(&self) -> RawArea {
+        let [(left, bottom), (right, top)] =
+            [self.low, self.high].map(|(x, y)| (x.to_units(), y.to_units()));
+        RawArea {
+            x: f64::midpoint(left, right),
+            y: f64::midpoint(bottom, top),
+            width: right - left,
+            height: top - bottom,
+        }
+    }
+
+    /// The cell of a spot.
+    fn cell(spot: &Spot) -> Self {
+        let half = MicroUnits(MICRO_PER_UNIT / 2);
+        let (x, y) = (spot.pose.x, spot.pose.y);
+        Self {
+            low: (x - half, y - half),
+            high: (x + half, y + half),
+        }
+    }
+
+    /// Whether the insides of two areas have a point in common.
+    pub fn overlaps(&self, other: &Self) -> bool {
+        self.low.0 < other.high.0
+            && other.low.0 < self.high.0
+            && self.low.1 < other.high.1
+            && other.low.1 < self.high.1
+    }
+
+    /// Whether all of another area lies in this one.
+    pub fn holds(&self, other: &Self) -> bool {
+        self.low.0 <= other.low.0
+            && self.low.1 <= other.low.1
+            && other.high.0 <= self.high.0
+            && other.high.1 <= self.high.1
+    }
+}
+
+impl TryFrom<RawSurroundings> for Surroundings {
+    type Error = FieldError;
+
+    fn try_from(raw: RawSurroundings) -> Result<Self, FieldError> {
+        let refused = |reason: &dyn fmt::Display| FieldError::new("body_width", reason);
+        let body_width = raw.body_width.map(MicroUnits::from_units).transpose();
+        let body_width = body_width.map_err(|error| refused(&error))?;
+        let body_width = body_width.unwrap_or(BODY_WIDTH);
+        if !(BODY_WIDTH_MIN..=MicroUnits::ONE).contains(&body_width) {
+            let (least, given) = (BODY_WIDTH_MIN.to_units(), body_width.to_units());
+            let pitch = "1, the pitch of the lattice";
+            return Err(refused(&format_args!(
+                "must lie between {least} units and {pitch}, got {given}"
+            )));
+        }
+        if raw.obstacles.len() > OBSTACLES_MAX {
+            let count = raw.obstacles.len();
+            let reason = format!("{count} entries; at most {OBSTACLES_MAX} are supported");
+            return Err(FieldError::new("obstacles", reason));
+        }
+        let obstacles = raw.obstacles.into_iter().enumerate();
+        let obstacles =
+            obstacles.map(|(index, area)| Area::checked(&format!("obstacles[{index}]"), area));
+        let arena = raw.arena.map(|area| Area::checked("arena", area));
+        Ok(Self {
+            body_width,
+            obstacles: obstacles.collect::<Result<_, _>>()?,
+            arena: arena.transpose()?,
+        })
+    }
+}
+
+impl Surroundings {
+    /// The width of the square body of a module. Bodies must not overlap; the rest of a cell is what drives may be off.
+    #[must_use]
+    pub fn body_width(&self) -> MicroUnits {
+        self.body_width
+    }
+
+    /// Where no module may go.
+    #[must_use]
+    pub fn obstacles(&self) -> &[Area] {
+        &self.obstacles
+    }
+
+    /// The walls around the field, if it has any.
+    #[must_use]
+    pub fn arena(&self) -> Option<Area> {
+        self.arena
+    }
+
+    /// Whether there are neither obstacles nor walls.
+    #[must_use]
+    pub fn is_open(&self) -> bool {
+        self.obstacles.is_empty() && self.arena.is_none()
+    }
+
+    /// Whether an area lies within the walls and on no obstacle.
+    pub fn admits(&self, area: &Area) -> bool {
+        self.arena.is_none_or(|arena| arena.holds(area))
+            && !self
+                .obstacles
+                .iter()
+                .any(|obstacle| obstacle.overlaps(area))
+    }
+
+    /// Refuses a spot whose cell lies on an obstacle or beyond the walls.
+    pub fn check_spots(&self, spots: &[Spot]) -> Result<(), FieldError> {
+        for spot in spots {
+            let (id, cell) = (spot.id, Area::cell(spot));
+            if self.arena.is_some_and(|arena| !arena.holds(&cell)) {
+                return Err(FieldError::new("arena", format_args!("{id} is beyond it")));
+            }
+            let mut obstacles = self.obstacles.iter();
+            if let Some(index) = obstacles.position(|obstacle| obstacle.overlaps(&cell)) {
+                let field = format!("obstacles[{index}]");
+                return Err(FieldError::new(field, format_args!("{id} lies on it")));
+            }
+        }
+        Ok(())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeSet;
+
+    use super::*;
+    use crate::{Scenario, digest};
+
+    const TARGET: &str = "target: {spots: [{id: 3, x: 0, y: 0}, {id: 7, x: 1, y: 0}], edges: [[3, 7]]}\nsingletons: [{id: 1, x: 20, y: 20}]";
+
+    fn read(more: &str) -> Result<Scenario, String> {
+        Scenario::from_yaml(&format!("{TARGET}\n{more}")).map_err(|error| error.to_string())
+    }
+
+    #[test]
+    fn what_is_wrong_with_obstacles_and_walls_is_named() {
+        for (text, expected) in [
+            (
+                "obstacles: [{x: 5, y: 0, width: 1, height: 1}, {x: 1, y: 0.9, width: 1, height: 1}]",
+                "obstacles[1]: spot 7 lies on it",
+            ),
+            (
+                "obstacles: [{x: 5, y: 0, width: 0, height: 1}]",
+                "obstacles[0].width: must be positive, got 0",
+            ),
+            (
+                "obstacles: [{x: .nan, y: 0, width: 1, height: 1}]",
+                "obstacles[0].x: must be a finite number, got NaN",
+            ),
+            (
+                "arena: {x: 0, y: 0, width: 2, height: 2}",
+                "arena: spot 7 is beyond it",
+            ),
+            (
+                "arena: {x: 0, y: 0, width: 9, height: 9}\nplanner: {motion: straight}",
+                "planner.motion: straight lines would lead through obstacles and walls",
+            ),
+        ] {
+            assert_eq!(read(text).unwrap_err(), expected);
+        }
+        // What only touches a cell leaves it open.
+        assert!(read("obstacles: [{x: 0, y: 1, width: 9, height: 1}]").is_ok());
+    }
+
+    #[test]
+    fn the_digest_of_the_target_covers_its_surroundings() {
+        let digest = |more: &str| {
+            let scenario = read(more).unwrap();
+            digest::of_problem(scenario.problem())
+        };
+        let texts = [
+            "",
+            "body_width: 0.8",
+            "arena: {x: 0, y: 0, width: 9, height: 9}",
+            "obstacles: [{x: 9, y: 9, width: 9, height: 9}]",
+            "obstacles: [{x: 9, y: 9, width: 9, height: 8}]",
+        ];
+        let digests: BTreeSet<_> = texts.iter().map(|text| digest(text)).collect();
+        assert_eq!(digests.len(), texts.len());
+        assert_eq!(digest("body_width: 0.9"), digest(""));
+    }
+
+    #[test]
+    fn an_area_is_read_back_exactly() {
+        for (low, high) in [
+            ((1, 2), (4, 8)),
+            ((-999_999_999_999, 0), (999_999_999_999, 1)),
+        ] {
+            let corner = |(x, y): (i64, i64)| (MicroUnits(x), MicroUnits(y));
+            let area = Area {
+                low: corner(low),
+                high: corner(high),
+            };
+            assert_eq!(Area::checked("", area.to_raw()), Ok(area));
+        }
+    }
+}

@@ -1,0 +1,125 @@
+//! Attempts to plan: order and paths of the units; blocks that do not get in are taken apart.
+
+use super::lattice::{Site, Time};
+use super::order::Formation;
+use super::output::Draft;
+use super::rectangle::bounds;
+use super::result::MotionError;
+use super::variants::Ground;
+use super::workshop::{Crew, Workshop};
+use formation_model::MotionPlan;
+
+/// After this many tries to plan with blocks, all are taken apart.
+const TRIES_MAX: usize = 12;
+
+/// What comes of an attempt to plan.
+enum Attempt {
+    Solved(Box<MotionPlan>),
+    /// These blocks do not get to their spots; none if single modules among blocks do not.
+    Blamed(Vec<usize>),
+}
+
+impl Workshop<'_> {
+    /// Plans; takes blocks apart until all units get to their spots.
+    pub fn plan(&self) -> Result<MotionPlan, MotionError> {
+        let blocks = &self.request.plan.blocks;
+        let mut apart = vec![false; blocks.len()];
+        let taken = self.spot_of.iter().flatten();
+        let taken: Vec<Site> = taken.map(|&spot| self.spots[spot]).collect();
+        let target = if taken.is_empty() {
+            bounds(&self.spots)
+        } else {
+            bounds(&taken)
+        };
+        let ready = self.ready();
+        let mut spent = 0;
+        let mut attempt = 0;
+        loop {
+            let crew = self.crew(&apart);
+            let blamed = match self.attempt(&crew, target, &ready, &mut spent)? {
+                Attempt::Blamed(blamed) => blamed,
+                Attempt::Solved(mut plan) => {
+                    let names = blocks.iter().zip(&apart).filter(|(_, apart)| **apart);
+                    plan.taken_apart = names.map(|(block, _)| block.clone()).collect();
+                    return Ok(*plan);
+                }
+            };
+            // Each round takes a block apart, and without blocks an attempt solves or fails.
+            self.take_apart(&crew, &blamed, attempt, &mut apart);
+            attempt += 1;
+        }
+    }
+
+    /// Orders and plans the units.
+    fn attempt(
+        &self,
+        crew: &Crew,
+        target: (Site, Site),
+        ready: &[Time],
+        spent: &mut u64,
+    ) -> Result<Attempt, MotionError> {
+        let formation = Formation {
+            arena: &self.arena,
+            units: &crew.units,
+            ranks: &crew.ranks,
+            by_edges: &crew.by_edges,
+            target,
+        };
+        let order = match formation.order() {
+            Ok(order) => order,
+            Err(stuck) => {
+                let block = stuck
+                    .block
+                    .ok_or_else(|| self.walled_in(&crew.units[stuck.unit]))?;
+                return Ok(Attempt::Blamed(vec![block]));
+            }
+        };
+        let mut parameters = self.request.parameters;
+        parameters.expansions_max = parameters.expansions_max.saturating_sub(*spent);
+        let ground = Ground {
+            arena: &self.arena,
+            units: &crew.units,
+            ready,
+            order: &order,
+            target,
+            parameters: &parameters,
+        };
+        match ground.solve() {
+            Ok(solution) => {
+                let draft = Draft {
+                    workshop: self,
+                    order: &order,
+                    solution: &solution,
+                    spent: *spent,
+                };
+                Ok(Attempt::Solved(Box::new(draft.plan())))
+            }
+            Err(failed) => {
+                let (field, failure) = *failed;
+                *spent += field.expansions();
+                if crew.units.iter().all(|unit| !unit.is_block()) {
+                    return Err(self.unreachable(&field, &failure));
+                }
+                let units = [Some(failure.unit), failure.in_the_way]
+                    .into_iter()
+                    .flatten();
+                let blocks = units.filter(|&unit| crew.units[unit].is_block());
+                Ok(Attempt::Blamed(blocks.collect()))
+            }
+        }
+    }
+
+    fn take_apart(&self, crew: &Crew, blamed: &[usize], attempt: usize, apart: &mut [bool]) {
+        let before = apart.iter().filter(|&&is_apart| is_apart).count();
+        for &unit in blamed {
+            let lead = self.request.problem.modules()[crew.units[unit].modules[0]].id;
+            for (index, block) in self.request.plan.blocks.iter().enumerate() {
+                apart[index] |= block.contains(&lead);
+            }
+        }
+        let after = apart.iter().filter(|&&is_apart| is_apart).count();
+        if attempt + 1 >= TRIES_MAX || after == before {
+            apart.fill(true);
+        }
+    }
+}

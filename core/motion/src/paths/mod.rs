@@ -1,0 +1,63 @@
+//! Paths: how all units move to their spots at the same time without contact.
+//!
+//! Modules are unit squares on the cells of the lattice that the target spans. A unit, a single module or a block of
+//! docked ones, moves by steps of one cell; it holds the cells of a place from the begin of the step into it to the
+//! end of the step out of it. A block that changes its layout folds within a disc that no other unit enters.
+//!
+//! [`plan_motion`] brings all modules from their real poses onto the lattice (`start`, `regroup`), orders the units by taking the
+//! finished formation apart (`order`), and plans them one after another in that order (`docking`): units in the way
+//! make way (`make_way`), and each move is timed between the reservations of the others (`sipp`, `table`). Then each
+//! path is improved with all others fixed (`improve`). What is executed is not the times but the waits (`waits`):
+//! a step begins when the units that hold its cells before have left them, so that no delay leads to contact.
+//!
+//! All decisions are made on whole numbers and the budget counts search nodes, so all replicas find the same plan.
+
+mod attempts;
+mod diagnose;
+mod docking;
+mod field;
+mod fit;
+mod group;
+mod improve;
+mod lattice;
+mod make_way;
+mod order;
+mod output;
+mod rectangle;
+mod regroup;
+mod result;
+mod route;
+mod shape;
+mod sipp;
+mod start;
+mod table;
+mod units;
+mod variants;
+mod waits;
+mod workshop;
+
+pub use result::{
+    FIELD_CELLS_MAX, MotionError, MotionParameters, MotionRequest, Obstruction, StartFault,
+};
+
+use formation_model::{MotionPlan, Polyline, Pose};
+
+use workshop::Workshop;
+
+/// Paths and waits for all units of a plan.
+///
+/// # Errors
+/// Names what is wrong with the target or the starts, or the unit that cannot get to its spots and why.
+pub fn plan_motion(request: &MotionRequest) -> Result<MotionPlan, MotionError> {
+    let motion = Workshop::new(request)?.plan()?;
+    for unit in &motion.units {
+        for module in &unit.modules {
+            // Messages carry where a silent module may be: its path from where it was last seen.
+            let seen = Pose::default();
+            if Polyline::through([seen].into_iter().chain(unit.poses_after(0, module))).is_err() {
+                return Err(MotionError::TooManyCorners(module.module));
+            }
+        }
+    }
+    Ok(motion)
+}

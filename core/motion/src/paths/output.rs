@@ -1,0 +1,268 @@
+//! The motion plan in the terms of modules, spots and poses.
+
+use super::field::Field;
+use super::group::{Group, Phase};
+use super::lattice::{Lattice, Time};
+use super::order::Order;
+use super::route::{Errand, Routes, STEP};
+use super::units::{Node, Unit, node_count, split};
+use super::variants::Solution;
+use super::waits::{Graph, UnitWait};
+use super::workshop::Workshop;
+use formation_model::turning::{Point, angle_of, quarters, shortest};
+use formation_model::{
+    MICRO_PER_UNIT, MicroUnits, ModuleId, ModuleMotion, MotionPlan, Pose, Step, StepKind,
+    UnitMotion, Wait, Waypoint,
+};
+
+/// A solution and what it was made from.
+pub(super) struct Draft<'a> {
+    pub workshop: &'a Workshop<'a>,
+    pub order: &'a Order,
+    pub solution: &'a Solution<'a>,
+    /// Search nodes of failed tries.
+    pub spent: u64,
+}
+
+impl Draft<'_> {
+    /// The motion plan, as yet without the blocks that were taken apart.
+    pub fn plan(&self) -> MotionPlan {
+        let field = &self.solution.field;
+        let group_of: Vec<usize> = field
+            .units
+            .iter()
+            .map(|unit| self.workshop.group_of[unit.modules[0]])
+            .collect();
+        let graph = Graph {
+            field,
+            order: self.order,
+            groups: &self.workshop.groups,
+            group_of: &group_of,
+            aligners: &self.workshop.aligners,
+        };
+        let waits = graph.waits();
+        let shortest = self.shortest();
+        let surplus = (0..field.units.len()).filter(|&unit| field.units[unit].goal.is_none());
+        let sequence = self.order.sequence.iter().copied().chain(surplus);
+        let units = sequence
+            .map(|unit| self.unit_motion(unit, &waits[unit], shortest[unit], &group_of))
+            .collect();
+        let chains = self.chains(&shortest);
+        let (longest, chain) = (shortest.iter().copied().max(), chains.iter().copied().max());
+        MotionPlan {
+            units,
+            order: self.order.kind,
+            taken_apart: Vec::new(),
+            variant: self.solution.variant,
+            makespan: field.cost().0,
+            bound: longest.max(chain).unwrap_or_default(),
+            longest_path: longest.unwrap_or_default(),
+            expansions: self.spent + self.solution.expansions,
+        }
+    }
+
+    /// The earliest time at which each unit could dock if only its parent mattered.
+    fn chains(&self, shortest: &[Time]) -> Vec<Time> {
+        let mut earliest = vec![0; shortest.len()];
+        for &unit in &self.order.sequence {
+            let step = Time::from(shortest[unit] > 0);
+            let parent = self.order.parents[unit].map_or(0, |parent| earliest[parent] + step);
+            earliest[unit] = shortest[unit].max(parent);
+        }
+        earliest
+    }
+
+    /// For each unit the steps to its spots if there were only obstacles and pinned modules.
+    fn shortest(&self) -> Vec<Time> {
+        let field = &self.solution.field;
+        let arena = &self.workshop.arena;
+        let mut solid = arena.closed.clone();
+        for unit in field.units.iter().filter(|unit| unit.pinned) {
+            for cell in unit.cells(arena, unit.start) {
+                solid[cell] = true;
+            }
+        }
+        let mut routes = Routes::new(node_count(field.units, arena));
+        let mut steps = |unit: &Unit| {
+            let goal = unit.goal.filter(|_| !unit.pinned)?;
+            let errand = Errand {
+                arena,
+                unit,
+                from: unit.start,
+                folds: true,
+            };
+            let cost = |cell: usize| (!solid[cell]).then_some(0);
+            let rest = |node: Node| unit.distance(arena, node, goal) * STEP;
+            let route = routes.find(&errand, cost, rest, |node| node == goal)?;
+            Time::try_from(route.len() - 1).ok()
+        };
+        field
+            .units
+            .iter()
+            .map(|unit| {
+                let group = &self.workshop.groups[self.workshop.group_of[unit.modules[0]]];
+                let aligned = Time::try_from(group.steps.len()).unwrap_or_default();
+                steps(unit).map_or(0, |steps| steps + aligned)
+            })
+            .collect()
+    }
+
+    fn lead(&self, unit: usize) -> ModuleId {
+        let module = self.solution.field.units[unit].modules[0];
+        self.workshop.request.problem.modules()[module].id
+    }
+
+    fn unit_motion(
+        &self,
+        unit: usize,
+        waits: &[UnitWait],
+        shortest: Time,
+        group_of: &[usize],
+    ) -> UnitMotion {
+        let field = &self.solution.field;
+        let group = &self.workshop.groups[group_of[unit]];
+        let body = &field.units[unit];
+        let others =
+            (0..group_of.len()).filter(|&other| other != unit && group_of[other] == group_of[unit]);
+        let modules = (0..body.modules.len()).map(|member| self.module_motion(unit, member, group));
+        UnitMotion {
+            lead: self.lead(unit),
+            modules: modules.collect(),
+            steps: steps(field, unit, group, &self.workshop.lattice),
+            waits: waits
+                .iter()
+                .map(|&(step, other, steps_done)| Wait {
+                    step,
+                    unit: self.lead(other),
+                    steps_done,
+                })
+                .collect(),
+            joint_steps: u32::try_from(group.steps.len()).unwrap_or(u32::MAX),
+            joint_with: others.map(|other| self.lead(other)).collect(),
+            parent: self.order.parents[unit].map(|parent| self.lead(parent)),
+            docked_at: field.docked[unit],
+            shortest,
+        }
+    }
+
+    fn module_motion(&self, unit: usize, member: usize, group: &Group) -> ModuleMotion {
+        let workshop = self.workshop;
+        let field = &self.solution.field;
+        let body = &field.units[unit];
+        let module = body.modules[member];
+        let start = workshop.request.problem.modules()[module].pose;
+        let spot =
+            workshop.spot_of[module].map(|spot| workshop.request.problem.target().spots()[spot]);
+        let heading = group.heading(start.theta.0);
+        let goal = spot.map_or(heading, |spot| {
+            shortest(angle_of(quarters(spot.pose.theta.0)))
+        });
+        let in_group = group
+            .modules
+            .iter()
+            .position(|&other| other == module)
+            .unwrap_or_default();
+        let mut waypoints = vec![Waypoint {
+            pose: start,
+            time: 0,
+        }];
+        waypoints.extend(group.steps.iter().map(|step| Waypoint {
+            pose: pose(group.position_after(in_group, step.phase), heading),
+            time: step.begin + 1,
+        }));
+        waypoints.extend(field.paths[unit].iter().map(|entry| Waypoint {
+            pose: pose_at(
+                &workshop.lattice,
+                field,
+                body,
+                entry.node,
+                member,
+                (heading, goal),
+            ),
+            time: entry.begin + 1,
+        }));
+        if let (Some(spot), Some(last)) = (spot, waypoints[1..].last_mut()) {
+            // Spots may be off their cells' middles, and off quarter turns, by the tolerance.
+            last.pose = spot.pose;
+        }
+        ModuleMotion {
+            module: workshop.request.problem.modules()[module].id,
+            spot: spot.map(|spot| spot.id),
+            waypoints,
+        }
+    }
+}
+
+fn pose((x, y): Point, theta: i64) -> Pose {
+    Pose {
+        x: MicroUnits(x),
+        y: MicroUnits(y),
+        theta: MicroUnits(theta),
+    }
+}
+
+/// The pose of a member at a node; at a disc half-way between its two layouts.
+fn pose_at(
+    lattice: &Lattice,
+    field: &Field,
+    body: &Unit,
+    node: Node,
+    member: usize,
+    (heading, goal): (i64, i64),
+) -> Pose {
+    let (layout, cell) = split(field.arena, node);
+    let (x, y) = field.arena.site(cell);
+    let at = |layout: usize| {
+        let (right, up) = body.layouts[layout].sites[member];
+        lattice.point((x + right, y + up))
+    };
+    if body.is_disc(field.arena, node) {
+        let (from, to) = (at(0), at(body.layouts.len() - 1));
+        let middle = (from.0.midpoint(to.0), from.1.midpoint(to.1));
+        return pose(middle, shortest(heading + shortest(goal - heading) / 2));
+    }
+    pose(at(layout), if layout == 0 { heading } else { goal })
+}
+
+/// The steps of a unit.
+fn steps(field: &Field, unit: usize, group: &Group, lattice: &Lattice) -> Vec<Step> {
+    let body = &field.units[unit];
+    let mut steps: Vec<Step> = group
+        .steps
+        .iter()
+        .map(|step| Step {
+            kind: match step.phase {
+                Phase::Turn => StepKind::Turn {
+                    centre: pose(group.centre, group.turn),
+                    radius: MicroUnits(group.radius),
+                },
+                Phase::Regroup => StepKind::Regroup,
+                Phase::Column | Phase::Row => StepKind::Shift,
+            },
+            begin: step.begin,
+        })
+        .collect();
+    let mut before = body.start;
+    for entry in &field.paths[unit] {
+        let folds = [before, entry.node]
+            .into_iter()
+            .find(|&node| body.is_disc(field.arena, node));
+        let kind = match folds {
+            Some(node) => {
+                let (_, cell) = split(field.arena, node);
+                let quarters = i128::from(body.disc) * i128::from(MICRO_PER_UNIT / 2).pow(2);
+                StepKind::Fold {
+                    centre: pose(lattice.point(field.arena.site(cell)), 0),
+                    radius: MicroUnits(i64::try_from(quarters.isqrt()).unwrap_or(i64::MAX)),
+                }
+            }
+            None => StepKind::Move,
+        };
+        steps.push(Step {
+            kind,
+            begin: entry.begin,
+        });
+        before = entry.node;
+    }
+    steps
+}

@@ -1,0 +1,298 @@
+//! From real start poses onto the lattice.
+//!
+//! Modules that are docked to each other at the start are one *group*. A group turns in place until its headings are
+//! quarter turns, then shifts along x, then along y, to the cells under its modules. If the bodies do not overlap at
+//! the start, and no other body reaches into the circle of a group that turns, then no two groups meet: rounding
+//! keeps the order of two bodies in a row, and a group that moves to the right waits for the one on its right.
+//!
+//! Poses are measured, so bodies count as apart while their cells overlap by no more than the *slack*, and a group that is
+//! turned by so little comes into line without a turn of its own. The slack is a third of what `body_width` leaves of a
+//! cell: two bodies that are off by it and turned by it do not touch, nor do they while both come into line.
+//!
+//! A group whose modules stand off a common lattice regroups instead: each module goes to its own cell (`regroup`).
+
+use super::group::{Alignment, Exactness, Group, Phase};
+use super::lattice::{Lattice, point};
+use super::rectangle::{Rectangle, overlap, square};
+use super::regroup::Ground;
+use super::result::StartFault;
+use super::shape::Shape;
+use formation_model::turning::Point;
+use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
+
+/// Groups the modules that are not pinned, checks that they start apart, and plans their steps onto the lattice.
+///
+/// `spots_of` gives the poses of the spots of a group's modules if they are one unit of the plan, `is_open` whether a
+/// rectangle is free of obstacles and within the walls.
+/// Enforces X10.
+pub(super) fn align(
+    problem: &PlanningProblem,
+    lattice: &Lattice,
+    tolerance: MicroUnits,
+    spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
+    is_open: impl Fn(&Rectangle) -> bool,
+) -> Result<Vec<Group>, Vec<StartFault>> {
+    let body_width = problem.target().surroundings().body_width().0;
+    let slack = ((MICRO_PER_UNIT - body_width) / 3).max(tolerance.0);
+    let exactness = Exactness {
+        tolerance: tolerance.0,
+        slack,
+    };
+    let (mut groups, mut faults) = groups_of(problem, lattice, exactness, spots_of, is_open);
+    groups.sort_by_key(|group| group.modules[0]);
+    for group in &mut groups {
+        if !group.ways.is_empty() {
+            group.steps = vec![Alignment::at_once(Phase::Regroup)];
+            continue;
+        }
+        let moves = [
+            (Phase::Turn, group.turn),
+            (Phase::Column, group.shift.0),
+            (Phase::Row, group.shift.1),
+        ];
+        let needed = moves.into_iter().filter(|&(_, by)| by.abs() > tolerance.0);
+        group.steps = needed.map(|(phase, _)| Alignment::at_once(phase)).collect();
+        if group.is_askew() && group.steps.is_empty() {
+            group.steps = vec![Alignment::at_once(Phase::Column)];
+        }
+    }
+    let pairs = near_pairs(&groups);
+    faults.extend(
+        pairs
+            .iter()
+            .filter_map(|&(one, other)| not_apart(problem, &groups[one], &groups[other], slack)),
+    );
+    if faults.is_empty() {
+        faults = schedule(problem, &mut groups, &pairs, exactness);
+    }
+    if faults.is_empty() {
+        Ok(groups)
+    } else {
+        Err(faults)
+    }
+}
+
+/// The groups, and what keeps modules from being in one.
+fn groups_of(
+    problem: &PlanningProblem,
+    lattice: &Lattice,
+    exactness: Exactness,
+    spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
+    is_open: impl Fn(&Rectangle) -> bool,
+) -> (Vec<Group>, Vec<StartFault>) {
+    let mut groups = Vec::new();
+    let mut faults = Vec::new();
+    let mut is_grouped = vec![false; problem.modules().len()];
+    let mut bodies: Vec<Vec<usize>> = Vec::new();
+    for configuration in problem.configurations() {
+        let members = configuration.modules.iter();
+        let modules: Vec<usize> = members.filter_map(|&id| problem.position_of(id)).collect();
+        for &module in &modules {
+            is_grouped[module] = true;
+        }
+        bodies.push(modules);
+    }
+    for (module, member) in problem.modules().iter().enumerate() {
+        if let Some(spot) = member.pin.and_then(|pin| problem.target().spot(pin)) {
+            let site = lattice.site(point(&spot.pose));
+            groups.push(Group::standing(module, site, lattice));
+        } else if !is_grouped[module] {
+            bodies.push(vec![module]);
+        }
+    }
+    let mut loose = Vec::new();
+    for modules in bodies {
+        let spots = spots_of(&modules);
+        match Group::of(
+            problem,
+            modules.clone(),
+            spots.as_deref(),
+            lattice,
+            exactness,
+        ) {
+            Some(group) => groups.push(group),
+            None => loose.push((modules, None)),
+        }
+    }
+    let cramped: Vec<bool> = groups
+        .iter()
+        .map(|group| is_cramped(problem, group, &groups, exactness.slack))
+        .collect();
+    let (cramped, rest): (Vec<_>, Vec<_>) = groups
+        .into_iter()
+        .zip(cramped)
+        .partition(|&(_, is_cramped)| is_cramped);
+    let cramped = cramped.into_iter().map(|(group, _)| group);
+    loose.extend(cramped.map(|group| (group.modules.clone(), Some(group))));
+    let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
+    let mut ground = Ground::new(problem, lattice, exactness.slack, is_open);
+    for group in &groups {
+        ground.take(group);
+    }
+    for (modules, _) in &loose {
+        ground.stand(modules);
+    }
+    for (modules, group) in loose {
+        // A module that is docked to nothing is off no lattice: the body that is too close to it is to be named.
+        let alone = group.filter(|group| group.modules.len() == 1);
+        match ground.regroup(modules).or_else(|fault| alone.ok_or(fault)) {
+            Ok(group) => {
+                ground.take(&group);
+                groups.push(group);
+            }
+            Err(fault) => faults.push(fault),
+        }
+    }
+    (groups, faults)
+}
+
+/// Whether a body whose members were halted at different moments lacks the room to come into line.
+fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack: i64) -> bool {
+    if !group.is_askew() {
+        return false;
+    }
+    let around = group.surroundings();
+    let mut near = groups.iter().filter(|other| {
+        other.modules != group.modules && overlap(&around, &other.surroundings(), 0)
+    });
+    near.any(|other| not_apart(problem, group, other, slack).is_some())
+}
+
+/// The pairs of groups whose surroundings overlap, lower first.
+fn near_pairs(groups: &[Group]) -> Vec<(usize, usize)> {
+    let surroundings: Vec<Rectangle> = groups.iter().map(Group::surroundings).collect();
+    let mut by_left: Vec<usize> = (0..groups.len()).collect();
+    by_left.sort_unstable_by_key(|&group| (surroundings[group].0.0, group));
+    let mut pairs = Vec::new();
+    for (rank, &one) in by_left.iter().enumerate() {
+        for &other in &by_left[rank + 1..] {
+            if surroundings[other].0.0 > surroundings[one].1.0 {
+                break;
+            }
+            if overlap(&surroundings[one], &surroundings[other], 0) {
+                pairs.push((one.min(other), one.max(other)));
+            }
+        }
+    }
+    pairs.sort_unstable();
+    pairs
+}
+
+/// What is wrong with the distance of two groups, if anything.
+fn not_apart(
+    problem: &PlanningProblem,
+    one: &Group,
+    other: &Group,
+    slack: i64,
+) -> Option<StartFault> {
+    let id = |group: &Group, member: usize| problem.modules()[group.modules[member]].id;
+    let (bodies, neighbours) = (one.bodies(), other.bodies());
+    let mut all = (0..bodies.len())
+        .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));
+    all.find_map(|(member, its_member)| {
+        let (first, second) = (id(one, member), id(other, its_member));
+        if bodies[member].overlaps(&neighbours[its_member], slack) {
+            let (first, second) = (first.min(second), first.max(second));
+            return Some(StartFault::NotApart(first, second));
+        }
+        (one.site_of(member) == other.site_of(its_member))
+            .then_some(StartFault::SharedCell(first, second))
+    })
+}
+
+/// Sets begins and waits: a step waits for the earlier phases of groups in its way and, within a phase, for the group
+/// in front.
+fn schedule(
+    problem: &PlanningProblem,
+    groups: &mut [Group],
+    pairs: &[(usize, usize)],
+    Exactness { tolerance, slack }: Exactness,
+) -> Vec<StartFault> {
+    let mut waits: Vec<(usize, Phase, usize, Phase)> = Vec::new();
+    for &(one, other) in pairs {
+        let is_apart = not_apart(problem, &groups[one], &groups[other], tolerance).is_none();
+        let slack = if is_apart { tolerance } else { slack };
+        for (waiting, first) in [(one, other), (other, one)] {
+            for phase in Phase::ALL {
+                let swept = groups[waiting].swept(phase);
+                let meets = |shapes: &[Shape]| {
+                    let mut bodies = swept.iter();
+                    bodies.any(|body| shapes.iter().any(|rest| body.overlaps(rest, slack)))
+                };
+                let mut earlier = [Phase::Column, Phase::Turn, Phase::Regroup]
+                    .into_iter()
+                    .filter(|&it| it < phase);
+                let last = earlier.find(|&it| meets(&groups[first].swept(it)));
+                if let Some(last) = last {
+                    waits.push((waiting, phase, first, last));
+                }
+                if phase != Phase::Turn
+                    && must_follow(&groups[waiting], &groups[first], phase, slack)
+                {
+                    waits.push((waiting, phase, first, phase));
+                }
+            }
+        }
+    }
+    let index = |group: &Group, phase: Phase| group.steps.iter().position(|it| it.phase == phase);
+    for _ in 0..=3 * groups.len() {
+        let mut changed = None;
+        for group in groups.iter_mut() {
+            for step in 1..group.steps.len() {
+                group.steps[step].begin =
+                    group.steps[step].begin.max(group.steps[step - 1].begin + 1);
+            }
+        }
+        for &(waiting, phase, first, last) in &waits {
+            let (Some(step), Some(awaited)) =
+                (index(&groups[waiting], phase), index(&groups[first], last))
+            else {
+                continue;
+            };
+            let earliest = groups[first].steps[awaited].begin + 1;
+            if groups[waiting].steps[step].begin < earliest {
+                groups[waiting].steps[step].begin = earliest;
+                changed = Some((waiting, first));
+            }
+        }
+        if changed.is_none() {
+            for &(waiting, phase, first, last) in &waits {
+                let found = (index(&groups[waiting], phase), index(&groups[first], last));
+                if let (Some(step), Some(awaited)) = found {
+                    let count = u32::try_from(awaited + 1).unwrap_or(u32::MAX);
+                    groups[waiting].steps[step].waits.push((first, count));
+                }
+            }
+            return Vec::new();
+        }
+    }
+    // Only groups that reach around each other can wait for each other in a circle.
+    let stuck = pairs.iter().map(|&(one, other)| {
+        let id = |group: usize| problem.modules()[groups[group].modules[0]].id;
+        StartFault::SharedCell(id(one), id(other))
+    });
+    stuck.collect()
+}
+
+/// Whether a group that shifts in a phase would reach by more than `slack` into the place that another leaves in the same
+/// phase. Two that overlap by less, next to each other, need not follow each other.
+fn must_follow(group: &Group, ahead: &Group, phase: Phase, slack: i64) -> bool {
+    let along = |point: Point| {
+        if phase == Phase::Row {
+            point.1
+        } else {
+            point.0
+        }
+    };
+    let (shift, shift_ahead) = (along(group.shift), along(ahead.shift));
+    if shift.signum() * shift_ahead.signum() != 1 {
+        return false;
+    }
+    let members = 0..ahead.offsets.len();
+    let rest = members.map(|member| square(ahead.position_before(member, phase)));
+    let rest: Vec<Rectangle> = rest.collect();
+    (0..group.offsets.len()).any(|member| {
+        let body = square(group.position_after(member, phase));
+        rest.iter().any(|other| overlap(&body, other, slack))
+    })
+}

@@ -1,0 +1,120 @@
+//! The variants of the planner and the choice between them.
+
+use super::docking::Docking;
+use super::field::{Failure, Field, Stop, Timing};
+use super::improve::improve;
+use super::lattice::{Arena, Site, Time};
+use super::order::Order;
+use super::result::MotionParameters;
+use super::units::Unit;
+use formation_model::Variant;
+
+/// What all variants plan on.
+pub(super) struct Ground<'a> {
+    pub arena: &'a Arena,
+    pub units: &'a [Unit],
+    pub ready: &'a [Time],
+    pub order: &'a Order,
+    /// The lowest and the highest column and row of the target.
+    pub target: (Site, Site),
+    pub parameters: &'a MotionParameters,
+}
+
+/// The paths that were chosen.
+pub(super) struct Solution<'a> {
+    pub field: Field<'a>,
+    pub variant: Variant,
+    pub expansions: u64,
+}
+
+/// A failure with the plan at its time.
+pub(super) type Failed<'a> = (Field<'a>, Failure);
+
+impl<'a> Ground<'a> {
+    /// Plans lazily and, for few units, eagerly; the plan that ends earlier is chosen, then the one of fewer steps.
+    /// When the budget is spent before there is a plan, the serial variant follows.
+    pub fn solve(&self) -> Result<Solution<'a>, Box<Failed<'a>>> {
+        let mut spent = 0;
+        let mut best: Option<(Field<'a>, Variant)> = None;
+        let mut failed = None;
+        let mut is_cut = false;
+        let movers = self.units.iter().filter(|unit| !unit.pinned).count();
+        let eager = (movers <= self.parameters.eager_units_max).then_some(Variant::Eager);
+        for variant in std::iter::once(Variant::Lazy).chain(eager) {
+            let (field, outcome) = self.attempt(variant, spent);
+            spent += field.expansions();
+            match outcome {
+                Ok(()) => {
+                    if best
+                        .as_ref()
+                        .is_none_or(|(other, _)| field.cost() < other.cost())
+                    {
+                        best = Some((field, variant));
+                    }
+                }
+                Err(Stop::Budget) => is_cut = true,
+                Err(Stop::Failure(failure)) => {
+                    if failed.is_none() {
+                        failed = Some((field, failure));
+                    }
+                }
+            }
+        }
+        if best.is_none() && (is_cut || failed.is_none()) {
+            for is_eager in [false, true] {
+                let mut field = self.field(Timing::Serial, 0);
+                let outcome = self.docking(is_eager).run(&mut field);
+                spent += field.expansions();
+                match outcome {
+                    Ok(()) => {
+                        best = Some((field, Variant::Serial));
+                        break;
+                    }
+                    Err(Stop::Failure(failure)) => failed = Some((field, failure)),
+                    Err(Stop::Budget) => {}
+                }
+            }
+        }
+        match (best, failed) {
+            (Some((field, variant)), _) => Ok(Solution {
+                field,
+                variant,
+                expansions: spent,
+            }),
+            (None, Some(failed)) => Err(Box::new(failed)),
+            (None, None) => {
+                debug_assert!(false, "the serial variant has no budget");
+                let failure = Failure {
+                    unit: 0,
+                    in_the_way: None,
+                };
+                Err(Box::new((self.field(Timing::Serial, 0), failure)))
+            }
+        }
+    }
+
+    fn field(&self, timing: Timing, spent: u64) -> Field<'a> {
+        let left = self.parameters.expansions_max.saturating_sub(spent);
+        Field::new(self.arena, self.units, self.ready, timing, left)
+    }
+
+    fn docking(&self, is_eager: bool) -> Docking<'_> {
+        Docking {
+            order: self.order,
+            target: self.target,
+            is_eager,
+        }
+    }
+
+    fn attempt(&self, variant: Variant, spent: u64) -> (Field<'a>, Result<(), Stop>) {
+        let mut field = self.field(Timing::SafeIntervals, spent);
+        let outcome = self.docking(variant == Variant::Eager).run(&mut field);
+        if outcome.is_ok() {
+            // A plan that the budget leaves half improved is a plan.
+            match improve(&mut field, self.order, self.parameters.improvement_passes) {
+                Ok(()) | Err(Stop::Budget | Stop::Failure(_)) => {}
+            }
+        }
+        (field, outcome)
+    }
+}

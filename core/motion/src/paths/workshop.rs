@@ -1,0 +1,273 @@
+//! The request on the lattice: the groups on their way onto it, the arena, and the units.
+
+use std::collections::BTreeSet;
+
+use super::field::NO_UNIT;
+use super::group::{Group, Phase};
+use super::lattice::{Arena, Lattice, Site, Time};
+use super::rectangle::{Rectangle, bounds};
+use super::result::{MotionError, MotionRequest, StartFault};
+use super::shape::Shape;
+use super::start::align;
+use super::units::Unit;
+use super::waits::aligners;
+use formation_model::turning::quarters;
+use formation_model::{ModuleId, Pose, Surroundings};
+
+/// Paths lead around what lies this many cells or fewer from the starts and spots.
+const DETOUR: i64 = 64;
+
+/// The corners of the obstacles near some cells: the arena holds what leads around them.
+fn corners_near(sites: &[Site], lattice: &Lattice, surroundings: &Surroundings) -> Vec<Site> {
+    let (low, high) = bounds(sites);
+    let (low, high) = (
+        (low.0 - DETOUR, low.1 - DETOUR),
+        (high.0 + DETOUR, high.1 + DETOUR),
+    );
+    let corners = surroundings.obstacles().iter().flat_map(|area| {
+        let (from, to) = area.corners();
+        let (first, last) = lattice.covered(from, to);
+        let first = (first.0.max(low.0), first.1.max(low.1));
+        let last = (last.0.min(high.0), last.1.min(high.1));
+        let is_near = first.0 <= last.0 && first.1 <= last.1;
+        is_near.then_some([first, last]).into_iter().flatten()
+    });
+    corners.collect()
+}
+
+/// How much wider the arena is on each side if there are blocks.
+const BLOCK_MARGIN: i64 = 8;
+
+/// All that does not depend on which blocks are taken apart.
+pub(super) struct Workshop<'a> {
+    pub request: &'a MotionRequest<'a>,
+    pub lattice: Lattice,
+    /// The cell of each spot.
+    pub spots: Vec<Site>,
+    /// The spot of each module, by positions.
+    pub spot_of: Vec<Option<usize>>,
+    pub groups: Vec<Group>,
+    /// The group of each module.
+    pub group_of: Vec<usize>,
+    /// The cell of each module at the start.
+    pub starts: Vec<Site>,
+    pub arena: Arena,
+    /// The groups that sweep each cell on their way onto the lattice.
+    pub aligners: Vec<Vec<usize>>,
+}
+
+/// Units and their places in the acting order.
+pub(super) struct Crew {
+    pub units: Vec<Unit>,
+    /// The place of each unit in the acting order; units without a spot have none.
+    pub ranks: Vec<Option<usize>>,
+    /// The units that share an edge of the target with each unit, ascending.
+    pub by_edges: Vec<Vec<usize>>,
+}
+
+impl<'a> Workshop<'a> {
+    /// Checks target and starts.
+    pub fn new(request: &'a MotionRequest<'a>) -> Result<Self, MotionError> {
+        let problem = request.problem;
+        let (lattice, spots) = Lattice::of(problem.target(), request.parameters.tolerance)?;
+        let target = problem.target();
+        let spot_of: Vec<Option<usize>> = problem
+            .modules()
+            .iter()
+            .map(|module| {
+                let spot = module
+                    .pin
+                    .or(request.plan.assignments.get(&module.id).copied());
+                spot.and_then(|spot| target.position_of(spot))
+            })
+            .collect();
+        let pose_of = |module: usize| spot_of[module].map(|spot| target.spots()[spot].pose);
+        let whole = |modules: &[usize]| -> Option<Vec<Pose>> {
+            let ids: Vec<ModuleId> = modules
+                .iter()
+                .map(|&module| problem.modules()[module].id)
+                .collect();
+            let is_unit = modules.len() == 1 || request.plan.blocks.contains(&ids);
+            modules
+                .iter()
+                .map(|&module| pose_of(module).filter(|_| is_unit))
+                .collect()
+        };
+        let tolerance = request.parameters.tolerance;
+        let is_open = |rectangle: &Rectangle| request.is_open(rectangle);
+        let groups = align(problem, &lattice, tolerance, whole, is_open);
+        let groups = groups.map_err(MotionError::Starts)?;
+        let mut group_of = vec![0; problem.modules().len()];
+        let mut starts = vec![(0, 0); problem.modules().len()];
+        for (index, group) in groups.iter().enumerate() {
+            for (member, &module) in group.modules.iter().enumerate() {
+                group_of[module] = index;
+                starts[module] = group.site_of(member);
+            }
+        }
+        let mut all: Vec<Site> = spots.iter().chain(&starts).copied().collect();
+        let near = corners_near(&all, &lattice, problem.target().surroundings());
+        all.extend(near);
+        let margin = if request.plan.blocks.is_empty() {
+            0
+        } else {
+            BLOCK_MARGIN
+        };
+        let arena = Arena::around(&lattice, &all, margin, request.obstacles, request.walls)?;
+        let workshop = Self {
+            request,
+            aligners: aligners(&groups, &lattice, &arena),
+            lattice,
+            spots,
+            spot_of,
+            groups,
+            group_of,
+            starts,
+            arena,
+        };
+        workshop.check_cover()?;
+        Ok(workshop)
+    }
+
+    fn is_closed(&self, site: Site) -> bool {
+        self.arena
+            .cell(site)
+            .is_none_or(|cell| self.arena.closed[cell])
+    }
+
+    /// No module may start on a closed cell or reach into an obstacle on its way onto the lattice, and no spot that is
+    /// taken may be closed.
+    fn check_cover(&self) -> Result<(), MotionError> {
+        let problem = self.request.problem;
+        let mut covered = BTreeSet::new();
+        for group in &self.groups {
+            let swept = Phase::ALL.into_iter().flat_map(|phase| group.swept(phase));
+            let is_open = |shape: Shape| self.request.is_open(&shape.bounds());
+            let reaches = !swept.into_iter().all(is_open);
+            for &module in &group.modules {
+                if reaches || self.is_closed(self.starts[module]) {
+                    covered.insert(problem.modules()[module].id);
+                }
+            }
+        }
+        if !covered.is_empty() {
+            let faults = covered.into_iter().map(StartFault::Covered).collect();
+            return Err(MotionError::Starts(faults));
+        }
+        let mut taken = self.spot_of.iter().flatten();
+        match taken.find(|&&spot| self.is_closed(self.spots[spot])) {
+            Some(&spot) => Err(MotionError::CoveredSpot(problem.target().spots()[spot].id)),
+            None => Ok(()),
+        }
+    }
+
+    /// When a step into each cell may begin.
+    pub fn ready(&self) -> Vec<Time> {
+        let latest =
+            |groups: &Vec<usize>| groups.iter().map(|&group| self.groups[group].ready()).max();
+        self.aligners
+            .iter()
+            .map(|groups| latest(groups).unwrap_or_default())
+            .collect()
+    }
+
+    /// The units: the blocks that are not taken apart, and single modules.
+    pub fn crew(&self, apart: &[bool]) -> Crew {
+        let problem = self.request.problem;
+        let mut partition: Vec<Vec<usize>> = Vec::new();
+        let mut is_placed = vec![false; self.starts.len()];
+        let blocks = self.request.plan.blocks.iter().zip(apart);
+        for (block, _) in blocks.filter(|(_, apart)| !**apart) {
+            let modules: Vec<usize> = block
+                .iter()
+                .filter_map(|&module| problem.position_of(module))
+                .collect();
+            let is_free = |&module: &usize| {
+                problem.modules()[module].pin.is_none() && self.spot_of[module].is_some()
+            };
+            if modules.len() == block.len() && modules.iter().all(is_free) {
+                for &module in &modules {
+                    is_placed[module] = true;
+                }
+                partition.push(modules);
+            }
+        }
+        let singles = (0..is_placed.len()).filter(|&module| !is_placed[module]);
+        partition.extend(singles.map(|module| vec![module]));
+        partition.sort_unstable();
+        let units = partition.into_iter().map(|modules| self.unit(modules));
+        let units: Vec<Unit> = units.collect();
+        let mut unit_at = vec![NO_UNIT; self.spots.len()];
+        for (index, unit) in units.iter().enumerate() {
+            for spot in self.spots_of(unit) {
+                unit_at[spot] = index;
+            }
+        }
+        let topology = problem.target().topology();
+        let by_edges = units.iter().enumerate().map(|(index, unit)| {
+            let next = self
+                .spots_of(unit)
+                .flat_map(|spot| topology.neighbours(spot));
+            let others: BTreeSet<usize> = next
+                .map(|&next| unit_at[next])
+                .filter(|&other| other != NO_UNIT && other != index)
+                .collect();
+            others.into_iter().collect()
+        });
+        Crew {
+            by_edges: by_edges.collect(),
+            ranks: self.ranks(&units),
+            units,
+        }
+    }
+
+    fn unit(&self, modules: Vec<usize>) -> Unit {
+        let starts: Vec<Site> = modules.iter().map(|&module| self.starts[module]).collect();
+        let goals: Option<Vec<Site>> = modules
+            .iter()
+            .map(|&module| self.spot_of[module].map(|spot| self.spots[spot]))
+            .collect();
+        let first = modules[0];
+        let turns = modules.iter().any(|&module| self.turns(module));
+        let mut unit = Unit::new(modules, &starts, goals.as_deref(), turns, &self.arena);
+        unit.ready = self.groups[self.group_of[first]].ready();
+        unit.pinned = self.request.problem.modules()[first].pin.is_some();
+        unit
+    }
+
+    /// Whether a module that has come onto the lattice has to turn for its spot.
+    fn turns(&self, module: usize) -> bool {
+        let problem = self.request.problem;
+        let member = &problem.modules()[module];
+        let heading = self.groups[self.group_of[module]].heading(member.pose.theta.0);
+        let spot = self.spot_of[module].filter(|_| member.pin.is_none());
+        spot.is_some_and(|spot| {
+            let goal = problem.target().spots()[spot].pose.theta.0;
+            (quarters(goal) - quarters(heading)).rem_euclid(4) != 0
+        })
+    }
+
+    /// The spots of a unit, by positions.
+    pub fn spots_of(&self, unit: &Unit) -> impl Iterator<Item = usize> {
+        unit.modules
+            .iter()
+            .filter_map(|&module| self.spot_of[module])
+    }
+
+    /// The place of each unit with a spot in the plan's acting order; units that the order leaves out come last.
+    fn ranks(&self, units: &[Unit]) -> Vec<Option<usize>> {
+        let problem = self.request.problem;
+        let mut rank_of = vec![usize::MAX; self.starts.len()];
+        let placed = self.request.plan.assembly.placements();
+        for (rank, (module, _)) in placed.enumerate() {
+            if let Some(module) = problem.position_of(module) {
+                rank_of[module] = rank;
+            }
+        }
+        let first = |unit: &Unit| unit.modules.iter().map(|&module| rank_of[module]).min();
+        units
+            .iter()
+            .map(|unit| unit.goal.and_then(|_| first(unit)))
+            .collect()
+    }
+}

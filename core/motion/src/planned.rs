@@ -1,0 +1,119 @@
+//! How the modules of a plan move: along paths, in straight lines, or not at all.
+
+use formation_model::{
+    ActingUnit, Area, AssemblyWarning, ModuleId, MotionMode, MotionPlan, Plan, PlanningProblem,
+    SpotId, UnitMotion,
+};
+
+use super::paths::{MotionError, MotionParameters, MotionRequest, plan_motion};
+
+/// How the modules of a plan move. It follows from the problem, the plan and the obstacles alone.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub enum PlannedMotion {
+    /// All units at the same time, along paths without contact.
+    Paths(MotionPlan),
+    /// One unit after another in straight lines, with the reason if paths were wanted. Modules may run into each other.
+    Straight(Option<MotionError>),
+    /// The problem demands paths, or has obstacles or walls, and there are none: no module moves.
+    Refused(MotionError),
+}
+
+impl PlannedMotion {
+    /// Plans the motion, and gives the plan the acting order that the motion has.
+    ///
+    /// Bodies of modules that take no part stand on `obstacles`.
+    /// Enforces X7.
+    #[must_use]
+    pub fn of(problem: &PlanningProblem, plan: Plan, obstacles: &[Area]) -> (Self, Plan) {
+        let mode = problem.parameters().motion;
+        if mode == MotionMode::Straight {
+            return (Self::Straight(None), plan);
+        }
+        let surroundings = problem.target().surroundings();
+        let motion = plan_motion(&MotionRequest {
+            problem,
+            plan: &plan,
+            obstacles: &[surroundings.obstacles(), obstacles].concat(),
+            walls: surroundings.arena(),
+            parameters: MotionParameters::default(),
+        });
+        match motion {
+            Ok(motion) => {
+                let plan = reordered(problem, plan, &motion);
+                (Self::Paths(motion), plan)
+            }
+            // Straight lines would lead through obstacles and walls.
+            Err(error) if mode == MotionMode::Auto && surroundings.is_open() => {
+                (Self::Straight(Some(error)), plan)
+            }
+            Err(error) => (Self::Refused(error), plan),
+        }
+    }
+
+    /// Whether robots may start: nothing is sure to bring them into contact unless the target demands it.
+    ///
+    /// # Errors
+    /// Names the modules or spots for which there are no paths, and the cure.
+    pub fn check_for_robots(&self) -> Result<(), String> {
+        let Some(error) = self.refusal(true) else {
+            return Ok(());
+        };
+        let cure = error.cure();
+        Err(format!(
+            "{error}; robots move along paths only, as they could run into each other in straight lines: {cure}, or demand \
+             straight lines (planner.motion: straight)"
+        ))
+    }
+
+    /// Why a module may not move, if so. A robot, which can be damaged, does not follow straight lines that replace paths.
+    #[must_use]
+    pub fn refusal(&self, is_robot: bool) -> Option<&MotionError> {
+        match self {
+            Self::Refused(error) => Some(error),
+            Self::Straight(error) => error.as_ref().filter(|_| is_robot),
+            Self::Paths(_) => None,
+        }
+    }
+
+    /// The motion plan, if modules move along paths.
+    #[must_use]
+    pub fn paths(&self) -> Option<&MotionPlan> {
+        match self {
+            Self::Paths(motion) => Some(motion),
+            Self::Straight(_) | Self::Refused(_) => None,
+        }
+    }
+}
+
+/// The plan with the units and the order of its motion.
+fn reordered(problem: &PlanningProblem, mut plan: Plan, motion: &MotionPlan) -> Plan {
+    let filled: Vec<(ModuleId, SpotId)> = plan.assembly.placements().collect();
+    let unit_of = |unit: &UnitMotion| {
+        let is_member = |module: ModuleId| unit.modules.iter().any(|one| one.module == module);
+        let placements: Vec<_> = filled
+            .iter()
+            .filter(|(module, _)| is_member(*module))
+            .copied()
+            .collect();
+        let lead = problem.module(unit.lead);
+        (!placements.is_empty()).then(|| ActingUnit {
+            lead: unit.lead,
+            placements,
+            pinned: lead.is_some_and(|lead| lead.pin.is_some()),
+        })
+    };
+    let units = motion.units.iter().filter_map(unit_of).collect();
+    plan.assembly.units = units;
+    // The others judge the order that this one replaces.
+    plan.assembly
+        .warnings
+        .retain(|warning| matches!(warning, AssemblyWarning::Disconnected(_)));
+    plan.blocks
+        .retain(|block| !motion.taken_apart.contains(block));
+    let is_apart = |&(one, other): &(ModuleId, ModuleId)| {
+        let mut apart = motion.taken_apart.iter();
+        apart.any(|block| block.contains(&one) && block.contains(&other))
+    };
+    plan.kept_links.retain(|link| !is_apart(link));
+    plan
+}

@@ -1,0 +1,14 @@
+//! The tests of paths.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and so do its helpers"
+)]
+
+mod motion_paths;
+mod motion_starts;
+mod motion_stops;
+mod obstacles;
+mod support;

@@ -1,0 +1,110 @@
+//! Obstacles and walls of a target: paths lead around them, and what they close is named.
+
+use std::sync::Arc;
+
+use formation_model::{ModuleId, Scenario, SpotId};
+use formation_motion::PlannedMotion;
+use formation_motion::paths::Obstruction;
+use formation_planner::plan;
+
+/// Cells of a corridor of `length` units, closed at both ends.
+fn corridor(length: u32) -> String {
+    let (middle, width) = (f64::from(length - 1) / 2.0, f64::from(length));
+    format!("arena: {{x: {middle:?}, y: 0, width: {width:?}, height: 1}}\n")
+}
+
+/// How the modules of a scenario move.
+fn planned(text: &str) -> PlannedMotion {
+    let scenario = Scenario::from_yaml(text).unwrap();
+    let problem = Arc::new(scenario.problem().clone());
+    let outcome = plan(Arc::clone(&problem));
+    PlannedMotion::of(&problem, outcome.plan, &[]).0
+}
+
+#[test]
+fn paths_lead_around_the_obstacles_of_a_target_however_long() {
+    // The wall is longer than the margin around starts and spots.
+    let text = "
+target: {map: 'o-o-o'}
+singletons: [{id: 1, x: 0, y: 5}, {id: 2, x: 2, y: 5}, {id: 3, x: 4, y: 5}]
+obstacles: [{x: 0, y: 2, width: 61, height: 1}]
+";
+    let PlannedMotion::Paths(motion) = planned(text) else {
+        panic!("{:?}", planned(text));
+    };
+    assert!(motion.longest_path > 50, "{}", motion.longest_path);
+    let waypoints = motion.units.iter().flat_map(|unit| &unit.modules);
+    for waypoint in waypoints.flat_map(|module| &module.waypoints) {
+        let (x, y) = (waypoint.pose.x.to_units(), waypoint.pose.y.to_units());
+        assert!((y - 2.0).abs() > 0.99 || x.abs() > 30.99, "{x} {y}");
+    }
+}
+
+#[test]
+fn no_module_moves_through_obstacles_and_the_reason_is_named() {
+    let cases = [
+        (
+            corridor(4) + "target: {map: 'o-o'}\nmodules: {origin: [2, 0], map: 'a b'}",
+            "module 2 cannot reach spot 1: no room: 1 free cell is missing for module 1 to make way",
+        ),
+        (
+            "arena: {x: 2.0, y: 1.0, width: 5.0, height: 3.0}
+target:
+  map: |
+    o-o-o
+        |
+        o
+        |
+    o-o-o
+modules:
+  map: |
+    a b   d e
+
+    f   h i
+
+    k
+"
+            .to_owned(),
+            "module 8 cannot reach spot 5: walled in by spot 6",
+        ),
+        (
+            "target: {map: 'o-o'}
+singletons: [{id: 1, x: 5, y: 0}, {id: 2, x: 8, y: 0}]
+obstacles:
+  - {x: 0.5, y: 1, width: 4, height: 1}
+  - {x: 0.5, y: -1, width: 4, height: 1}
+  - {x: -1, y: 0, width: 1, height: 1}
+  - {x: 2, y: 0, width: 1, height: 1}
+"
+            .to_owned(),
+            "module 1 cannot reach spot 2: obstacles close the path",
+        ),
+        (
+            "target: {map: 'o-o'}
+singletons: [{id: 1, x: 5, y: 0}, {id: 2, x: 8, y: 0}]
+obstacles: [{x: 8.8, y: 0, width: 1, height: 1}]
+"
+            .to_owned(),
+            "starts: module 2 is on an obstacle or beyond the walls",
+        ),
+    ];
+    for (text, expected) in cases {
+        match planned(&text) {
+            PlannedMotion::Refused(error) => assert_eq!(error.to_string(), expected),
+            other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn the_spots_that_wall_in_are_listed_by_number() {
+    let walled = Obstruction::WalledIn(vec![SpotId(3), SpotId(7)]);
+    assert_eq!(walled.to_string(), "walled in by spots 3 and 7");
+    let missing = 2;
+    let modules = vec![ModuleId(4)];
+    let crowded = Obstruction::NoRoom { modules, missing };
+    assert_eq!(
+        crowded.to_string(),
+        "no room: 2 free cells are missing for module 4 to make way"
+    );
+}

@@ -1,0 +1,107 @@
+//! The utility of a spot for a module: the value of the spot less the cost of taking it.
+//!
+//! The paper, section "Configuration Formation as Utility Maximization Problem", with one difference: a kept link costs
+//! nothing at either end, while the paper charges its undocking and docking.
+
+use crate::value::{betweenness, share_of_shortest_paths};
+use formation_model::{
+    MICRO_PER_UNIT, MicroUnits, PlanningProblem, Policy, Pose, SpotValue, Target, Weights,
+};
+
+/// The utilities of all modules of a problem for all spots of a target, both named by their position in ascending order of
+/// identifier.
+#[derive(Clone, Debug)]
+pub struct Utilities {
+    weights: Weights,
+    module_poses: Vec<Pose>,
+    /// For each module, the cost of undocking all of its links.
+    undocking: Vec<MicroUnits>,
+    spot_poses: Vec<Pose>,
+    values: Vec<MicroUnits>,
+    /// The value of each spot less the cost of docking all of its links.
+    net_values: Vec<MicroUnits>,
+}
+
+impl Utilities {
+    /// Prepares the utilities of the problem's modules for the spots of `target`: the problem's own, or a part of it.
+    pub(crate) fn new(problem: &PlanningProblem, target: &Target) -> Self {
+        let weights = problem.parameters().weights;
+        let topology = target.topology();
+        let modules = problem.modules().iter();
+        let parameters = problem.parameters();
+        let is_as_printed =
+            parameters.policy == Policy::Paper && parameters.paper.val == SpotValue::RatioOfSums;
+        let values = if is_as_printed {
+            share_of_shortest_paths(topology)
+        } else {
+            betweenness(topology)
+        };
+        let net_values = values
+            .iter()
+            .enumerate()
+            .map(|(spot, &value)| value - weights.dock().times(topology.degree(spot)))
+            .collect();
+        Self {
+            weights,
+            module_poses: modules.clone().map(|module| module.pose).collect(),
+            undocking: modules
+                .map(|module| weights.undock().times(module.links.len()))
+                .collect(),
+            spot_poses: target.spots().iter().map(|spot| spot.pose).collect(),
+            values,
+            net_values,
+        }
+    }
+
+    /// The value of a spot: its betweenness centrality, or what the policy `paper` reads as it.
+    pub fn value(&self, spot: usize) -> MicroUnits {
+        self.values[spot]
+    }
+
+    /// The utility of a module for a spot, `U_a(s) = Val(s) - cost(a, s)`, with every link end charged.
+    pub fn of(&self, module: usize, spot: usize) -> MicroUnits {
+        let travel = MicroUnits(self.travel_cost(module, &self.spot_poses[spot]));
+        self.net_values[spot] - travel - self.undocking[module]
+    }
+
+    /// The utility of a module for every spot.
+    pub fn row(&self, module: usize) -> Vec<i64> {
+        (0..self.values.len())
+            .map(|spot| self.of(module, spot).0)
+            .collect()
+    }
+
+    /// The cost of a module's path to a pose.
+    #[inline]
+    pub(crate) fn travel_cost(&self, module: usize, to: &Pose) -> i64 {
+        let distance = self.module_poses[module].distance_to(to);
+        distance.scaled_by(self.weights.loc()).0
+    }
+
+    /// The value of a spot less the cost of docking all of its links.
+    pub(crate) fn net_value(&self, spot: usize) -> i64 {
+        self.net_values[spot].0
+    }
+
+    /// The cost of undocking all links of a module.
+    pub(crate) fn undocking(&self, module: usize) -> i64 {
+        self.undocking[module].0
+    }
+
+    /// The pose of a module.
+    pub(crate) fn module_pose(&self, module: usize) -> &Pose {
+        &self.module_poses[module]
+    }
+
+    /// The saving of a kept link over undocking and docking it, at its two ends together.
+    pub(crate) fn kept_link(&self) -> MicroUnits {
+        (self.weights.dock() + self.weights.undock()).times(2)
+    }
+
+    /// The reward of a block of `size` modules, `f_rwd(k) = (k - 2) / |A|`; zero below two modules.
+    pub(crate) fn retention_reward(&self, size: usize) -> MicroUnits {
+        let count = i64::try_from(self.module_poses.len().max(1)).unwrap_or(i64::MAX);
+        let retained = i64::try_from(size.saturating_sub(2)).unwrap_or(i64::MAX);
+        MicroUnits(retained.saturating_mul(MICRO_PER_UNIT) / count)
+    }
+}

@@ -1,0 +1,64 @@
+//! The module's body: its pose, its links, and what its drive and ports are doing.
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use formation_model::{Digest, DriveState, ModuleId, Pose, SenderTime, Service, SpotId};
+
+/// The spot on which a module has settled, and the target that it belongs to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) struct SettledOn {
+    pub spot: SpotId,
+    pub target: Digest,
+}
+
+/// What the module is and has, whatever the protocol decides.
+#[derive(Clone, Debug, Hash)]
+pub(super) struct Body {
+    pub pose: Pose,
+    /// When a module that moves had this pose.
+    pub pose_at: SenderTime,
+    pub links: BTreeSet<ModuleId>,
+    pub service: Service,
+    pub settled_on: Option<SettledOn>,
+    /// Whether the drive has a goal and has reported neither a halt nor its arrival.
+    pub moving: bool,
+    /// Whether the drive failed, and has not been measured to stand since.
+    pub has_failed: bool,
+    /// The modules to which it has asked its ports to dock, or from which to undock, without a report so far.
+    pub ports_busy: BTreeSet<ModuleId>,
+}
+
+impl Body {
+    pub fn new(pose: Pose, links: BTreeSet<ModuleId>) -> Self {
+        Self {
+            pose,
+            pose_at: SenderTime::default(),
+            links,
+            service: Service::Active,
+            settled_on: None,
+            moving: false,
+            has_failed: false,
+            ports_busy: BTreeSet::new(),
+        }
+    }
+
+    /// The drive reports a pose.
+    pub fn stand_at(&mut self, pose: Pose, now: Duration) {
+        self.pose = pose;
+        self.pose_at = SenderTime(now);
+    }
+
+    /// When it had its pose, and what its drive does since then.
+    pub fn drive_state(&self, now: Duration) -> (SenderTime, DriveState) {
+        match self.moving {
+            true => (self.pose_at, DriveState::Moving),
+            false => (SenderTime(now), DriveState::Standing),
+        }
+    }
+
+    /// Whether its pose and links stay as they are until the next goal.
+    pub fn is_at_rest(&self) -> bool {
+        !self.moving && self.ports_busy.is_empty()
+    }
+}

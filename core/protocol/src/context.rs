@@ -1,0 +1,365 @@
+//! What an agent has in every stage: who it is, what it knows of others, what it remembers, and what it has to send.
+
+mod bodies;
+mod outdated;
+mod removals;
+
+use std::collections::BTreeSet;
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation_model::{
+    ConfigurationId, Digest, Epoch, Message, ModuleId, ModuleRun, PlanningModule, RosterMember,
+    STAMP_AHEAD_MAX, Service, SpotId, Stop, StoreId, TargetAnnouncement, Voter, digest,
+};
+
+use bodies::Bodies;
+use removals::Removals;
+
+use super::asked_plan::Plans;
+use super::body::Body;
+use super::event::Event;
+use super::io::{Identity, Output};
+use super::memory::{KnownTarget, Memory};
+use super::mutation::Bugs;
+use super::outbox::Outbox;
+use super::pacing::EpochPacing;
+use super::parameters::AgentParameters;
+use super::peer::Peer;
+use super::peers::{Liveness, Peers};
+use super::plans::{ComputedPlan, PlanJob};
+use super::quorum::Shortfall;
+use super::refusal::Refusal;
+
+/// Which module this is, and which run of its process.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Own {
+    pub run: ModuleRun,
+    /// The time of its start by its clock, in microseconds since 1970. `run` may have taken a later number.
+    pub start_stamp: u64,
+    pub store: Option<StoreId>,
+    pub configuration: Option<ConfigurationId>,
+    pub leader: Option<ModuleId>,
+    /// Whether a driver moves it, and not a simulated drive.
+    pub is_robot: bool,
+    /// Whether its heartbeats fall due at multiples of their period, with those of other modules on the same clock.
+    pub shares_samples: bool,
+    /// When this run started.
+    pub started: Duration,
+}
+
+/// What every stage reads and changes.
+#[derive(Clone, Debug)]
+pub(super) struct Context {
+    pub now: Duration,
+    pub own: Own,
+    pub parameters: AgentParameters,
+    pub bugs: Bugs,
+    pub body: Body,
+    pub peers: Peers,
+    pub bodies: Bodies,
+    /// The reports that bodies were taken away, which have not taken effect.
+    pub removals: Removals,
+    /// The latest command to stop or to resume.
+    pub stop: Stop,
+    pub target: KnownTarget,
+    pub memory: Memory,
+    pub pacing: EpochPacing,
+    pub plans: Plans,
+    /// The majority that an epoch would need and that is not within reach.
+    pub shortfall: Option<Shortfall>,
+    pub outbox: Outbox,
+}
+
+impl Context {
+    pub fn new(identity: Identity, parameters: AgentParameters, now: Duration) -> Self {
+        Self {
+            now,
+            own: Own {
+                run: identity.run(),
+                start_stamp: identity.incarnation.0,
+                store: identity.store,
+                configuration: identity.configuration,
+                leader: identity.leader,
+                is_robot: false,
+                shares_samples: false,
+                started: now,
+            },
+            parameters,
+            bugs: Bugs::default(),
+            body: Body::new(identity.pose, identity.links),
+            peers: Peers::default(),
+            bodies: Bodies::default(),
+            removals: Removals::default(),
+            stop: Stop::default(),
+            target: KnownTarget::default(),
+            memory: Memory::default(),
+            pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
+            plans: Plans::default(),
+            shortfall: None,
+            outbox: Outbox::new(now, identity.store.is_some()),
+        }
+    }
+
+    pub fn module(&self) -> ModuleId {
+        self.own.run.module
+    }
+
+    /// The latest time stamp, in microseconds since 1970, that another process may have taken: clocks that were never set
+    /// start in 1970, and differ by less than [`STAMP_AHEAD_MAX`].
+    pub fn latest_stamp(&self) -> u64 {
+        let uptime = self.now.saturating_sub(self.own.started).as_micros();
+        let uptime = u64::try_from(uptime).unwrap_or(u64::MAX);
+        let own = self.own.start_stamp.saturating_add(uptime);
+        own.saturating_add(STAMP_AHEAD_MAX)
+    }
+
+    /// Whether an incarnation, an epoch or a revision is low enough to be true. A bound that depends on what is known would let a
+    /// stranger raise the number step by step, out of reach of modules that start later.
+    /// Enforces E2.
+    pub fn is_plausible(&self, number: u64) -> bool {
+        number <= self.latest_stamp()
+    }
+
+    pub fn liveness(&self) -> Liveness {
+        Liveness {
+            latest_stamp: self.latest_stamp(),
+            now: self.now,
+            suspicion: self.parameters.suspicion,
+            bugs: self.bugs,
+        }
+    }
+
+    /// This module and all live ones with the memory that counts, in ascending order.
+    pub fn live_voters(&self) -> Vec<Voter> {
+        let peers = self.peers.live(self.liveness());
+        let mut voters: Vec<Voter> = peers
+            .map(|(module, peer)| peer.voter(module))
+            .chain([Voter::new(self.own.run, self.own.store)])
+            .collect();
+        voters.sort_unstable();
+        voters
+    }
+
+    /// This module and all live ones, in ascending order.
+    pub fn live_modules(&self) -> Vec<ModuleId> {
+        let live = self.peers.live(self.liveness());
+        let mut live: Vec<ModuleId> = live.map(|(module, _)| module).collect();
+        let own = self.module();
+        live.insert(live.partition_point(|&module| module < own), own);
+        live
+    }
+
+    /// Whether a module's service is known and active.
+    pub fn is_active(&self, module: ModuleId) -> bool {
+        self.service_of(module) == Some(Service::Active)
+    }
+
+    /// Whether an epoch may be opened to include a module. A run that is yet to take a later number would be no member.
+    /// Enforces M7.
+    pub fn is_wanted(&self, module: ModuleId) -> bool {
+        self.peers.is_wanted(self.now, module) && !self.is_outdated(module)
+    }
+
+    /// The service of a module; `None` before its first state.
+    pub fn service_of(&self, module: ModuleId) -> Option<Service> {
+        self.service_shown(module, self.peers.get(module))
+    }
+
+    /// The same for a module whose peer is at hand.
+    pub fn service_shown(&self, module: ModuleId, peer: Option<&Peer>) -> Option<Service> {
+        if module == self.module() {
+            return Some(self.body.service);
+        }
+        Some(peer?.state.as_ref()?.service)
+    }
+
+    /// Whether a later revision announces a target with other content than this one.
+    /// Enforces E8.
+    pub fn has_replaced(&self, target: &TargetAnnouncement) -> bool {
+        self.target.announcement().is_some_and(|latest| {
+            latest.revision > target.revision
+                && digest::of_target(latest) != digest::of_target(target)
+        })
+    }
+
+    /// The first majority that these modules lack, with what `memory` knows.
+    pub fn shortfall_of(
+        &self,
+        memory: &Memory,
+        present: &[Voter],
+        target: Option<&TargetAnnouncement>,
+    ) -> Option<Shortfall> {
+        if self.bugs.ignore_quorum() {
+            return None;
+        }
+        let counted = self.bugs.counted(present, || memory.quorum.bases());
+        memory.shortfall(&counted, target)
+    }
+
+    /// Records the majority that is missing for the next epoch, and reports it if it differs.
+    pub fn set_shortfall(&mut self, shortfall: Option<Shortfall>) {
+        if shortfall.is_some() != self.shortfall.is_some() {
+            self.mark_state_changed();
+        }
+        if shortfall == self.shortfall {
+            return;
+        }
+        self.shortfall = shortfall;
+        if let Some(shortfall) = shortfall {
+            self.emit(Event::WaitingForQuorum(shortfall));
+        }
+    }
+
+    /// The spot on which the module has settled, and which it keeps, if the target of that spot has this digest.
+    /// Enforces P1.
+    pub fn pin_for(&self, target: impl FnOnce() -> Digest) -> Option<SpotId> {
+        if self.bugs.forget_pins() {
+            return None;
+        }
+        let settled = self.body.settled_on?;
+        (self.bugs.pin_for_any_target() || settled.target == target()).then_some(settled.spot)
+    }
+
+    /// This module as it announced itself when it froze for a plan for the target with this digest.
+    /// Enforces G3.
+    pub fn as_member(&self, target: impl FnOnce() -> Digest) -> RosterMember {
+        RosterMember {
+            incarnation: self.own.run.incarnation,
+            store: self.own.store,
+            service: self.body.service,
+            module: PlanningModule {
+                id: self.module(),
+                pose: self.body.pose,
+                links: self.body.links.clone(),
+                configuration: self.own.configuration,
+                leader: self.own.leader,
+                pin: self.pin_for(target),
+            },
+        }
+    }
+
+    /// Stops the drive, and withdraws goals of the same instant.
+    /// Enforces A7.
+    pub fn stand_still(&mut self) {
+        self.outbox.withdraw_goals();
+        if self.body.moving {
+            self.outbox.push(Output::Halt);
+        }
+    }
+
+    /// Stops the drive, and gives up the spot on which the module has settled.
+    /// Enforces S1.
+    pub fn leave_spot(&mut self) {
+        self.stand_still();
+        self.body.settled_on = None;
+    }
+
+    /// The drive or a port failed, or took too long: the module takes no spot until it receives the command to rejoin.
+    /// Enforces X4.
+    pub fn fail_motion(&mut self, spot: Option<SpotId>) {
+        self.cannot_move(Event::MotionFailed(spot));
+    }
+
+    /// The module cannot move, for the reason in the event: it takes no spot until it receives the command to rejoin.
+    pub fn cannot_move(&mut self, reason: Event) {
+        self.leave_spot();
+        if self.body.service != Service::MotionFailed {
+            self.body.service = Service::MotionFailed;
+            self.mark_state_changed();
+            self.emit(reason);
+        }
+    }
+
+    /// Whether this module may open an epoch. One whose drive failed on the way may never be measured to stand, and then closes
+    /// no roster.
+    /// Enforces E4.
+    pub fn can_convene(&self) -> bool {
+        self.body.is_at_rest() || !self.body.has_failed
+    }
+
+    /// The plan of a job; `None` until the host has computed it.
+    pub fn plan(&mut self, job: PlanJob) -> Option<Arc<ComputedPlan>> {
+        self.plans.get(job, &mut self.outbox)
+    }
+
+    /// Records an epoch that exists, unless it is too high to be true.
+    pub fn note_epoch(&mut self, epoch: Epoch) {
+        if self.is_plausible(epoch.number) {
+            self.memory.note_epoch(epoch);
+        }
+    }
+
+    /// Records that an epoch was opened, by this module or another.
+    pub fn note_opened(&mut self, epoch: Epoch) {
+        self.memory.note_epoch(epoch);
+        let limit = self.parameters.epoch_interval_limit;
+        self.pacing.opened(self.now, limit);
+    }
+
+    /// Asks the ports to undock from these modules, unless they already work on a link to them.
+    pub fn undock(&mut self, links: impl IntoIterator<Item = ModuleId>) {
+        for link in links {
+            if self.body.ports_busy.insert(link) {
+                self.outbox.push(Output::Undock(link));
+            }
+        }
+    }
+
+    /// The links that are not to be kept.
+    pub fn links_except(&self, is_kept: impl Fn(ModuleId) -> bool) -> BTreeSet<ModuleId> {
+        let links = self.body.links.iter().copied();
+        links.filter(|&link| !is_kept(link)).collect()
+    }
+
+    /// Publishes a state as soon as the stage allows it.
+    pub fn mark_state_changed(&mut self) {
+        self.outbox.states.changed = true;
+    }
+
+    pub fn publish(&mut self, message: Message) {
+        self.outbox.push(Output::Publish(message));
+    }
+
+    pub fn emit(&mut self, event: Event) {
+        self.outbox.push(Output::Event(event));
+    }
+
+    pub fn refuse(&mut self, module: Option<ModuleId>, reason: Refusal) {
+        self.outbox.refuse(module, reason);
+    }
+
+    /// Asks to be woken at `at`, if that is in the future.
+    pub fn wake_at(&mut self, at: Duration) {
+        if at > self.now {
+            self.outbox.wake_at(at);
+        }
+    }
+}
+
+impl Hash for Context {
+    /// Everything that the behaviour of one run depends on. Times are compared with the time of the search itself. The plans
+    /// of an agent that computes them itself follow from its stage.
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        let Self {
+            now: _,
+            own,
+            parameters: _,
+            bugs: _,
+            body,
+            peers,
+            bodies,
+            removals,
+            stop,
+            target,
+            memory,
+            pacing,
+            plans: _,
+            shortfall,
+            outbox,
+        } = self;
+        (own.run, body, peers, bodies, removals, stop, target).hash(state);
+        (memory, pacing, shortfall, outbox).hash(state);
+    }
+}

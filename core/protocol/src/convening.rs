@@ -1,0 +1,373 @@
+//! Opening epochs: which module convenes, when, and why.
+
+use std::time::Duration;
+
+use formation_model::{
+    BodyReport, DriveState, Epoch, ModuleId, ModulePhase, ModuleRun, Roster, RosterMember, Service,
+    SpotId, Whereabouts,
+};
+
+use super::Agent;
+use super::context::Context;
+use super::event::EpochReason;
+use super::stage::{Gathering, Stage};
+
+impl Agent {
+    /// Opens an epoch when there has been a reason for long enough and it is this module's turn to do so.
+    /// Enforces E4, Q6.
+    pub(super) fn consider_new_epoch(&mut self) {
+        if matches!(&self.stage, Stage::Gathering(gathering) if gathering.is_convener()) {
+            return;
+        }
+        let context = &mut self.context;
+        if !context.can_convene() {
+            return;
+        }
+        let Some(reason) = self.stage.doubt(context) else {
+            context.pacing.clear_reason();
+            context.set_shortfall(None);
+            return;
+        };
+        let live = context.live_voters();
+        let expected = context.target.expected_modules();
+        let all_are_live = expected.is_some_and(|expected| live.len() >= expected as usize);
+        if all_are_live && live.iter().all(|voter| has_no_epoch(voter.module, context)) {
+            context.pacing.end_listening(context.now);
+        }
+        let own = context.module();
+        let delay = (live.iter().take_while(|voter| voter.module < own))
+            .fold(Duration::ZERO, |delay, _| {
+                delay.saturating_add(context.parameters.convene)
+            });
+        let due = context.pacing.due(context.now, delay);
+        let target = context.target.announcement().cloned();
+        let shortfall = || context.shortfall_of(&context.memory, &live, target.as_deref());
+        if context.now < due {
+            if context.shortfall.is_some() && shortfall().is_none() {
+                // Modules are back: the plan goes on, as long as no other epoch is opened.
+                context.set_shortfall(None);
+            }
+            context.wake_at(due);
+            return;
+        }
+        let shortfall = shortfall();
+        context.set_shortfall(shortfall);
+        if shortfall.is_none()
+            && let Some(announcement) = target
+        {
+            self.remember_members();
+            let gathering = Gathering::convene(&mut self.context, &announcement, reason);
+            self.stage = Stage::Gathering(gathering);
+            self.run_stage();
+        }
+    }
+}
+
+/// Whether a module's latest heartbeat shows no epoch.
+fn has_no_epoch(module: ModuleId, context: &Context) -> bool {
+    let heartbeat = context.peers.heartbeat(module);
+    heartbeat.is_none_or(|heartbeat| heartbeat.epoch.is_none())
+}
+
+/// The modules whose bodies a roster lists and that are in the way no more: the body was removed, or a roster may say so, or its module
+/// can take part.
+fn bodies_gone(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+    let was_removed = |body: &BodyReport| body.whereabouts == Whereabouts::Removed;
+    let listed = roster.bodies.iter().filter(|body| !was_removed(body));
+    let is_gone = |module: ModuleId| {
+        let takes_part = context.peers.is_live(context.liveness(), module)
+            && follows(module, roster.epoch, context)
+            && stands(module, context)
+            && context.is_wanted(module);
+        takes_part || context.is_removable(module)
+    };
+    let gone = listed.filter(|body| is_gone(body.module));
+    gone.map(|body| body.module).collect()
+}
+
+impl Stage {
+    /// Why the present epoch does not lead, or no longer leads, to a formation of the target, if so.
+    /// Enforces E3.
+    fn doubt(&self, context: &mut Context) -> Option<EpochReason> {
+        let roster = match self {
+            Self::Gathering(gathering) => return gathering.doubt(context),
+            _ => match self.roster() {
+                Some(roster) => roster,
+                None => return Some(EpochReason::NewTarget),
+            },
+        };
+        let outside_since = match self {
+            Self::Outsider(outsider) => Some(outsider.since),
+            _ => None,
+        };
+        let judged = (
+            roster.epoch,
+            context.target.revision(),
+            context.body.service,
+            context.bodies.version(),
+        );
+        let is_calm = outside_since.is_none() && context.peers.is_calm(context.now, judged);
+        if !is_calm && let Err(verdict) = judge_members(roster, outside_since, context) {
+            return verdict;
+        }
+        let stuck = self.stuck_members(context);
+        if stuck.contains(&context.module()) {
+            // The others leave this module out; were it to convene, it would list itself again.
+            return None;
+        }
+        let ahead = ahead_of(roster, stuck.iter().copied(), context);
+        if !ahead.is_empty() && !context.bugs.exclude_members_ahead() {
+            // They make progress, without this module. Were they excluded, this module would lack them for a quorum.
+            return Some(EpochReason::MembersAhead(ahead));
+        }
+        if !stuck.is_empty() {
+            let until = context.now + context.parameters.stuck * 2;
+            for &module in &stuck {
+                context.peers.exclude(module, until);
+            }
+            return Some(EpochReason::Stuck(stuck));
+        }
+        let has_mismatch = self.held_plan().is_some_and(|held| held.has_mismatch);
+        if has_mismatch && context.memory.mismatches <= 1 {
+            return Some(EpochReason::DigestMismatch);
+        }
+        let held = self.held_plan();
+        let is_to_fill = |spot: SpotId, context: &Context| {
+            held.is_some_and(|held| held.is_to_fill(spot, context))
+        };
+        let is_in_the_way = |body: &BodyReport, context: &Context| {
+            held.is_some_and(|held| held.has_in_the_way(body, self.steps_done(), context))
+        };
+        if let Some(reason) = context.doubt_bodies(roster, is_to_fill, is_in_the_way) {
+            return Some(reason);
+        }
+        if held.is_some_and(|held| held.refusal(context).is_some()) {
+            let gone = bodies_gone(roster, context);
+            if !gone.is_empty() {
+                return Some(EpochReason::BodiesGone(gone));
+            }
+        }
+        if is_calm {
+            return None;
+        }
+        let others = live_unplanned(roster, context);
+        let mut newcomers = wanted_newcomers(roster, &others, context);
+        if newcomers.is_empty() {
+            newcomers = strays(roster, &others, context);
+        }
+        if newcomers.is_empty() {
+            context.peers.note_calm(context.liveness(), judged);
+            return None;
+        }
+        Some(EpochReason::Newcomers(newcomers))
+    }
+
+    /// The members that keep the epoch from going on: considered failed, they are left out of the next one.
+    /// Enforces M6.
+    fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
+        match self {
+            Self::Planning(planning) => planning.stuck_claimant(context).into_iter().collect(),
+            Self::Agreeing(agreeing) => agreeing.stuck_members(context),
+            Self::Acting(acting) => acting.stuck_members(context),
+            Self::Listening(_) | Self::Gathering(_) | Self::Outsider(_) => Vec::new(),
+        }
+    }
+}
+
+/// Judges whether the members can go on with their roster; otherwise returns the reason for another epoch, or `None` if
+/// others have to decide.
+/// Enforces E6.
+fn judge_members(
+    roster: &Roster,
+    outside_since: Option<Duration>,
+    context: &mut Context,
+) -> Result<(), Option<EpochReason>> {
+    if context.has_replaced(&roster.target) {
+        return Err(Some(EpochReason::NewTarget));
+    }
+    if let Some(since) = outside_since {
+        let due = since + context.parameters.stuck;
+        context.wake_at(due);
+        let leads =
+            |run: ModuleRun| context.now < due || follows(run.module, roster.epoch, context);
+        let members = others(roster, context).map(RosterMember::run);
+        let in_charge = members.filter(|&run| is_in_charge(run, context));
+        if in_charge.clone().any(leads) {
+            // The members judge which modules are missing and which are wanted. A module that receives nothing from a
+            // member, or that does not receive all of them, would halt them again and again.
+            return Err(None);
+        }
+        let refusing: Vec<ModuleId> = in_charge.map(|run| run.module).collect();
+        if !refusing.is_empty() {
+            return Err(Some(EpochReason::Stuck(refusing)));
+        }
+    }
+    // Members that have gone on without this module judge who is missing. Were it to convene for that, it would halt them again
+    // and again where it does not receive all of them.
+    let gone_on = |run: &ModuleRun| {
+        // One that has not frozen in that epoch may never stand, and then opens no other (E4).
+        let state = context.peers.state(run.module);
+        let has_frozen = state.is_some_and(|state| state.epoch > Some(roster.epoch));
+        has_frozen && is_in_charge(*run, context)
+    };
+    let mut runs = others(roster, context).map(RosterMember::run);
+    if outside_since.is_none() && runs.any(|run| gone_on(&run)) {
+        return Ok(());
+    }
+    if let Some(reason) = missing_members(roster, context) {
+        return Err(Some(reason));
+    }
+    // This epoch is over once a member waits for a quorum in a later one. To this module it looks complete: all members are live.
+    let members = roster.members.iter().map(|member| member.module.id);
+    let mut ahead = ahead_of(roster, members, context);
+    ahead.retain(|&module| waits_for_quorum(module, context));
+    if !ahead.is_empty() {
+        return Err(Some(EpochReason::MembersAhead(ahead)));
+    }
+    let leaving = leaving(roster, context);
+    if leaving.is_empty() {
+        return Ok(());
+    }
+    let live = context.live_voters();
+    let some_is_active = live.iter().any(|voter| context.is_active(voter.module));
+    Err(some_is_active.then_some(EpochReason::OutOfService(leaving)))
+}
+
+/// Those of some members that show a later epoch than that of the roster.
+/// Enforces E6.
+fn ahead_of(
+    roster: &Roster,
+    members: impl Iterator<Item = ModuleId>,
+    context: &Context,
+) -> Vec<ModuleId> {
+    let is_ahead = |module: &ModuleId| {
+        let peer = context.peers.get(*module);
+        peer.is_some_and(|peer| peer.is_ahead_of(roster.epoch))
+    };
+    members.filter(is_ahead).collect()
+}
+
+/// The members other than this module.
+fn others<'a>(
+    roster: &'a Roster,
+    context: &Context,
+) -> impl Iterator<Item = &'a RosterMember> + Clone {
+    let own = context.module();
+    let members = roster.members.iter();
+    members.filter(move |member| member.module.id != own)
+}
+
+/// Whether a member is live, in the run that the roster lists, and within reach of a quorum.
+/// Enforces E6.
+fn is_in_charge(run: ModuleRun, context: &Context) -> bool {
+    context.peers.is_live(context.liveness(), run.module)
+        && context
+            .peers
+            .heartbeat(run.module)
+            .is_some_and(|heartbeat| {
+                heartbeat.incarnation == run.incarnation
+                    && heartbeat.phase != ModulePhase::WaitingForQuorum
+            })
+}
+
+/// The members that have restarted, or else those that are not live.
+fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
+    let liveness = context.liveness();
+    let (mut restarted, mut silent) = (Vec::new(), Vec::new());
+    let others = others(roster, context).map(|member| (member.module.id, member.incarnation));
+    for (module, incarnation, peer) in context.peers.along(others) {
+        if peer.is_some_and(|peer| peer.has_replaced(incarnation)) {
+            restarted.push(module);
+        }
+        if !peer.is_some_and(|peer| liveness.includes(peer)) {
+            silent.push(module);
+        }
+    }
+    if !restarted.is_empty() && !context.bugs.ignore_restarts() {
+        return Some(EpochReason::Restarted(restarted));
+    }
+    (!silent.is_empty()).then_some(EpochReason::Silent(silent))
+}
+
+/// The members that left service since the roster was made, or that were retired then and cannot move any more.
+/// Enforces S3.
+fn leaving(roster: &Roster, context: &Context) -> Vec<(ModuleId, Service)> {
+    let members = roster.members.iter();
+    let members = members.map(|member| (member.module.id, member));
+    let members = context.peers.along(members);
+    members
+        .filter_map(|(module, member, peer)| {
+            let service = context.service_shown(module, peer)?;
+            let has_failed = service == Service::MotionFailed && service != member.service;
+            let leaves = member.service == Service::Active && service != Service::Active;
+            (has_failed || leaves).then_some((module, service))
+        })
+        .collect()
+}
+
+/// The live modules that the roster does not list as active, and so are not planned for; this one included, in ascending order.
+fn live_unplanned(roster: &Roster, context: &Context) -> Vec<ModuleId> {
+    let members = roster.members.iter();
+    let planned = members.filter(|member| member.service == Service::Active);
+    let mut planned = planned.map(|member| member.module.id).peekable();
+    let mut is_planned = move |module: ModuleId| {
+        while planned.next_if(|&one| one < module).is_some() {}
+        planned.peek() == Some(&module)
+    };
+    let live = context.live_modules().into_iter();
+    live.filter(|&module| !is_planned(module)).collect()
+}
+
+/// Those of some live modules that the roster does not list as active and that are so now, if more spots can be filled with
+/// them.
+/// Enforces E7.
+fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
+    if context.bugs.ignore_newcomers() {
+        return Vec::new();
+    }
+    let others = others.iter().copied();
+    let mut newcomers: Vec<ModuleId> = others
+        .filter(|&module| context.is_active(module))
+        .filter(|&module| follows(module, roster.epoch, context))
+        .filter(|&module| stands(module, context))
+        .filter(|&module| context.is_wanted(module))
+        .collect();
+    if !context.could_fill_more(roster, &newcomers) {
+        newcomers.clear();
+    }
+    newcomers
+}
+
+/// Those of some live modules that the roster does not list, that know its epoch, or a later one, and that wait for a quorum:
+/// they know of a majority that the members do not need, and learn in a gathering only that it no longer counts.
+/// Enforces E12.
+fn strays(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
+    let others = others.iter().copied();
+    others
+        .filter(|&module| roster.member(module).is_none() && waits_for_quorum(module, context))
+        .filter(|&module| follows(module, roster.epoch, context))
+        .filter(|&module| stands(module, context))
+        .filter(|&module| context.is_wanted(module))
+        .collect()
+}
+
+fn waits_for_quorum(module: ModuleId, context: &Context) -> bool {
+    let heartbeat = context.peers.heartbeat(module);
+    heartbeat.is_some_and(|heartbeat| heartbeat.phase == ModulePhase::WaitingForQuorum)
+}
+
+/// Whether a module is at rest, or known by no state. One that moves, such as one whose driver has fallen silent, would not freeze.
+fn stands(module: ModuleId, context: &Context) -> bool {
+    if module == context.module() {
+        return context.body.is_at_rest();
+    }
+    let state = context.peers.state(module);
+    state.is_none_or(|state| state.drive == DriveState::Standing)
+}
+
+/// Whether a module knows this epoch. A module that receives the members' messages follows them to their epoch; one that does
+/// not would not receive the call to the next epoch either.
+fn follows(module: ModuleId, epoch: Epoch, context: &Context) -> bool {
+    let heartbeat = context.peers.heartbeat(module);
+    module == context.module() || heartbeat.is_some_and(|heartbeat| heartbeat.epoch >= Some(epoch))
+}

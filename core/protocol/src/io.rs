@@ -1,0 +1,105 @@
+//! The inputs and outputs of an agent.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+
+use formation_model::{
+    ConfigurationId, Incarnation, Message, ModuleId, ModuleRun, Pose, SourceId, StoreId, Voter,
+};
+use formation_motion::{MotionGoal, MotionReport};
+
+use super::durable::DurableState;
+use super::event::Event;
+use super::plans::{ComputedPlan, PlanJob};
+
+/// What a module knows about itself when its process starts.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Identity {
+    /// The module.
+    pub module: ModuleId,
+    /// This run of its process.
+    pub incarnation: Incarnation,
+    /// Its store, if what it agrees on outlives its process.
+    pub store: Option<StoreId>,
+    /// Its pose at the start.
+    pub pose: Pose,
+    /// The modules that it is docked to at the start.
+    pub links: BTreeSet<ModuleId>,
+    /// The initial configuration to which it belongs.
+    pub configuration: Option<ConfigurationId>,
+    /// The module that leads it.
+    pub leader: Option<ModuleId>,
+}
+
+impl Identity {
+    /// The module and this run of its process.
+    #[must_use]
+    pub fn run(&self) -> ModuleRun {
+        self.module.run(self.incarnation)
+    }
+
+    /// The module with the memory that counts towards majorities.
+    #[must_use]
+    pub fn voter(&self) -> Voter {
+        Voter::new(self.run(), self.store)
+    }
+}
+
+/// A command from an operator or a client.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Command {
+    /// Leave the formation: stop, undock, and take no further spot.
+    Retire,
+    /// Take part again, after [`Self::Retire`] or after a failure of the drive or ports.
+    Rejoin,
+}
+
+/// One input of an agent.
+#[derive(Clone, Debug)]
+pub enum Input {
+    /// A message from another agent or from the publisher of the target.
+    Message {
+        /// The sender; `None` when the transport does not identify it.
+        source: Option<SourceId>,
+        /// The message.
+        message: Message,
+    },
+    /// A report from the drive or the docking ports.
+    Motion(MotionReport),
+    /// A command.
+    Command(Command),
+    /// The store holds what this [`Output::Persist`], and every earlier one, gave to it, whatever happens to the process.
+    Persisted(u64),
+    /// The plan of [`Output::Compute`].
+    Computed(Arc<ComputedPlan>),
+    /// The time that [`super::Agent::poll_timeout`] returned has come.
+    Timeout,
+}
+
+/// One output of an agent, for its host to carry out.
+#[derive(Clone, Debug)]
+pub enum Output {
+    /// Publish a message to the other agents.
+    Publish(Message),
+    /// Move to a goal.
+    Move(MotionGoal),
+    /// Stop, and report [`MotionReport::Halted`].
+    Halt,
+    /// Undock from this module, and report [`MotionReport::Undocked`].
+    Undock(ModuleId),
+    /// Dock to this module, and report [`MotionReport::Docked`].
+    Dock(ModuleId),
+    /// Write this to the module's store in place of the state before, and answer with [`Input::Persisted`] once it is there for
+    /// good. A host whose store fails ends the agent.
+    Persist {
+        /// Counts the states that were given to the store, from 1.
+        number: u64,
+        /// What the store has to hold.
+        state: Box<DurableState>,
+    },
+    /// Compute this plan, and hand it in as [`Input::Computed`]; it takes the place of an earlier request. Only agents
+    /// [with plans of their host](super::Agent::with_plans_of_host) ask.
+    Compute(PlanJob),
+    /// Log an event.
+    Event(Event),
+}

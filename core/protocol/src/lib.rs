@@ -1,0 +1,531 @@
+//! The protocol: how one module agrees with others on a plan and carries it out.
+//!
+//! An [`Agent`] is a state machine without I/O. Its host, a DDS process or a simulator, keeps to this order:
+//!
+//! 1. [`Agent::handle`] with one input and the time since some fixed start,
+//! 2. [`Agent::poll_output`] until it is empty, carrying out each output,
+//! 3. [`Agent::poll_timeout`], and [`Input::Timeout`] at that time unless another input comes first.
+//!
+//! Everything happens in **epochs**. The *convener* opens one (`convening`), the members halt and announce themselves, and
+//! a roster fixes the whole input of the plan (`stage/gathering`). The units take turns, and each agent recomputes every
+//! claim (`stage/planning`). When all members show the same digest (`stage/agreeing`), and a lease has passed, the units
+//! move one after another (`stage/acting`). A new epoch resolves any doubt; it must contain a majority of the last
+//! (`quorum`).
+//!
+//! An agent has a `Context`, which outlives every stage, and a `Stage`, which owns what exists only while it lasts. After
+//! each input the stage takes steps until none leads to another stage. A step depends on the whole state and not on an
+//! earlier message, so messages may come late, twice or in any order across writers.
+
+mod aside;
+mod asked_plan;
+mod body;
+mod context;
+mod convening;
+mod durable;
+mod event;
+mod io;
+mod member_bodies;
+mod memory;
+mod motion;
+mod mutation;
+mod outbox;
+mod pacing;
+mod parameters;
+mod peer;
+mod peers;
+mod pins;
+mod plans;
+mod publishing;
+mod quorum;
+mod refusal;
+mod roster_plan;
+mod rosters;
+mod snapshot;
+mod stage;
+mod stop;
+mod succession;
+mod write_ahead;
+
+use std::collections::BTreeSet;
+#[cfg(feature = "mutations")]
+use std::hash::{DefaultHasher, Hash as _, Hasher as _};
+use std::sync::Arc;
+use std::time::Duration;
+
+pub use durable::DurableState;
+pub use event::{EpochReason, Event, Severity};
+pub use io::{Command, Identity, Input, Output};
+#[cfg(feature = "mutations")]
+pub use mutation::Mutation;
+pub use parameters::{AgentParameters, ParametersError};
+pub use plans::{ComputedPlan, PlanJob, SharedPlans};
+pub use quorum::Shortfall;
+pub use refusal::{Refusal, RefusalCounts};
+
+use formation_model::{
+    Digest, Epoch, Heartbeat, Message, ModuleId, ModulePhase, ModuleRun, ModuleState, Plan, Pose,
+    Service, SourceId, SpotClaim, TargetAnnouncement,
+};
+
+use context::Context;
+use peers::HeartbeatNews;
+use rosters::KeptRosters;
+use stage::{Stage, Step};
+use succession::Succession;
+
+/// A revision further ahead of the known one, and of this module's clock, than this is refused.
+const REVISION_STEP_MAX: u64 = 1 << 20;
+
+/// One module's side of the protocol.
+#[derive(Clone)]
+pub struct Agent {
+    context: Context,
+    stage: Stage,
+    succession: Succession,
+    kept_rosters: KeptRosters,
+}
+
+impl Agent {
+    /// An agent for one module, started at `now`.
+    #[must_use]
+    pub fn new(identity: Identity, parameters: AgentParameters, now: Duration) -> Self {
+        Self {
+            context: Context::new(identity, parameters, now),
+            stage: Stage::Listening(None),
+            succession: Succession::default(),
+            kept_rosters: KeptRosters::default(),
+        }
+    }
+
+    /// The same agent, in or out of service from its start.
+    #[must_use]
+    pub fn in_service(mut self, service: Service) -> Self {
+        self.context.body.service = service;
+        self
+    }
+
+    /// The same agent, which started when the clock of its machine showed this time, in microseconds since 1970. Without it, that is
+    /// its incarnation, which a store or a former run may have raised.
+    #[must_use]
+    pub fn started_at(mut self, stamp: u64) -> Self {
+        self.context.own.start_stamp = stamp;
+        self
+    }
+
+    /// The same agent, which asks its host for plans by [`Output::Compute`] and does not compute them itself.
+    #[must_use]
+    pub fn with_plans_of_host(mut self) -> Self {
+        self.context.plans.by_host = true;
+        self
+    }
+
+    /// The same agent, whose heartbeats fall due at multiples of their period and not a period after the last: a host that gives
+    /// the same time to several agents sends them as one sample.
+    #[must_use]
+    pub fn with_shared_samples(mut self) -> Self {
+        self.context.own.shares_samples = true;
+        self
+    }
+
+    /// The same agent, of a robot: it moves in straight lines only if the target demands them.
+    #[must_use]
+    pub fn of_robot(mut self) -> Self {
+        self.context.own.is_robot = true;
+        self
+    }
+
+    /// The same agent with a bug, for tests of what should detect it.
+    #[cfg(feature = "mutations")]
+    #[must_use]
+    pub fn mutated(mut self, mutation: Mutation) -> Self {
+        self.context.bugs.chosen = Some(mutation);
+        self
+    }
+
+    /// Handles one input at the time `now`, which must not run backwards.
+    pub fn handle(&mut self, now: Duration, input: Input) {
+        if let Input::Persisted(number) = input {
+            // What waited for the store depends on nothing in this input.
+            self.context.outbox.note_persisted(number);
+        }
+        self.begin_input(now);
+        let may_change_what_is_due = match input {
+            Input::Message { source, message } => self.handle_message(source, message),
+            Input::Motion(report) => {
+                self.handle_motion(report);
+                true
+            }
+            Input::Command(command) => {
+                self.handle_command(command);
+                true
+            }
+            Input::Computed(computed) => self.context.plans.receive(computed),
+            Input::Persisted(_) | Input::Timeout => true,
+        };
+        self.end_input(may_change_what_is_due);
+    }
+
+    /// Handles messages that have come by the time `now`, each with its source, and then does once what is due. In a large
+    /// formation, to look at all modules after each of the messages that come from all of them would take most of the time.
+    pub fn handle_messages(
+        &mut self,
+        now: Duration,
+        messages: impl IntoIterator<Item = (Option<SourceId>, Message)>,
+    ) {
+        self.begin_input(now);
+        let mut may_change_what_is_due = false;
+        for (source, message) in messages {
+            may_change_what_is_due |= self.handle_message(source, message);
+        }
+        self.end_input(may_change_what_is_due);
+    }
+
+    fn begin_input(&mut self, now: Duration) {
+        self.context.now = self.context.now.max(now);
+        self.context.outbox.begin_input();
+    }
+
+    fn end_input(&mut self, may_change_what_is_due: bool) {
+        if may_change_what_is_due {
+            self.step();
+        }
+        self.write_ahead();
+    }
+
+    /// The next output to carry out; `None` when the agent waits.
+    pub fn poll_output(&mut self) -> Option<Output> {
+        let output = self.context.outbox.pop();
+        if matches!(output, Some(Output::Move(_))) {
+            // From here on the drive has the goal; a goal that was withdrawn before moved nothing.
+            self.context.body.settled_on = None;
+        }
+        output
+    }
+
+    /// When [`Input::Timeout`] is due, on the clock of [`Self::handle`].
+    #[must_use]
+    pub fn poll_timeout(&self) -> Duration {
+        self.context.outbox.timeout()
+    }
+
+    /// The module.
+    #[must_use]
+    pub fn module(&self) -> ModuleId {
+        self.context.module()
+    }
+
+    /// The module, and the number of this run of its process, which may rise.
+    #[must_use]
+    pub fn run(&self) -> ModuleRun {
+        self.context.own.run
+    }
+
+    /// What the module is doing.
+    #[must_use]
+    pub fn phase(&self) -> ModulePhase {
+        if self.context.shortfall.is_some() {
+            ModulePhase::WaitingForQuorum
+        } else {
+            self.stage.phase()
+        }
+    }
+
+    /// The latest epoch that it has entered.
+    #[must_use]
+    pub fn epoch(&self) -> Option<Epoch> {
+        self.stage.epoch()
+    }
+
+    /// The digest of its whole plan, once every turn is applied.
+    #[must_use]
+    pub fn digest(&self) -> Option<Digest> {
+        Some(self.stage.held_plan()?.digest)
+    }
+
+    /// The plan that it acts on.
+    #[must_use]
+    pub fn plan(&self) -> Option<&Plan> {
+        Some(&*self.stage.held_plan()?.plan)
+    }
+
+    /// Its pose, as last reported by its drive.
+    #[must_use]
+    pub fn pose(&self) -> Pose {
+        self.context.body.pose
+    }
+
+    /// The goals of the present step and of all after it; empty while it does not move.
+    #[must_use]
+    pub fn path_ahead(&self) -> Vec<Pose> {
+        self.stage.path_ahead()
+    }
+
+    /// The modules that it is docked to.
+    #[must_use]
+    pub fn links(&self) -> &BTreeSet<ModuleId> {
+        &self.context.body.links
+    }
+
+    /// Whether it takes a spot when it can.
+    #[must_use]
+    pub fn service(&self) -> Service {
+        self.context.body.service
+    }
+
+    /// The number of turns of its epoch that it has applied.
+    #[must_use]
+    pub fn applied_turns(&self) -> u32 {
+        self.stage.applied_turns()
+    }
+
+    /// Applies other time limits from the next input on. The caller has them validated, and leaves `lease`, `suspicion`
+    /// and `heartbeat` as all members have them.
+    pub fn set_parameters(&mut self, parameters: AgentParameters) {
+        self.context.parameters = parameters;
+    }
+
+    /// The number of messages that it refused, by kind.
+    #[must_use]
+    pub fn refusals(&self) -> &RefusalCounts {
+        &self.context.outbox.refusals
+    }
+
+    /// A hash of everything that its behaviour depends on; counts for reports are left out. Two agents of one module with
+    /// equal hashes behave the same from now on, up to collisions of 64-bit hashes.
+    #[cfg(feature = "mutations")]
+    #[must_use]
+    pub fn state_hash(&self) -> u64 {
+        let Self {
+            context,
+            stage,
+            succession,
+            kept_rosters,
+        } = self;
+        let mut hasher = DefaultHasher::new();
+        (context, stage, succession, kept_rosters).hash(&mut hasher);
+        hasher.finish()
+    }
+
+    /// Does what is due.
+    /// Enforces C1.
+    fn step(&mut self) {
+        self.context.outbox.forget_wakes();
+        let stood_back = self.succession.is_standing_back();
+        let stands_back = self.succession.still_stands_back(self.context.now);
+        if stood_back && !stands_back {
+            self.exceed_silent_run();
+            self.handle_kept_rosters();
+        }
+        let are_removals_new = self.context.refresh_removals();
+        if are_removals_new && matches!(self.stage, Stage::Gathering(_)) {
+            self.context.mark_state_changed();
+        }
+        if !stands_back && self.context.target.is_set() {
+            let had_settled = self.stage.is_settled();
+            self.run_stage();
+            if self.context.body.moving && self.context.bugs.forget_pin_before_goal() {
+                self.context.body.settled_on = None;
+            }
+            if !had_settled && self.stage.is_settled() {
+                self.adjust_links_to_neighbours();
+            }
+            self.consider_new_epoch();
+        }
+        self.publish_due();
+    }
+
+    /// Lets the stage take steps until none leads to another stage.
+    fn run_stage(&mut self) {
+        loop {
+            let stage = std::mem::replace(&mut self.stage, Stage::Listening(None));
+            match stage.step(&mut self.context) {
+                Step::Enter(stage) => self.stage = stage,
+                Step::Stay(stage) => {
+                    self.stage = stage;
+                    return;
+                }
+            }
+        }
+    }
+
+    /// Leaves the epoch, and stands still.
+    fn leave_epoch(&mut self) {
+        self.remember_members();
+        self.context.stand_still();
+        self.stage = Stage::Listening(self.stage.epoch());
+    }
+
+    /// Handles a message; returns whether it may change what is due.
+    fn handle_message(&mut self, source: Option<SourceId>, message: Message) -> bool {
+        match message {
+            Message::Target(announcement) => self.handle_target(announcement),
+            Message::ModuleState(state) => return self.handle_state(source, state),
+            Message::Roster(message) => self.handle_roster(source, message),
+            Message::Claim(claim) => self.handle_claim(source, claim),
+            Message::Heartbeat(heartbeat) => return self.handle_heartbeat(source, heartbeat),
+            // A claim contains its evictions.
+            Message::Eviction(_) => {}
+            Message::OtherSessionState(state) => self.handle_other_session_state(&state),
+            Message::Stop(stop) => self.handle_stop(stop),
+            Message::Removal(run) => self.context.handle_removal_report(run),
+        }
+        true
+    }
+
+    /// Enforces E9, E10.
+    fn handle_target(&mut self, announcement: Arc<TargetAnnouncement>) {
+        if !self.is_plausible_revision(announcement.revision) {
+            return self.context.refuse(None, Refusal::ImplausibleRevision);
+        }
+        let context = &mut self.context;
+        if context.memory.contradicts_founders(&announcement) {
+            return context.refuse(None, Refusal::OtherFounders);
+        }
+        if let Some(known) = context.target.announcement() {
+            if announcement.revision == known.revision && announcement != *known {
+                context.refuse(None, Refusal::ContradictingTarget);
+                return;
+            }
+            if announcement.revision <= known.revision {
+                return;
+            }
+        }
+        // A target that is ignored as old names no founders either.
+        context.memory.note_founders(&announcement);
+        context.peers.expect(announcement.expected_modules);
+        if announcement.target.is_none() {
+            context.emit(Event::TargetWithdrawn);
+            context.mark_state_changed();
+            self.leave_epoch();
+        }
+        self.context.target.set(announcement);
+    }
+
+    /// Whether a revision is near enough to this module's clock, or to the known revision, to be true.
+    fn is_plausible_revision(&self, revision: u64) -> bool {
+        let known = self.context.target.revision().unwrap_or_default();
+        self.context.is_plausible(revision) || revision <= known.saturating_add(REVISION_STEP_MAX)
+    }
+
+    /// Handles a state; one that is known already changes nothing that is due. A process sends the states of all its modules
+    /// when one of them changes, so most of those that arrive are known.
+    fn handle_state(&mut self, source: Option<SourceId>, state: Arc<ModuleState>) -> bool {
+        let run = state.module.run(state.incarnation);
+        if run.module == self.module() {
+            self.handle_duplicate(run.incarnation);
+            return true;
+        }
+        let holds_plan = state.digest.is_some();
+        let context = &mut self.context;
+        let liveness = context.liveness();
+        match context.peers.handle_state(liveness, state, source) {
+            Ok(true) => {
+                context.note_run(run, holds_plan);
+                self.note_body(run.module);
+                self.adjust_links_to(run.module);
+                self.handle_bodies_of(run.module);
+            }
+            Ok(false) => return false,
+            Err(refusal) => self.refuse_run(run, refusal),
+        }
+        true
+    }
+
+    /// Handles that the latest state of a module may report the body of another run of this one.
+    fn handle_bodies_of(&mut self, module: ModuleId) {
+        if let Some(state) = self.context.peers.state(module).cloned() {
+            self.note_run_named_in(&state.bodies);
+        }
+    }
+
+    /// Handles a heartbeat; one that shows nothing new changes nothing that is due.
+    /// Enforces H2.
+    fn handle_heartbeat(&mut self, source: Option<SourceId>, heartbeat: Heartbeat) -> bool {
+        let run = heartbeat.module.run(heartbeat.incarnation);
+        if run.module == self.module() {
+            self.handle_duplicate(run.incarnation);
+            return true;
+        }
+        let context = &mut self.context;
+        let liveness = context.liveness();
+        match context.peers.handle_heartbeat(liveness, heartbeat, source) {
+            Ok(HeartbeatNews::Old) => return false,
+            Ok(HeartbeatNews::StillLive { age }) => {
+                context.note_heard(run);
+                // What was too far ahead of this clock may be near enough by now.
+                if let Some(epoch) = heartbeat.epoch {
+                    context.note_epoch(epoch);
+                }
+                let is_late = age > context.parameters.lease;
+                let stop = heartbeat.stop;
+                let is_commanded = stop > context.stop && context.is_plausible(stop.revision);
+                if is_commanded {
+                    self.handle_stop(stop);
+                }
+                return is_late || is_commanded;
+            }
+            Ok(HeartbeatNews::New) => {
+                self.handle_stop(heartbeat.stop);
+                self.context.note_run(run, heartbeat.digest.is_some());
+                self.context.note_heard(run);
+                self.note_shown(&heartbeat);
+                // A state that was kept may have become its own.
+                self.handle_bodies_of(run.module);
+                self.handle_kept_roster_of(run.module);
+            }
+            Err(refusal) => {
+                if refusal == Refusal::StaleIncarnation {
+                    self.context.note_heard(run);
+                }
+                self.refuse_run(run, refusal);
+            }
+        }
+        true
+    }
+
+    /// Records the epoch that a heartbeat shows. With a digest, its roster may have been agreed on.
+    fn note_shown(&mut self, heartbeat: &Heartbeat) {
+        let Some(epoch) = heartbeat.epoch else {
+            return;
+        };
+        self.context.note_epoch(epoch);
+        if let Some(roster) = self.stage.roster()
+            && heartbeat.digest.is_some()
+            && roster.epoch == epoch
+            && !self.context.memory.quorum.has_noted(epoch)
+        {
+            let basis = roster.quorum_basis();
+            self.context.memory.quorum.note_shown(epoch, &basis);
+        }
+    }
+
+    fn handle_claim(&mut self, source: Option<SourceId>, claim: Arc<SpotClaim>) {
+        let claimant = claim.claimant;
+        if let Err(refusal) = self.check_claim(source, &claim) {
+            return self.context.refuse(Some(claimant), refusal);
+        }
+        // Rosters list only modules that have halted for their epoch, so the claims of other epochs concern other modules.
+        if self.stage.epoch() == Some(claim.epoch)
+            && let Err(refusal) = self.stage.take_claim(claim, &self.context)
+        {
+            self.context.refuse(Some(claimant), refusal);
+        }
+    }
+
+    /// Enforces T3.
+    fn check_claim(&self, source: Option<SourceId>, claim: &SpotClaim) -> Result<(), Refusal> {
+        let run = claim.claimant.run(claim.incarnation);
+        self.context.peers.check_source(run, source)?;
+        if claim.claimant == self.module() {
+            return Err(Refusal::WrongSource);
+        }
+        let current = self.stage.epoch();
+        if current.is_some_and(|current| claim.epoch < current) {
+            return Err(Refusal::StaleEpoch);
+        }
+        if current != Some(claim.epoch) && !self.context.is_plausible(claim.epoch.number) {
+            return Err(Refusal::ImplausibleEpoch);
+        }
+        Ok(())
+    }
+}

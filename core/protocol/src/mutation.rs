@@ -1,0 +1,197 @@
+//! Deliberate protocol bugs, by which the simulator shows that it would find real ones.
+//!
+//! Without the cargo feature `mutations`, which only the tests of `formation_sim` enable, no agent can have one: every
+//! predicate of [`Bugs`] is then a constant, and the compiler removes the branches that ask. Building the tests of the
+//! whole workspace enables the feature for all crates at once, as cargo unifies features; even then nothing changes unless
+//! a test calls `Agent::mutated`, which no program does.
+
+use std::borrow::Cow;
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation_model::{Digest, PlanningProblem, QuorumBasis, Voter};
+
+/// One bug.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+pub enum Mutation {
+    /// Follows rosters of epochs that are over.
+    /// Lacks E1.
+    AcceptStaleEpoch,
+    /// Counts every member as agreed, whatever its digest.
+    /// Lacks A1.
+    SkipDigestBarrier,
+    /// Moves as soon as all members agree.
+    /// Lacks A2.
+    SkipLeaseWait,
+    /// Keeps moving when members no longer show agreement.
+    /// Lacks A3.
+    IgnoreLapse,
+    /// Takes a restarted process for the one that it knew.
+    /// Lacks G3.
+    DropIncarnationCheck,
+    /// Applies claims that differ from its own recomputation.
+    /// Lacks T2.
+    AcceptWithoutRecomputation,
+    /// Records claims in the order in which they arrive.
+    ApplyOutOfTurn,
+    /// Needs no majority of earlier rosters.
+    IgnoreQuorum,
+    /// Counts a restarted module as if it remembered what it agreed on.
+    CountForgetful,
+    /// Counts the members of an earlier roster as if they remembered, if all of them are back.
+    /// Lacks Q3.
+    CountAllBack,
+    /// Adds the quorum bases of a roster before it judges the roster.
+    LearnUnjudged,
+    /// Moves without waiting for earlier units.
+    /// Lacks X1.
+    MoveOutOfOrder,
+    /// Begins a step without waiting for other units.
+    /// Lacks X8.
+    SkipWaits,
+    /// Forgets the spot on which it has settled.
+    ForgetPins,
+    /// Freezes with the spot of whatever target it knows.
+    PinForAnyTarget,
+    /// Plans as if no module were docked, and so evicts members of configurations.
+    EvictConfigurationMember,
+    /// Counts every module that it ever received a heartbeat from as live.
+    /// Lacks M1.
+    CountDeadAsAlive,
+    /// Takes heartbeats that lay in a buffer for fresh ones.
+    /// Lacks M1.
+    TrustBufferedHeartbeats,
+    /// Holds another plan than it should, as a module of another build might.
+    DifferentPlan,
+    /// Never includes a late module to fill an open spot.
+    IgnoreNewcomers,
+    /// Plans as if absent modules had no bodies.
+    /// Lacks B3.
+    IgnoreBodies,
+    /// Follows rosters that do not say where a body is on which no spot lies.
+    IgnoreDisplacedBodies,
+    /// Excludes members that it considers stuck although they show a later epoch, and lets a roster count as agreed once it has
+    /// agreed itself.
+    /// Lacks M6.
+    ExcludeMembersAhead,
+    /// Forgets its pin when it decides to set off, before its drive has a goal.
+    ForgetPinBeforeGoal,
+    /// Restarts without the bodies that its store holds.
+    ForgetStoredBodies,
+    /// Drops a module as soon as somebody reports its body as removed.
+    /// Lacks B5.
+    TrustRemovals,
+}
+
+/// The bug that an agent has, if any; none outside of tests.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
+pub(super) struct Bugs {
+    #[cfg(feature = "mutations")]
+    pub(super) chosen: Option<Mutation>,
+}
+
+impl Bugs {
+    #[cfg(feature = "mutations")]
+    fn has(self, mutation: Mutation) -> bool {
+        self.chosen == Some(mutation)
+    }
+
+    /// Never, in what is shipped.
+    #[cfg(not(feature = "mutations"))]
+    const fn has(self, _mutation: Mutation) -> bool {
+        false
+    }
+
+    /// The time from agreement to the first motion.
+    pub(super) fn lease_wait(self, lease: Duration) -> Duration {
+        if self.has(Mutation::SkipLeaseWait) {
+            Duration::ZERO
+        } else {
+            lease
+        }
+    }
+
+    /// The voters that count towards a quorum when these are present; ascending like them. `bases` are the known ones.
+    pub(super) fn counted<'a>(
+        self,
+        present: &'a [Voter],
+        bases: impl FnOnce() -> Vec<QuorumBasis>,
+    ) -> Cow<'a, [Voter]> {
+        let is_present = |module| present.iter().any(|here| here.module == module);
+        let remembered: Vec<Voter> = if self.has(Mutation::CountForgetful) {
+            let bases = bases();
+            let voters = bases.iter().flat_map(|basis| basis.members.iter().copied());
+            voters.filter(|voter| is_present(voter.module)).collect()
+        } else if self.has(Mutation::CountAllBack) {
+            let bases = bases();
+            let is_back =
+                |basis: &&QuorumBasis| basis.members.iter().all(|voter| is_present(voter.module));
+            let back = bases.iter().filter(is_back);
+            back.flat_map(|basis| basis.members.iter().copied())
+                .collect()
+        } else {
+            return Cow::Borrowed(present);
+        };
+        let all: BTreeSet<Voter> = present.iter().copied().chain(remembered).collect();
+        Cow::Owned(all.into_iter().collect())
+    }
+
+    /// The problem that is planned for; `None` if it contradicts itself.
+    pub(super) fn planned(self, problem: Arc<PlanningProblem>) -> Option<Arc<PlanningProblem>> {
+        if !self.has(Mutation::EvictConfigurationMember) {
+            return Some(problem);
+        }
+        let mut modules = problem.modules().to_vec();
+        for module in &mut modules {
+            module.links.clear();
+        }
+        let target = Arc::clone(problem.target());
+        let problem = PlanningProblem::new(target, *problem.parameters(), modules);
+        problem.ok().map(Arc::new)
+    }
+
+    /// The digest that is shown for a plan with this one.
+    pub(super) fn shown(self, digest: Digest) -> Digest {
+        if self.has(Mutation::DifferentPlan) {
+            Digest(digest.0 ^ 1)
+        } else {
+            digest
+        }
+    }
+}
+
+macro_rules! predicates {
+    ($($predicate:ident: $mutation:ident,)*) => {
+        impl Bugs {
+            $(pub(super) fn $predicate(self) -> bool {
+                self.has(Mutation::$mutation)
+            })*
+        }
+    };
+}
+
+// What the agent does if it has the bug.
+predicates! {
+    accept_stale_epochs: AcceptStaleEpoch,
+    skip_digest_barrier: SkipDigestBarrier,
+    ignore_lapses: IgnoreLapse,
+    ignore_restarts: DropIncarnationCheck,
+    accept_any_decision: AcceptWithoutRecomputation,
+    record_claims_out_of_turn: ApplyOutOfTurn,
+    ignore_quorum: IgnoreQuorum,
+    ignore_acting_order: MoveOutOfOrder,
+    skip_waits: SkipWaits,
+    forget_pins: ForgetPins,
+    pin_for_any_target: PinForAnyTarget,
+    count_dead_as_live: CountDeadAsAlive,
+    trust_buffered_heartbeats: TrustBufferedHeartbeats,
+    ignore_newcomers: IgnoreNewcomers,
+    learn_unjudged: LearnUnjudged,
+    ignore_bodies: IgnoreBodies,
+    ignore_displaced_bodies: IgnoreDisplacedBodies,
+    exclude_members_ahead: ExcludeMembersAhead,
+    forget_pin_before_goal: ForgetPinBeforeGoal,
+    forget_stored_bodies: ForgetStoredBodies,
+    trust_removals: TrustRemovals,
+}

@@ -1,0 +1,163 @@
+//! One other module: its latest messages, and when they were sent.
+
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation_model::{
+    Epoch, Heartbeat, Incarnation, ModuleId, ModulePhase, ModuleState, SourceId, Voter,
+};
+
+/// A state and its sender.
+pub(super) type KeptState = (Arc<ModuleState>, Option<SourceId>);
+
+/// By how much two clocks may drift apart: one part in this many. Quartz is a hundred times better.
+const DRIFT_DIVISOR: u32 = 1_000;
+
+/// A module that has left this many rosters of another in a row is left out by that one.
+const INTERRUPTIONS_MAX: u32 = 3;
+
+/// The number of rosters without agreement after which the time for which a module is not wanted no longer doubles.
+const DOUBLINGS_MAX: u32 = 5;
+
+/// What is known of one other module.
+#[derive(Clone, Debug, Hash)]
+pub(super) struct Peer {
+    pub incarnation: Incarnation,
+    pub heartbeat: Option<Heartbeat>,
+    pub state: Option<Arc<ModuleState>>,
+    /// The latest state of another run that may yet take the place of this one: a state comes only once. A later run does so when
+    /// this one is silent, and an earlier one when this one has been silent for long.
+    pub kept: Option<KeptState>,
+    /// The later run that it, or a run before it, replaced after a long silence of that: a clock was set back in between.
+    pub replaces: Option<Incarnation>,
+    /// The participant that sends for this module, where the transport identifies it.
+    pub source: Option<SourceId>,
+    /// When its latest heartbeat was sent, by this module's clock.
+    alive_at: Option<Duration>,
+    /// When the first message of this incarnation came.
+    first_seen: Duration,
+    /// The peer's start by this module's clock, as the least delayed heartbeat shows it; signed microseconds.
+    clock_offset_us: Option<(i128, Duration)>,
+    /// Until when it is considered failed because it made no progress.
+    pub excluded_until: Duration,
+    /// The number of rosters that listed it since it last agreed to one.
+    rosters_without_agreement: u32,
+    /// How many rosters of this module it left before they agreed, by opening an epoch, since it last agreed to one.
+    interruptions: u32,
+    /// Until when no epoch is opened to include it, because rosters with it did not agree, and one without it did.
+    pub unwanted_until: Duration,
+}
+
+impl Peer {
+    pub fn new(incarnation: Incarnation, source: Option<SourceId>, now: Duration) -> Self {
+        Self {
+            incarnation,
+            heartbeat: None,
+            state: None,
+            kept: None,
+            replaces: None,
+            source,
+            alive_at: None,
+            first_seen: now,
+            clock_offset_us: None,
+            excluded_until: Duration::ZERO,
+            rosters_without_agreement: 0,
+            interruptions: 0,
+            unwanted_until: Duration::ZERO,
+        }
+    }
+
+    /// The module with the memory that counts towards majorities, as its latest heartbeat shows it.
+    pub fn voter(&self, module: ModuleId) -> Voter {
+        let run = module.run(self.incarnation);
+        Voter::new(run, self.heartbeat.and_then(|heartbeat| heartbeat.store))
+    }
+
+    /// Whether it has taken the place of this run.
+    pub fn has_replaced(&self, run: Incarnation) -> bool {
+        self.incarnation > run || (self.incarnation < run && self.replaces >= Some(run))
+    }
+
+    /// Whether its latest heartbeat shows a later epoch than this.
+    pub fn is_ahead_of(&self, epoch: Epoch) -> bool {
+        let heartbeat = self.heartbeat.as_ref();
+        heartbeat.is_some_and(|heartbeat| heartbeat.epoch > Some(epoch))
+    }
+
+    /// The age of the latest heartbeat; `None` without one.
+    pub fn age(&self, now: Duration) -> Option<Duration> {
+        self.alive_at.map(|at| now.saturating_sub(at))
+    }
+
+    /// When it last gave a sign of life.
+    pub fn last_seen(&self) -> Duration {
+        self.alive_at.unwrap_or(self.first_seen)
+    }
+
+    /// Estimates when a heartbeat was sent, by this module's clock.
+    ///
+    /// The least delayed heartbeat so far gives the offset between the clocks; it may creep, since clocks drift. A
+    /// heartbeat that lay in a buffer while this process or the network stood still is recognised as old in this way.
+    /// Enforces M1.
+    pub fn sent_at(&mut self, now: Duration, uptime: Duration) -> Duration {
+        let micros = |duration: Duration| i128::try_from(duration.as_micros()).unwrap_or(i128::MAX);
+        let sample = micros(now) - micros(uptime).min(i128::MAX / 4);
+        let offset = match self.clock_offset_us {
+            None => sample,
+            Some((offset, at)) => {
+                sample.min(offset + micros(now.saturating_sub(at) / DRIFT_DIVISOR))
+            }
+        };
+        self.clock_offset_us = Some((offset, now));
+        let sent = (offset + micros(uptime).min(i128::MAX / 4)).clamp(0, micros(now));
+        Duration::from_micros(u64::try_from(sent).unwrap_or(u64::MAX))
+    }
+
+    /// Records a heartbeat that was sent at a time.
+    pub fn note_heartbeat(&mut self, heartbeat: Heartbeat, sent_at: Duration) {
+        self.alive_at = Some(self.alive_at.map_or(sent_at, |at| at.max(sent_at)));
+        self.heartbeat = Some(heartbeat);
+    }
+
+    /// A roster lists it; whether it will agree to that is open.
+    pub fn note_listed(&mut self) {
+        self.rosters_without_agreement = (self.rosters_without_agreement + 1).min(DOUBLINGS_MAX);
+    }
+
+    /// Its roster is agreed, as far as this module knows: it shows the same digest.
+    pub fn note_same_digest(&mut self) {
+        self.excluded_until = Duration::ZERO;
+    }
+
+    /// All members of its roster show that they have agreed.
+    pub fn note_agreement(&mut self) {
+        self.rosters_without_agreement = 0;
+        self.interruptions = 0;
+        self.unwanted_until = Duration::ZERO;
+    }
+
+    /// It leaves a roster of this module that has not agreed, and opens an epoch. Returns whether it has done so several times in a
+    /// row.
+    pub fn note_interruption(&mut self) -> bool {
+        self.interruptions = (self.interruptions + 1).min(INTERRUPTIONS_MAX);
+        self.interruptions == INTERRUPTIONS_MAX
+    }
+
+    /// Whether it shows that it has agreed in an epoch.
+    pub fn has_agreed_in(&self, epoch: Epoch) -> bool {
+        use ModulePhase::{Moving, Settled, Spare, Waiting};
+        self.heartbeat.is_some_and(|heartbeat| {
+            heartbeat.epoch == Some(epoch)
+                && matches!(heartbeat.phase, Waiting | Moving | Settled | Spare)
+        })
+    }
+
+    /// The members of a roster have agreed without it: if rosters with it did not agree before, no epoch is opened for it for
+    /// a while, which doubles each time. Otherwise a module that receives only some of the others would halt them all again
+    /// and again.
+    pub fn note_agreement_without(&mut self, now: Duration, least: Duration) {
+        if let Some(doublings) = self.rosters_without_agreement.checked_sub(1) {
+            self.unwanted_until = now + least * (1 << doublings);
+        }
+    }
+}

@@ -1,0 +1,599 @@
+//! The other modules, and which of them are live.
+
+use std::collections::BTreeMap;
+use std::hash::{Hash, Hasher};
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation_model::{
+    Epoch, Heartbeat, Incarnation, MODULES_MAX, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    Service, SourceId,
+};
+
+use super::mutation::Bugs;
+use super::peer::{KeptState, Peer};
+use super::refusal::Refusal;
+
+/// At least this many modules are kept, and up to four times as many as are expected: more are taken for invented.
+const PEERS_MIN: usize = 1_024;
+
+/// A run that has been silent for this many times `suspicion` no longer keeps an earlier run of its module out.
+pub(super) const SILENCES_REMEMBERED: u32 = 4;
+
+/// When, and by which limit, modules are judged to be live.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Liveness {
+    /// The greatest incarnation that can be true.
+    pub latest_stamp: u64,
+    pub now: Duration,
+    pub suspicion: Duration,
+    pub bugs: Bugs,
+}
+
+impl Liveness {
+    /// Whether a peer is live: its latest heartbeat is younger than `suspicion`, and it is not excluded for lack of progress.
+    pub fn includes(self, peer: &Peer) -> bool {
+        let is_recent = |age: Duration| age <= self.suspicion;
+        self.bugs.count_dead_as_live()
+            || (peer.excluded_until <= self.now && peer.age(self.now).is_some_and(is_recent))
+    }
+}
+
+/// What a heartbeat changes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum HeartbeatNews {
+    /// Nothing: a later one is known already.
+    Old,
+    /// Nothing but that the module is still live; the heartbeat before was this old.
+    StillLive { age: Duration },
+    /// The module, or what it shows, is new.
+    New,
+}
+
+/// What a judgement of all peers depends on, apart from them: the epoch, the revision of the target, the module's own
+/// service, and the version of the known bodies.
+pub(super) type Judged = (Epoch, Option<u64>, Service, u64);
+
+/// A judgement of all peers that gave no reason for an epoch.
+#[derive(Clone, Copy, Debug)]
+struct Calm {
+    judged: Judged,
+    /// The number of changes to the peers at that time.
+    changes: u64,
+    /// When time alone may change the judgement.
+    until: Duration,
+}
+
+/// All other modules that sent a message.
+#[derive(Clone, Debug)]
+pub(super) struct Peers {
+    peers: BTreeMap<ModuleId, Peer>,
+    /// The greatest number of peers that are kept.
+    room: usize,
+    /// Counts the changes to peers that may give a reason for an epoch.
+    changes: u64,
+    /// The last judgement without a reason. Between changes it saves a look at every peer at every message.
+    calm: Option<Calm>,
+    shown: Shown,
+}
+
+/// How often a heartbeat showed another epoch or digest than the one before it, and of which module the last of these was.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub(super) struct Shown {
+    count: u64,
+    last: Option<ModuleId>,
+}
+
+impl Shown {
+    /// The only module of which this changed since `earlier`, if there is just one.
+    pub fn only_since(self, earlier: Self) -> Option<ModuleId> {
+        self.last.filter(|_| self.count == earlier.count + 1)
+    }
+}
+
+impl Hash for Peers {
+    /// The judgement follows from the peers, and the count only saves work.
+    fn hash<H: Hasher>(&self, state: &mut H) {
+        (&self.peers, self.room).hash(state);
+    }
+}
+
+impl Default for Peers {
+    fn default() -> Self {
+        Self {
+            peers: BTreeMap::new(),
+            room: MODULES_MAX,
+            changes: 0,
+            calm: None,
+            shown: Shown::default(),
+        }
+    }
+}
+
+impl Peers {
+    /// Adapts the greatest number of peers to the number of modules that are expected, if it is known.
+    pub fn expect(&mut self, expected: Option<u32>) {
+        let expected = expected.and_then(|count| usize::try_from(count).ok());
+        self.room = expected.map_or(MODULES_MAX, |count| {
+            PEERS_MIN.max(count.saturating_mul(4)).min(MODULES_MAX)
+        });
+    }
+
+    /// Whether there is room for one more, if need be in the place of one that has long been silent.
+    /// Enforces C3.
+    fn make_room(&mut self, liveness: Liveness) -> bool {
+        if self.peers.len() < self.room {
+            return true;
+        }
+        let quietest = self.peers.iter().min_by_key(|(_, peer)| peer.last_seen());
+        let gone = quietest
+            .filter(|(_, peer)| liveness.now.saturating_sub(peer.last_seen()) > liveness.suspicion)
+            .map(|(&module, _)| module);
+        gone.is_some_and(|module| self.peers.remove(&module).is_some())
+    }
+
+    pub fn get(&self, module: ModuleId) -> Option<&Peer> {
+        self.peers.get(&module)
+    }
+
+    /// The latest heartbeat of a module.
+    pub fn heartbeat(&self, module: ModuleId) -> Option<Heartbeat> {
+        self.peers.get(&module)?.heartbeat
+    }
+
+    /// Counts the changes of what heartbeats show.
+    pub fn shown(&self) -> Shown {
+        self.shown
+    }
+
+    /// Changes whenever a peer becomes known, restarts, or shows another epoch, digest or service; time changes only ages.
+    pub fn version(&self) -> (u64, Shown) {
+        (self.changes, self.shown)
+    }
+
+    /// Whether a module's latest heartbeat shows that it computes a plan in this epoch.
+    pub fn computes(&self, module: ModuleId, epoch: Epoch) -> bool {
+        let heartbeat = self.heartbeat(module);
+        heartbeat.is_some_and(|heartbeat| {
+            heartbeat.epoch == Some(epoch) && heartbeat.phase == ModulePhase::Computing
+        })
+    }
+
+    /// The latest state of a module.
+    pub fn state(&self, module: ModuleId) -> Option<&Arc<ModuleState>> {
+        self.peers.get(&module)?.state.as_ref()
+    }
+
+    /// The latest states of all modules.
+    pub fn states(&self) -> impl Iterator<Item = &Arc<ModuleState>> {
+        self.peers.values().filter_map(|peer| peer.state.as_ref())
+    }
+
+    /// Checks that a message of a run comes from the process that sends for its module, where that is known.
+    /// Enforces M2.
+    pub fn check_source(&self, run: ModuleRun, source: Option<SourceId>) -> Result<(), Refusal> {
+        let Some(peer) = self.peers.get(&run.module) else {
+            return Ok(());
+        };
+        if run.incarnation < peer.incarnation {
+            return Err(Refusal::StaleIncarnation);
+        }
+        match (peer.source, source) {
+            (Some(known), Some(given)) if known != given && peer.incarnation == run.incarnation => {
+                Err(Refusal::WrongSource)
+            }
+            _ => Ok(()),
+        }
+    }
+
+    /// Forgets a run that has long been silent when an earlier one sends, and returns it: what a silent run claimed keeps no
+    /// other out.
+    fn forget_silent(&mut self, liveness: Liveness, run: ModuleRun) -> Option<Peer> {
+        let is_gone = |peer: &Peer| {
+            let silence = liveness.now.saturating_sub(peer.last_seen());
+            run.incarnation < peer.incarnation && silence > liveness.suspicion * SILENCES_REMEMBERED
+        };
+        if !self.get(run.module).is_some_and(is_gone) {
+            return None;
+        }
+        self.changes += 1;
+        self.peers.remove(&run.module)
+    }
+
+    /// Judges a sender that is not known as such, and makes room for it. Returns the run that it replaces although that is later.
+    fn judge_sender(
+        &mut self,
+        liveness: Liveness,
+        run: ModuleRun,
+        source: Option<SourceId>,
+    ) -> Result<Option<Peer>, Refusal> {
+        let forgotten = self.forget_silent(liveness, run);
+        self.check_source(run, source)?;
+        if self.peers.contains_key(&run.module) || self.make_room(liveness) {
+            Ok(forgotten)
+        } else {
+            Err(Refusal::TooManyModules)
+        }
+    }
+
+    /// The entry of the run that sends, made or replaced where the rules of incarnations allow it.
+    /// Enforces M3.
+    fn admit(
+        &mut self,
+        liveness: Liveness,
+        run: ModuleRun,
+        source: Option<SourceId>,
+    ) -> Result<&mut Peer, Refusal> {
+        if run.incarnation.0 > liveness.latest_stamp {
+            return Err(Refusal::ImplausibleIncarnation);
+        }
+        let known = self.peers.get(&run.module);
+        let is_known =
+            known.is_some_and(|peer| peer.incarnation == run.incarnation && peer.source == source);
+        let forgotten = if is_known {
+            None
+        } else {
+            self.judge_sender(liveness, run, source)?
+        };
+        let now = liveness.now;
+        let changes = &mut self.changes;
+        let peer = self.peers.entry(run.module).or_insert_with(|| {
+            *changes += 1;
+            Peer::new(run.incarnation, source, now)
+        });
+        if run.incarnation > peer.incarnation {
+            let silence = now.saturating_sub(peer.last_seen());
+            // A process that goes on under a later number is no second one.
+            let goes_on = source.is_some() && source == peer.source;
+            let is_free = goes_on || silence > liveness.suspicion;
+            if !liveness.bugs.ignore_restarts() && !is_free {
+                return Err(Refusal::DuplicateModule);
+            }
+            self.changes += 1;
+            let (kept, replaces) = (peer.kept.take(), peer.replaces);
+            *peer = Peer::new(run.incarnation, source, now);
+            peer.replaces = replaces;
+            peer.state = state_of(kept, run, source);
+        } else if let Some(Peer {
+            incarnation, kept, ..
+        }) = forgotten
+        {
+            peer.replaces = Some(incarnation);
+            peer.state = state_of(kept, run, source);
+        }
+        peer.source = peer.source.or(source);
+        Ok(peer)
+    }
+
+    /// Handles a heartbeat.
+    pub fn handle_heartbeat(
+        &mut self,
+        liveness: Liveness,
+        heartbeat: Heartbeat,
+        source: Option<SourceId>,
+    ) -> Result<HeartbeatNews, Refusal> {
+        let run = heartbeat.module.run(heartbeat.incarnation);
+        let now = liveness.now;
+        let peer = self.admit(liveness, run, source)?;
+        let known = peer.heartbeat;
+        if known.is_some_and(|known| known.sequence >= heartbeat.sequence) {
+            return Ok(HeartbeatNews::Old);
+        }
+        let age = peer.age(now);
+        let sent_at = if liveness.bugs.trust_buffered_heartbeats() {
+            now
+        } else {
+            peer.sent_at(now, heartbeat.uptime)
+        };
+        peer.note_heartbeat(heartbeat, sent_at);
+        let was_live = age.is_some_and(|age| age <= liveness.suspicion);
+        if !was_live || known.is_none_or(|known| known.epoch != heartbeat.epoch) {
+            self.changes += 1;
+        }
+        let plan = |heartbeat: Heartbeat| (heartbeat.epoch, heartbeat.digest);
+        if known.map(plan) != Some(plan(heartbeat)) {
+            self.shown.count += 1;
+            self.shown.last = Some(heartbeat.module);
+        }
+        let shows = |heartbeat: Heartbeat| {
+            let progress = (heartbeat.phase, heartbeat.steps_done);
+            (plan(heartbeat), progress, heartbeat.stop)
+        };
+        Ok(match (known, age) {
+            (Some(known), Some(age)) if shows(known) == shows(heartbeat) => {
+                HeartbeatNews::StillLive { age }
+            }
+            _ => HeartbeatNews::New,
+        })
+    }
+
+    /// Handles a module's state; `Ok(false)` when the same or a later one is known already.
+    pub fn handle_state(
+        &mut self,
+        liveness: Liveness,
+        state: Arc<ModuleState>,
+        source: Option<SourceId>,
+    ) -> Result<bool, Refusal> {
+        let run = state.module.run(state.incarnation);
+        let peer = match self.admit(liveness, run, source) {
+            Ok(peer) => peer,
+            Err(refusal) => {
+                if matches!(
+                    refusal,
+                    Refusal::DuplicateModule | Refusal::StaleIncarnation
+                ) {
+                    self.keep_for_later(state, source);
+                }
+                return Err(refusal);
+            }
+        };
+        let known = peer.state.as_ref();
+        if known.is_some_and(|known| known.sequence >= state.sequence) {
+            return Ok(false);
+        }
+        let service = known.map(|known| known.service);
+        let changes = service != Some(state.service);
+        peer.state = Some(without_proofs(state));
+        self.changes += u64::from(changes);
+        Ok(true)
+    }
+
+    /// Keeps the latest state of a run that may yet take the place of the one that is known.
+    fn keep_for_later(&mut self, state: Arc<ModuleState>, source: Option<SourceId>) {
+        let Some(peer) = self.peers.get_mut(&state.module) else {
+            return;
+        };
+        let order = |state: &ModuleState| (state.incarnation, state.sequence);
+        let kept = peer.kept.as_ref().map(|(kept, _)| order(kept));
+        if kept < Some(order(&state)) {
+            peer.kept = Some((without_proofs(state), source));
+        }
+    }
+
+    /// Whether a module's latest heartbeat is younger than `suspicion` and it is not excluded for lack of progress.
+    /// Enforces M1.
+    pub fn is_live(&self, liveness: Liveness, module: ModuleId) -> bool {
+        self.get(module).is_some_and(|peer| liveness.includes(peer))
+    }
+
+    /// The live peers in ascending order.
+    pub fn live(&self, liveness: Liveness) -> impl Iterator<Item = (ModuleId, &Peer)> {
+        self.peers
+            .iter()
+            .filter(move |(_, peer)| liveness.includes(peer))
+            .map(|(&module, peer)| (module, peer))
+    }
+
+    /// Considers a module failed until a time, because it makes no progress.
+    /// Enforces M6.
+    pub fn exclude(&mut self, module: ModuleId, until: Duration) {
+        if let Some(peer) = self.peers.get_mut(&module) {
+            peer.excluded_until = peer.excluded_until.max(until);
+            self.changes += 1;
+        }
+    }
+
+    /// A module leaves a roster of this one; see [`Peer::note_interruption`].
+    pub fn note_interruption(&mut self, module: ModuleId) -> bool {
+        let peer = self.peers.get_mut(&module);
+        peer.is_some_and(Peer::note_interruption)
+    }
+
+    /// A roster lists these modules, in ascending order.
+    pub fn note_listed(&mut self, members: impl Iterator<Item = ModuleId>) {
+        let mut members = members.peekable();
+        for (&module, peer) in &mut self.peers {
+            while members.next_if(|&id| id < module).is_some() {}
+            if members.next_if_eq(&module).is_some() {
+                peer.note_listed();
+            }
+        }
+    }
+
+    /// The members of a roster show the same digest.
+    pub fn note_same_digest(
+        &mut self,
+        now: Duration,
+        least: Duration,
+        members: &BTreeMap<ModuleId, Incarnation>,
+    ) {
+        self.changes += 1;
+        for (module, peer) in &mut self.peers {
+            if members.contains_key(module) {
+                peer.note_same_digest();
+            } else {
+                peer.note_agreement_without(now, least);
+            }
+        }
+    }
+
+    /// Records whether all members of a roster other than `own` show that they have agreed; returns whether they do. Where a link
+    /// carries one way only, some agree and others never do, again and again.
+    pub fn note_agreement(
+        &mut self,
+        epoch: Epoch,
+        own: ModuleId,
+        members: &BTreeMap<ModuleId, Incarnation>,
+    ) -> bool {
+        let others = members.keys().filter(|&&module| module != own);
+        let others = others.map(|&module| (module, ()));
+        let have_agreed = self
+            .along(others)
+            .all(|(_, (), peer)| peer.is_some_and(|peer| peer.has_agreed_in(epoch)));
+        if have_agreed {
+            self.forget_disagreement(members);
+        }
+        have_agreed
+    }
+
+    /// The rosters that listed these modules without coming to an agreement count no more.
+    pub fn forget_disagreement(&mut self, members: &BTreeMap<ModuleId, Incarnation>) {
+        self.changes += 1;
+        let is_member = |(module, _): &(&ModuleId, &mut Peer)| members.contains_key(module);
+        let members = self.peers.iter_mut().filter(is_member);
+        members.for_each(|(_, peer)| peer.note_agreement());
+    }
+
+    /// Each of these modules, which ascend, with its peer, if that is known: one walk along all peers in place of a search for
+    /// each.
+    pub fn along<T>(
+        &self,
+        modules: impl Iterator<Item = (ModuleId, T)>,
+    ) -> impl Iterator<Item = (ModuleId, T, Option<&Peer>)> {
+        let mut peers = self.peers.iter().peekable();
+        modules.map(move |(module, value)| {
+            while peers.next_if(|&(&id, _)| id < module).is_some() {}
+            let peer = peers.next_if(|&(&id, _)| id == module);
+            (module, value, peer.map(|(_, peer)| peer))
+        })
+    }
+
+    /// No peer gives a reason for an epoch.
+    pub fn note_calm(&mut self, liveness: Liveness, judged: Judged) {
+        let times = self.peers.values().flat_map(|peer| {
+            let age = peer
+                .age(liveness.now)
+                .filter(|&age| age <= liveness.suspicion);
+            let silent_at = age.map(|age| liveness.now + (liveness.suspicion - age));
+            let ends = [peer.excluded_until, peer.unwanted_until];
+            let ends = ends.into_iter().filter(|&end| end > liveness.now);
+            silent_at.into_iter().chain(ends)
+        });
+        self.calm = Some(Calm {
+            judged,
+            changes: self.changes,
+            until: times.min().unwrap_or(Duration::MAX),
+        });
+    }
+
+    /// Whether no peer gave a reason for an epoch, and none has changed since.
+    pub fn is_calm(&self, now: Duration, judged: Judged) -> bool {
+        self.calm.is_some_and(|calm| {
+            calm.judged == judged && calm.changes == self.changes && now < calm.until
+        })
+    }
+
+    /// Whether an epoch may be opened to include a module.
+    /// Enforces E7.
+    pub fn is_wanted(&self, now: Duration, module: ModuleId) -> bool {
+        self.get(module)
+            .is_none_or(|peer| peer.unwanted_until <= now)
+    }
+}
+
+/// The kept state, if this run sent it.
+fn state_of(
+    kept: Option<KeptState>,
+    run: ModuleRun,
+    source: Option<SourceId>,
+) -> Option<Arc<ModuleState>> {
+    kept.filter(|(state, sender)| state.incarnation == run.incarnation && *sender == source)
+        .map(|(state, _)| state)
+}
+
+/// The proofs in a state are for observers; to keep them would let any sender fill this module's memory.
+fn without_proofs(state: Arc<ModuleState>) -> Arc<ModuleState> {
+    if state.waited_for.is_empty() && state.agreed_on.is_empty() {
+        return state;
+    }
+    let mut state = ModuleState::clone(&state);
+    state.waited_for = Vec::new();
+    state.agreed_on = Vec::new();
+    Arc::new(state)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use formation_model::Stop;
+
+    fn at(seconds: u64) -> Liveness {
+        Liveness {
+            latest_stamp: 1_000,
+            now: Duration::from_secs(seconds),
+            suspicion: Duration::from_secs(5),
+            bugs: Bugs::default(),
+        }
+    }
+
+    fn heartbeat(incarnation: u64, sequence: u64, uptime_s: u64) -> Heartbeat {
+        Heartbeat {
+            module: ModuleId(1),
+            incarnation: Incarnation(incarnation),
+            store: None,
+            sequence,
+            uptime: Duration::from_secs(uptime_s),
+            epoch: None,
+            digest: None,
+            digest_since: 0,
+            applied_turns: 0,
+            steps_done: 0,
+            phase: ModulePhase::Listening,
+            stop: Stop::default(),
+        }
+    }
+
+    /// Shows M1.
+    #[test]
+    fn a_buffered_heartbeat_is_not_fresh() {
+        let mut peers = Peers::default();
+        peers
+            .handle_heartbeat(at(10), heartbeat(1, 1, 1), None)
+            .unwrap();
+        assert!(peers.is_live(at(14), ModuleId(1)));
+        // This process slept for 20 s; the heartbeat that was sent one second after the first reaches it only now.
+        peers
+            .handle_heartbeat(at(30), heartbeat(1, 2, 2), None)
+            .unwrap();
+        assert!(!peers.is_live(at(30), ModuleId(1)));
+        peers
+            .handle_heartbeat(at(30), heartbeat(1, 3, 21), None)
+            .unwrap();
+        assert!(peers.is_live(at(30), ModuleId(1)));
+    }
+
+    /// Shows C3.
+    #[test]
+    fn invented_modules_take_no_more_room_than_there_is() {
+        let mut peers = Peers::default();
+        peers.expect(Some(8));
+        let mut handle = |now, module| {
+            let mut heartbeat = heartbeat(1, now, now);
+            heartbeat.module = ModuleId(module);
+            peers.handle_heartbeat(at(now), heartbeat, None).map(|_| ())
+        };
+        for module in 0..1_024 {
+            assert_eq!(handle(1, module), Ok(()));
+        }
+        assert_eq!(handle(2, 5_000), Err(Refusal::TooManyModules));
+        assert_eq!(handle(3, 7), Ok(()), "a known module stays known");
+        assert_eq!(handle(7, 5_000), Ok(()), "silent modules make room");
+        assert!(peers.get(ModuleId(7)).is_some());
+    }
+
+    /// Shows M2, M3.
+    #[test]
+    fn a_second_process_is_refused_until_the_first_is_silent() {
+        let mut peers = Peers::default();
+        let (first, second) = (Some(SourceId(1)), Some(SourceId(2)));
+        peers
+            .handle_heartbeat(at(1), heartbeat(1, 1, 1), first)
+            .unwrap();
+        assert_eq!(
+            peers.handle_heartbeat(at(2), heartbeat(2, 1, 0), second),
+            Err(Refusal::DuplicateModule)
+        );
+        assert_eq!(
+            peers.handle_heartbeat(at(2), heartbeat(1, 2, 2), second),
+            Err(Refusal::WrongSource)
+        );
+        assert_eq!(
+            peers.handle_heartbeat(at(9), heartbeat(2, 2, 7), second),
+            Ok(HeartbeatNews::New)
+        );
+        assert_eq!(
+            peers.handle_heartbeat(at(9), heartbeat(1, 3, 8), first),
+            Err(Refusal::StaleIncarnation)
+        );
+    }
+}

@@ -1,0 +1,553 @@
+//! Acting: units move, and only while every member shows agreement. Along paths (`on_paths`) they move at the same time
+//! and wait for each other's steps; in straight lines one after another.
+
+mod on_paths;
+
+use std::collections::BTreeSet;
+use std::time::Duration;
+
+use formation_model::{
+    DriveState, ModuleId, ModulePhase, ModuleState, Pose, SenderTime, Service, SpotId,
+};
+use formation_motion::MotionGoal;
+
+use super::super::body::SettledOn;
+use super::super::context::Context;
+use super::super::event::Event;
+use super::super::io::Output;
+use super::super::roster_plan::Place;
+use super::invalid_start::fault_of;
+use super::proofs::Proofs;
+use super::{HeldPlan, Stage, Step};
+use on_paths::Advance;
+
+/// This module's task in the plan, and its progress.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
+pub(super) enum Task {
+    /// It has no spot, and has made way if others needed its place.
+    Spare,
+    /// Its unit's turn has not come.
+    Waiting,
+    /// It undocks the links that the plan breaks.
+    Undocking,
+    /// It moves since `since`, to its spot or the end of a step; since `held` it is halted because agreement lapsed. The time
+    /// until then counts as if it had moved just before it continues.
+    Moving {
+        since: Duration,
+        held: Option<Duration>,
+    },
+    /// It stands between two steps of its path.
+    Pausing,
+    /// It stands on its spot and docks.
+    Docking,
+    /// It stands on its spot, docked.
+    Settled,
+    /// It could not reach its spot.
+    Failed,
+}
+
+/// A plan on which all members have agreed.
+#[derive(Clone, Hash)]
+pub(crate) struct Acting {
+    pub held: HeldPlan,
+    agreed_at: Duration,
+    /// When to look next whether all others show that they have agreed; `None` once they have.
+    look_at: Option<Duration>,
+    pub(super) task: Task,
+    /// The number of steps of its path that it has done.
+    pub(super) steps_done: u32,
+    /// The number of steps after which it last published that it stands and waits.
+    pub(super) stopped_after: Option<u32>,
+    asked_to_dock: BTreeSet<ModuleId>,
+    pub(super) proofs: Proofs,
+    /// The modules that were last reported as waited for.
+    reported: Vec<ModuleId>,
+    /// In straight lines: the step of the plan that is due now, if any is left, and since when.
+    step_since: (Option<usize>, Duration),
+    /// Along paths: the progress of all members.
+    pub(super) progress: Advance,
+}
+
+/// What a part of a step leads to.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Progress {
+    Wait,
+    /// The next task may begin at once.
+    Again,
+}
+
+impl Acting {
+    /// All members show the same digest. The plan was complete here at `planned_at`.
+    pub fn begin(held: HeldPlan, planned_at: Duration, context: &mut Context) -> Self {
+        let (now, epoch) = (context.now, held.epoch());
+        let stuck = context.parameters.stuck;
+        context
+            .peers
+            .note_same_digest(now, stuck, &held.roster_plan.members);
+        // Where rosters without an agreement count, that bug alone splits no formation.
+        if context.bugs.exclude_members_ahead() {
+            let members = &held.roster_plan.members;
+            context.peers.forget_disagreement(members);
+        }
+        let basis = held.roster.quorum_basis();
+        context.memory.quorum.note_agreed(epoch, &basis);
+        context.memory.mismatches = 0;
+        context.settle_removals(&held.roster);
+        context.pacing.relax(context.parameters.epoch_interval);
+        context.mark_state_changed();
+        context.emit(Event::Agreed(epoch));
+        let has_place = held.place.is_some();
+        let has_steps = held
+            .motion
+            .route
+            .as_ref()
+            .is_some_and(|route| route.steps() > 0);
+        if !has_place {
+            context.emit(Event::Spare);
+        }
+        if epoch.convener == context.module() {
+            held.report_open_spots(context);
+        }
+        let moves = has_place || held.aside().is_some();
+        Self {
+            held,
+            agreed_at: now,
+            look_at: Some(now + context.parameters.heartbeat),
+            task: if moves || has_steps {
+                Task::Waiting
+            } else {
+                Task::Spare
+            },
+            steps_done: 0,
+            stopped_after: None,
+            asked_to_dock: BTreeSet::new(),
+            proofs: Proofs::default(),
+            reported: Vec::new(),
+            step_since: (Some(0), planned_at),
+            progress: Advance::from(now),
+        }
+    }
+
+    pub fn phase(&self) -> ModulePhase {
+        match self.task {
+            Task::Spare => ModulePhase::Spare,
+            Task::Waiting => ModulePhase::Waiting,
+            Task::Undocking
+            | Task::Moving { .. }
+            | Task::Pausing
+            | Task::Docking
+            | Task::Failed => ModulePhase::Moving,
+            Task::Settled => ModulePhase::Settled,
+        }
+    }
+
+    pub fn is_settled(&self) -> bool {
+        self.task == Task::Settled
+    }
+
+    /// Whether it has done its part of the plan.
+    pub fn has_acted(&self) -> bool {
+        matches!(self.task, Task::Settled | Task::Spare)
+    }
+
+    pub fn describe(&mut self, state: &mut ModuleState) {
+        self.held.describe(state);
+        if self.is_settled() {
+            self.proofs.note_settled(state.sequence);
+        }
+        self.proofs.describe(state);
+        if state.drive == DriveState::Moving && self.folds() {
+            state.drive = DriveState::Folding;
+        }
+        state.steps_done = self.held.motion.planned.paths().map(|_| self.steps_done);
+    }
+
+    /// The spot on which it has settled by this plan.
+    pub fn settled_on(&self) -> Option<SettledOn> {
+        let place = self.held.place.filter(|_| self.is_settled())?;
+        Some(SettledOn {
+            spot: place.spot,
+            target: self.held.roster.target_digest(),
+        })
+    }
+
+    pub fn steps_done(&self) -> u32 {
+        self.steps_done
+    }
+
+    /// Whether it moves to another goal than this one, so that a report that the drive has reached this one comes late.
+    /// Enforces A8.
+    pub fn seeks_other_than(&self, goal: &Pose) -> bool {
+        let moves = matches!(self.task, Task::Moving { .. });
+        moves && self.goal().is_some_and(|present| present.pose != *goal)
+    }
+
+    /// The drive has reached its goal. Returns whether other modules should know this at once.
+    pub fn arrive(&mut self) -> bool {
+        if !matches!(self.task, Task::Moving { .. }) {
+            return true;
+        }
+        if self.held.motion.route.is_some() {
+            return self.end_step();
+        }
+        self.task = match self.held.place {
+            Some(_) => Task::Docking,
+            None => Task::Spare,
+        };
+        true
+    }
+
+    /// Ends the task, if it has begun; returns the spot that it was to reach.
+    pub fn abandon(&mut self) -> Option<SpotId> {
+        match self.task {
+            Task::Undocking | Task::Moving { .. } | Task::Pausing | Task::Docking => {
+                self.task = Task::Failed;
+                Some(self.held.place?.spot)
+            }
+            Task::Spare | Task::Waiting | Task::Settled | Task::Failed => None,
+        }
+    }
+
+    /// The modules that act, if they have not settled for longer than a motion may take. None acts while all only plan.
+    pub fn stuck_members(&self, context: &Context) -> Vec<ModuleId> {
+        if context.parameters.plan_only || self.held.refusal(context).is_some() {
+            return Vec::new();
+        }
+        if self.held.motion.planned.paths().is_some() {
+            let route = self.held.motion.route.as_ref();
+            return route.map_or_else(Vec::new, |route| self.stuck_on_paths(route, context));
+        }
+        let (step, since) = self.step_since;
+        let limit = context.parameters.motion_limit + context.parameters.stuck;
+        let is_overdue = context.now.saturating_sub(since) > limit;
+        step.filter(|_| is_overdue)
+            .map(|step| self.unsettled_in(step, context))
+            .unwrap_or_default()
+    }
+
+    /// The goal that is published again with each heartbeat, as a drive stops when goals cease to repeat.
+    /// Enforces A4.
+    pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
+        let moves = matches!(self.task, Task::Moving { held: None, .. });
+        let may_move = || context.bugs.ignore_lapses() || self.held.lagging(context).is_empty();
+        if moves && !context.stop.stopped && may_move() {
+            self.goal()
+        } else {
+            None
+        }
+    }
+
+    /// Where the module goes at present.
+    pub(super) fn goal(&self) -> Option<MotionGoal> {
+        match &self.held.motion.route {
+            Some(route) => route.goal(self.steps_done + 1),
+            None => self.held.goal(),
+        }
+    }
+
+    /// The goals of the present step and of all after it.
+    pub fn path_ahead(&self) -> Vec<Pose> {
+        match &self.held.motion.route {
+            Some(route) => route.poses_from(self.steps_done + 1).collect(),
+            None => self.held.goal().into_iter().map(|goal| goal.pose).collect(),
+        }
+    }
+
+    /// Waits, moves and docks, as far as is safe now.
+    pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
+        while self.advance(context) == Progress::Again {}
+        Step::Stay(Stage::Acting(self))
+    }
+
+    /// Enforces A1, A2, S4, H1.
+    fn advance(&mut self, context: &mut Context) -> Progress {
+        if self.held.note_mismatch(context) {
+            return Progress::Wait;
+        }
+        if self.look_at.is_some_and(|at| context.now >= at) {
+            let (own, members) = (context.module(), &self.held.roster_plan.members);
+            let have_agreed = context
+                .peers
+                .note_agreement(self.held.epoch(), own, members);
+            let next = context.now + context.parameters.heartbeat;
+            self.look_at = Some(next).filter(|_| !have_agreed);
+        }
+        // A new epoch follows. To settle now would give up a pin for a target that has come back.
+        let is_moving = matches!(self.task, Task::Moving { .. });
+        if !is_moving && context.has_replaced(&self.held.roster.target) {
+            return Progress::Wait;
+        }
+        // A module that the roster left out stops within the lease, since the members no longer show its epoch.
+        let first_motion = self.agreed_at + context.bugs.lease_wait(context.parameters.lease);
+        if context.now < first_motion {
+            context.wake_at(first_motion);
+            return Progress::Wait;
+        }
+        let mut lagging = self.held.lagging_now(context);
+        if context.stop.stopped && lagging.is_empty() {
+            lagging.push(context.module());
+        }
+        if self.held.motion.planned.paths().is_some() && context.body.service == Service::Active {
+            return self.carry_on_along_path(&lagging, context);
+        }
+        if let Some(error) = self.held.refusal(context) {
+            let fault = fault_of(context.module(), error, &self.held.roster);
+            if lagging.is_empty()
+                && context.body.service == Service::Active
+                && let Some(fault) = fault
+            {
+                context.cannot_move(Event::InvalidStart(fault));
+            }
+            return Progress::Wait;
+        }
+        let to_act = self.step_to_act(context);
+        let step = to_act.as_ref().map(|&(step, _)| step);
+        if self.step_since.0 != step || !lagging.is_empty() {
+            self.step_since = (step, context.now);
+        }
+        match self.held.place {
+            None if self.held.aside().is_some() && !self.has_acted() => {
+                self.make_room(to_act, &lagging, context)
+            }
+            None => {
+                // A module out of service undocks as soon as a plan without it is agreed on. Along the paths of a plan with it, it
+                // may be part of a body that turns.
+                let takes_part = self.held.motion.route.is_some();
+                let is_active = context.body.service == Service::Active;
+                if lagging.is_empty() && !is_active && !takes_part {
+                    let links = context.body.links.clone();
+                    context.undock(links);
+                }
+                Progress::Wait
+            }
+            Some(place) if context.body.service == Service::Active => {
+                self.carry_on(place, to_act, &lagging, context)
+            }
+            Some(_) => Progress::Wait,
+        }
+    }
+
+    /// One step of this module's task; `lagging` members forbid every motion.
+    fn carry_on(
+        &mut self,
+        place: Place,
+        to_act: Option<(usize, Vec<ModuleId>)>,
+        lagging: &[ModuleId],
+        context: &mut Context,
+    ) -> Progress {
+        match self.task {
+            Task::Waiting if self.held.unit_of(place).pinned => {
+                self.stay(place, lagging, context);
+                Progress::Wait
+            }
+            Task::Waiting => {
+                let earlier = to_act
+                    .filter(|&(step, _)| step < self.held.step_of_unit(place.unit))
+                    .filter(|_| !context.bugs.ignore_acting_order());
+                if let Some((_, unsettled)) = earlier {
+                    if self.reported != unsettled {
+                        self.reported.clone_from(&unsettled);
+                        context.emit(Event::WaitingFor(unsettled));
+                    }
+                } else if lagging.is_empty() && !context.parameters.plan_only {
+                    self.set_off(place, context);
+                    return Progress::Again;
+                }
+                Progress::Wait
+            }
+            Task::Undocking => {
+                let broken = context.links_except(|link| self.held.keeps_link_to(link));
+                if broken.is_empty() && lagging.is_empty() {
+                    self.move_on(context);
+                }
+                Progress::Wait
+            }
+            Task::Moving { since, held } => {
+                self.watch_motion(since, held, lagging, context);
+                Progress::Wait
+            }
+            Task::Docking => {
+                self.dock(place, lagging, context);
+                Progress::Wait
+            }
+            Task::Spare | Task::Pausing | Task::Settled | Task::Failed => Progress::Wait,
+        }
+    }
+
+    /// Moves off a spot that another module takes: undocks from all modules, and goes where it is in no way.
+    /// Enforces S6.
+    fn make_room(
+        &mut self,
+        to_act: Option<(usize, Vec<ModuleId>)>,
+        lagging: &[ModuleId],
+        context: &mut Context,
+    ) -> Progress {
+        let is_due = to_act.is_some_and(|(_, modules)| modules.contains(&context.module()));
+        match self.task {
+            Task::Waiting if is_due && lagging.is_empty() && !context.parameters.plan_only => {
+                self.proofs = Proofs::of_making_room(&self.held, context);
+                self.task = Task::Undocking;
+                context.body.settled_on = None;
+                context.mark_state_changed();
+                context.emit(Event::MakingRoom);
+                let links = context.body.links.clone();
+                context.undock(links);
+                return Progress::Again;
+            }
+            Task::Undocking if context.body.links.is_empty() && lagging.is_empty() => {
+                self.move_on(context);
+            }
+            Task::Moving { since, held } => self.watch_motion(since, held, lagging, context),
+            _ => {}
+        }
+        Progress::Wait
+    }
+
+    /// Stays on its spot. It undocks from modules that the target does not have there, such as a failed neighbour, and docks to
+    /// those that the target has: a plan without them has parted them.
+    /// Enforces P4.
+    pub(super) fn stay(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
+        let unwanted = context.links_except(|link| self.held.ends_linked_to(link));
+        if !unwanted.is_empty() {
+            if lagging.is_empty() {
+                context.undock(unwanted);
+            }
+        } else if context.parameters.plan_only || self.is_docked(place, lagging, context) {
+            self.task = Task::Settled;
+            context.body.settled_on = self.settled_on();
+            context.mark_state_changed();
+        }
+    }
+
+    /// Begins to undock the links that the plan breaks.
+    /// Enforces X2.
+    fn set_off(&mut self, place: Place, context: &mut Context) {
+        self.proofs = Proofs::of_departure(&self.held, place, context);
+        self.task = Task::Undocking;
+        context.mark_state_changed();
+        context.emit(Event::MotionBegun(place.spot));
+        let broken = context.links_except(|link| self.held.keeps_link_to(link));
+        context.undock(broken);
+    }
+
+    /// Sets off to the present goal.
+    pub(super) fn move_on(&mut self, context: &mut Context) {
+        self.task = Task::Moving {
+            since: context.now,
+            held: None,
+        };
+        if let Some(goal) = self.goal() {
+            send_goal(goal, context);
+        }
+    }
+
+    /// Halts when agreement lapses, continues when it is back, and fails when the time is up.
+    /// Enforces A3, X4, X10.
+    pub(super) fn watch_motion(
+        &mut self,
+        mut since: Duration,
+        held: Option<Duration>,
+        lagging: &[ModuleId],
+        context: &mut Context,
+    ) {
+        let stopped = context.stop.stopped;
+        if stopped || !lagging.is_empty() && !context.bugs.ignore_lapses() {
+            if held.is_none() {
+                let held = Some(context.now);
+                self.task = Task::Moving { since, held };
+                context.stand_still();
+                if !stopped {
+                    context.emit(Event::AgreementLapsed(lagging.to_vec()));
+                }
+            }
+            return;
+        }
+        // The time for which it was held does not count.
+        since += held.map_or(Duration::ZERO, |held| context.now.saturating_sub(held));
+        self.task = Task::Moving { since, held: None };
+        let overdue_at = since + context.parameters.motion_limit;
+        if context.now >= overdue_at {
+            context.stand_still();
+            let spot = self.held.place.map(|place| place.spot);
+            context.emit(Event::MotionOverdue(spot));
+            self.abandon();
+            context.fail_motion(spot);
+            return;
+        }
+        context.wake_at(overdue_at);
+        if !context.body.moving
+            && let Some(goal) = self.goal()
+        {
+            // The drive halted, because agreement lapsed or because its goal did not repeat in time.
+            context.mark_state_changed();
+            send_goal(goal, context);
+        }
+        if let Some(until) = self.held.in_force_until() {
+            let margin = Duration::from_millis(1);
+            context.wake_at(until + margin);
+        }
+    }
+
+    /// Docks to the settled neighbours, and has settled when it is docked to all that are placed before it.
+    /// Enforces X2, X11.
+    pub(super) fn dock(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) {
+        if !self.is_docked(place, lagging, context) || !self.parent_has_settled(context) {
+            return;
+        }
+        self.task = Task::Settled;
+        if self.held.motion.route.is_some() {
+            self.proofs.note_docked(&self.held, place, context);
+        }
+        context.body.settled_on = Some(SettledOn {
+            spot: place.spot,
+            target: self.held.roster.target_digest(),
+        });
+        context.mark_state_changed();
+        context.emit(Event::Settled(place.spot));
+    }
+
+    /// Whether it is docked to all holders next to its spot that are placed before it. Asks the ports to dock to those that have
+    /// settled.
+    fn is_docked(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) -> bool {
+        let mut missing = self.held.docks_with(place);
+        missing.retain(|module| !context.body.links.contains(module));
+        for &module in missing.iter().filter(|_| lagging.is_empty()) {
+            if self.has_settled(module, context) && self.asked_to_dock.insert(module) {
+                context.body.ports_busy.insert(module);
+                context.outbox.push(Output::Dock(module));
+            }
+        }
+        missing.is_empty()
+    }
+
+    pub(super) fn has_settled(&self, module: ModuleId, context: &Context) -> bool {
+        if module == context.module() {
+            self.has_acted()
+        } else {
+            self.held.has_acted(module, context.peers.get(module))
+        }
+    }
+
+    /// The modules of a step that have not done their part.
+    fn unsettled_in(&self, step: usize, context: &Context) -> Vec<ModuleId> {
+        let modules = self.held.step_modules(step).into_iter();
+        modules
+            .filter(|&module| !self.has_settled(module, context))
+            .collect()
+    }
+
+    /// The first step of which not all modules have done their part, with those that have not.
+    /// Enforces X1.
+    fn step_to_act(&self, context: &Context) -> Option<(usize, Vec<ModuleId>)> {
+        let steps = 0..self.held.steps();
+        steps
+            .map(|step| (step, self.unsettled_in(step, context)))
+            .find(|(_, unsettled)| !unsettled.is_empty())
+    }
+}
+
+fn send_goal(goal: MotionGoal, context: &mut Context) {
+    context.body.moving = true;
+    context.body.pose_at = SenderTime(context.now);
+    context.outbox.push(Output::Move(goal));
+}

@@ -1,0 +1,375 @@
+//! Gathering: the members halt and freeze, and the convener collects their states into a roster.
+
+use std::collections::BTreeSet;
+use std::sync::Arc;
+use std::time::Duration;
+
+use formation_model::{
+    ClosedRoster, Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
+    PlanningModule, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, Voter,
+    digest,
+};
+
+use super::super::context::Context;
+use super::super::event::{EpochReason, Event};
+use super::super::pins;
+use super::super::plans::obstacles;
+use super::claims::EarlyClaims;
+use super::planning::Planning;
+use super::{Stage, Step};
+
+/// An epoch whose members are being gathered.
+#[derive(Clone, Hash)]
+pub(crate) struct Gathering {
+    pub epoch: Epoch,
+    since: Duration,
+    /// Since when a member waits for a convener that does not compute which pins stay.
+    waits_since: Duration,
+    /// The target that the gathering is for, unless another is announced meanwhile: the members freeze with pins for this one.
+    target: Digest,
+    role: Role,
+    /// The claims of members that received the roster earlier than this module.
+    pub claims: EarlyClaims,
+}
+
+/// This module's part in a gathering.
+#[derive(Clone, Hash)]
+enum Role {
+    /// It waits for the roster of this run of the convener.
+    Member(Incarnation),
+    /// It is the convener.
+    Convener(Collection),
+}
+
+/// The progress of a convener's collection.
+#[derive(Clone, Hash)]
+struct Collection {
+    /// The number of frozen members, this module included.
+    frozen: usize,
+    /// When the number of frozen members last changed.
+    changed_at: Duration,
+    reported_missing: bool,
+    reported_limit: bool,
+    /// Whether the plan that shows which pins stay is being computed.
+    computes: bool,
+}
+
+/// Whether a collection is complete.
+enum Progress {
+    Incomplete,
+    Complete { reports_limit: bool },
+}
+
+impl Gathering {
+    /// Opens an epoch.
+    pub fn convene(
+        context: &mut Context,
+        announcement: &TargetAnnouncement,
+        reason: EpochReason,
+    ) -> Self {
+        let epoch = context.memory.next_epoch(context.module());
+        context.emit(Event::Convened(epoch, reason));
+        let target = digest::of_target(announcement);
+        context.publish(Message::Roster(RosterMessage::Gather {
+            epoch,
+            target_revision: announcement.revision,
+            target,
+        }));
+        let collection = Collection {
+            frozen: 0,
+            changed_at: context.now,
+            reported_missing: false,
+            reported_limit: false,
+            computes: false,
+        };
+        Self::enter(context, epoch, target, Role::Convener(collection))
+    }
+
+    /// Halts for an epoch that this run of its convener has opened.
+    pub fn join(
+        context: &mut Context,
+        epoch: Epoch,
+        convener: Incarnation,
+        target: Digest,
+    ) -> Self {
+        Self::enter(context, epoch, target, Role::Member(convener))
+    }
+
+    fn enter(context: &mut Context, epoch: Epoch, target: Digest, role: Role) -> Self {
+        context.stand_still();
+        context.note_opened(epoch);
+        context.set_shortfall(None);
+        context.mark_state_changed();
+        context.emit(Event::Gathered(epoch));
+        Self {
+            epoch,
+            since: context.now,
+            waits_since: context.now,
+            target,
+            role,
+            claims: EarlyClaims::default(),
+        }
+    }
+
+    /// Whether this module convenes.
+    pub fn is_convener(&self) -> bool {
+        matches!(self.role, Role::Convener(_))
+    }
+
+    pub fn phase(&self) -> ModulePhase {
+        match &self.role {
+            Role::Convener(collection) if collection.computes => ModulePhase::Computing,
+            Role::Convener(_) | Role::Member(_) => ModulePhase::Gathered,
+        }
+    }
+
+    pub fn describe(&self, state: &mut ModuleState, context: &mut Context) {
+        state.bodies = context.absent_bodies();
+        context.describe_removals(state, self.epoch, self.since);
+        state.spot = context.pin_for(|| self.target);
+        state.quorum_bases = context.memory.quorum.bases();
+    }
+
+    /// Why a member no longer waits for the roster, if so.
+    /// Enforces G6.
+    pub fn doubt(&self, context: &Context) -> Option<EpochReason> {
+        let Role::Member(incarnation) = self.role else {
+            return None;
+        };
+        let refused = context.removals.refused_in(self.epoch);
+        if let Some(reason) = refused.or_else(|| context.bodies.contested_in(self.epoch)) {
+            return Some(reason);
+        }
+        let convener = self.epoch.convener;
+        let peer = context.peers.get(convener);
+        let is_live = context.peers.is_live(context.liveness(), convener)
+            && peer.is_some_and(|peer| peer.incarnation == incarnation);
+        let patience = context.parameters.gather_limit + context.parameters.stuck;
+        // A convener that has entered another epoch, or has planned without this module, will not end this gathering.
+        let still_waits = peer
+            .and_then(|peer| peer.heartbeat)
+            .is_some_and(|heartbeat| {
+                heartbeat.phase == ModulePhase::WaitingForQuorum
+                    && heartbeat.epoch == Some(self.epoch)
+                    && heartbeat.digest.is_none()
+            });
+        // A convener believes only modules that count in a roster which it knows. If those of a later roster have restarted
+        // without a store, a member may know of a majority that the convener cannot learn of.
+        let lacks_quorum = || {
+            let live = context.live_voters();
+            let target = context.target.announcement();
+            let target = target.map(Arc::as_ref);
+            let shortfall = context.shortfall_of(&context.memory, &live, target);
+            shortfall.is_some()
+        };
+        let is_overdue =
+            context.now > self.waits_since + patience && !(still_waits && lacks_quorum());
+        let has_left = context.peers.heartbeat(convener).is_some_and(|heartbeat| {
+            heartbeat.epoch == Some(self.epoch) && heartbeat.phase == ModulePhase::Listening
+        });
+        let is_over = !is_live || has_left || is_overdue;
+        is_over.then_some(EpochReason::ConvenerSilent(convener))
+    }
+
+    /// Waits for the roster; as the convener, publishes it once all members have frozen or the time is up.
+    pub fn step(mut self, context: &mut Context) -> Step {
+        let Role::Convener(collection) = &mut self.role else {
+            let computes = context.peers.computes(self.epoch.convener, self.epoch);
+            if computes && context.now <= self.since + context.parameters.plan_limit {
+                self.waits_since = context.now;
+            }
+            return Step::Stay(Stage::Gathering(self));
+        };
+        if !context.can_convene() {
+            return Step::Stay(Stage::Listening(Some(self.epoch)));
+        }
+        let frozen = frozen_states(self.epoch, context);
+        let progress = collection.advance(self.since, &frozen, context);
+        let Progress::Complete { reports_limit } = progress else {
+            return Step::Stay(Stage::Gathering(self));
+        };
+        if !context.body.is_at_rest() {
+            return Step::Stay(Stage::Gathering(self));
+        }
+        let target = context.target.announcement().cloned();
+        let memory = &mut context.memory;
+        memory.learn_from(&frozen, self.epoch, target.as_deref());
+        context.learn_bodies(&frozen, self.since);
+        if reports_limit {
+            report_missing(&frozen, context);
+        }
+        collection.computes = false;
+        self.close(&frozen, context)
+    }
+
+    /// Waits for more modules, as no roster can be made of those that have frozen. Live modules that show a later epoch do not
+    /// come back to this one, so they are called to another.
+    /// Enforces E3.
+    fn wait_for_others(self, announcement: &TargetAnnouncement, context: &mut Context) -> Step {
+        let live = context.peers.live(context.liveness());
+        let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
+        let ahead: Vec<ModuleId> = ahead.map(|(module, _)| module).collect();
+        if ahead.is_empty() {
+            return Step::Stay(Stage::Gathering(self));
+        }
+        let next = Self::convene(context, announcement, EpochReason::MembersAhead(ahead));
+        Step::Enter(Stage::Gathering(next))
+    }
+
+    /// Publishes the roster, unless it lacks a quorum or the target has changed.
+    /// Enforces G5.
+    fn close(mut self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Step {
+        let Some(announcement) = context.target.announcement().cloned() else {
+            return Step::Stay(Stage::Gathering(self));
+        };
+        let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
+        members.push(context.as_member(|| digest::of_target(&announcement)));
+        members.sort_by_key(|member| member.module.id);
+        let is_active = |member: &RosterMember| member.service == Service::Active;
+        let some_is_active = members.iter().any(is_active);
+        let voters: Vec<Voter> = members.iter().map(RosterMember::voter).collect();
+        let mut roster = Roster {
+            epoch: self.epoch,
+            target: (*announcement).clone(),
+            bodies: context.bodies_outside(&members, self.epoch),
+            members,
+            quorum_bases: context.memory.quorum.bases(),
+            timing: context.parameters.timing(),
+        };
+        let shortfall = context.shortfall_of(&context.memory, &voters, Some(&announcement));
+        let shortfall =
+            shortfall.or_else(|| context.memory.quorum.lacks_room_for(&roster.quorum_basis()));
+        context.set_shortfall(shortfall);
+        if shortfall.is_some() {
+            let live = context.live_voters();
+            let lacks_live = context.shortfall_of(&context.memory, &live, Some(&announcement));
+            if lacks_live.is_none() {
+                return self.wait_for_others(&announcement, context);
+            }
+            // The members stay frozen, and the gathering continues when more modules are within reach.
+            return Step::Stay(Stage::Gathering(self));
+        }
+        // Judged after the quorum: a group without one waits for it, even if nothing could be planned.
+        if !some_is_active {
+            return self.wait_for_others(&announcement, context);
+        }
+        let Some(open) = roster.open_target() else {
+            // Bodies block every spot. The state of this module lists them.
+            if context.report_blocked(roster.blocked_spots()) {
+                context.mark_state_changed();
+            }
+            return self.wait_for_others(&announcement, context);
+        };
+        if self.target != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {
+            // Another target was announced since. The members froze with pins for the former one, and have to announce
+            // their pins for the new one.
+            let next = Self::convene(context, &announcement, EpochReason::NewTarget);
+            return Step::Enter(Stage::Gathering(next));
+        }
+        let parameters = announcement.parameters;
+        let obstacles = obstacles(&roster);
+        let released = pins::release(&mut roster.members, &open, parameters, obstacles, context);
+        if released.is_none() {
+            if let Role::Convener(collection) = &mut self.role {
+                collection.computes = true;
+            }
+            return Step::Stay(Stage::Gathering(self));
+        }
+        let roster = Arc::new(ClosedRoster::from(roster));
+        let plan = RosterMessage::Plan(Arc::clone(&roster));
+        context.publish(Message::Roster(plan));
+        match Planning::begin(roster, context) {
+            Some(planning) => {
+                let planning = planning.with_claims(self.claims);
+                Step::Enter(Stage::Planning(Box::new(planning)))
+            }
+            None => Step::Stay(Stage::Gathering(self)),
+        }
+    }
+}
+
+impl Collection {
+    /// Counts the frozen members, and judges whether the roster may be closed.
+    /// Enforces G2.
+    fn advance(
+        &mut self,
+        since: Duration,
+        frozen: &[Arc<ModuleState>],
+        context: &mut Context,
+    ) -> Progress {
+        let count = frozen.len() + usize::from(context.body.is_at_rest());
+        if count != self.frozen {
+            self.frozen = count;
+            self.changed_at = context.now;
+        }
+        let quiet_at = self.changed_at + context.parameters.gather;
+        let limit_at = since + context.parameters.gather_limit;
+        let is_quiet = context.now >= quiet_at;
+        // Only the first roster waits for a number; later ones replace members that may be gone for good.
+        let waits_for_number =
+            !context.memory.number_was_met && !context.memory.quorum.has_agreed();
+        let is_complete = match context.target.expected_modules() {
+            Some(expected) if waits_for_number => count >= expected as usize,
+            _ => is_quiet || count >= context.live_voters().len(),
+        };
+        if is_complete {
+            return Progress::Complete {
+                reports_limit: false,
+            };
+        }
+        if context.now >= limit_at {
+            let reports_limit = !std::mem::replace(&mut self.reported_limit, true);
+            return Progress::Complete { reports_limit };
+        }
+        if is_quiet && !std::mem::replace(&mut self.reported_missing, true) {
+            report_missing(frozen, context);
+        }
+        context.wake_at(quiet_at);
+        context.wake_at(limit_at);
+        Progress::Incomplete
+    }
+}
+
+/// The states of the live modules that have frozen for this epoch, and that are not about to take a later number.
+fn frozen_states(epoch: Epoch, context: &Context) -> Vec<Arc<ModuleState>> {
+    context
+        .peers
+        .live(context.liveness())
+        .filter_map(|(_, peer)| peer.state.clone())
+        .filter(|state| state.epoch == Some(epoch) && state.phase == ModulePhase::Gathered)
+        .filter(|state| !context.is_outdated(state.module))
+        .collect()
+}
+
+fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {
+    let present: BTreeSet<ModuleId> = frozen.iter().map(|state| state.module).collect();
+    let named = frozen
+        .iter()
+        .flat_map(|state| state.links.iter().copied())
+        .chain(context.body.links.iter().copied())
+        .chain(context.live_modules());
+    let absent: BTreeSet<ModuleId> = named
+        .filter(|id| *id != context.module() && !present.contains(id))
+        .collect();
+    context.emit(Event::Missing {
+        expected: context.target.expected_modules(),
+        gathered: present.len() + 1,
+        absent: absent.into_iter().collect(),
+    });
+}
+
+fn member_of(state: &ModuleState) -> RosterMember {
+    RosterMember {
+        incarnation: state.incarnation,
+        store: state.store,
+        service: state.service,
+        module: PlanningModule {
+            id: state.module,
+            pose: state.pose,
+            links: state.links.clone(),
+            configuration: state.configuration,
+            leader: state.leader,
+            pin: state.spot,
+        },
+    }
+}

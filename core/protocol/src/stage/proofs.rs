@@ -1,0 +1,118 @@
+//! What a module's states prove to observers, so that they can judge the order of motions without clocks.
+
+use std::collections::BTreeSet;
+
+use formation_model::{CausalMark, ModuleId, ModuleState};
+
+use super::super::context::Context;
+use super::super::roster_plan::Place;
+use super::HeldPlan;
+use super::route::Route;
+
+/// The proofs in the states of one module; empty before it moves.
+#[derive(Clone, Debug, Default, Hash)]
+pub(super) struct Proofs {
+    /// The settled states that it waited for.
+    waited_for: Vec<CausalMark>,
+    /// If it leads the first unit to move: the heartbeat of every member that showed agreement.
+    agreed_on: Vec<CausalMark>,
+    /// The sequence number of the first state that showed it settled; 0 before.
+    settled_since: u64,
+}
+
+impl Proofs {
+    /// The proofs of a module that begins to move to its place in a straight line, or leaves it along a path.
+    ///
+    /// Along paths it waits for nothing but agreement. Otherwise the lead of a unit names every module of the unit before; the others name the holders next to their own spot.
+    /// Enforces X5.
+    pub fn of_departure(held: &HeldPlan, place: Place, context: &Context) -> Self {
+        let units = &held.plan.assembly.units;
+        let unit = held.unit_of(place);
+        let on_paths = held.motion.route.is_some();
+        let partners = held.docks_with(place).into_iter().filter(|_| !on_paths);
+        let mut causes: BTreeSet<ModuleId> = partners.collect();
+        for (member, _) in &unit.placements {
+            causes.remove(member);
+        }
+        let leads = unit.lead == context.module();
+        if leads
+            && !on_paths
+            && let Some(before) = place.unit.checked_sub(1)
+        {
+            let before = units[before].placements.iter();
+            causes.extend(before.map(|&(module, _)| module));
+        }
+        let waited_for = causes
+            .into_iter()
+            .filter_map(|module| held.settled_mark(&context.peers, module))
+            .collect();
+        let leads_first = leads && units[..place.unit].iter().all(|unit| unit.pinned);
+        let members = held.roster_plan.members.keys().filter(|_| leads_first);
+        Self {
+            waited_for,
+            agreed_on: members
+                .filter_map(|&module| heartbeat_mark(module, context))
+                .collect(),
+            settled_since: 0,
+        }
+    }
+
+    /// The proofs of a module that makes room: the heartbeat of every member that showed agreement.
+    pub fn of_making_room(held: &HeldPlan, context: &Context) -> Self {
+        let members = held.roster_plan.members.keys();
+        Self {
+            agreed_on: members
+                .filter_map(|&module| heartbeat_mark(module, context))
+                .collect(),
+            ..Self::default()
+        }
+    }
+
+    /// The proofs of a module without a spot that leaves along a path: as of one that makes room, if no module with a spot
+    /// moves. Otherwise the lead of the first unit has the proof.
+    /// Enforces X5.
+    pub fn of_making_way(held: &HeldPlan, context: &Context) -> Self {
+        let mut units = held.plan.assembly.units.iter();
+        match units.all(|unit| unit.pinned) {
+            true => Self::of_making_room(held, context),
+            false => Self::default(),
+        }
+    }
+
+    /// The module has docked: it waited for the unit to which its unit docks, and for the holders next to its spot that
+    /// are placed before it.
+    pub fn note_docked(&mut self, held: &HeldPlan, place: Place, context: &Context) {
+        let unit = &held.unit_of(place).placements;
+        let parents = held.motion.route.iter().flat_map(Route::parents);
+        let causes: BTreeSet<ModuleId> = parents.chain(held.docks_with(place)).collect();
+        self.waited_for = causes
+            .into_iter()
+            .filter(|&partner| unit.iter().all(|&(module, _)| module != partner))
+            .filter_map(|module| held.settled_mark(&context.peers, module))
+            .collect();
+    }
+
+    /// The state with this sequence number shows that the module has settled.
+    /// Enforces X6.
+    pub fn note_settled(&mut self, sequence: u64) {
+        if self.settled_since == 0 {
+            self.settled_since = sequence;
+        }
+    }
+
+    pub fn describe(&self, state: &mut ModuleState) {
+        state.settled_since = self.settled_since;
+        state.waited_for.clone_from(&self.waited_for);
+        state.agreed_on.clone_from(&self.agreed_on);
+    }
+}
+
+/// The mark of a module's latest heartbeat.
+fn heartbeat_mark(module: ModuleId, context: &Context) -> Option<CausalMark> {
+    let sequence = if module == context.module() {
+        context.outbox.heartbeats.sequence
+    } else {
+        context.peers.heartbeat(module)?.sequence
+    };
+    Some(CausalMark { module, sequence })
+}

@@ -1,0 +1,111 @@
+//! Giving an agent's state to its store, and continuing from what the store holds.
+
+use std::sync::Arc;
+
+use formation_model::RETENTION_DISTANCE;
+
+use super::Agent;
+use super::body::SettledOn;
+use super::durable::{DurableState, StoredBodies, SyncKey};
+use super::event::Event;
+use super::stage::Stage;
+
+impl Agent {
+    /// The same agent with a store, which holds what an earlier run wrote, if any did.
+    ///
+    /// A pin is kept only if the module still stands where it stood: a robot may have been moved while it was off.
+    /// Enforces Q9, H3.
+    #[must_use]
+    pub fn restored(mut self, stored: Option<DurableState>) -> Self {
+        debug_assert!(self.context.own.store.is_some(), "only a store restores");
+        let Some(stored) = stored else {
+            return self;
+        };
+        let context = &mut self.context;
+        let memory = &mut context.memory;
+        for epoch in [stored.entered, stored.highest].into_iter().flatten() {
+            memory.note_epoch(epoch);
+        }
+        memory.founders = stored.founders;
+        memory.quorum.learn(&stored.quorum_bases);
+        context.body.service = stored.service;
+        let has_stayed = context.body.pose.distance_to(&stored.pose) <= RETENTION_DISTANCE;
+        let is_as_stored = context.body.pose == stored.pose && context.body.links == stored.links;
+        context.body.settled_on = stored
+            .settled_on
+            .filter(|_| has_stayed)
+            .map(|(spot, target)| SettledOn { spot, target });
+        context.stop = stored.stop;
+        if context.stop.stopped {
+            context.emit(Event::Stopped);
+        }
+        self.restore_bodies(&stored.bodies);
+        self.stage = Stage::Listening(stored.entered);
+        if is_as_stored {
+            self.context.outbox.durable.given = Some(self.sync_key());
+        }
+        self
+    }
+
+    /// What the store has to hold now.
+    ///
+    /// The bodies say where other modules may be until this module acts on another plan. That holds for each later write before
+    /// that as well, so they are found again only for what changes it, and not whenever this module sets off or stops: with a
+    /// thousand modules that would be most of the work of a process.
+    fn durable_state(&mut self, key: &SyncKey) -> DurableState {
+        let key = key.of_bodies();
+        let stored = self.context.outbox.durable.bodies.take();
+        let stored = stored
+            .filter(|stored| stored.key == key)
+            .unwrap_or_else(|| StoredBodies {
+                bodies: self.bodies_to_store().into(),
+                key,
+            });
+        let bodies = Arc::clone(&stored.bodies);
+        self.context.outbox.durable.bodies = Some(stored);
+        let context = &self.context;
+        DurableState {
+            entered: self.stage.epoch(),
+            highest: context.memory.highest_epoch(),
+            founders: context.memory.founders.clone(),
+            quorum_bases: context.memory.quorum.bases(),
+            service: context.body.service,
+            // A module that sets off leaves its spot once this is stored.
+            settled_on: context
+                .body
+                .settled_on
+                .filter(|_| !context.body.moving)
+                .map(|settled| (settled.spot, settled.target)),
+            pose: context.body.pose,
+            links: context.body.links.clone(),
+            bodies,
+            stop: context.stop,
+        }
+    }
+
+    pub(super) fn sync_key(&self) -> SyncKey {
+        let body = &self.context.body;
+        SyncKey {
+            incarnation: self.context.own.run.incarnation,
+            entered: self.stage.epoch(),
+            shows_digest: self.stage.held_plan().is_some(),
+            service: body.service,
+            settled_on: body.settled_on,
+            stands_at: (!body.moving).then_some(body.pose),
+            links: body.links.clone(),
+            removals: self.context.bodies.removals(),
+            stop: self.context.stop,
+        }
+    }
+
+    /// Lets the outputs of the input that was handled wait for the store, if they depend on something new.
+    pub(super) fn write_ahead(&mut self) {
+        if self.context.own.store.is_none() {
+            return;
+        }
+        let key = self.sync_key();
+        let is_new = self.context.outbox.durable.given.as_ref() != Some(&key);
+        let state = is_new.then(|| self.durable_state(&key));
+        self.context.outbox.write_ahead(key, state);
+    }
+}

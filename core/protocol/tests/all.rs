@@ -1,0 +1,11 @@
+//! The tests of one agent alone.
+
+#![allow(
+    clippy::unwrap_used,
+    clippy::expect_used,
+    clippy::panic,
+    reason = "a test fails by panicking, and so do its helpers"
+)]
+
+mod duplicate_module;
+mod removals;

@@ -1,0 +1,300 @@
+//! Judges the end state: where the modules stand and to which others they are docked.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use super::claims::{Claimed, replay_claims};
+use super::parameters::ObserverParameters;
+use super::received::Received;
+use super::record::{ModuleRecord, PlannedEpoch};
+use crate::plan::check_filled;
+use crate::{Missing, Violation};
+use formation_model::{
+    Digest, Incarnation, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, ModuleState, Pose,
+    SpotId, Whereabouts,
+};
+
+/// A body nearer to a spot than this stands on it: half the width of a module.
+const ON_SPOT: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
+
+/// The current states of an epoch's members.
+pub(super) struct EndState<'a> {
+    modules: &'a BTreeMap<ModuleId, ModuleRecord>,
+    /// Where modules of other sessions were last seen.
+    other_sessions: &'a BTreeMap<ModuleId, (Incarnation, Pose)>,
+    planned: PlannedEpoch<'a>,
+    pub(super) claimed: Claimed,
+    /// The latest state of each member's run.
+    states: BTreeMap<ModuleId, &'a ModuleState>,
+    /// The states of the members that have settled in this epoch.
+    settled: BTreeMap<ModuleId, &'a ModuleState>,
+    /// The members that have not shown the plan that most members have shown.
+    disagreeing: BTreeSet<ModuleId>,
+    /// The number of turns of the plan that most members have shown.
+    turns: Option<u32>,
+}
+
+impl<'a> EndState<'a> {
+    pub(super) fn new(received: &'a Received, planned: PlannedEpoch<'a>) -> Self {
+        let Received {
+            modules,
+            other_sessions,
+            ..
+        } = received;
+        let states: BTreeMap<ModuleId, &ModuleState> = planned
+            .members()
+            .iter()
+            .filter_map(|member| {
+                let module = member.module.id;
+                let state = modules.get(&module)?.state_of(member.incarnation)?;
+                Some((module, &**state))
+            })
+            .collect();
+        let mut settled = states.clone();
+        settled.retain(|_, state| {
+            state.epoch == Some(planned.epoch) && state.phase == ModulePhase::Settled
+        });
+        let (disagreeing, turns) = disagreement(planned);
+        Self {
+            modules,
+            other_sessions,
+            planned,
+            claimed: replay_claims(planned),
+            states,
+            settled,
+            disagreeing,
+            turns,
+        }
+    }
+
+    /// The spots of the settled members, by their own states.
+    pub(super) fn assignments(&self) -> BTreeMap<ModuleId, SpotId> {
+        self.settled
+            .iter()
+            .filter_map(|(&module, state)| Some((module, state.spot?)))
+            .collect()
+    }
+
+    /// The spots that are filled: those of the settled members, and of members that settled there before and have not moved since
+    /// the roster was made.
+    pub(super) fn filled(&self) -> BTreeMap<ModuleId, SpotId> {
+        let mut filled = self.assignments();
+        for member in self.planned.members() {
+            let (id, act) = (member.module.id, self.planned.act_of(member));
+            let has_moved = act.is_some_and(|act| act.moved_received.is_some());
+            if let Some(spot) = member.module.pin.filter(|_| !has_moved) {
+                filled.entry(id).or_insert(spot);
+            }
+        }
+        filled
+    }
+
+    /// The number of members that have shown the plan.
+    pub(super) fn agreed(&self) -> usize {
+        self.planned.members().len() - self.disagreeing.len()
+    }
+
+    /// Whether the claims of all turns were received.
+    pub(super) fn claims_are_whole(&self) -> bool {
+        self.turns.is_some_and(|turns| turns <= self.claimed.turns)
+    }
+
+    /// Whether all members have shown the plan.
+    pub(super) fn is_agreed(&self) -> bool {
+        self.disagreeing.is_empty()
+    }
+
+    /// What the end state still lacks; nothing once it is reached.
+    pub(super) fn missing(&self) -> Vec<Missing> {
+        let mut missing = Vec::new();
+        if !self.claims_are_whole() {
+            missing.push(Missing::Claim {
+                epoch: self.planned.epoch,
+                turn: self.claimed.turns,
+            });
+        }
+        for &module in &self.disagreeing {
+            missing.push(Missing::Agreement {
+                epoch: self.planned.epoch,
+                module,
+                phase: self.states.get(&module).map(|state| state.phase),
+            });
+        }
+        for module in self.planned.problem.modules() {
+            let id = module.id;
+            let state = self.states.get(&id);
+            let phase = state.map(|state| state.phase);
+            match self.claimed.replay.spots.get(&id) {
+                Some(&spot) if !self.settled.contains_key(&id) => missing.push(Missing::Settled {
+                    module: id,
+                    spot,
+                    phase,
+                }),
+                None if self.claims_are_whole() => {
+                    let is_spare = state.is_some_and(|state| {
+                        state.epoch == Some(self.planned.epoch) && state.phase == ModulePhase::Spare
+                    });
+                    if !is_spare {
+                        missing.push(Missing::Spare { module: id, phase });
+                    }
+                }
+                _ => {}
+            }
+        }
+        missing
+    }
+
+    /// The violations of the end state, once it is reached.
+    /// Enforces V1.
+    pub(super) fn violations(
+        &self,
+        now: Duration,
+        parameters: &ObserverParameters,
+    ) -> Vec<Violation> {
+        let mut violations = Vec::new();
+        let mut holders: BTreeMap<SpotId, ModuleId> = BTreeMap::new();
+        for (&module, &state) in &self.settled {
+            let claimed = self.claimed.replay.spots.get(&module).copied();
+            if state.spot != claimed {
+                violations.push(Violation::WrongSpot {
+                    module,
+                    held: state.spot,
+                    claimed,
+                });
+            }
+            let Some(spot) = state.spot else { continue };
+            let Some(place) = self.planned.problem.target().spot(spot) else {
+                violations.push(Violation::UnknownSpot { spot });
+                continue;
+            };
+            if let Some(first) = holders.insert(spot, module) {
+                violations.push(Violation::TwoHolders {
+                    spot,
+                    first,
+                    second: module,
+                });
+            }
+            let distance = state.pose.distance_to(&place.pose);
+            let turn = state.pose.heading_difference(&place.pose);
+            if distance > parameters.position_tolerance || turn > parameters.heading_tolerance {
+                violations.push(Violation::PoseOff {
+                    module,
+                    spot,
+                    distance,
+                    turn,
+                });
+            }
+        }
+        let filled = holders.keys().copied().collect();
+        check_filled(self.planned.problem, &filled, &mut violations);
+        self.check_links(&holders, &mut violations);
+        self.check_bodies(&holders, now, parameters.silence, &mut violations);
+        violations
+    }
+
+    /// No other module, member or not, of this session or another, stands on a spot on which a member has settled. A silent
+    /// module stands where it was last seen, unless the roster says that its body was removed.
+    /// Enforces V4.
+    fn check_bodies(
+        &self,
+        holders: &BTreeMap<SpotId, ModuleId>,
+        now: Duration,
+        silence: Duration,
+        violations: &mut Vec<Violation>,
+    ) {
+        let others = self.modules.iter();
+        let mut bodies: Vec<(ModuleId, Pose)> = others
+            .filter(|(module, _)| !self.settled.contains_key(module))
+            .filter_map(|(&module, record)| {
+                let (incarnation, pose, last) = record.body()?;
+                let is_silent = last.is_none_or(|last| now.saturating_sub(last) > silence);
+                let is_gone = is_silent && self.is_elsewhere(module, incarnation, &pose);
+                (!is_gone).then_some((module, pose))
+            })
+            .collect();
+        let other_sessions = self.other_sessions.iter();
+        let other_sessions = other_sessions.filter(|&(module, &(incarnation, _))| {
+            !self.modules.contains_key(module) && !self.is_removed(*module, incarnation)
+        });
+        bodies.extend(other_sessions.map(|(&module, &(_, pose))| (module, pose)));
+        for (&spot, &first) in holders {
+            let Some(place) = self.planned.problem.target().spot(spot) else {
+                continue;
+            };
+            let on_it = bodies
+                .iter()
+                .filter(|(_, pose)| pose.distance_to(&place.pose) < ON_SPOT);
+            violations.extend(on_it.map(|&(second, _)| Violation::TwoBodies {
+                spot,
+                first,
+                second,
+            }));
+        }
+    }
+
+    /// Whether the roster says that the body of this run was removed, or does not list it right where its latest state shows it: then
+    /// it was on its way, or states of it did not arrive.
+    fn is_elsewhere(&self, module: ModuleId, incarnation: Incarnation, pose: &Pose) -> bool {
+        let mut bodies = self.planned.roster.roster.bodies.iter();
+        bodies.any(|body| {
+            body.module == module
+                && body.incarnation >= incarnation
+                && *body.whereabouts.poses() != [*pose]
+        })
+    }
+
+    /// Whether the roster says that the body of this run was removed.
+    fn is_removed(&self, module: ModuleId, incarnation: Incarnation) -> bool {
+        let mut bodies = self.planned.roster.roster.bodies.iter();
+        bodies.any(|body| {
+            body.module == module
+                && body.incarnation >= incarnation
+                && body.whereabouts == Whereabouts::Removed
+        })
+    }
+
+    /// The links of settled modules must be exactly the target's edges between filled spots, named by both ends.
+    fn check_links(&self, holders: &BTreeMap<SpotId, ModuleId>, violations: &mut Vec<Violation>) {
+        for (&spot, &module) in holders {
+            let Some(state) = self.settled.get(&module) else {
+                continue;
+            };
+            let wanted: BTreeSet<ModuleId> = self
+                .planned
+                .problem
+                .target()
+                .neighbours_of(spot)
+                .filter_map(|spot| holders.get(&spot).copied())
+                .collect();
+            let lacking = wanted.difference(&state.links);
+            violations.extend(lacking.map(|&other| Violation::LinkMissing { module, other }));
+            let excess = state.links.difference(&wanted);
+            violations.extend(excess.map(|&other| Violation::LinkTooMany { module, other }));
+        }
+        // A module without a spot can stay docked to others without one, but not to the formation.
+        for (&module, state) in &self.states {
+            if !self.settled.contains_key(&module) {
+                let links = state.links.iter();
+                let excess = links.filter(|&other| self.settled.contains_key(other));
+                violations.extend(excess.map(|&other| Violation::LinkTooMany { module, other }));
+            }
+        }
+    }
+}
+
+/// The members that have not shown the plan that most members have shown, and the number of that plan's turns.
+fn disagreement(planned: PlannedEpoch<'_>) -> (BTreeSet<ModuleId>, Option<u32>) {
+    let mut shown: BTreeMap<Digest, BTreeMap<ModuleId, u32>> = BTreeMap::new();
+    for member in planned.members() {
+        for (&digest, plan) in planned.shown_by(member).into_iter().flatten() {
+            let agreeing = shown.entry(digest).or_default();
+            agreeing.insert(member.module.id, plan.turns);
+        }
+    }
+    let common = shown.into_values().max_by_key(BTreeMap::len);
+    let agreeing = common.unwrap_or_default();
+    let members = planned.members().iter().map(|member| member.module.id);
+    let disagreeing = members.filter(|module| !agreeing.contains_key(module));
+    let disagreeing = disagreeing.collect();
+    (disagreeing, agreeing.into_values().max())
+}

@@ -1,0 +1,283 @@
+//! The judgement of a formation.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::time::Duration;
+
+use super::claims::Claimed;
+use super::end_state::EndState;
+use super::observation::Observer;
+use super::order::Acts;
+use super::received::split;
+use super::record::PlannedEpoch;
+use super::verdict::{CollisionRisk, Counts, Outcome, Timings, Verdict};
+use crate::violation::{Missing, VIOLATIONS_MAX, Violation};
+use formation_model::{ModuleId, SpotId};
+
+/// The time in which a process that continues publishes what it lacks.
+const ONE_REACTION: Duration = Duration::from_secs(1);
+
+impl Observer {
+    /// The verdict at this time; `None` if the formation is neither done nor failed.
+    /// Enforces V1.
+    pub(super) fn judge(&mut self, now: Duration) -> Option<Verdict> {
+        self.note_stop(now);
+        self.judge_at(now, now >= self.time_limit())
+    }
+
+    /// When an end state with violations that was reached at `since` is judged. A member that is stopped for less than the silence
+    /// that is granted to it, such as one that has yet to follow a link, can continue until then.
+    pub(super) fn final_from(&self, since: Duration) -> Duration {
+        let silence = self.parameters.silence.saturating_add(ONE_REACTION);
+        let wait = silence.min(self.parameters.time_limit);
+        since.saturating_add(wait.max(self.parameters.grace))
+    }
+
+    /// The limit starts again with a command to stop, and with the command to resume.
+    pub(super) fn note_stop(&mut self, now: Duration) {
+        if self.is_stopped() {
+            self.limit_from = *self.stopped_since.get_or_insert(now);
+        } else if self.stopped_since.take().is_some() {
+            self.limit_from = now;
+        }
+    }
+
+    /// The verdict at this time; if the time is up, whatever is missing.
+    pub(super) fn judge_at(&mut self, now: Duration, is_late: bool) -> Option<Verdict> {
+        let missing = self.missing(now);
+        if missing.is_empty() || is_late {
+            self.received.bodies.settle();
+        }
+        if !missing.is_empty() {
+            self.reached_since = None;
+            return is_late.then(|| self.report(now, missing, None));
+        }
+        let since = *self.reached_since.get_or_insert(now);
+        let mut verdict = self.report(now, missing, Some(since));
+        self.has_breaches = !verdict.violations.is_empty();
+        if self.has_breaches {
+            let is_final = is_late && !self.is_reviewed || now >= self.final_from(since);
+            return is_final.then_some(verdict);
+        }
+        let is_final = is_late || now >= since.saturating_add(self.parameters.grace);
+        if verdict.open_spots.is_empty() {
+            verdict.outcome = Outcome::Complete;
+            return Some(verdict);
+        }
+        verdict.outcome = Outcome::Partial;
+        let members = verdict.assignments.len() + verdict.unassigned.len();
+        let is_short = self.expected_count().is_some_and(|count| members < count);
+        (is_final || !is_short).then_some(verdict)
+    }
+
+    /// Whether the members of the newest roster are to stand still, by the latest command that any of them shows.
+    pub(super) fn is_stopped(&self) -> bool {
+        let members = self.received.newest().map(|planned| planned.members());
+        let members = members.into_iter().flatten();
+        let latest = members.filter_map(|member| {
+            let record = self.received.modules.get(&member.module.id)?;
+            Some(record.run_of(member.incarnation)?.stop)
+        });
+        latest.max().is_some_and(|stop| stop.stopped)
+    }
+
+    /// What the target in force still lacks.
+    pub(super) fn missing(&self, now: Duration) -> Vec<Missing> {
+        let Some(planned) = self.received.current() else {
+            return self.missing_roster();
+        };
+        let mut missing = EndState::new(&self.received, planned).missing();
+        missing.extend(self.silent(now, planned));
+        if !missing.is_empty() {
+            missing.extend(self.is_stopped().then_some(Missing::Resumption));
+            missing.extend(self.absent().map(|module| Missing::Module { module }));
+        }
+        missing
+    }
+
+    /// The members whose last heartbeat is too old.
+    /// Enforces V2.
+    fn silent(&self, now: Duration, planned: PlannedEpoch<'_>) -> impl Iterator<Item = Missing> {
+        let silence = self.parameters.silence;
+        planned.members().iter().filter_map(move |member| {
+            let module = member.module.id;
+            let record = self.received.modules.get(&module)?;
+            let (_, last) = record.run_of(member.incarnation)?.last_heartbeat?;
+            (now.saturating_sub(last) > silence).then_some(Missing::Silent { module, silence })
+        })
+    }
+
+    /// Whether a member of the plan in force is silent.
+    pub(super) fn has_silent_member(&self, now: Duration) -> bool {
+        let planned = self.received.current();
+        planned.is_some_and(|planned| self.silent(now, planned).next().is_some())
+    }
+
+    fn missing_roster(&self) -> Vec<Missing> {
+        let absent = self.absent().map(|module| Missing::Module { module });
+        let mut missing: Vec<Missing> = absent.collect();
+        let joined = self.received.modules.len();
+        if let Some(expected) = self.expected_count().filter(|&expected| joined < expected) {
+            missing.push(Missing::Modules { joined, expected });
+        }
+        missing.push(match self.target() {
+            None => Missing::Target,
+            Some(target) if target.target.is_none() => Missing::WithdrawnTarget,
+            Some(target) => Missing::Roster {
+                revision: target.revision,
+            },
+        });
+        missing
+    }
+
+    /// The report on the current state. Its outcome is FAILED; the caller raises it if the state proves better. `completed`
+    /// is the time at which the end state was reached.
+    pub(super) fn report(
+        &self,
+        now: Duration,
+        missing: Vec<Missing>,
+        completed: Option<Duration>,
+    ) -> Verdict {
+        let epochs = self.received.with_roster();
+        let mut verdict = Verdict {
+            outcome: Outcome::Failed,
+            epoch: None,
+            filled_spots: 0,
+            open_spots: Vec::new(),
+            blocked_spots: Vec::new(),
+            assignments: BTreeMap::new(),
+            unassigned: Vec::new(),
+            violations: self.received.retired.clone(),
+            missing,
+            timings: Timings {
+                completed,
+                ..Timings::default()
+            },
+            counts: Counts {
+                epochs: epochs.clone().count(),
+                messages: self.received.messages,
+                dropped: self.received.dropped,
+                segments: self.received.bodies.segments,
+                missed_states: self.received.bodies.missed(),
+                unproven: self.received.unproven,
+                ..Counts::default()
+            },
+            collision_risk: None,
+        };
+        let current = self.received.current();
+        for (epoch, record) in epochs {
+            let mut violations = self.received.violations_in(epoch, record);
+            if current.is_none_or(|current| current.epoch != epoch) {
+                let (shown, unproven) = split(violations);
+                verdict.counts.unproven += unproven;
+                violations = shown;
+            }
+            verdict.violations.extend(violations);
+        }
+        let is_news = |violation: &Violation| !self.reported.contains(violation);
+        verdict.violations.retain(is_news);
+        if let Some(planned) = current {
+            self.report_on(now, planned, &mut verdict);
+        }
+        let overlap = verdict.violations.iter().find_map(|one| match *one {
+            Violation::BodiesOverlap {
+                epoch,
+                first,
+                second,
+                ..
+            } => Some(CollisionRisk::Overlap {
+                epoch,
+                first,
+                second,
+            }),
+            _ => None,
+        });
+        verdict.collision_risk = overlap.or_else(|| self.received.straight_motion());
+        verdict.violations.sort();
+        verdict.violations.dedup();
+        verdict.violations.truncate(VIOLATIONS_MAX);
+        verdict
+    }
+
+    /// Adds the end state of the current epoch to a report.
+    fn report_on(&self, now: Duration, planned: PlannedEpoch<'_>, verdict: &mut Verdict) {
+        let end = EndState::new(&self.received, planned);
+        let claimed = &end.claimed;
+        verdict.epoch = Some(planned.epoch);
+        verdict.assignments = end.filled();
+        let filled: BTreeSet<SpotId> = verdict.assignments.values().copied().collect();
+        // The whole target: the problem leaves out the spots that bodies block.
+        let target = planned.roster.roster.target.target.iter();
+        let spots = target.flat_map(|target| target.spots()).map(|spot| spot.id);
+        let modules = planned.problem.modules().iter().map(|module| module.id);
+        verdict.filled_spots = filled.len();
+        verdict.open_spots = spots.filter(|spot| !filled.contains(spot)).collect();
+        verdict.blocked_spots = planned.roster.roster.blocked_spots();
+        verdict.unassigned = modules
+            .filter(|module| !verdict.assignments.contains_key(module))
+            .collect();
+        verdict.timings.roster_known = Some(planned.roster.received);
+        verdict.timings.last_claim = claimed.last_received;
+        verdict.timings.first_moving = first_moving(planned);
+        verdict.counts.claims = usize::try_from(claimed.turns).unwrap_or(usize::MAX);
+        verdict.counts.pairs = claimed.replay.pairs;
+        verdict.counts.evictions = claimed.replay.evictions;
+        verdict.counts.detached = claimed.replay.detached.len();
+        if verdict.timings.completed.is_some() {
+            let violations = &mut verdict.violations;
+            violations.extend(end.violations(now, &self.parameters));
+            violations.extend(unit_violations(&Acts::new(planned), claimed));
+        } else {
+            let unclaimed = |spot: &&SpotId| !claimed.replay.holders.contains_key(spot);
+            let open = verdict.open_spots.iter().filter(unclaimed);
+            let missing = open.map(|&spot| Missing::Spot { spot });
+            verdict.missing.extend(missing);
+        }
+        let announced = &planned.roster.roster.target;
+        let target_differs = self.target().is_some_and(|target| {
+            target.revision == announced.revision && target.target != announced.target
+        });
+        if target_differs {
+            let epoch = planned.epoch;
+            verdict.violations.push(Violation::TargetDiffers { epoch });
+        }
+    }
+}
+
+impl Verdict {
+    /// Whether the verdict differs from another in nothing worth reporting. The list of what a failed formation lacks does not
+    /// count, since it changes all the time.
+    pub(super) fn says_the_same_as(&self, other: &Self) -> bool {
+        let is_unfinished = self.outcome == Outcome::Failed;
+        self.outcome == other.outcome
+            && self.violations == other.violations
+            && (is_unfinished
+                || (self.epoch == other.epoch
+                    && self.assignments == other.assignments
+                    && self.unassigned == other.unassigned))
+    }
+}
+
+/// Modules that moved as one unit must have been placed as one block.
+fn unit_violations(acts: &Acts<'_>, claimed: &Claimed) -> Vec<Violation> {
+    let blocks: BTreeSet<&Vec<ModuleId>> = claimed.replay.blocks.iter().collect();
+    let in_blocks: BTreeSet<ModuleId> = claimed.replay.blocks.iter().flatten().copied().collect();
+    // Along paths, a block that does not get to its spots as one body moves as single modules.
+    let may_part = |lead: &ModuleId| acts.on_paths || !in_blocks.contains(lead);
+    let units = acts.units.iter();
+    units
+        .filter(|(lead, unit)| {
+            let is_single = unit.modules.len() == 1 && may_part(lead);
+            !(is_single || blocks.contains(&unit.modules)) || unit.modules.first() != Some(lead)
+        })
+        .map(|(&lead, _)| Violation::WrongUnit { lead })
+        .collect()
+}
+
+/// When the first message of a moving or settled module that was not pinned was received.
+fn first_moving(planned: PlannedEpoch<'_>) -> Option<Duration> {
+    let members = planned.members().iter();
+    members
+        .filter(|member| member.module.pin.is_none())
+        .filter_map(|member| planned.act_of(member)?.moved_received)
+        .min()
+}

@@ -1,0 +1,301 @@
+//! Bodies that meet, steps that begin too early, and blocks that are torn.
+
+use super::*;
+use crate::CollisionRisk;
+
+/// One published state: module, milliseconds, x, y in tenths of a unit, the drive, and the steps done.
+type Moment = (u32, u64, i64, i64, DriveState, u32);
+
+use DriveState::{Folding, Moving, Standing};
+
+/// The states of modules that move along paths, each with its sequence number.
+fn on_paths(moments: &[Moment]) -> Sequence {
+    let mut sequence = good_sequence();
+    sequence.states.clear();
+    let mut sequences: BTreeMap<u32, u64> = BTreeMap::new();
+    for &(module, millis, x, y, drive, steps) in moments {
+        let number = sequences.entry(module).or_default();
+        *number += 1;
+        sequence.states.push(ModuleState {
+            at: SenderTime(Duration::from_millis(millis)),
+            drive,
+            pose: Pose {
+                x: MicroUnits(x * 100_000),
+                y: MicroUnits(y * 100_000),
+                theta: MicroUnits::ZERO,
+            },
+            steps_done: Some(steps),
+            ..state(module, *number, ModulePhase::Moving)
+        });
+    }
+    sequence
+}
+
+impl Sequence {
+    fn dock(mut self, pairs: &[(u32, u32)]) -> Self {
+        for state in &mut self.states {
+            for &(one, other) in pairs {
+                for (own, link) in [(one, other), (other, one)] {
+                    if state.module == ModuleId(own) {
+                        state.links.insert(ModuleId(link));
+                    }
+                }
+            }
+        }
+        self
+    }
+
+    /// The messages in another order, but for the states of each module.
+    fn merged(&self, seed: u64) -> Vec<Message> {
+        let mut order: Vec<ModuleId> = self.states.iter().map(|state| state.module).collect();
+        Random::from_seed(seed).shuffle(&mut order);
+        let mut states = self.states.clone();
+        let mut merged = self.messages();
+        merged.retain(|message| !matches!(message, Message::ModuleState(_)));
+        for module in order {
+            let next = states.iter().position(|state| state.module == module);
+            let state = states.remove(next.unwrap());
+            merged.push(Message::ModuleState(Arc::new(state)));
+        }
+        merged
+    }
+
+    /// The violations of bodies, the same in whatever order the modules' states arrive.
+    fn broken(&self) -> Vec<Violation> {
+        self.broken_with(&patient())
+    }
+
+    fn broken_with(&self, parameters: &ObserverParameters) -> Vec<Violation> {
+        let is_of_bodies = |violation: &Violation| {
+            matches!(
+                violation,
+                Violation::BodiesOverlap { .. }
+                    | Violation::WaitNotKept { .. }
+                    | Violation::BlockTorn { .. }
+            )
+        };
+        let found = |messages: &[Message]| -> Vec<Violation> {
+            let mut observer = observe(messages, parameters.clone());
+            let due = observer.poll_timeout().unwrap();
+            let verdict = observer.verdict(due).unwrap();
+            let found = verdict.violations.iter().cloned();
+            found.filter(is_of_bodies).collect()
+        };
+        let violations = found(&self.messages());
+        for seed in 0..5 {
+            assert_eq!(found(&self.merged(seed)), violations, "in another order");
+        }
+        violations
+    }
+
+    #[track_caller]
+    fn assert_broken(&self, expected: &[&str]) {
+        let found: Vec<String> = self.broken().iter().map(ToString::to_string).collect();
+        assert_eq!(found, expected);
+    }
+}
+
+/// Shows V5.
+#[test]
+fn a_module_that_runs_into_another_is_found_whether_that_one_stands_or_moves() {
+    let passing = [
+        (1, 1_000, 0, 10, Moving, 0),
+        (1, 2_000, 40, 10, Standing, 4),
+    ];
+    let standing = [(2, 100, 20, 14, Standing, 0)];
+    let overlap = "module 1 and module 2 overlap by 0.500000 units in epoch 1.1 at 1.4 s";
+    let entry = "module 1 began step 1 of its path in epoch 1.1 1 s too early for module 2 at 1 s";
+    let all = [&passing[..], &standing].concat();
+    on_paths(&all).assert_broken(&[overlap, entry]);
+    let later = [(2, 5_000, 20, 14, Standing, 0)];
+    let all = [&passing[..], &standing, &later].concat();
+    on_paths(&all).assert_broken(&[overlap, entry]);
+    let verdict = on_paths(&all).verdict();
+    let risk = verdict.collision_risk.map(|risk| risk.to_string());
+    assert_eq!(
+        risk.as_deref(),
+        Some("module 1 and module 2 overlapped in epoch 1.1")
+    );
+    let crossing = [
+        (2, 1_000, 20, -10, Moving, 0),
+        (2, 2_000, 20, 30, Standing, 4),
+    ];
+    let all = [&passing[..], &crossing].concat();
+    assert!(matches!(
+        on_paths(&all).broken()[..],
+        [Violation::BodiesOverlap { depth, .. }, Violation::WaitNotKept { .. }]
+            if depth.to_units() > 0.85
+    ));
+}
+
+#[test]
+fn a_module_that_left_in_time_is_not_run_into() {
+    let passing = [
+        (1, 1_000, 0, 10, Moving, 0),
+        (1, 2_000, 40, 10, Standing, 4),
+    ];
+    let leaving = [
+        (2, 100, 20, 10, Standing, 0),
+        (2, 500, 20, 10, Moving, 0),
+        (2, 1_000, 20, 20, Standing, 1),
+    ];
+    on_paths(&[&passing[..], &leaving].concat()).assert_broken(&[]);
+    // Where a state is missing, nothing is judged; that it is missing is counted.
+    let mut gap = on_paths(&[&passing[..], &leaving].concat());
+    gap.states
+        .retain(|state| state.at.0 != Duration::from_millis(500));
+    gap.assert_broken(&[]);
+    assert_eq!(gap.verdict().counts.missed_states, 1);
+    // A module that is not part of the plan is not judged.
+    let mut outsider = on_paths(&[&passing[..], &[(9, 100, 20, 10, Standing, 0)]].concat());
+    outsider.assert_broken(&[]);
+    outsider.further.clear();
+}
+
+/// Shows V5.
+#[test]
+fn one_that_follows_too_closely_is_found_although_the_bodies_do_not_touch() {
+    let first = [(1, 1_000, 10, 0, Moving, 0), (1, 2_000, 50, 0, Standing, 4)];
+    let close = [(2, 1_500, 0, 0, Moving, 2), (2, 1_750, 10, 0, Standing, 3)];
+    on_paths(&[&first[..], &close].concat()).assert_broken(&[
+        "module 2 began step 3 of its path in epoch 1.1 0.25 s too early for module 1 at 1.5 s",
+    ]);
+    let in_time = [(2, 1_960, 0, 0, Moving, 2), (2, 2_200, 10, 0, Standing, 3)];
+    on_paths(&[&first[..], &in_time].concat()).assert_broken(&[]);
+}
+
+/// Module 3 turns about module 2 in a block with module 1 between them, over places that module 2 leaves meanwhile. Without a state of
+/// module 1, the two might be parted or not.
+#[test]
+fn modules_between_which_states_are_missing_may_be_docked() {
+    let moments = [
+        (1, 900, 10, 10, Standing, 0),
+        (1, 1_000, 10, 10, Moving, 0),
+        (1, 1_500, 10, 15, Moving, 1),
+        (1, 2_000, 10, 20, Standing, 2),
+        (2, 900, 0, 10, Standing, 0),
+        (2, 1_000, 0, 10, Folding, 0),
+        (2, 2_000, 40, 10, Standing, 2),
+        (3, 900, 20, 10, Standing, 0),
+        (3, 1_000, 20, 10, Folding, 0),
+        (3, 2_000, 20, 14, Standing, 2),
+    ];
+    let block = || on_paths(&moments).dock(&[(1, 2), (1, 3)]);
+    assert_eq!(block().broken(), []);
+    let mut gap = block();
+    gap.states
+        .retain(|state| state.module != ModuleId(1) || state.at.0 != Duration::from_millis(1_500));
+    assert_eq!(gap.broken(), []);
+    assert!(!on_paths(&moments).dock(&[(1, 2)]).broken().is_empty());
+}
+
+fn pair(partner: [(u64, i64, DriveState); 4]) -> Vec<Moment> {
+    let mut moments = Vec::new();
+    for (steps, (millis, x, drive)) in (0..).zip([
+        (1_000, 0, Moving),
+        (1_200, 10, Moving),
+        (1_400, 20, Moving),
+        (1_600, 30, Standing),
+    ]) {
+        moments.push((1, millis, x, 0, drive, steps));
+    }
+    for (steps, (millis, x, drive)) in (0..).zip(partner) {
+        moments.push((2, millis, x, 10, drive, steps));
+    }
+    // What was there before the motion.
+    moments.extend([(1, 900, 0, 0, Standing, 0), (2, 900, 0, 10, Standing, 0)]);
+    moments.sort_by_key(|&(module, millis, ..)| (module, millis));
+    moments
+}
+
+/// Shows V5.
+#[test]
+fn docked_modules_keep_their_places_from_step_to_step_unless_they_fold() {
+    let rigid = [
+        (1_010, 0, Moving),
+        (1_210, 10, Moving),
+        (1_410, 20, Moving),
+        (1_610, 30, Standing),
+    ];
+    on_paths(&pair(rigid)).dock(&[(1, 2)]).assert_broken(&[]);
+    let mut torn = rigid;
+    torn[2].1 = 17;
+    torn[3].1 = 27;
+    on_paths(&pair(torn)).dock(&[(1, 2)]).assert_broken(&[
+        "module 1 and module 2 are docked and 0.300000 units off their places to each other after step 2 in epoch 1.1 at 1.41 s",
+    ]);
+    // Two poses, each off by the position tolerance, are off each other by twice as much.
+    let broken_with = |micros| {
+        let parameters = ObserverParameters {
+            position_tolerance: MicroUnits(micros),
+            ..patient()
+        };
+        on_paths(&pair(torn))
+            .dock(&[(1, 2)])
+            .broken_with(&parameters)
+    };
+    assert_eq!(broken_with(151_000), []);
+    assert_eq!(broken_with(149_000).len(), 1);
+    let mut folding = torn;
+    folding[1].2 = Folding;
+    on_paths(&pair(folding)).dock(&[(1, 2)]).assert_broken(&[]);
+    // While they are docked, they may overlap in a fold.
+    (folding[2].1, folding[3].1) = (20, 30);
+    let mut over = pair(folding);
+    over.iter_mut()
+        .filter(|one| one.0 == 2 && one.1 >= 1_410)
+        .for_each(|one| one.3 = 2);
+    assert!(on_paths(&over).dock(&[(1, 2)]).broken().is_empty());
+    assert!(!on_paths(&over).broken().is_empty());
+}
+
+#[test]
+fn a_module_that_begins_a_step_before_its_partner_has_done_the_one_before_is_found() {
+    let late = [
+        (1_010, 0, Moving),
+        (1_300, 10, Moving),
+        (1_500, 20, Moving),
+        (1_700, 30, Standing),
+    ];
+    on_paths(&pair(late)).dock(&[(1, 2)]).assert_broken(&[
+        "module 1 began step 2 of its path in epoch 1.1 0.1 s too early for module 2 at 1.2 s",
+    ]);
+}
+
+#[test]
+fn the_greatest_number_of_steps_is_judged_like_any_other() {
+    let through = [
+        (1, 1_000, 0, 10, Moving, u32::MAX),
+        (1, 2_000, 40, 10, Standing, 0),
+        (2, 100, 20, 14, Standing, 0),
+    ];
+    assert!(!on_paths(&through).broken().is_empty());
+    let before = [
+        through[0],
+        (1, 2_000, 5, 10, Standing, u32::MAX),
+        through[2],
+    ];
+    assert!(on_paths(&before).broken().is_empty());
+}
+
+#[test]
+fn straight_lines_are_marked_and_not_judged() {
+    let moments = [
+        (1, 1_000, 0, 10, Moving, 0),
+        (1, 2_000, 40, 10, Standing, 4),
+        (2, 100, 20, 14, Standing, 0),
+    ];
+    let mut straight = on_paths(&moments);
+    for state in &mut straight.states {
+        state.steps_done = None;
+    }
+    straight.assert_broken(&[]);
+    let risk = straight.verdict().collision_risk;
+    assert_eq!(risk, Some(CollisionRisk::NoPaths(EPOCH)));
+    straight.target.parameters.motion = formation_model::MotionMode::Straight;
+    let risk = straight.verdict().collision_risk;
+    assert_eq!(risk, Some(CollisionRisk::StraightDemanded(EPOCH)));
+    let good = good_sequence().verdict();
+    assert_eq!(good.outcome, Outcome::Complete);
+    assert_eq!(good.collision_risk, Some(CollisionRisk::NoPaths(EPOCH)));
+}

@@ -1,0 +1,139 @@
+//! `formation check`.
+
+use std::path::Path;
+
+use formation_model::text::counted;
+use formation_model::{ModuleId, PlanningProblem, Scenario, SpotId};
+use formation_motion::check_differential_drives;
+use formation_planner::PlanSize;
+use ros_runtime::exit::{Failure, one_line};
+use serde::Serialize;
+
+use crate::arguments::DIFFERENTIAL;
+use crate::checked_plan::{CheckedPlan, PlanTurn};
+use crate::{console, motion, scenario_file, warnings};
+
+/// What `formation check --json` prints of a valid scenario.
+#[derive(Debug, Serialize)]
+struct CheckReport<'a> {
+    name: &'a str,
+    modules: usize,
+    configurations: usize,
+    singletons: usize,
+    spots: usize,
+    /// Whether the target has no cycle.
+    tree: bool,
+    /// Whether the plan fills all spots that the modules suffice for.
+    complete: bool,
+    /// Whether each placement of a configuration is proven to be the best.
+    proven: bool,
+    unassigned: &'a [ModuleId],
+    open_spots: &'a [SpotId],
+    turns: Vec<PlanTurn>,
+    warnings: Vec<String>,
+}
+
+/// Validates a scenario file, plans it, and prints a summary of it.
+///
+/// # Errors
+/// Names the file, the place and what is wrong there, or the spot that cannot be reached, or that the plan has a hole.
+pub fn check(path: &Path, drive: &str, json: bool) -> Result<(), Failure> {
+    let scenario = scenario_file::load(path)?;
+    refuse_long_plans(path, &scenario)?;
+    warn(path, &scenario);
+    let plan = CheckedPlan::of(&scenario)?;
+    plan.refuse_without_motion(path)?;
+    plan.warn_of_motion(path);
+    if drive == DIFFERENTIAL {
+        refuse_turning(path, &scenario)?;
+    }
+    plan.warn_of_cut_search(path);
+    if json {
+        console::result_json(&report(&scenario, &plan))?;
+    } else {
+        let summary = summary(&scenario);
+        console::result_text(&format!("{}: {summary}", scenario_file::named(path)))?;
+    }
+    plan.refuse_hole(path)
+}
+
+fn report<'a>(scenario: &'a Scenario, plan: &'a CheckedPlan) -> CheckReport<'a> {
+    let problem = scenario.problem();
+    let statistics = &plan.statistics;
+    let mut warnings = warnings::of(problem);
+    warnings.extend(motion::warning(&plan.motion));
+    CheckReport {
+        name: scenario.name(),
+        modules: problem.modules().len(),
+        configurations: problem.configurations().len(),
+        singletons: problem.modules().len() - docked(problem),
+        spots: problem.target().spots().len(),
+        tree: problem.target().topology().is_tree(),
+        complete: plan.is_complete(),
+        proven: statistics.proven,
+        unassigned: &statistics.unassigned,
+        open_spots: &statistics.open_spots,
+        turns: plan.turns(),
+        warnings,
+    }
+}
+
+/// The number of modules that start in a configuration.
+fn docked(problem: &PlanningProblem) -> usize {
+    let configurations = problem.configurations();
+    configurations
+        .iter()
+        .map(|configuration| configuration.modules.len())
+        .sum()
+}
+
+/// Refuses a scenario whose plan would take real processes too long.
+///
+/// # Errors
+/// Names the field to which the most time is due, and the limit.
+pub fn refuse_long_plans(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
+    let refused = PlanSize::of(scenario.problem()).check();
+    refused.map_err(|reason| {
+        Failure::bad_input(format_args!("{}: {reason}", scenario_file::named(path)))
+    })
+}
+
+/// Refuses a scenario that robots with differential drives cannot carry out.
+///
+/// # Errors
+/// Names what they cannot move.
+pub fn refuse_turning(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
+    let refused = check_differential_drives(scenario.problem());
+    refused.map_err(|reason| {
+        Failure::bad_input(format_args!("{}: {reason}", scenario_file::named(path)))
+    })
+}
+
+/// Prints a warning for all that is valid and yet looks like a mistake.
+pub fn warn(path: &Path, scenario: &Scenario) {
+    for warning in warnings::of(scenario.problem()) {
+        console::note(&format!(
+            "warning: {}: {warning}",
+            scenario_file::named(path)
+        ));
+    }
+}
+
+fn summary(scenario: &Scenario) -> String {
+    let problem = scenario.problem();
+    let configurations = problem.configurations();
+    let docked = docked(problem);
+    let topology = problem.target().topology();
+    let name = match scenario.name() {
+        "" => String::new(),
+        name => format!("{}; ", one_line(name)),
+    };
+    format!(
+        "{name}{} ({}, {}); {} ({})",
+        counted(problem.modules().len(), "module"),
+        counted(configurations.len(), "configuration"),
+        counted(problem.modules().len() - docked, "singleton"),
+        counted(topology.node_count(), "spot"),
+        if topology.is_tree() { "tree" } else { "cyclic" },
+    )
+}

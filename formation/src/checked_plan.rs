@@ -1,0 +1,365 @@
+//! A plan that is made offline, by the same core as in every agent, and checked.
+
+use std::collections::BTreeMap;
+use std::path::Path;
+use std::sync::Arc;
+use std::time::Instant;
+
+use anyhow::anyhow;
+use formation_event_log::{Entry, Step};
+use formation_model::text::{counted, joined, listed_in_full};
+use formation_model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, Scenario, SpotId};
+use formation_motion::PlannedMotion;
+use formation_planner::{PlanOutcome, Planning, Statistics};
+use formation_report::{Fact, Subject, course_of_plan};
+use formation_verify::{check_plan, hole_of};
+use ros_runtime::exit::{Failure, one_line};
+use serde::Serialize;
+
+use crate::arguments::SPEED_UNITS_PER_S;
+use crate::console;
+use crate::motion::{self, MotionReport};
+use crate::progress::PlanProgress;
+use crate::scenario_file::named;
+use crate::table::aligned;
+
+/// A plan that the verifier's checks have passed, except that the policy `paper` may leave a hole.
+pub struct CheckedPlan {
+    /// What was planned for.
+    pub problem: Arc<PlanningProblem>,
+    /// The plan and its turns.
+    pub outcome: PlanOutcome,
+    /// What the plan keeps, breaks and costs.
+    pub statistics: Statistics,
+    /// How the modules move.
+    pub motion: PlannedMotion,
+    /// How long the allocation took, without acting order and statistics.
+    pub planning_us: u64,
+    /// What is wrong with the spots that are filled: too few, or apart. Only the policy `paper` leaves such a hole.
+    hole: Option<String>,
+}
+
+/// A turn as it is printed as JSON.
+#[derive(Debug, Serialize)]
+pub struct PlanTurn {
+    /// From 0.
+    turn: u32,
+    claimant: ModuleId,
+    modules: Vec<ModuleId>,
+    #[serde(flatten)]
+    decision: Decision,
+    text: String,
+}
+
+/// What `formation plan --json` prints.
+#[derive(Debug, Serialize)]
+pub struct PlanReport {
+    /// What the plan keeps, breaks and costs.
+    #[serde(flatten)]
+    pub statistics: Statistics,
+    /// How long the allocation took.
+    pub planning_us: u64,
+    /// Whether all spots are filled that the modules suffice for; `formation plan` alone prints it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub complete: Option<bool>,
+    /// All turns in order; `formation plan` alone prints them.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub turns: Option<Vec<PlanTurn>>,
+    /// How the modules move; `formation plan` alone prints it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub motion: Option<MotionReport>,
+}
+
+impl CheckedPlan {
+    /// Plans a scenario and has the plan checked independently. Shows on a terminal how far it has come.
+    ///
+    /// # Errors
+    /// Lists the guarantees that the plan does not keep.
+    pub fn of(scenario: &Scenario) -> Result<Self, Failure> {
+        let problem = Arc::new(scenario.problem().clone());
+        Self::made(problem, Some(PlanProgress::new()))
+    }
+
+    /// Plans for modules and a target, and has the plan checked independently.
+    ///
+    /// # Errors
+    /// Lists the guarantees that the plan does not keep.
+    pub fn of_problem(problem: Arc<PlanningProblem>) -> Result<Self, Failure> {
+        Self::made(problem, None)
+    }
+
+    fn made(
+        problem: Arc<PlanningProblem>,
+        mut progress: Option<PlanProgress>,
+    ) -> Result<Self, Failure> {
+        let start = Instant::now();
+        let mut planning = Planning::new(Arc::clone(&problem));
+        let decisions = planning.take_all_turns_with(|taken, left| {
+            if let Some(progress) = &mut progress {
+                progress.show_turns(taken, left);
+            }
+        });
+        let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
+        let mut outcome = planning.outcome(decisions);
+        let decisions: Vec<Decision> = outcome
+            .decisions
+            .iter()
+            .map(|(_, decision)| decision.clone())
+            .collect();
+        check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
+            let text = joined(violations, "; ");
+            Failure::Failed(anyhow!("the plan does not keep its guarantees: {text}"))
+        })?;
+        let hole = hole_of(&problem, &outcome.plan);
+        let hole = (!hole.is_empty()).then(|| joined(hole, "; "));
+        if let Some(progress) = &mut progress {
+            progress.show_motion();
+        }
+        let (motion, plan) = PlannedMotion::of(&problem, outcome.plan, &[]);
+        outcome.plan = plan;
+        Ok(Self {
+            statistics: Statistics::of(&problem, &outcome),
+            problem,
+            outcome,
+            motion,
+            planning_us,
+            hole,
+        })
+    }
+
+    /// Whether all spots are filled, and connected, that the modules suffice for.
+    pub fn is_complete(&self) -> bool {
+        self.hole.is_none()
+    }
+
+    /// Fails if the plan has a hole, once its results are printed.
+    ///
+    /// # Errors
+    /// Names the open spots.
+    pub fn refuse_hole(&self, path: &Path) -> Result<(), Failure> {
+        match self.hole_text() {
+            None => Ok(()),
+            Some(text) => Err(Failure::failed(format_args!("{}: {text}", named(path)))),
+        }
+    }
+
+    /// What is wrong with the spots that are filled, and which are open; `None` if nothing is.
+    pub fn hole_text(&self) -> Option<String> {
+        let hole = self.hole.as_ref()?;
+        let open = match self.statistics.open_spots.as_slice() {
+            [] => String::new(),
+            open => format!("; left open: {}", listed_in_full(open.iter().copied())),
+        };
+        Some(format!(
+            "the plan has a hole, as the policy `paper` may leave one: {hole}{open}"
+        ))
+    }
+
+    /// All turns with their decisions.
+    pub fn turns(&self) -> Vec<PlanTurn> {
+        let turns = self.outcome.decisions.iter();
+        turns
+            .map(|(turn, decision)| PlanTurn {
+                turn: turn.number,
+                claimant: turn.claimant,
+                modules: turn.modules.clone(),
+                decision: decision.clone(),
+                text: Step::Turn {
+                    turn: turn.number,
+                    claimant: turn.claimant,
+                    decision,
+                }
+                .to_string(),
+            })
+            .collect()
+    }
+
+    /// What to print as JSON.
+    pub fn report(&self) -> PlanReport {
+        PlanReport {
+            statistics: self.statistics.clone(),
+            planning_us: self.planning_us,
+            complete: None,
+            turns: None,
+            motion: None,
+        }
+    }
+
+    /// Prints the warnings about a plan, before anything moves.
+    pub fn warn(&self, path: &Path) {
+        for warning in &self.statistics.warnings {
+            console::note(&format!("warning: {}: {warning}", named(path)));
+        }
+        self.warn_of_motion(path);
+        self.warn_of_cut_search(path);
+    }
+
+    /// Says so if a placement is not proven to be the best.
+    pub fn warn_of_cut_search(&self, path: &Path) {
+        if !self.statistics.proven {
+            console::note(&format!(
+                "warning: {}: a search on a graph with cycles was cut at its budget; a better plan may exist",
+                named(path)
+            ));
+        }
+    }
+
+    /// Whether the placements of the configurations are proven to be the best, in a sentence.
+    pub fn proof_text(&self) -> &'static str {
+        match self.statistics.proven {
+            true => "every placement of a configuration is proven to be the best",
+            false => {
+                "not every placement of a configuration is proven to be the best: the search for it ended at its budget"
+            }
+        }
+    }
+
+    /// Prints what is wrong with the motion, if it is not along paths for that reason.
+    pub fn warn_of_motion(&self, path: &Path) {
+        if let Some(warning) = motion::warning(&self.motion) {
+            console::note(&format!("warning: {}: {warning}", named(path)));
+        }
+    }
+
+    /// The plan as it would be carried out by simulated drives.
+    pub fn course(&self) -> Vec<Entry> {
+        let (problem, outcome) = (&self.problem, &self.outcome);
+        course_of_plan(problem, outcome, &self.motion, SPEED_UNITS_PER_S)
+    }
+
+    /// What pictures show of a plan with this course.
+    pub fn subject(&self, name: &str, course: &[Entry]) -> Subject {
+        Subject::of_course(&one_line(name), &self.problem, &self.outcome, course, None)
+            .with_paths(&self.motion, &self.outcome)
+    }
+
+    /// Refuses a plan by which no module would move.
+    ///
+    /// # Errors
+    /// Names the unit and its spots, and the reason.
+    pub fn refuse_without_motion(&self, path: &Path) -> Result<(), Failure> {
+        match &self.motion {
+            PlannedMotion::Refused(error) => Err(Failure::bad_input(format_args!(
+                "{}: no module would move: {error}",
+                named(path)
+            ))),
+            PlannedMotion::Paths(_) | PlannedMotion::Straight(_) => Ok(()),
+        }
+    }
+
+    /// The plan as a table, and its sums.
+    pub fn text(&self, name: &str) -> String {
+        let mut parts = Vec::new();
+        if !name.is_empty() {
+            parts.push(one_line(name));
+        }
+        parts.push(self.table());
+        let statistics = &self.statistics;
+        if !statistics.unassigned.is_empty() {
+            let unassigned = listed_in_full(statistics.unassigned.iter().copied());
+            parts.push(format!("without a spot: {unassigned}"));
+        }
+        if !statistics.open_spots.is_empty() {
+            let open = listed_in_full(statistics.open_spots.iter().copied());
+            parts.push(format!("left open: {open}"));
+        }
+        parts.push(format!(
+            "{} kept, {} broken; {} detached; {}; {}",
+            counted(statistics.changes.kept_links, "link"),
+            statistics.changes.broken_links,
+            counted(statistics.changes.detached_modules, "module"),
+            counted(statistics.changes.port_changes, "port change"),
+            counted(statistics.changes.evictions, "eviction"),
+        ));
+        parts.push(format!(
+            "total utility {:.3}, total distance {:.3} units",
+            statistics.total_utility, statistics.total_distance
+        ));
+        // The other policies ignore that modules are docked.
+        let policy = self.problem.parameters().policy;
+        let places_blocks = matches!(policy, Policy::Exact | Policy::Paper);
+        if places_blocks && !self.problem.configurations().is_empty() {
+            parts.push(self.proof_text().to_owned());
+        }
+        parts.push(motion::line(&self.motion));
+        let messages = &statistics.messages;
+        parts.push(format!(
+            "{} in {} µs; messages: {}, {} deliveries, {} pairs delivered",
+            counted(self.outcome.decisions.len(), "turn"),
+            self.planning_us,
+            counted(messages.samples, "sample"),
+            messages.deliveries,
+            messages.pairs,
+        ));
+        parts.join("\n")
+    }
+
+    fn table(&self) -> String {
+        let order = self.statistics.assembly_order.iter().copied();
+        let order: BTreeMap<SpotId, usize> = order.zip(1..).collect();
+        let units = self.outcome.plan.assembly.unit_of_each();
+        let heads = ["module", "spot", "filled", "distance", "moves with"];
+        let row = |assignment: &Assignment| {
+            let (module, spot) = (assignment.module, assignment.spot);
+            let ends = self
+                .problem
+                .module(module)
+                .zip(self.problem.target().spot(spot));
+            let unit = units.get(&module);
+            let unit = unit.filter(|unit| unit.placements.len() > 1);
+            let distance = ends.map(|(module, spot)| module.pose.distance_to(&spot.pose));
+            let or_blank = |cell: Option<String>| cell.unwrap_or_default();
+            [
+                module.0.to_string(),
+                spot.0.to_string(),
+                or_blank(order.get(&spot).map(usize::to_string)),
+                or_blank(distance.map(|distance| format!("{:.3}", distance.to_units()))),
+                or_blank(unit.map(|unit| unit.lead.0.to_string())),
+            ]
+        };
+        aligned(heads, self.statistics.assignments.iter().map(row))
+    }
+
+    /// How many modules and spots there are, and the numbers of the plan, for the page of a report.
+    pub fn facts(&self) -> Vec<Fact> {
+        let counts = self.counts(&self.statistics).into_iter();
+        counts.chain(self.planning_facts()).collect()
+    }
+
+    /// How many modules and spots there are, and how many of them are left in the end.
+    pub fn counts(&self, end: &Statistics) -> [Fact; 4] {
+        [
+            Fact::new("modules", self.problem.modules().len()),
+            Fact::new("modules without a spot", end.unassigned.len()),
+            Fact::new("spots", self.problem.target().spots().len()),
+            Fact::new("spots left open", end.open_spots.len()),
+        ]
+    }
+
+    /// The numbers of the plan.
+    pub fn planning_facts(&self) -> Vec<Fact> {
+        let statistics = &self.statistics;
+        let messages = &statistics.messages;
+        vec![
+            Fact::new("turns", self.outcome.decisions.len()),
+            Fact::new("evictions", statistics.changes.evictions),
+            Fact::new("links kept", statistics.changes.kept_links),
+            Fact::new("links broken", statistics.changes.broken_links),
+            Fact::new("modules detached", statistics.changes.detached_modules),
+            Fact::new("port changes", statistics.changes.port_changes),
+            Fact::new("total utility", format!("{:.3}", statistics.total_utility)),
+            Fact::new(
+                "total distance",
+                format!("{:.3} units", statistics.total_distance),
+            ),
+            Fact::new("planned offline in", format!("{} µs", self.planning_us)),
+            Fact::new(
+                "messages while planning",
+                format!(
+                    "{} samples, {} deliveries, {} pairs delivered",
+                    messages.samples, messages.deliveries, messages.pairs
+                ),
+            ),
+        ]
+    }
+}

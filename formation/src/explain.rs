@@ -1,0 +1,181 @@
+//! `formation explain`.
+
+use std::path::Path;
+
+use formation_event_log::Step;
+use formation_model::text::{counted, joined};
+use formation_model::{ModuleId, SpotId};
+use formation_planner::{ConcernedTurn, Explanation, TurnOutcome};
+use ros_runtime::exit::Failure;
+use serde::Serialize;
+
+use crate::checked_plan::CheckedPlan;
+use crate::table::aligned;
+use crate::{check, console, scenario_file};
+
+/// The text shows this many other spots.
+const ALTERNATIVES_MAX: usize = 5;
+
+/// The object that `--json` prints. Utilities are those of the paper; the alternatives begin with the best.
+#[derive(Debug, Serialize)]
+struct ExplanationReport {
+    module: ModuleId,
+    /// The configuration that it belongs to.
+    configuration: Option<u32>,
+    spot: Option<SpotId>,
+    /// Whether the plan fills all spots that the modules suffice for.
+    complete: bool,
+    /// Whether each placement of a configuration is proven to be the best.
+    proven: bool,
+    /// The spots that no module takes.
+    open_spots: Vec<SpotId>,
+    turns: Vec<TurnReport>,
+    alternatives: Vec<AlternativeReport>,
+}
+
+#[derive(Debug, Serialize)]
+struct TurnReport {
+    /// From 0.
+    turn: u32,
+    claimant: ModuleId,
+    #[serde(flatten)]
+    outcome: TurnOutcome,
+    text: String,
+}
+
+#[derive(Debug, Serialize)]
+struct AlternativeReport {
+    spot: SpotId,
+    utility: f64,
+    holder: Option<ModuleId>,
+    holder_utility: Option<f64>,
+    loss: f64,
+}
+
+/// Plans a scenario and says why a module gets its spot, or none.
+///
+/// # Errors
+/// Names what is wrong with the file or with the plan, or says that the scenario does not have the module.
+pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
+    let scenario = scenario_file::load(path)?;
+    check::warn(path, &scenario);
+    let plan = CheckedPlan::of(&scenario)?;
+    let module = ModuleId(module);
+    let explanation = Explanation::of(&plan.problem, &plan.outcome, module);
+    let Some(explanation) = explanation else {
+        let known = plan.problem.modules().iter().map(|module| module.id.0);
+        return Err(Failure::bad_input(format!(
+            "{}: there is no {module}; the modules are {}",
+            scenario_file::named(path),
+            joined(known, ", ")
+        )));
+    };
+    let member = plan.problem.module(module);
+    let configuration = member.and_then(|member| member.configuration);
+    if !json {
+        console::result_text(&text(&explanation))?;
+        return plan.refuse_hole(path);
+    }
+    let turns = explanation.turns.iter().map(|turn| TurnReport {
+        turn: turn.number,
+        claimant: turn.claimant,
+        outcome: turn.outcome,
+        text: sentence(turn),
+    });
+    let others = explanation.alternatives.iter();
+    let alternatives = others.map(|one| AlternativeReport {
+        spot: one.spot,
+        utility: one.utility.to_units(),
+        holder: one.holder.map(|(holder, _)| holder),
+        holder_utility: one.holder.map(|(_, utility)| utility.to_units()),
+        loss: one.loss.to_units(),
+    });
+    console::result_json(&ExplanationReport {
+        module,
+        configuration: configuration.map(|configuration| configuration.0),
+        spot: explanation.spot,
+        complete: plan.is_complete(),
+        proven: plan.statistics.proven,
+        open_spots: plan.statistics.open_spots.clone(),
+        turns: turns.collect(),
+        alternatives: alternatives.collect(),
+    })?;
+    plan.refuse_hole(path)
+}
+
+/// The decision of a turn, as in films.
+fn sentence(turn: &ConcernedTurn) -> String {
+    let step = Step::Turn {
+        turn: turn.number,
+        claimant: turn.claimant,
+        decision: &turn.decision,
+    };
+    step.to_string()
+}
+
+fn text(explanation: &Explanation) -> String {
+    let module = explanation.module;
+    let mut lines = vec![match explanation.spot {
+        Some(spot) => format!("{module} gets {spot}."),
+        None => format!("{module} gets no spot."),
+    }];
+    for turn in &explanation.turns {
+        let meaning = match turn.outcome {
+            TurnOutcome::Takes { spot } => format!("{module} gets {spot}"),
+            TurnOutcome::Loses {
+                spot,
+                to,
+                instead: Some(instead),
+            } => format!("{module} loses {spot} to {to} and gets {instead}"),
+            TurnOutcome::Loses { spot, to, .. } => {
+                format!("{module} loses {spot} to {to} and gets none")
+            }
+            TurnOutcome::FindsNone => format!("{module} gets none"),
+        };
+        lines.push(format!("  {}: {meaning}", sentence(turn)));
+    }
+    if explanation.turns.is_empty() {
+        lines.push("  No turn concerned it.".to_owned());
+    }
+    let alternatives = &explanation.alternatives;
+    if alternatives.is_empty() {
+        return lines.join("\n");
+    }
+    let best = alternatives.iter().take(ALTERNATIVES_MAX);
+    let rows = best.map(|one| {
+        let (holder, utility) = one
+            .holder
+            .map_or_else(Default::default, |(holder, utility)| {
+                (holder.0.to_string(), rounded(utility.to_units()))
+            });
+        [
+            one.spot.0.to_string(),
+            rounded(one.utility.to_units()),
+            holder,
+            utility,
+            rounded(one.loss.to_units()),
+        ]
+    });
+    lines.push(String::new());
+    lines.push("Other spots, the best for it first:".to_owned());
+    lines.push(aligned(
+        [
+            "spot",
+            "utility",
+            "holder",
+            "holder's utility",
+            "loss if exchanged",
+        ],
+        rows,
+    ));
+    if alternatives.len() > ALTERNATIVES_MAX {
+        let more = counted(alternatives.len() - ALTERNATIVES_MAX, "more spot");
+        lines.push(format!("and {more}"));
+    }
+    lines.push("Utilities and losses leave out what links save that stay docked.".to_owned());
+    lines.join("\n")
+}
+
+fn rounded(number: f64) -> String {
+    format!("{number:.2}")
+}

@@ -1,0 +1,173 @@
+//! The motion of a plan as `formation plan` prints it.
+
+use formation_model::text::counted;
+use formation_model::{ModuleId, ModuleMotion, MotionPlan, OrderKind, UnitMotion, Variant};
+use formation_motion::PlannedMotion;
+use formation_verifier_lines::NOT_COLLISION_FREE;
+use serde::Serialize;
+
+/// How the modules of a plan move.
+#[derive(Debug, Serialize)]
+#[serde(untagged)]
+pub enum MotionReport {
+    /// Along paths without contact.
+    Paths(Paths),
+    /// In straight lines, or not at all.
+    Other {
+        /// `straight`, or `none` if the scenario demands paths.
+        mode: &'static str,
+        collision_free: bool,
+        /// Why there are no paths.
+        error: Option<String>,
+    },
+}
+
+/// Paths without contact; plan time counts steps.
+#[derive(Debug, Serialize)]
+pub struct Paths {
+    /// `paths`.
+    mode: &'static str,
+    collision_free: bool,
+    /// When the last step ends.
+    makespan: u32,
+    /// No plan with this order of docking ends earlier.
+    bound: u32,
+    /// The most steps that any unit needs.
+    longest_path: u32,
+    /// `edges` or `adjacency`: next to what each unit docks.
+    order: &'static str,
+    /// `lazy`, `eager` or `serial`.
+    variant: &'static str,
+    /// Blocks that move as single modules.
+    taken_apart: Vec<Vec<ModuleId>>,
+    modules: Vec<ModulePath>,
+}
+
+/// The path of one module, and what the steps of its unit wait for.
+#[derive(Debug, Serialize)]
+struct ModulePath {
+    module: ModuleId,
+    /// The lowest module of its unit.
+    unit: ModuleId,
+    /// `[x, y, theta, t]`: the start, then the pose after each step.
+    waypoints: Vec<[f64; 4]>,
+    /// `[step, unit, steps_done]`: the step, counted from 1, begins when that unit has done this number of steps.
+    waits: Vec<[u32; 3]>,
+}
+
+impl MotionReport {
+    /// What to print as JSON.
+    pub fn of(motion: &PlannedMotion) -> Self {
+        let other = |mode, error: Option<String>| Self::Other {
+            mode,
+            collision_free: false,
+            error,
+        };
+        match motion {
+            PlannedMotion::Paths(plan) => Self::Paths(Paths::of(plan)),
+            PlannedMotion::Straight(error) => {
+                other("straight", error.as_ref().map(ToString::to_string))
+            }
+            PlannedMotion::Refused(error) => other("none", Some(error.to_string())),
+        }
+    }
+}
+
+/// What people should know before anything moves, if anything.
+pub fn warning(motion: &PlannedMotion) -> Option<String> {
+    match motion {
+        PlannedMotion::Paths(_) | PlannedMotion::Straight(None) => None,
+        PlannedMotion::Straight(Some(error)) => Some(format!(
+            "modules move in straight lines, which is {NOT_COLLISION_FREE}: {error}; for paths, {}",
+            error.cure()
+        )),
+        PlannedMotion::Refused(error) => {
+            let cure = error.cure();
+            Some(format!("no module will move: {error}; {cure}"))
+        }
+    }
+}
+
+/// What is added to the outcome of a plan whose motion is not free of collisions, or that no module can carry out.
+pub fn mark(motion: &PlannedMotion) -> String {
+    match motion {
+        PlannedMotion::Paths(_) => String::new(),
+        PlannedMotion::Straight(_) => format!(", {NOT_COLLISION_FREE}"),
+        PlannedMotion::Refused(_) => ", and none can move".to_owned(),
+    }
+}
+
+/// The motion in one line.
+pub fn line(motion: &PlannedMotion) -> String {
+    match motion {
+        PlannedMotion::Paths(plan) => {
+            let steps: usize = plan.units.iter().map(|unit| unit.steps.len()).sum();
+            format!(
+                "motion: paths, {} until the last module docks (bound {}), {} in all, longest path {}",
+                counted(plan.makespan as usize, "step"),
+                plan.bound,
+                counted(steps, "step"),
+                plan.longest_path
+            )
+        }
+        PlannedMotion::Straight(_) => format!("motion: straight lines, {NOT_COLLISION_FREE}"),
+        PlannedMotion::Refused(_) => "motion: none".to_owned(),
+    }
+}
+
+impl Paths {
+    fn of(plan: &MotionPlan) -> Self {
+        let modules = |unit| ModulePath::of_unit(unit);
+        let mut modules: Vec<ModulePath> = plan.units.iter().flat_map(modules).collect();
+        modules.sort_by_key(|path| path.module);
+        Self {
+            mode: "paths",
+            collision_free: true,
+            makespan: plan.makespan,
+            bound: plan.bound,
+            longest_path: plan.longest_path,
+            order: match plan.order {
+                OrderKind::Edges => "edges",
+                OrderKind::Adjacency => "adjacency",
+            },
+            variant: match plan.variant {
+                Variant::Lazy => "lazy",
+                Variant::Eager => "eager",
+                Variant::Serial => "serial",
+            },
+            taken_apart: plan.taken_apart.clone(),
+            modules,
+        }
+    }
+}
+
+impl ModulePath {
+    fn of_unit(unit: &UnitMotion) -> impl Iterator<Item = Self> {
+        let waits = unit.waits.iter();
+        let waits: Vec<[u32; 3]> = waits
+            .map(|wait| [wait.step, wait.unit.0, wait.steps_done])
+            .collect();
+        unit.modules.iter().map(move |module| Self {
+            module: module.module,
+            unit: unit.lead,
+            waypoints: waypoints(module),
+            waits: waits.clone(),
+        })
+    }
+}
+
+fn waypoints(module: &ModuleMotion) -> Vec<[f64; 4]> {
+    let points = module.waypoints.iter();
+    points
+        .map(|point| {
+            let pose = &point.pose;
+            let time = f64::from(point.time);
+            [
+                pose.x.to_units(),
+                pose.y.to_units(),
+                pose.theta.to_units(),
+                time,
+            ]
+        })
+        .collect()
+}

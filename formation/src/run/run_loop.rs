@@ -1,0 +1,593 @@
+//! One run, from the first process to the verdict.
+
+use std::collections::BTreeSet;
+use std::process::{Command, ExitStatus};
+use std::time::{Duration, Instant};
+
+use formation_model::ModuleId;
+use formation_model::text::listed_in_full;
+use formation_motion::WorldReport;
+use formation_verifier_lines::{AgreementReport, ReportLine, VerdictReport};
+use formation_verify::{Outcome, Progress};
+
+use super::display::Display;
+use super::order;
+use super::recording::Recording;
+use super::roles::{Death, Deaths, ProcessRoles};
+use super::supervisor::{Output, ProcessEvent, ProcessId, Supervisor};
+use super::view::Key;
+
+/// After its verdict, the verifier stays for this long, so that subscribers of its topic receive the verdict.
+const LINGER: Duration = Duration::from_millis(500);
+
+/// What the verifier found.
+#[derive(Clone, Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a run has one, so its size does not matter"
+)]
+pub enum Judgement {
+    /// A verdict on the formation.
+    Verdict(VerdictReport),
+    /// All modules hold the same plan, and none was to move.
+    Agreement(AgreementReport),
+}
+
+/// How a run ended.
+#[derive(Debug)]
+#[expect(
+    clippy::large_enum_variant,
+    reason = "a run has one, so its size does not matter"
+)]
+pub enum RunEnd {
+    /// The verifier has judged.
+    Judged(Judgement),
+    /// A process ended without which the run cannot continue.
+    ProcessEnded(ProcessId, ExitStatus),
+    /// All processes of modules ended, this one last.
+    NoAgentLeft(ProcessId, ExitStatus),
+    /// A signal asked the launcher to end.
+    Interrupted(i32),
+    /// The time was up.
+    TimedOut,
+}
+
+/// What was observed of a run.
+#[derive(Clone, Debug, Default)]
+pub struct Observed {
+    /// The latest progress.
+    pub progress: Option<Progress>,
+    /// How long after the start the last module had joined.
+    pub discovery: Option<Duration>,
+    /// The event log.
+    pub recording: Recording,
+    /// The processes that ended while the run continued.
+    pub deaths: Deaths,
+    /// What the physical world counted, if there is one.
+    pub world: Option<WorldReport>,
+    /// Whether the time was up before a verdict was final.
+    pub timed_out: bool,
+}
+
+/// Watches the processes until the verifier has judged, something failed, or the time is up.
+///
+/// The run continues when a process of modules ends. A verdict that relies on such a module is set aside: the verifier,
+/// which finds the module silent later, will retract it and give another. PARTIAL is set aside as well while the roster
+/// leaves out modules whose processes run: they may be cut off, and join later.
+pub struct RunLoop<'a> {
+    /// The processes.
+    pub supervisor: &'a mut Supervisor,
+    /// Their roles.
+    pub roles: &'a ProcessRoles,
+    /// How many modules take part.
+    pub modules: usize,
+    /// When the first process was started.
+    pub start: Instant,
+    /// When to stop waiting for the verdict.
+    pub deadline: Instant,
+    /// How long to wait from a command to stop all modules, and from the command to resume.
+    pub patience: Duration,
+    /// Where the run is shown.
+    pub display: &'a mut Display,
+    /// What was observed so far.
+    pub observed: Observed,
+    /// Makes the commands that give orders to the modules.
+    pub orders: Orders<'a>,
+    /// The processes that give them.
+    pub order_givers: BTreeSet<ProcessId>,
+}
+
+/// Makes a command from options of the target publisher.
+type OrderCommand<'a> = Box<dyn Fn(&[String]) -> Command + 'a>;
+
+/// Orders to the modules of a run.
+pub struct Orders<'a> {
+    /// Makes the command that gives an order, in the options of the target publisher.
+    pub command: OrderCommand<'a>,
+    /// Whether robots vanish with their processes, so that their bodies are reported as removed.
+    pub bodies_vanish: bool,
+}
+
+impl RunLoop<'_> {
+    /// Runs to the end.
+    pub fn run(mut self) -> (RunEnd, Observed) {
+        let end = self.run_until_the_end();
+        if let RunEnd::Judged(_) = end {
+            self.display.refresh();
+            self.linger();
+        }
+        (end, self.observed)
+    }
+
+    fn run_until_the_end(&mut self) -> RunEnd {
+        let mut set_aside = None;
+        loop {
+            self.take_key();
+            let due = self.display.due();
+            let wake = due.map_or(self.deadline, |due| due.min(self.deadline));
+            let end = match self.supervisor.next(wake) {
+                ProcessEvent::Line(process, line) if process == self.roles.verifier => {
+                    self.take_line(&line, &mut set_aside)
+                }
+                ProcessEvent::Line(process, line) => {
+                    self.take_other_line(process, &line);
+                    None
+                }
+                ProcessEvent::Exited(process, status) => self.take_exit(process, status),
+                ProcessEvent::Interrupted(signal) => Some(RunEnd::Interrupted(signal)),
+                ProcessEvent::TimedOut => {
+                    self.display.refresh();
+                    None
+                }
+            };
+            if let Some(end) = end {
+                return end;
+            }
+            if Instant::now() >= self.deadline {
+                return self.end_late(set_aside);
+            }
+        }
+    }
+
+    /// Time is up: judges by the verdict that was set aside, if there is one.
+    fn end_late(&mut self, set_aside: Option<VerdictReport>) -> RunEnd {
+        self.observed.timed_out = true;
+        set_aside.map_or(RunEnd::TimedOut, |verdict| {
+            let outcome = match self.relies_on_the_dead(&verdict) {
+                true => Outcome::Failed,
+                false => verdict.outcome,
+            };
+            RunEnd::Judged(Judgement::Verdict(VerdictReport { outcome, ..verdict }))
+        })
+    }
+
+    /// Takes in a line of the verifier.
+    fn take_line(&mut self, line: &str, set_aside: &mut Option<VerdictReport>) -> Option<RunEnd> {
+        match serde_json::from_str(line) {
+            Ok(ReportLine::Progress(mut progress)) => {
+                progress.expected = Some(self.modules);
+                if progress.joined >= self.modules {
+                    let discovery = &mut self.observed.discovery;
+                    discovery.get_or_insert_with(|| self.start.elapsed());
+                }
+                self.display.show_progress(&progress);
+                let last = self.observed.progress.as_ref();
+                if progress.stopped != last.is_some_and(|last| last.stopped) {
+                    self.deadline = Instant::now() + self.patience;
+                }
+                self.observed.progress = Some(progress);
+                None
+            }
+            Ok(ReportLine::Entry(entry)) => {
+                self.display.show_entry(&entry);
+                self.observed.recording.keep(entry);
+                None
+            }
+            Ok(ReportLine::Agreement(agreement)) => {
+                Some(RunEnd::Judged(Judgement::Agreement(agreement)))
+            }
+            Ok(ReportLine::Verdict(verdict)) => {
+                let may_change = match verdict.outcome {
+                    Outcome::Failed => set_aside.is_some(),
+                    Outcome::Complete => self.relies_on_the_dead(&verdict),
+                    Outcome::Partial => {
+                        self.relies_on_the_dead(&verdict) || self.leaves_out_the_living(&verdict)
+                    }
+                };
+                if may_change {
+                    *set_aside = Some(verdict);
+                    return None;
+                }
+                Some(RunEnd::Judged(Judgement::Verdict(verdict)))
+            }
+            Err(error) => {
+                self.display.note(&format!(
+                    "warning: the verifier wrote a line that cannot be read ({error}): {line}"
+                ));
+                None
+            }
+        }
+    }
+
+    /// Takes in a line of another process: the world reports what it counts.
+    fn take_other_line(&mut self, process: ProcessId, line: &str) {
+        if self.roles.world != Some(process) {
+            return;
+        }
+        match serde_json::from_str(line) {
+            Ok(report) => self.observed.world = Some(report),
+            Err(error) => self.display.note(&format!(
+                "warning: the world wrote a line that cannot be read ({error}): {line}"
+            )),
+        }
+    }
+
+    /// Whether a verdict counts on a module whose process ended, which the verifier may not have found yet, or on a body whose
+    /// removal is reported while a spare could take its spot.
+    fn relies_on_the_dead(&self, verdict: &VerdictReport) -> bool {
+        let dead = self.observed.deaths.modules();
+        let mut settled = verdict.assignments.iter();
+        let mut blocked = verdict.blocked_spots.iter();
+        let roster = verdict
+            .epoch
+            .and_then(|epoch| self.observed.recording.roster(epoch));
+        let out_of_service = roster.map_or(&[][..], |roster| roster.out_of_service);
+        let mut unassigned = verdict.unassigned.iter();
+        settled.any(|assignment| dead.contains(&assignment.module))
+            || self.orders.bodies_vanish
+                && blocked.any(|blocked| dead.contains(&blocked.module))
+                && unassigned.any(|spare| !dead.contains(spare) && !out_of_service.contains(spare))
+    }
+
+    /// Reports the bodies of these modules as removed: simulated robots vanish with their process.
+    fn report_removal(&mut self, modules: &[ModuleId]) {
+        if self.orders.bodies_vanish && !modules.is_empty() {
+            let name = format!(
+                "the report that {} vanished",
+                listed_in_full(modules.iter().copied())
+            );
+            let modules: Vec<u32> = modules.iter().map(|module| module.0).collect();
+            self.give(&name, &order::removal(&modules));
+        }
+    }
+
+    /// Gives the order that was asked for by a key.
+    fn take_key(&mut self) {
+        match self.display.key() {
+            Some(Key::Stop) => self.give("the order to stop", &[order::STOP.to_owned()]),
+            Some(Key::Resume) => {
+                self.give("the order to resume", &[order::RESUME.to_owned()]);
+            }
+            None => {}
+        }
+    }
+
+    /// Starts the process that gives an order.
+    fn give(&mut self, name: &str, order: &[String]) {
+        let mut command = (self.orders.command)(order);
+        let started = self
+            .supervisor
+            .start(name.to_owned(), &mut command, Output::Discarded);
+        match started {
+            Ok(process) => {
+                self.order_givers.insert(process);
+            }
+            Err(error) => self
+                .display
+                .note(&format!("warning: cannot start {name}: {error}")),
+        }
+    }
+
+    /// Whether spots are open and modules whose processes run are not members.
+    fn leaves_out_the_living(&self, verdict: &VerdictReport) -> bool {
+        let roster = verdict
+            .epoch
+            .and_then(|epoch| self.observed.recording.roster(epoch));
+        let dead = self.observed.deaths.modules();
+        let mut living = self.roles.modules().filter(|module| !dead.contains(module));
+        roster.is_some_and(|roster| {
+            !verdict.open_spots.is_empty() && living.any(|module| !roster.modules.contains(&module))
+        })
+    }
+
+    fn take_exit(&mut self, process: ProcessId, status: ExitStatus) -> Option<RunEnd> {
+        if self.order_givers.remove(&process) {
+            if !status.success() {
+                let name = self.supervisor.name(process);
+                self.display
+                    .note(&format!("warning: {name} ended with {status}"));
+            }
+            return None;
+        }
+        let all_joined = self.observed.discovery.is_some();
+        let target_is_known = self
+            .observed
+            .progress
+            .as_ref()
+            .is_some_and(Progress::knows_target);
+        let roles = self.roles;
+        if !roles.can_continue_without(process, status, all_joined, target_is_known) {
+            return Some(RunEnd::ProcessEnded(process, status));
+        }
+        let death = Death {
+            name: self.supervisor.name(process).to_owned(),
+            modules: roles.agents.get(&process).cloned().unwrap_or_default(),
+            status,
+            after: self.start.elapsed(),
+        };
+        self.display
+            .note(&format!("{death}; the run continues without it"));
+        self.report_removal(&death.modules);
+        let deaths = &mut self.observed.deaths;
+        deaths.push(death);
+        (deaths.of_agents() == roles.agents.len()).then_some(RunEnd::NoAgentLeft(process, status))
+    }
+
+    fn linger(&mut self) {
+        let deadline = Instant::now() + LINGER;
+        while Instant::now() < deadline {
+            match self.supervisor.next(deadline) {
+                ProcessEvent::Exited(process, _) if process == self.roles.verifier => break,
+                ProcessEvent::TimedOut | ProcessEvent::Interrupted(_) => break,
+                ProcessEvent::Line(process, line) => self.take_other_line(process, &line),
+                ProcessEvent::Exited(..) => {}
+            }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use std::path::Path;
+
+    use formation_event_log::{Entry, Event};
+    use formation_model::{Assignment, Epoch, FormationStage, SpotId};
+
+    use super::super::display::{LineThrottle, progress_line};
+    use super::*;
+
+    /// Runs processes that are shell scripts until the time is up: the verifier, the target publisher, and processes of
+    /// modules 1, 2 and so on.
+    fn run_for(seconds: u64, scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
+        let mut supervisor = Supervisor::new(&[]).unwrap();
+        let processes: Vec<ProcessId> = scripts
+            .iter()
+            .enumerate()
+            .map(|(index, script)| {
+                let mut command = Command::new("sh");
+                command.args(["-c", script]);
+                supervisor
+                    .start(format!("process {index}"), &mut command, Output::Results)
+                    .unwrap()
+            })
+            .collect();
+        let agents = processes[2..].iter().copied().zip(1..);
+        let roles = ProcessRoles {
+            verifier: processes[0],
+            target_publisher: processes[1],
+            world: None,
+            recorder: None,
+            agents: agents
+                .map(|(process, module)| (process, vec![ModuleId(module)]))
+                .collect(),
+        };
+        let start = Instant::now();
+        let (end, observed) = RunLoop {
+            supervisor: &mut supervisor,
+            roles: &roles,
+            modules: 2,
+            start,
+            deadline: start + Duration::from_secs(seconds),
+            patience: Duration::from_secs(seconds),
+            display: &mut Display::Lines(LineThrottle::new(Duration::from_secs(1), false)),
+            observed: Observed::default(),
+            orders: Orders {
+                command: Box::new(|_| Command::new("true")),
+                bodies_vanish: false,
+            },
+            order_givers: BTreeSet::new(),
+        }
+        .run();
+        (end, observed, supervisor)
+    }
+
+    fn run(scripts: &[&str]) -> (RunEnd, Observed, Supervisor) {
+        run_for(30, scripts)
+    }
+
+    /// A script that prints a line of the verifier.
+    fn prints(line: &ReportLine) -> String {
+        format!("echo '{}'", serde_json::to_string(line).unwrap())
+    }
+
+    fn progress(stage: FormationStage, joined: usize, waiting_for: &[u32]) -> String {
+        prints(&ReportLine::Progress(Progress {
+            stage,
+            epoch: None,
+            joined,
+            expected: None,
+            planned: 0,
+            agreed: 0,
+            settled: joined,
+            to_fill: 2,
+            stopped: false,
+            waiting_for: waiting_for.iter().copied().map(ModuleId).collect(),
+        }))
+    }
+
+    const EPOCH: Epoch = Epoch {
+        number: 1,
+        convener: ModuleId(1),
+    };
+
+    /// The roster of the only epoch.
+    fn roster(modules: &[u32], out_of_service: &[u32]) -> String {
+        let ids = |ids: &[u32]| ids.iter().copied().map(ModuleId).collect();
+        prints(&ReportLine::Entry(Entry {
+            at_ms: 1,
+            event: Event::Roster {
+                epoch: EPOCH,
+                modules: ids(modules),
+                out_of_service: ids(out_of_service),
+                problem: None,
+            },
+        }))
+    }
+
+    /// Settled on spot 1, and nothing else.
+    fn verdict(outcome: Outcome, module: u32) -> String {
+        let open_spots = match outcome {
+            Outcome::Partial => vec![SpotId(2)],
+            _ => Vec::new(),
+        };
+        prints(&ReportLine::Verdict(VerdictReport {
+            outcome,
+            epoch: Some(EPOCH),
+            filled_spots: 1,
+            assignments: vec![Assignment {
+                module: ModuleId(module),
+                spot: SpotId(1),
+            }],
+            unassigned: Vec::new(),
+            open_spots,
+            blocked_spots: Vec::new(),
+            violations: Vec::new(),
+            missing: Vec::new(),
+            timings_ms: Default::default(),
+            planning_ms: None,
+            acting_ms: None,
+            counts: Default::default(),
+            collision_free: true,
+            collision_reason: None,
+        }))
+    }
+
+    fn judged(end: RunEnd) -> VerdictReport {
+        match end {
+            RunEnd::Judged(Judgement::Verdict(verdict)) => verdict,
+            other => panic!("expected a verdict, got {other:?}"),
+        }
+    }
+
+    #[test]
+    fn a_run_ends_with_the_verdict() {
+        let verifier = [
+            progress(FormationStage::Gathering, 1, &[]),
+            "echo 'no JSON'".to_owned(),
+            progress(FormationStage::Acting, 2, &[]),
+            verdict(Outcome::Complete, 1),
+        ];
+        let (end, observed, mut supervisor) = run(&[
+            &verifier.join("\n"),
+            "echo '{\"verdict\":\"of no verifier\"}'; exec sleep 30",
+            "exec sleep 30",
+        ]);
+        assert_eq!(judged(end).outcome, Outcome::Complete);
+        assert_eq!(observed.progress.unwrap().settled, 2);
+        assert!(observed.discovery.is_some());
+        assert_eq!(
+            supervisor.stop(Duration::from_secs(30)),
+            Vec::<String>::new()
+        );
+    }
+
+    #[test]
+    fn a_process_without_which_a_run_cannot_continue_ends_it() {
+        let stay = "exec sleep 30";
+        for (scripts, name) in [
+            (["exit 3", stay, stay, stay], "process 0"),
+            ([stay, "kill -9 $$", stay, stay], "process 1"),
+            (
+                [stay, stay, stay, "echo out of battery >&2; exit 9"],
+                "process 3",
+            ),
+        ] {
+            let (end, _, supervisor) = run(&scripts);
+            let RunEnd::ProcessEnded(process, _) = end else {
+                panic!("expected an end, got {end:?}");
+            };
+            assert_eq!(supervisor.name(process), name);
+        }
+    }
+
+    /// Two scripts: one kills itself while a child of its own keeps its output open for a while, the other waits until the
+    /// supervisor has found that.
+    fn dies_and_awaits_death(directory: &Path) -> [String; 2] {
+        let died = directory.join("died");
+        let died = died.display();
+        [
+            format!("sleep 2 & echo $$ > {died}.part; mv {died}.part {died}; kill -9 $$"),
+            // A process that ended keeps its number until its parent has waited for it.
+            format!("until [ -e {died} ] && ! kill -0 $(cat {died}) 2>&-; do sleep 0.02; done"),
+        ]
+    }
+
+    #[test]
+    fn a_run_continues_without_some_agents_and_ends_with_the_last() {
+        let directory = tempfile::tempdir().unwrap();
+        let [dies, awaits_death] = dies_and_awaits_death(directory.path());
+        let last = awaits_death + "; kill -9 $$";
+        let (end, observed, supervisor) = run(&["exec sleep 30", "exec sleep 30", &dies, &last]);
+        let RunEnd::NoAgentLeft(process, status) = end else {
+            panic!("expected that no agent is left, got {end:?}");
+        };
+        assert_eq!(supervisor.name(process), "process 3");
+        assert_eq!(status.code(), None);
+        assert_eq!(listed_in_full(observed.deaths.modules()), "modules 1-2");
+        let first = observed.deaths.iter().next().unwrap().to_string();
+        assert!(
+            first.starts_with("process 2 ended with signal: 9 (SIGKILL) after "),
+            "{first}"
+        );
+    }
+
+    #[test]
+    fn a_verdict_that_relies_on_the_dead_is_not_final() {
+        let directory = tempfile::tempdir().unwrap();
+        let [dies, awaits_death] = dies_and_awaits_death(directory.path());
+        let verifier = [
+            awaits_death,
+            verdict(Outcome::Complete, 1),
+            verdict(Outcome::Failed, 1),
+            verdict(Outcome::Complete, 2),
+            "exec sleep 30".to_owned(),
+        ];
+        let (end, observed, _) = run(&[
+            &verifier.join("\n"),
+            "exec sleep 30",
+            &dies,
+            "exec sleep 30",
+        ]);
+        assert_eq!(judged(end).assignments[0].module, ModuleId(2));
+        assert_eq!(observed.deaths.modules(), [ModuleId(1)].into());
+    }
+
+    #[test]
+    fn partial_is_not_final_while_living_modules_are_left_out() {
+        let stay = "exec sleep 30";
+        let partial = [roster(&[1], &[]), verdict(Outcome::Partial, 1)].join("\n");
+        let healed = [&partial, "sleep 1", &verdict(Outcome::Complete, 1), stay].join("\n");
+        let (end, ..) = run(&[&healed, stay, stay, stay]);
+        assert_eq!(judged(end).outcome, Outcome::Complete);
+        // The time is up before module 2 is back.
+        let verifier = format!("{partial}\n{stay}");
+        let (end, observed, _) = run_for(2, &[&verifier, stay, stay, stay]);
+        assert_eq!(judged(end).outcome, Outcome::Partial);
+        assert!(observed.timed_out);
+        // No further module can come.
+        for roster in [roster(&[1, 2], &[2]), roster(&[1, 2], &[])] {
+            let verifier = [&roster, verdict(Outcome::Partial, 1).as_str(), stay].join("\n");
+            let (end, observed, _) = run(&[&verifier, stay, stay, stay]);
+            assert_eq!(judged(end).outcome, Outcome::Partial);
+            assert!(!observed.timed_out);
+        }
+    }
+
+    #[test]
+    fn a_run_without_a_verdict_keeps_its_last_progress() {
+        let verifier = progress(FormationStage::Gathering, 1, &[4]) + "; exec sleep 30";
+        let (end, observed, _) = run_for(1, &[&verifier, "exec sleep 30", "exec sleep 30"]);
+        assert!(matches!(end, RunEnd::TimedOut), "{end:?}");
+        assert!(progress_line(&observed.progress.unwrap()).ends_with("waiting for module 4"));
+    }
+}
