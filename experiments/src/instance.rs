@@ -16,6 +16,9 @@ const START_SIDE_UNITS: u32 = 15;
 /// If the generator finds no tree of the wanted degree for a seed, the seed this much higher replaces it.
 const STAND_IN_OFFSET: u64 = 1_000_000;
 
+/// The paper's Figure 1.
+const LADDER: &str = include_str!("../../launch_scripts/scenarios/figure1_ladder17.yaml");
+
 /// An instance of the planning problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
@@ -24,6 +27,8 @@ pub(crate) enum Instance {
     Generated(Draw),
     /// One of the case studies, from 1.
     CaseStudy(usize),
+    /// The paper's Figure 1.
+    Ladder,
 }
 
 /// The parameters of a random instance.
@@ -55,7 +60,7 @@ impl Instance {
     pub(crate) fn modules(self) -> usize {
         match self {
             Self::Generated(draw) => draw.modules,
-            Self::CaseStudy(_) => 17,
+            Self::CaseStudy(_) | Self::Ladder => 17,
         }
     }
 
@@ -64,6 +69,7 @@ impl Instance {
         match self {
             Self::Generated(draw) => draw.seed,
             Self::CaseStudy(number) => number as u64,
+            Self::Ladder => 1,
         }
     }
 
@@ -76,6 +82,7 @@ impl Instance {
                 let text = case.map_or("", |case| case.scenario);
                 serde_yaml::from_str(text).map_err(ScenarioError::from)?
             }
+            Self::Ladder => serde_yaml::from_str(LADDER).map_err(ScenarioError::from)?,
         };
         scenario.planner = contender.parameters();
         Ok(scenario)

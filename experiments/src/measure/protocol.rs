@@ -14,7 +14,7 @@ use formation::protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
 
 use super::spot_table::SpotTable;
-use super::talk::{Moment, Talk};
+use super::talk::{Moment, Talk, correlation, course};
 use crate::error::CellError;
 
 /// Planning that takes longer than this in the simulator has failed.
@@ -110,26 +110,28 @@ impl Recorder {
         let last = self.table();
         let mut table = SpotTable::default();
         let mut moment = Moment::default();
-        let course = self.claims.values().map(|(time, decision)| {
+        let moments = self.claims.values().map(|(time, decision)| {
             table.apply(decision);
             moment = Moment {
                 // A claim counts once those of all earlier turns are there.
                 at: moment.at.max(micros(*time)),
-                samples: moment.samples + 1 + decision.evictions.len(),
                 pairs: moment.pairs + decision.selections.len(),
                 selected: table.spot_of.len(),
                 settled: table.in_common_with(&last),
             };
             moment
         });
+        let moments: Vec<Moment> = moments.collect();
+        let duration = micros(self.ended_at);
         let (modules, spots) = (problem.modules().len(), problem.target().spots().len());
         Talk {
             modules,
             fillable_spots: modules.min(spots),
-            duration: micros(self.ended_at),
+            duration,
             samples: self.claims.len() + self.notices,
-            bids: 0,
-            course: course.collect(),
+            steps: moments.len(),
+            correlation: correlation(&moments),
+            course: course(&moments, duration),
         }
     }
 }
