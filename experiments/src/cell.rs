@@ -186,7 +186,7 @@ impl Cell {
             (Kind::Matching, _) => 3 * modules,
             (Kind::Plan, Contender::PaperPolicy) => modules * modules / 30,
             (Kind::Plan, _) | (Kind::Talk, Contender::Auction) => modules * modules / 200,
-            (Kind::Talk, _) => modules * modules / 4,
+            (Kind::Talk, _) => modules * modules / 2,
             (Kind::Processes, _) => 20_000 + 2_000 * modules / self.modules_per_process as u64,
             (Kind::World, _) => 250_000,
         }
