@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation::model::{Decision, Message, ModuleId, PlanningProblem, RosterMessage};
+use formation::model::{Decision, Message, ModuleId, Plan, PlanningProblem, RosterMessage};
 use formation::planner;
 use formation::protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
@@ -46,10 +46,18 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
             )));
         }
     }
+    // The acting order is not compared: agents whose modules move along paths give up an order that walls a spot in.
+    let chosen = |plan: &Plan| {
+        (
+            plan.assignments.clone(),
+            plan.blocks.clone(),
+            plan.kept_links.clone(),
+        )
+    };
     let offline = planner::plan(Arc::clone(problem)).plan;
     let agrees = |module: ModuleId| {
-        let agent = cluster.agent(module);
-        agent.and_then(|agent| agent.plan()) == Some(&offline)
+        let plan = cluster.agent(module).and_then(|agent| agent.plan());
+        plan.map(chosen) == Some(chosen(&offline))
     };
     let reason = if recorder.rosters.len() > 1 {
         "a second epoch was opened while planning"
