@@ -86,6 +86,19 @@ mod tests {
         }
     }
 
+    /// The paper's acting order walls a spot in here, and agents act in another: only spots and links agree.
+    #[test]
+    fn a_plan_that_walls_a_spot_in_is_measured() {
+        let instance = Instance::Generated(Draw {
+            modules: 20,
+            spots: 20,
+            docked: Docked::Mixed,
+            seed: 16,
+        });
+        let problem = instance.problem(Contender::PaperPolicy).unwrap();
+        assert_eq!(protocol::measure(&problem, 16).unwrap().steps, 12);
+    }
+
     #[test]
     fn the_papers_algorithms_broadcast_whole_sets() {
         let instance = Instance::Generated(Draw {
