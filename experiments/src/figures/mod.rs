@@ -25,6 +25,9 @@ use crate::settings::Settings;
 use crate::store::Store;
 use crate::table::Table;
 
+/// The maximum number of runs in the simulator for each row: a run of 100 agents takes a second, a plan a millisecond.
+const TALK_RUNS_MAX: usize = 20;
+
 /// Tables by name: of a CSV file, or of a part of the page.
 pub(crate) type Tables = Vec<(&'static str, Table)>;
 
@@ -148,7 +151,11 @@ impl Group {
     }
 
     fn cells(&self, kind: Kind) -> impl Iterator<Item = Cell> {
-        let numbered = (0..).zip(&self.instances);
+        let runs = match kind {
+            Kind::Talk => TALK_RUNS_MAX,
+            _ => usize::MAX,
+        };
+        let numbered = (0..).zip(self.instances.iter().take(runs));
         numbered.map(move |(number, &instance)| Cell {
             kind,
             instance,
