@@ -209,6 +209,7 @@ impl Cell {
             Instance::Generated(draw) => {
                 let docked = match draw.docked {
                     Docked::Singletons => "singletons".to_owned(),
+                    Docked::Apart => "singletons apart".to_owned(),
                     Docked::Mixed => "mixed".to_owned(),
                     Docked::Lattice(size) => format!("of {size}"),
                     Docked::Labelled(size) => format!("labelled of {size}"),

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use formation::generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
+use formation::generate::{
+    Apart, GenerateError, GeneratorParameters, Grouping, TreeKind, generate, set_apart,
+};
 use formation::model::{PlanningProblem, RawScenario, Scenario, ScenarioError};
 use serde::{Deserialize, Serialize};
 
@@ -12,6 +14,9 @@ use crate::error::CellError;
 
 /// "The initial positions [...] are drawn uniformly from U[(0, 15), (0, 15)]"; modules are one unit wide.
 const START_SIDE_UNITS: u32 = 15;
+
+/// The side of the field of robots: 2.5 times the square root of the number of modules, as `formation generate --apart` has it.
+const FIELD_PERCENT: u32 = 250;
 
 /// If the generator finds no tree of the wanted degree for a seed, the seed this much higher replaces it.
 const STAND_IN_OFFSET: u64 = 1_000_000;
@@ -47,6 +52,8 @@ pub(crate) struct Draw {
 pub(crate) enum Docked {
     /// No module is docked.
     Singletons,
+    /// The same, so far apart that robots can turn.
+    Apart,
     /// "Random number of singletons and the initial configurations with sizes between 2 and 10".
     Mixed,
     /// All modules are in configurations of one size, on lattice trees of maximum degree 3.
@@ -98,7 +105,7 @@ impl Instance {
 impl Draw {
     fn generate(self) -> Result<RawScenario, GenerateError> {
         let (tree, degree_max, grouping) = match self.docked {
-            Docked::Singletons => (TreeKind::Lattice, 3, Grouping::Singletons),
+            Docked::Singletons | Docked::Apart => (TreeKind::Lattice, 3, Grouping::Singletons),
             Docked::Mixed => (TreeKind::Lattice, 3, Grouping::Mixed),
             Docked::Lattice(size) => (TreeKind::Lattice, 3, Grouping::Configurations(size)),
             Docked::Labelled(size) => {
@@ -111,13 +118,17 @@ impl Draw {
             start_side_units: START_SIDE_UNITS,
             ..GeneratorParameters::new(self.modules, self.spots, self.seed).grouped(grouping)
         };
-        match generate(&parameters) {
+        let mut scenario = match generate(&parameters) {
             Err(GenerateError::NoTreeFound { .. }) => generate(&GeneratorParameters {
                 seed: self.seed + STAND_IN_OFFSET,
                 ..parameters
             }),
             other => other,
+        }?;
+        if self.docked == Docked::Apart {
+            set_apart(&mut scenario, Apart::Circles, FIELD_PERCENT, self.seed);
         }
+        Ok(scenario)
     }
 }
 

@@ -196,6 +196,11 @@ pub(crate) fn singletons(_: &Settings, modules: usize, seed: u64) -> Instance {
     generated(modules, modules, Docked::Singletons, seed)
 }
 
+/// Singletons with a spot for each, as robots have them.
+fn apart(_: &Settings, modules: usize, seed: u64) -> Instance {
+    generated(modules, modules, Docked::Apart, seed)
+}
+
 /// As many modules as spots, all in configurations of one size on lattice trees.
 pub(crate) fn lattice(settings: &Settings, size: usize, seed: u64) -> Instance {
     let modules = settings.full_size();

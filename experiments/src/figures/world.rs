@@ -1,6 +1,6 @@
 //! Formations of real processes in the physical world, at several values of slip and noise.
 
-use super::{Column, Data, Figure, Group, Kind, Row, Value, averages, singletons, texts};
+use super::{Column, Data, Figure, Group, Kind, Row, Value, apart, averages, texts};
 use crate::cell::World;
 use crate::contender::Contender;
 use crate::instance::Instance;
@@ -54,7 +54,7 @@ fn rows(settings: &Settings) -> Vec<Row> {
             let seeds = settings.seed..settings.seed.saturating_add(runs);
             let instance = |seed| match scenario.as_str() {
                 "Figure 1" => Instance::Ladder,
-                _ => singletons(settings, singles, seed),
+                _ => apart(settings, singles, seed),
             };
             rows.push(Row {
                 keys: texts(&[&scenario, &world.slip(), &world.noise()]),
