@@ -247,6 +247,11 @@ def distance(results, name):
     return compared(results, name, "Distance travelled, mixed instances", MODULES, "distance_units", DISTANCE, "zero")
 
 
+def distance_50_spots(results, name):
+    title = "Distance travelled with 50 spots, mixed instances"
+    return compared(results, name, title, "modules", "distance_units", DISTANCE, "zero")
+
+
 def auction_time(results, name):
     return compared(results, name, "Planning time of singletons", SINGLETONS, "planning_ms", TIME)
 
@@ -490,6 +495,7 @@ FIGURES = {
     "matching_time": matching_time,
     "planning_time": planning_time,
     "distance": distance,
+    "distance_50_spots": distance_50_spots,
     "messages": messages,
     "completion": completion,
     "messages_over_time": messages_over_time,

@@ -35,7 +35,7 @@ fn every_experiment_has_its_table_and_its_section() {
     let out = tempfile::tempdir().unwrap();
     finish(out.path(), &Settings::new(Scale::Tiny, 2, 1), &[]).unwrap();
     let summary = fs::read_to_string(out.path().join("summary.md")).unwrap();
-    assert_eq!(names().len(), 17);
+    assert_eq!(names().len(), 18);
     for name in names() {
         let rows = rows(&out.path().join(name).with_extension("csv"));
         assert!(rows[0].iter().all(|head| !head.is_empty()));

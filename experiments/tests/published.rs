@@ -128,7 +128,7 @@ fn a_cell_of_each_experiment_is_what_the_program_computes() {
     let mut experiments: Vec<&str> = recomputed.iter().map(|cell| cell.experiment).collect();
     experiments.dedup();
     // All but those of real processes.
-    assert_eq!(experiments.len(), 15);
+    assert_eq!(experiments.len(), 16);
     for cell in &recomputed {
         assert_eq!(
             cell.kept.as_deref(),

@@ -34,7 +34,7 @@ const PRICES: [(&str, Contender); 6] = [
     ("1", Contender::Ours),
     ("2", Contender::OursAtPrice(20)),
     ("3", Contender::OursAtPrice(30)),
-    ("1000", Contender::OursAtPrice(10_000)),
+    ("100", Contender::OursAtPrice(1_000)),
 ];
 
 /// Mixed instances of the full size, and configurations of one size on lattice trees.
@@ -69,4 +69,17 @@ fn results(data: &Data<'_>) -> Table {
         }));
         row
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::PRICES;
+
+    #[test]
+    fn every_contender_has_the_price_of_its_name() {
+        for (name, contender) in PRICES {
+            let price = f64::from(contender.parameters().cut_price);
+            assert_eq!(price.to_string(), name);
+        }
+    }
 }

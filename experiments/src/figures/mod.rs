@@ -4,6 +4,7 @@ mod case_studies;
 mod completion;
 mod cut_price;
 mod disconnected;
+mod fewer_spots;
 mod matching;
 mod messages;
 mod processes;
@@ -52,10 +53,11 @@ pub(crate) struct Figure {
 }
 
 /// All figures in the order of the paper; those with real processes last.
-pub(crate) const FIGURES: [Figure; 17] = [
+pub(crate) const FIGURES: [Figure; 18] = [
     matching::TIME,
     scaling::PLANNING_TIME,
     scaling::DISTANCE,
+    fewer_spots::FEWER_SPOTS,
     messages::MESSAGES,
     completion::COMPLETION,
     messages::OVER_TIME,
