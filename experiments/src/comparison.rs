@@ -331,7 +331,7 @@ fn at_full_size(rows: &[Row], compared: &[Compared]) -> Table {
         .iter()
         .filter(|one| !one.metric.family.starts_with("messages"))
         .collect();
-    let mut heads = vec!["literal / charitable / ours"];
+    let mut heads = vec!["literal/charitable/ours"];
     heads.extend(shown.iter().map(|one| one.metric.name));
     let is_last = |(number, row): &(usize, &Row)| {
         row.kind != CASE_STUDIES
@@ -343,7 +343,7 @@ fn at_full_size(rows: &[Row], compared: &[Compared]) -> Table {
     Table::of(&heads.join(" | "), last, |(number, row)| {
         let means = shown
             .iter()
-            .map(|one| one.rows[number].0.map(short).join(" / "));
+            .map(|one| one.rows[number].0.map(short).join("/"));
         std::iter::once(row.name.clone()).chain(means).collect()
     })
 }

@@ -50,12 +50,7 @@ pub(super) const TIME: Figure = Figure {
         ),
     ],
     tables: averages,
-    results: |data| {
-        vec![
-            ("matching_time", times(data)),
-            ("matching", utilities(data)),
-        ]
-    },
+    results: |data| vec![("matching_time", times(data))],
 };
 
 /// One configuration and a target of the full size.
@@ -74,20 +69,5 @@ fn times(data: &Data<'_>) -> Table {
             short(ours),
             short(paper / ours),
         ]
-    })
-}
-
-fn utilities(data: &Data<'_>) -> Table {
-    let heads = "modules | matched, literal | matched, ours | utility, best of the literal 20 | utility, ours";
-    Table::of(heads, data.settings.configuration_sizes(), |&size| {
-        let group = Group::of(data.settings, alone, size, Contender::Ours);
-        let [paper, ours] = [
-            Value::Matching(|found| found.paper_size as f64),
-            Value::Matching(|found| found.ours_size as f64),
-        ]
-        .map(|value| data.sample(&group, value).short());
-        let [paper_utility, ours_utility] =
-            [PAPER_UTILITY, OURS_UTILITY].map(|value| data.sample(&group, value).short());
-        vec![size.to_string(), paper, ours, paper_utility, ours_utility]
     })
 }

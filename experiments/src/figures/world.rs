@@ -4,6 +4,7 @@ use super::{Column, Data, Figure, Group, Kind, Row, Value, apart, averages, text
 use crate::cell::World;
 use crate::contender::Contender;
 use crate::instance::Instance;
+use crate::sample::short;
 use crate::settings::Settings;
 use crate::table::Table;
 
@@ -70,13 +71,13 @@ fn rows(settings: &Settings) -> Vec<Row> {
 }
 
 fn results(data: &Data<'_>) -> Table {
-    let heads = "scenario | slip | noise | runs | COMPLETE | all spots filled | acting, s, median (range) | contacts | \
+    let heads = "scenario | slip | noise | runs | COMPLETE | all spots filled | acting, s (median) | contacts | \
         above a touch";
     Table::of(heads, rows(data.settings), |Row { mut keys, group }| {
         let sum = |value| data.values(&group, value).iter().sum::<f64>();
         let acting = match data.values(&group, ACTING_S)[..] {
             [] => String::new(),
-            _ => data.spread(&group, ACTING_S).with_range(),
+            _ => short(data.spread(&group, ACTING_S).median),
         };
         keys.extend(texts(&[
             &data.runs(&group, Kind::World),
