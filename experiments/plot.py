@@ -13,7 +13,6 @@ import csv
 import io
 import math
 import re
-import statistics
 import sys
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -248,6 +247,11 @@ def distance(results, name):
     return compared(results, name, "Distance travelled, mixed instances", MODULES, "distance_units", DISTANCE, "zero")
 
 
+def distance_50_spots(results, name):
+    title = "Distance travelled with 50 spots, mixed instances"
+    return compared(results, name, title, "modules", "distance_units", DISTANCE, "zero")
+
+
 def auction_time(results, name):
     return compared(results, name, "Planning time of singletons", SINGLETONS, "planning_ms", TIME)
 
@@ -320,14 +324,14 @@ def completion(results, name):
     panels = iter(figure.panels)
     stated = results.stated(name, "modules", "selected_percent")
     for contender in ["ours", "paper_policy"]:
-        for where, quantity, label in [
-            ("in the protocol", "selected_percent_mean", "simulated planning time elapsed (%)"),
-            ("in the core", "selected_percent_by_computing_time_mean", "computing time elapsed (%)"),
+        for where, table, quantity, label in [
+            ("in the protocol", name, "selected_percent_mean", "simulated planning time elapsed (%)"),
+            ("in the core", f"{name}_times", "selected_percent_by_computing_time_mean", "computing time elapsed (%)"),
         ]:
             panel = next(panels)
             panel.axes.set_title(f"{LOOKS[contender].label}, {where}")
             for position, size in enumerate(sizes):
-                rows = results.rows(name, contender=contender, modules=size)
+                rows = results.rows(table, contender=contender, modules=size)
                 panel.draw(step_look(f"{size:.0f} modules", position, len(sizes)), points(rows, "time_percent", quantity))
             for row, marker in zip(stated, ["D", "X"]):
                 look = replace(STATED, label=f"paper: {row['at']:.0f} modules", marker=marker)
@@ -367,16 +371,8 @@ def auction_completion(results, name):
     ):
         panel.axes.set_title(title)
         for contender in results.values(name, "contender"):
-            look = LOOKS[contender]
-            at = {}
-            for seed in results.values(name, "seed"):
-                rows = results.rows(name, contender=contender, seed=seed)
-                run = replace(look, label="", marker="", line="-", width=0.8, opacity=0.15)
-                panel.draw(run, points(rows, "time_percent", quantity))
-                for row in rows:
-                    at.setdefault(row["time_percent"], []).append(row[quantity])
-            means = [(percent, statistics.fmean(values)) for percent, values in at.items()]
-            panel.draw(replace(look, label=f"{look.label}, mean", every=2), means)
+            rows = results.rows(name, contender=contender)
+            panel.draw(replace(LOOKS[contender], every=2), mean_points(rows, "time_percent", quantity))
         panel.axis("x", "planning time elapsed (%)", "percent")
         panel.axis("y", "modules (%)", "percent")
     return figure
@@ -398,7 +394,7 @@ def disconnected(results, name):
         panel.axes.set_title(f"planning time, {kind}")
         panel.draw(table, points(results.stated(name, "size", "planning_ms"), "at", "value", "std"))
         for contender in results.values(name, "contender"):
-            rows = results.rows(name, trees=kind, contender=contender)
+            rows = results.rows(f"{name}_times", trees=kind, contender=contender)
             panel.draw(LOOKS[contender], mean_points(rows, "size", "planning_ms"))
         panel.axis("y", TIME, "log")
         other = next(panels)
@@ -431,7 +427,8 @@ def case_studies(results, name):
         series = [(replace(STATED, label="paper's own cases"), results.stated(name, "case", stated), "at", "value", -1.5)]
         for contender, aside in [("paper_policy", -0.5), ("ours", 0.5)]:
             look = replace(LOOKS[contender], label=LOOKS[contender].label + what, line="none")
-            series.append((look, results.rows(name, contender=contender), "case", quantity, aside))
+            table = f"{name}_times" if quantity == "planning_ms" else name
+            series.append((look, results.rows(table, contender=contender), "case", quantity, aside))
         if quantity == "broken_links":
             look = Look("ours: port changes", SKY, "^", "none")
             series.append((look, results.rows(name, contender="ours"), "case", "port_changes", 1.5))
@@ -462,10 +459,43 @@ def processes(results, name):
     return figure
 
 
+def cut_price(results, name):
+    figure = Figure("The effect of the cut price, 100 modules", 2)
+    kinds = results.values(name, "instances")
+    prices = [f"{price:g}" for price in results.values(name, "cut_price")]
+    for panel, quantity, label in zip(
+        figure.panels, ["broken_links", "distance_units"], ["broken links", DISTANCE]
+    ):
+        for position, kind in enumerate(kinds):
+            rows = results.rows(name, instances=kind)
+            look = replace(step_look(kind, position, len(kinds)), every=1)
+            panel.draw(look, [(place, row[f"{quantity}_mean"]) for place, row in enumerate(rows)])
+        panel.axis("x", "price of a cut (units)", "data")
+        panel.axes.set_xticks(range(len(prices)), prices)
+        panel.axis("y", label, "zero")
+    return figure
+
+
+def physical_world(results, name):
+    figure = Figure("Formations in a physical world", 2)
+    for panel, varied, label, fixed in zip(
+        figure.panels, ["slip", "noise"], ["slip, at a noise of 0.01", "noise (units), at a slip of 0.2"],
+        [("noise", 0.01), ("slip", 0.2)],
+    ):
+        for scenario, look in zip(results.values(name, "scenario"), [OURS, replace(AUCTION, line="-")]):
+            rows = results.rows(name, scenario=scenario, **dict([fixed]))
+            rows = sorted((row for row in rows if row["complete_mean"] > 0), key=lambda row: row[varied])
+            panel.draw(replace(look, label=scenario), points(rows, varied, "acting_s_median"))
+        panel.axis("x", label, "data")
+        panel.axis("y", "acting, median (s)", "zero")
+    return figure
+
+
 FIGURES = {
     "matching_time": matching_time,
     "planning_time": planning_time,
     "distance": distance,
+    "distance_50_spots": distance_50_spots,
     "messages": messages,
     "completion": completion,
     "messages_over_time": messages_over_time,
@@ -477,7 +507,9 @@ FIGURES = {
     "auction_messages": auction_messages,
     "auction_completion": auction_completion,
     "case_studies": case_studies,
+    "cut_price": cut_price,
     "processes": processes,
+    "physical_world": physical_world,
 }
 
 

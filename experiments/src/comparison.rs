@@ -1,271 +1,151 @@
-//! Ours against the paper policy on the same instances, with a reason wherever ours is behind.
+//! Ours against both readings of the paper, metric by metric: how often ours is ahead, equal and behind.
 
 use std::cmp::Ordering;
 
 use crate::case_studies::CASES;
-use crate::contender::PAPER_AND_OURS;
+use crate::contender::READINGS_AND_OURS;
 use crate::figures::{Data, Family, Group, Value, labelled, lattice, mixed, singletons, surplus};
 use crate::instance::Instance;
-use crate::measure::plan::PlanMeasurement;
 use crate::sample::{exact, short};
 use crate::settings::Settings;
 use crate::table::Table;
 
-/// The instances of one row.
-struct Row {
-    name: String,
-    /// The groups of the paper policy and of ours.
-    groups: [Group; 2],
-}
-
-/// One number by which both are compared.
+/// One number by which plans are compared.
 struct Metric {
+    /// What it is about; metrics of one family are neighbours.
+    family: &'static str,
     name: &'static str,
     key: &'static str,
-    paper: Of,
-    ours: Of,
+    paper: Value,
+    ours: Value,
     higher_is_better: bool,
-    /// Why ours can be behind, apart from spots that the paper policy leaves empty.
-    reason: &'static str,
 }
 
-type Of = fn(&PlanMeasurement) -> f64;
-
-impl Metric {
-    /// A number with the same definition for both, of which less is better.
-    const fn same(name: &'static str, key: &'static str, value: Of, reason: &'static str) -> Self {
-        Self {
-            name,
-            key,
-            paper: value,
-            ours: value,
-            higher_is_better: false,
-            reason,
-        }
+/// A number with the same definition for all, of which less is better.
+const fn less(family: &'static str, name: &'static str, key: &'static str, value: Value) -> Metric {
+    Metric {
+        family,
+        name,
+        key,
+        paper: value,
+        ours: value,
+        higher_is_better: false,
     }
 }
 
-const NOTICES: &str = "each eviction publishes one notice, which changes no decision; optimal chains make more \
-             evictions than the paper policy, which has no notices";
-const PIECES: &str = "each piece of two or more modules that breaks off takes a turn of its own before its modules \
-             are placed one by one";
-
-const METRICS: [Metric; 9] = [
-    Metric::same(
-        "planning, ms",
-        "planning_ms",
-        |plan| plan.planning_us / 1e3,
-        "the search for the best chain of evictions costs more than the paper's test of two modules",
-    ),
+/// A number with the same definition for all, of which more is better.
+const fn more(family: &'static str, name: &'static str, key: &'static str, value: Value) -> Metric {
     Metric {
         higher_is_better: true,
-        ..Metric::same(
-            "utility",
-            "utility",
-            |plan| plan.utility,
-            "a configuration first maximises the number of modules that stay together, then utility; the \
-             paper policy breaks more links, and single modules find nearer spots",
-        )
-    },
-    Metric::same(
-        "distance, units",
-        "distance_units",
-        |plan| plan.distance,
-        "modules that stay together move to where they fit together; the paper policy breaks more links, \
-             and single modules find nearer spots",
-    ),
-    Metric::same(
+        ..less(family, name, key, value)
+    }
+}
+
+const BROADCASTS: Value = Value::Plan(|plan| plan.messages.broadcasts as f64);
+/// Claims and eviction notices of our protocol.
+const SAMPLES: Value = Value::Plan(|plan| (plan.messages.claims + plan.messages.evictions) as f64);
+const PAIRS: Value = Value::Plan(|plan| plan.messages.pairs_delivered as f64);
+
+const METRICS: [Metric; 14] = [
+    less(
+        "links",
         "broken links",
         "broken_links",
-        |plan| plan.broken_links as f64,
-        "units decide one after another, and a larger fit of an earlier unit can cost a later unit more \
-             links",
+        Value::Plan(|plan| plan.links.broken as f64),
     ),
-    Metric::same(
+    less(
+        "links",
+        "port changes",
+        "port_changes",
+        Value::Plan(|plan| plan.links.port_changes as f64),
+    ),
+    less(
+        "disconnected",
+        "outside the largest piece",
+        "outside_largest_piece",
+        Value::Plan(|plan| plan.disconnected.outside_largest_piece as f64),
+    ),
+    less(
+        "disconnected",
+        "left alone",
+        "alone",
+        Value::Plan(|plan| plan.disconnected.alone as f64),
+    ),
+    less(
+        "distance",
+        "distance",
+        "distance_units",
+        Value::Plan(|plan| plan.distance),
+    ),
+    more(
+        "distance",
+        "utility",
+        "utility",
+        Value::Plan(|plan| plan.utility),
+    ),
+    more(
+        "completion",
+        "spots filled",
+        "filled_spots",
+        Value::Plan(|plan| plan.filled_spots as f64),
+    ),
+    less(
+        "messages, each by its own algorithm",
         "decisions",
         "decisions",
-        |plan| plan.broadcasts as f64,
-        PIECES,
+        BROADCASTS,
     ),
     Metric {
-        name: "decisions and notices",
-        key: "samples",
-        paper: |plan| plan.broadcasts as f64,
-        ours: |plan| (plan.claims + plan.evictions) as f64,
-        higher_is_better: false,
-        reason: NOTICES,
+        paper: BROADCASTS,
+        ..less(
+            "messages, each by its own algorithm",
+            "decisions and notices",
+            "samples",
+            SAMPLES,
+        )
     },
     Metric {
-        name: "pairs delivered",
-        key: "pairs_delivered",
-        paper: |plan| plan.whole_set_pairs() as f64,
-        ours: |plan| plan.pairs_delivered as f64,
-        higher_is_better: false,
-        reason: "claims list every spot whose module changes in a chain",
+        paper: Value::Plan(|plan| plan.whole_set_pairs() as f64),
+        ..less(
+            "messages, each by its own algorithm",
+            "pairs delivered",
+            "pairs_delivered",
+            PAIRS,
+        )
     },
-    Metric::same(
-        "samples, both by our protocol",
+    less(
+        "messages, same protocol",
+        "samples",
         "samples_same_protocol",
-        |plan| (plan.claims + plan.evictions) as f64,
-        "optimal chains make more evictions, and pieces take turns of their own; our protocol publishes \
-             the whole decision of a configuration of the paper policy in one claim",
+        SAMPLES,
     ),
-    Metric::same(
-        "pairs delivered, both by our protocol",
+    less(
+        "messages, same protocol",
+        "pairs delivered",
         "pairs_same_protocol",
-        |plan| plan.pairs_delivered as f64,
-        "claims list every spot whose module changes in a chain",
+        PAIRS,
+    ),
+    less(
+        "time",
+        "planning time",
+        "planning_ms",
+        Value::PlanTime(|plan| plan.planning_us / 1e3),
+    ),
+    more(
+        "completion",
+        "spots selected after half of the planning time",
+        "selected_percent_at_half_time",
+        Value::PlanTime(|plan| plan.selected_after(50.0)),
     ),
 ];
 
-/// The comparison of all instances.
-pub(crate) struct Comparison {
-    pub table: Table,
-    /// How many numbers are compared, and in how many of them ours is ahead or equal.
-    pub all: usize,
-    pub ahead: usize,
-    /// The table that the summary shows, with its footnotes.
-    pub results: String,
-}
-
-/// Compares all instances that both have planned; `None` if there are none.
-pub(crate) fn compare(data: &Data<'_>) -> Option<Comparison> {
-    let rows = rows(data.settings);
-    let rows: Vec<Compared> = rows.iter().filter_map(|row| row.compare(data)).collect();
-    if rows.is_empty() {
-        return None;
-    }
-    let mut table = Table::new(
-        "instances | runs | metric | paper_policy_mean | ours_mean | ours_is | \
-        paper_policy_filled_spots_mean | ours_filled_spots_mean | \
-        paper_policy_per_filled_spot | ours_per_filled_spot | reason",
-    );
-    let mut heads = vec!["instances | spots filled"];
-    heads.extend(METRICS.iter().map(|metric| metric.name));
-    heads.push("where ours is not ahead");
-    let mut summary = Table::new(&heads.join(" | "));
-    let mut footnotes: Vec<String> = Vec::new();
-    for row in &rows {
-        row.tabulate(&mut table);
-        summary.row(row.summarise(&mut footnotes));
-    }
-    let compared = rows.iter().flat_map(|row| &row.means);
-    let ahead = compared
-        .clone()
-        .filter(|(metric, means)| metric.standing(*means).is_ge());
-    let mut results = format!("{}\n", summary.to_markdown());
-    for (number, footnote) in footnotes.iter().enumerate() {
-        results.push_str(&format!("- {} {footnote}\n", letter(number)));
-    }
-    Some(Comparison {
-        table,
-        all: compared.count(),
-        ahead: ahead.count(),
-        results,
-    })
-}
-
-/// A row with its means, those of the paper policy first.
-struct Compared<'a> {
-    name: &'a str,
-    runs: usize,
-    filled: [f64; 2],
-    means: Vec<(&'static Metric, [f64; 2])>,
-}
-
-impl Row {
-    /// `None` unless both have planned the same number of instances.
-    fn compare(&self, data: &Data<'_>) -> Option<Compared<'_>> {
-        let [of_paper, of_ours] = &self.groups;
-        let sample = |group, value| data.sample(group, Value::Plan(value));
-        let filled = self
-            .groups
-            .each_ref()
-            .map(|group| sample(group, |plan| plan.filled_spots as f64));
-        let [paper_runs, runs] = filled.map(|filled| filled.count);
-        let means = |metric: &'static Metric| {
-            let paper = sample(of_paper, metric.paper).mean;
-            (metric, [paper, sample(of_ours, metric.ours).mean])
-        };
-        (runs > 0 && paper_runs == runs).then(|| Compared {
-            name: &self.name,
-            runs,
-            filled: filled.map(|filled| filled.mean),
-            means: METRICS.iter().map(means).collect(),
-        })
-    }
-}
-
-impl Compared<'_> {
-    /// Adds a line for each metric to the CSV file.
-    fn tabulate(&self, table: &mut Table) {
-        let [of_paper, of_ours] = self.filled;
-        for &(metric, [paper, ours]) in &self.means {
-            let standing = match metric.standing([paper, ours]) {
-                Ordering::Less => "behind",
-                Ordering::Equal => "equal",
-                Ordering::Greater => "ahead",
-            };
-            let mut row = vec![
-                self.name.to_owned(),
-                self.runs.to_string(),
-                metric.key.to_owned(),
-                exact(paper),
-                exact(ours),
-                standing.to_owned(),
-            ];
-            let numbers = [of_paper, of_ours, paper / of_paper, ours / of_ours];
-            row.extend(numbers.map(exact));
-            row.push(metric.why([paper, ours], self.filled).unwrap_or_default());
-            table.row(row);
-        }
-    }
-
-    /// The row of the summary; reasons become footnotes.
-    fn summarise(&self, footnotes: &mut Vec<String>) -> Vec<String> {
-        let [of_paper, of_ours] = self.filled.map(short);
-        let mut row = vec![self.name.to_owned(), format!("{of_paper} / {of_ours}")];
-        let mut reasons = Vec::new();
-        for &(metric, means) in &self.means {
-            let [paper, ours] = means.map(short);
-            row.push(match metric.why(means, self.filled) {
-                Some(reason) => {
-                    reasons.push(format!("{} {}", metric.name, mark(footnotes, reason)));
-                    format!("{paper} / {ours}")
-                }
-                None => format!("{paper} / **{ours}**"),
-            });
-        }
-        row.push(reasons.join(", "));
-        row
-    }
-}
-
-/// The mark of a footnote; a new footnote is added.
-fn mark(footnotes: &mut Vec<String>, footnote: String) -> String {
-    let known = footnotes.iter().position(|known| *known == footnote);
-    let number = known.unwrap_or(footnotes.len());
-    if known.is_none() {
-        footnotes.push(footnote);
-    }
-    letter(number)
-}
-
-/// (a) to (z), then numbers.
-fn letter(number: usize) -> String {
-    match (b'a'..=b'z').nth(number) {
-        Some(letter) => format!("({})", char::from(letter)),
-        None => format!("({number})"),
-    }
-}
-
 impl Metric {
-    /// Whether ours is behind (`Less`) or ahead (`Greater`).
-    fn standing(&self, [paper, ours]: [f64; 2]) -> Ordering {
+    /// Whether ours is ahead (`Greater`) of another or behind.
+    fn standing(&self, other: f64, ours: f64) -> Ordering {
         let gain = if self.higher_is_better {
-            ours - paper
+            ours - other
         } else {
-            paper - ours
+            other - ours
         };
         if gain.abs() < 1e-9 {
             Ordering::Equal
@@ -273,56 +153,288 @@ impl Metric {
             gain.total_cmp(&0.0)
         }
     }
+}
 
-    /// Why ours is behind, if it is.
-    fn why(&self, means: [f64; 2], filled: [f64; 2]) -> Option<String> {
-        if self.standing(means).is_ge() {
-            return None;
-        }
-        let sums_over_spots = matches!(self.key, "utility" | "distance_units");
-        let holes = filled[1] - filled[0];
-        if !sums_over_spots || holes <= 0.0 {
-            return Some(self.reason.to_owned());
-        }
-        let shares = [means[0] / filled[0], means[1] / filled[1]];
-        let [paper, ours] = shares;
-        let left = format!(
-            "the paper policy leaves {} spots empty; per filled spot {paper:.3} / {ours:.3}",
-            short(holes)
-        );
-        Some(match self.standing(shares) {
-            Ordering::Less => format!("{left}, and {}", self.reason),
-            Ordering::Equal | Ordering::Greater => left,
+/// How often ours is ahead, equal and behind.
+#[derive(Clone, Copy, Default)]
+struct Standing([usize; 3]);
+
+impl Standing {
+    fn add(&mut self, ordering: Ordering) {
+        let [ahead, equal, behind] = &mut self.0;
+        *match ordering {
+            Ordering::Greater => ahead,
+            Ordering::Equal => equal,
+            Ordering::Less => behind,
+        } += 1;
+    }
+
+    fn sum(standings: impl Iterator<Item = Self>) -> Self {
+        standings.fold(Self::default(), |Self(sum), Self(one)| {
+            Self([sum[0] + one[0], sum[1] + one[1], sum[2] + one[2]])
+        })
+    }
+
+    fn text(self) -> String {
+        let [ahead, equal, behind] = self.0;
+        format!("{ahead}/{equal}/{behind}")
+    }
+
+    fn sentence(self) -> String {
+        let [ahead, equal, behind] = self.0;
+        let all = ahead + equal + behind;
+        format!("ahead in {ahead}, equal in {equal} and behind in {behind} of {all} numbers")
+    }
+}
+
+/// The instances of one row, and the groups of the literal reading, the charitable one, and ours.
+struct Row {
+    /// The kind of instances: a column of the table of losses.
+    kind: &'static str,
+    name: String,
+    groups: [Group; 3],
+}
+
+/// A metric over all rows.
+struct Compared {
+    metric: &'static Metric,
+    /// For each row, the three means, and how ours stands against the two readings.
+    rows: Vec<([f64; 3], [Ordering; 2])>,
+}
+
+impl Compared {
+    fn standings(&self) -> [Standing; 2] {
+        [0, 1].map(|reading| {
+            let mut standing = Standing::default();
+            for (_, orderings) in &self.rows {
+                standing.add(orderings[reading]);
+            }
+            standing
         })
     }
 }
 
+/// The comparison of all instances that the three have planned.
+pub(crate) struct Comparison {
+    /// CSV files by name, a line for each metric and row.
+    pub tables: [(&'static str, Table); 2],
+    /// The text and the tables of the page by name.
+    pub blocks: Vec<(&'static str, String)>,
+}
+
+/// `None` if there are no such instances.
+pub(crate) fn compare(data: &Data<'_>) -> Option<Comparison> {
+    let rows = rows(data.settings);
+    let rows: Vec<Row> = rows
+        .into_iter()
+        .filter(|row| row.is_complete(data))
+        .collect();
+    if rows.is_empty() {
+        return None;
+    }
+    let (timed, counted): (Vec<Compared>, Vec<Compared>) = METRICS
+        .iter()
+        .map(|metric| Compared {
+            metric,
+            rows: rows.iter().map(|row| row.compare(metric, data)).collect(),
+        })
+        .partition(|compared| compared.metric.ours.is_timed());
+    let all = counted.iter().chain(&timed);
+    let blocks = vec![
+        ("headline", headline(all)),
+        ("standing", standing(&counted).to_markdown()),
+        ("standing_times", standing(&timed).to_markdown()),
+        ("losses", losses(&rows, &counted).to_markdown()),
+        ("losses_times", losses(&rows, &timed).to_markdown()),
+        ("at_full_size", at_full_size(&rows, &counted).to_markdown()),
+    ];
+    Some(Comparison {
+        tables: [
+            ("comparison", each_mean(data, &rows, &counted)),
+            ("comparison_times", each_mean(data, &rows, &timed)),
+        ],
+        blocks,
+    })
+}
+
+/// One sentence that counts every metric in every row.
+fn headline<'a>(compared: impl Iterator<Item = &'a Compared>) -> String {
+    let standings: Vec<[Standing; 2]> = compared.map(Compared::standings).collect();
+    let [literal, charitable] =
+        [0, 1].map(|reading| Standing::sum(standings.iter().map(|both| both[reading])).sentence());
+    format!(
+        "**Against the literal reading ours is {literal}; against the charitable one it is {charitable}.**\n"
+    )
+}
+
+/// The standing by metric, and the sum.
+fn standing(compared: &[Compared]) -> Table {
+    let mut table = Table::new(
+        "family | metric | against literal: ahead/equal/behind | against charitable: ahead/equal/behind",
+    );
+    for one in compared {
+        let mut row = vec![one.metric.family.to_owned(), one.metric.name.to_owned()];
+        row.extend(one.standings().map(Standing::text));
+        table.row(row);
+    }
+    let mut row = vec!["all".to_owned(), String::new()];
+    row.extend(
+        [0, 1].map(|reading| {
+            Standing::sum(compared.iter().map(|one| one.standings()[reading])).text()
+        }),
+    );
+    table.row(row);
+    table
+}
+
+/// By metric and kind of instances, in how many rows ours is behind.
+fn losses(rows: &[Row], compared: &[Compared]) -> Table {
+    let mut kinds: Vec<(&'static str, usize)> = Vec::new();
+    for row in rows {
+        match kinds.iter_mut().find(|(kind, _)| *kind == row.kind) {
+            Some((_, count)) => *count += 1,
+            None => kinds.push((row.kind, 1)),
+        }
+    }
+    let heads = kinds
+        .iter()
+        .map(|(kind, count)| format!("{kind}, of {count}"));
+    let heads: Vec<String> = std::iter::once("metric".to_owned()).chain(heads).collect();
+    Table::of(&heads.join(" | "), compared, |one| {
+        let behind = |kind: &str, reading: usize| {
+            let of_kind = rows
+                .iter()
+                .zip(&one.rows)
+                .filter(|(row, _)| row.kind == kind);
+            of_kind
+                .filter(|(_, (_, orderings))| orderings[reading].is_lt())
+                .count()
+        };
+        let name = match one.metric.family {
+            "messages, same protocol" => format!("{}, same protocol", one.metric.name),
+            _ => one.metric.name.to_owned(),
+        };
+        let counts =
+            kinds.iter().map(
+                |(kind, _)| match [0, 1].map(|reading| behind(kind, reading)) {
+                    [0, 0] => String::new(),
+                    [literal, charitable] => format!("{literal}, {charitable}"),
+                },
+            );
+        std::iter::once(name).chain(counts).collect()
+    })
+}
+
+/// The means of the last row of each kind, of the metrics that are about plans.
+fn at_full_size(rows: &[Row], compared: &[Compared]) -> Table {
+    let shown: Vec<&Compared> = compared
+        .iter()
+        .filter(|one| !one.metric.family.starts_with("messages"))
+        .collect();
+    let mut heads = vec!["literal/charitable/ours"];
+    heads.extend(shown.iter().map(|one| one.metric.name));
+    let is_last = |(number, row): &(usize, &Row)| {
+        row.kind != CASE_STUDIES
+            && rows
+                .get(number + 1)
+                .is_none_or(|next| next.kind != row.kind)
+    };
+    let last = rows.iter().enumerate().filter(is_last);
+    Table::of(&heads.join(" | "), last, |(number, row)| {
+        let means = shown
+            .iter()
+            .map(|one| one.rows[number].0.map(short).join("/"));
+        std::iter::once(row.name.clone()).chain(means).collect()
+    })
+}
+
+/// The three means of each metric in each row.
+fn each_mean(data: &Data<'_>, rows: &[Row], compared: &[Compared]) -> Table {
+    let mut table = Table::new(
+        "instances | runs | family | metric | literal_mean | charitable_mean | ours_mean | against_literal | \
+         against_charitable",
+    );
+    for (number, row) in rows.iter().enumerate() {
+        for one in compared {
+            let (means, orderings) = one.rows[number];
+            let mut cells = vec![
+                row.name.clone(),
+                data.sample(&row.groups[2], one.metric.ours)
+                    .count
+                    .to_string(),
+                one.metric.family.to_owned(),
+                one.metric.key.to_owned(),
+            ];
+            cells.extend(means.map(exact));
+            cells.extend(orderings.map(|ordering| {
+                match ordering {
+                    Ordering::Greater => "ahead",
+                    Ordering::Equal => "equal",
+                    Ordering::Less => "behind",
+                }
+                .to_owned()
+            }));
+            table.row(cells);
+        }
+    }
+    table
+}
+
+impl Row {
+    /// Whether all three have planned every instance.
+    fn is_complete(&self, data: &Data<'_>) -> bool {
+        let counts = self.groups.each_ref().map(|group| {
+            data.sample(group, Value::Plan(|plan| plan.spots as f64))
+                .count
+        });
+        counts[0] > 0 && counts.iter().all(|&count| count == counts[0])
+    }
+
+    fn compare(&self, metric: &Metric, data: &Data<'_>) -> ([f64; 3], [Ordering; 2]) {
+        let [literal, charitable, ours] = &self.groups;
+        let paper = [literal, charitable].map(|group| data.sample(group, metric.paper).mean);
+        let ours = data.sample(ours, metric.ours).mean;
+        let orderings = paper.map(|other| metric.standing(other, ours));
+        ([paper[0], paper[1], ours], orderings)
+    }
+}
+
+const CASE_STUDIES: &str = "case studies";
+
 fn rows(settings: &Settings) -> Vec<Row> {
     let mut rows = Vec::new();
-    let mut add = |name: String, family: Family, size: usize| {
-        let groups = PAPER_AND_OURS.map(|contender| Group::of(settings, family, size, contender));
-        rows.push(Row { name, groups });
+    let mut add = |kind, name: String, family: Family, size: usize| {
+        let groups =
+            READINGS_AND_OURS.map(|contender| Group::of(settings, family, size, contender));
+        rows.push(Row { kind, name, groups });
     };
     for &size in settings.sizes() {
-        add(format!("mixed, {size}"), mixed, size);
+        add("mixed", format!("mixed, {size}"), mixed, size);
     }
     let few = settings.few_spots();
-    for &size in settings.surplus_sizes() {
-        add(format!("mixed, {size} for {few} spots"), surplus, size);
+    for &size in settings.surplus_sizes().iter().filter(|&&size| size != few) {
+        let name = format!("mixed, {size} for {few} spots");
+        add("mixed, fewer spots", name, surplus, size);
     }
     for (trees, family) in [("lattice", lattice as Family), ("labelled", labelled)] {
         for &size in settings.equal_sizes() {
-            add(format!("{trees}, all of {size}"), family, size);
+            add(trees, format!("{trees}, all of {size}"), family, size);
         }
     }
     for &size in settings.sizes() {
-        add(format!("singletons, {size}"), singletons, size);
+        add(
+            "singletons",
+            format!("singletons, {size}"),
+            singletons,
+            size,
+        );
     }
     for (number, case) in (1..).zip(&CASES) {
         let group = |contender| Group::new(contender, vec![Instance::CaseStudy(number)]);
         rows.push(Row {
+            kind: CASE_STUDIES,
             name: format!("case {number}, {}", case.name),
-            groups: PAPER_AND_OURS.map(group),
+            groups: READINGS_AND_OURS.map(group),
         });
     }
     rows

@@ -1,6 +1,6 @@
 //! The planners that are compared.
 
-use formation_model::{PaperBundle, PlannerParameters, Policy, TurnOrder};
+use formation_model::{CutPrice, PaperBundle, PlannerParameters, Policy, TurnOrder};
 use serde::{Deserialize, Serialize};
 
 /// A planner and its parameters.
@@ -15,6 +15,8 @@ pub enum Contender {
     Ours,
     /// Ours with the turn order in which larger configurations come first.
     OursSizeFirst,
+    /// Ours with this price of a cut, in tenths of the cost of a unit of distance.
+    OursAtPrice(u32),
     /// The auction that the paper compares with.
     Auction,
     /// An optimal assignment by a central solver.
@@ -36,14 +38,21 @@ impl Contender {
         let (policy, order) = match self {
             Self::PaperPolicy => return PlannerParameters::of_paper(PaperBundle::Literal),
             Self::PaperCharitable => return PlannerParameters::of_paper(PaperBundle::Charitable),
-            Self::Ours => (Policy::Exact, TurnOrder::Rank),
+            Self::Ours | Self::OursAtPrice(_) => (Policy::Exact, TurnOrder::Rank),
             Self::OursSizeFirst => (Policy::Exact, TurnOrder::SizeFirst),
             Self::Auction => (Policy::Auction, TurnOrder::Rank),
             Self::Hungarian => (Policy::Hungarian, TurnOrder::Rank),
         };
+        let cut_price = match self {
+            Self::OursAtPrice(tenths) => {
+                CutPrice::from_units(f64::from(tenths) / 10.0).unwrap_or_default()
+            }
+            _ => CutPrice::default(),
+        };
         PlannerParameters {
             policy,
             order,
+            cut_price,
             ..PlannerParameters::default()
         }
     }
@@ -56,6 +65,7 @@ impl Contender {
             Self::PaperCharitable => "paper policy, charitable",
             Self::Ours => "ours",
             Self::OursSizeFirst => "ours, size first",
+            Self::OursAtPrice(_) => "ours, another price",
             Self::Auction => "auction",
             Self::Hungarian => "Hungarian",
         }

@@ -2,7 +2,9 @@
 
 use std::sync::Arc;
 
-use formation_generate::{GenerateError, GeneratorParameters, Grouping, TreeKind, generate};
+use formation_generate::{
+    Apart, GenerateError, GeneratorParameters, Grouping, TreeKind, generate, set_apart,
+};
 use formation_model::{PlanningProblem, RawScenario, Scenario, ScenarioError};
 use serde::{Deserialize, Serialize};
 
@@ -13,8 +15,14 @@ use crate::error::CellError;
 /// "The initial positions [...] are drawn uniformly from U[(0, 15), (0, 15)]"; modules are one unit wide.
 const START_SIDE_UNITS: u32 = 15;
 
+/// The side of the field of robots: 2.5 times the square root of the number of modules, as `formation generate --apart` has it.
+const FIELD_PERCENT: u32 = 250;
+
 /// If the generator finds no tree of the wanted degree for a seed, the seed this much higher replaces it.
 const STAND_IN_OFFSET: u64 = 1_000_000;
+
+/// The paper's Figure 1.
+const LADDER: &str = include_str!("../../launch_scripts/scenarios/figure1_ladder17.yaml");
 
 /// An instance of the planning problem.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -24,6 +32,8 @@ pub(crate) enum Instance {
     Generated(Draw),
     /// One of the case studies, from 1.
     CaseStudy(usize),
+    /// The paper's Figure 1.
+    Ladder,
 }
 
 /// The parameters of a random instance.
@@ -42,6 +52,8 @@ pub(crate) struct Draw {
 pub(crate) enum Docked {
     /// No module is docked.
     Singletons,
+    /// The same, so far apart that robots can turn.
+    Apart,
     /// "Random number of singletons and the initial configurations with sizes between 2 and 10".
     Mixed,
     /// All modules are in configurations of one size, on lattice trees of maximum degree 3.
@@ -55,7 +67,7 @@ impl Instance {
     pub(crate) fn modules(self) -> usize {
         match self {
             Self::Generated(draw) => draw.modules,
-            Self::CaseStudy(_) => 17,
+            Self::CaseStudy(_) | Self::Ladder => 17,
         }
     }
 
@@ -64,6 +76,7 @@ impl Instance {
         match self {
             Self::Generated(draw) => draw.seed,
             Self::CaseStudy(number) => number as u64,
+            Self::Ladder => 1,
         }
     }
 
@@ -76,6 +89,7 @@ impl Instance {
                 let text = case.map_or("", |case| case.scenario);
                 serde_yaml::from_str(text).map_err(ScenarioError::from)?
             }
+            Self::Ladder => serde_yaml::from_str(LADDER).map_err(ScenarioError::from)?,
         };
         scenario.planner = contender.parameters();
         Ok(scenario)
@@ -91,7 +105,7 @@ impl Instance {
 impl Draw {
     fn generate(self) -> Result<RawScenario, GenerateError> {
         let (tree, degree_max, grouping) = match self.docked {
-            Docked::Singletons => (TreeKind::Lattice, 3, Grouping::Singletons),
+            Docked::Singletons | Docked::Apart => (TreeKind::Lattice, 3, Grouping::Singletons),
             Docked::Mixed => (TreeKind::Lattice, 3, Grouping::Mixed),
             Docked::Lattice(size) => (TreeKind::Lattice, 3, Grouping::Configurations(size)),
             Docked::Labelled(size) => {
@@ -104,13 +118,17 @@ impl Draw {
             start_side_units: START_SIDE_UNITS,
             ..GeneratorParameters::new(self.modules, self.spots, self.seed).grouped(grouping)
         };
-        match generate(&parameters) {
+        let mut scenario = match generate(&parameters) {
             Err(GenerateError::NoTreeFound { .. }) => generate(&GeneratorParameters {
                 seed: self.seed + STAND_IN_OFFSET,
                 ..parameters
             }),
             other => other,
+        }?;
+        if self.docked == Docked::Apart {
+            set_apart(&mut scenario, Apart::Circles, FIELD_PERCENT, self.seed);
         }
+        Ok(scenario)
     }
 }
 

@@ -2,9 +2,10 @@
 //!
 //! Every figure and table of the section "Experimental Evaluation" is an experiment with a name. An experiment consists
 //! of cells, one for each instance and contender. [`run`] measures the cells, writes each to disk as soon as it is
-//! finished, and then writes a CSV file for each experiment and `summary.md`. `plot.py` draws the plots from the CSV
-//! files. With the same settings, [`run`] continues where an earlier run stopped. The settings determine all numbers
-//! except measured times.
+//! finished, and then writes all tables. With the same settings, [`run`] continues where an earlier run stopped.
+//!
+//! What the settings determine is in `cells.jsonl`, and what the clock decides in `times.jsonl`. Every table follows from
+//! these files and nothing else ([`Publication`]); no table mixes both, and `plot.py` draws the plots from the CSV files.
 //!
 //! Planning times are those of the core on one thread, and of real processes over DDS. Messages and completion are
 //! recorded while the agents plan in the simulator.
@@ -26,7 +27,8 @@ mod instance;
 mod measure;
 mod measuring;
 mod paper;
-mod readings;
+mod publication;
+mod recomputation;
 mod sample;
 mod settings;
 mod store;
@@ -37,7 +39,9 @@ use std::fs;
 use std::path::Path;
 
 pub use error::{CellError, ExperimentError};
-use figures::{Data, FIGURES, Figure};
+use figures::{FIGURES, Figure};
+pub use publication::Publication;
+pub use recomputation::{Recomputed, recompute};
 pub use settings::{Scale, Settings};
 use store::{Store, at};
 
@@ -98,7 +102,12 @@ pub fn run(
     let chosen = choose(only)?;
     let mut store = Store::open(directory, settings)?;
     measuring::measure_all(settings, &chosen, launcher, &mut store, progress)?;
-    write_all(directory, settings, &store)
+    store.sort()?;
+    for (name, text) in Publication::of(settings, &store).files {
+        let path = directory.join(name);
+        fs::write(&path, text).map_err(at(&path, "cannot be written"))?;
+    }
+    Ok(())
 }
 
 fn choose(only: &[String]) -> Result<Vec<&'static Figure>, ExperimentError> {
@@ -110,33 +119,4 @@ fn choose(only: &[String]) -> Result<Vec<&'static Figure>, ExperimentError> {
     }
     let is_chosen = |figure: &&Figure| only.is_empty() || only.iter().any(|one| one == figure.name);
     Ok(FIGURES.iter().filter(is_chosen).collect())
-}
-
-fn write_all(directory: &Path, settings: &Settings, store: &Store) -> Result<(), ExperimentError> {
-    let write = |name: &str, text: &str| {
-        let path = directory.join(name);
-        fs::write(&path, text).map_err(at(&path, "cannot be written"))
-    };
-    let data = Data { settings, store };
-    let is_finished = |figure: &&Figure| {
-        let mut cells = figure.cells(settings).into_iter();
-        cells.all(|cell| store.has(cell))
-    };
-    let figures: Vec<&Figure> = FIGURES.iter().filter(is_finished).collect();
-    for figure in &figures {
-        for (name, table) in (figure.tables)(figure, &data) {
-            write(&format!("{name}.csv"), &table.to_csv())?;
-        }
-    }
-    let comparison = comparison::compare(&data);
-    if let Some(comparison) = &comparison {
-        write("comparison.csv", &comparison.table.to_csv())?;
-    }
-    let readings = readings::compare(&data);
-    if let Some(readings) = &readings {
-        write("readings.csv", &readings.table.to_csv())?;
-    }
-    write("paper.csv", paper::CSV)?;
-    let summary = summary::write(&data, &figures, comparison.as_ref(), readings.as_ref());
-    write("summary.md", &summary)
 }

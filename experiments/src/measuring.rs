@@ -41,7 +41,7 @@ pub(crate) fn measure_all(
         finished_cost: cost(&finished),
     });
     let (timed, untimed): (Vec<Cell>, Vec<Cell>) =
-        left.into_iter().partition(|cell| cell.is_timed());
+        left.into_iter().partition(|cell| cell.kind.is_timed());
     let measure = |cell: Cell| cell.measure(settings, launcher);
     // Timed cells run alone, because other work would lengthen their times.
     let workers = thread::available_parallelism().map_or(1, NonZero::get);

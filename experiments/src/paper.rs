@@ -7,27 +7,22 @@
 pub(crate) const CSV: &str = include_str!("paper.csv");
 
 /// One number that the paper states.
-pub(crate) struct Stated<'a> {
+pub(crate) struct Stated {
     pub at: usize,
     pub value: f64,
-    /// The standard deviation, empty if the paper does not state it.
-    pub deviation: &'a str,
     /// Per cent of the planning time, for completion.
     pub time_percent: f64,
 }
 
 /// The numbers that the paper states of one quantity of an experiment.
-pub(crate) fn stated(experiment: &str, quantity: &str) -> Vec<Stated<'static>> {
+pub(crate) fn stated(experiment: &str, quantity: &str) -> Vec<Stated> {
     let rows = CSV.lines().map(|line| line.split(',').collect());
     rows.filter_map(|row: Vec<&str>| match row[..] {
-        [of, at, what, value, deviation, time] if of == experiment && what == quantity => {
-            Some(Stated {
-                at: at.parse().ok()?,
-                value: value.parse().ok()?,
-                deviation,
-                time_percent: time.parse().unwrap_or(100.0),
-            })
-        }
+        [of, at, what, value, _, time] if of == experiment && what == quantity => Some(Stated {
+            at: at.parse().ok()?,
+            value: value.parse().ok()?,
+            time_percent: time.parse().unwrap_or(100.0),
+        }),
         _ => None,
     })
     .collect()

@@ -29,11 +29,6 @@ impl Sample {
     pub(crate) fn short(self) -> String {
         short(self.mean)
     }
-
-    /// Mean and deviation with about three significant digits.
-    pub(crate) fn with_deviation(self) -> String {
-        format!("{} ± {}", short(self.mean), short(self.deviation))
-    }
 }
 
 /// Median and range of few numbers, which may include outliers.
@@ -106,7 +101,7 @@ mod tests {
         assert!((sample.mean - 5.0).abs() < 1e-12);
         assert!((sample.deviation - 2.138_089_935).abs() < 1e-6);
         assert_eq!(Sample::of([3.0]).deviation.to_bits(), 0.0_f64.to_bits());
-        assert_eq!(sample.with_deviation(), "5.00 ± 2.14");
+        assert_eq!(sample.short(), "5.00");
         assert_eq!(exact(0.5), "0.5");
         assert_eq!(exact(-0.000_01), "0");
         assert_eq!(short(1234.5), "1234");

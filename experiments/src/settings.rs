@@ -3,7 +3,7 @@
 use serde::{Deserialize, Serialize};
 
 /// The maximum number of runs of real processes for each cell: each run takes seconds, mostly for discovery.
-const PROCESS_RUNS_MAX: usize = 10;
+const PROCESS_RUNS_MAX: usize = 3;
 
 /// The settings determine every number except times; a directory of results belongs to one set of settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
@@ -112,6 +112,32 @@ impl Settings {
             Scale::Tiny => &[(3, 1), (6, 3)],
         }
     }
+
+    /// The physical worlds: slip in per cent, noise in thousandths, and the number of runs. A run takes as long as robots
+    /// need to move, so there are few.
+    pub(crate) fn worlds(&self) -> &'static [(u32, u32, u64)] {
+        match self.scale {
+            Scale::Paper => &[
+                (0, 10, 1),
+                (20, 10, 3),
+                (50, 10, 1),
+                (80, 10, 1),
+                (20, 20, 1),
+                (20, 30, 1),
+                (20, 50, 1),
+            ],
+            Scale::Quick => &[(20, 10, 1)],
+            Scale::Tiny => &[(0, 10, 1), (20, 10, 2)],
+        }
+    }
+
+    /// The number of singletons in the physical world, and of spots.
+    pub(crate) fn world_singletons(&self) -> usize {
+        match self.scale {
+            Scale::Paper | Scale::Quick => 30,
+            Scale::Tiny => 4,
+        }
+    }
 }
 
 #[cfg(test)]
@@ -128,7 +154,7 @@ mod tests {
         assert_eq!(settings.surplus_sizes(), [50, 60, 70, 80, 90, 100]);
         assert_eq!(settings.equal_sizes(), [10, 20, 25, 50]);
         assert!((2..=10).all(|size| settings.configuration_sizes().contains(&size)));
-        assert_eq!(settings.process_seeds().len(), 10);
+        assert_eq!(settings.process_seeds().len(), 3);
         assert_eq!(Settings::new(Scale::Paper, 2, 1).process_seeds(), [1, 2]);
     }
 }

@@ -6,8 +6,6 @@ use std::fmt::Write as _;
 pub(crate) struct Table {
     heads: Vec<String>,
     rows: Vec<Vec<String>>,
-    /// A paragraph below the Markdown table.
-    note: String,
 }
 
 impl Table {
@@ -16,7 +14,6 @@ impl Table {
         Self {
             heads: heads.split(" | ").map(str::to_owned).collect(),
             rows: Vec::new(),
-            note: String::new(),
         }
     }
 
@@ -30,10 +27,6 @@ impl Table {
             rows: items.into_iter().map(row).collect(),
             ..Self::new(heads)
         }
-    }
-
-    pub(crate) fn with_note(self, note: String) -> Self {
-        Self { note, ..self }
     }
 
     pub(crate) fn row(&mut self, cells: Vec<String>) {
@@ -51,7 +44,7 @@ impl Table {
         text
     }
 
-    /// All columns are aligned to the right; the note follows.
+    /// All columns are aligned to the right.
     pub(crate) fn to_markdown(&self) -> String {
         let mut text = format!("| {} |\n", self.heads.join(" | "));
         let marks = vec!["---:"; self.heads.len()];
@@ -59,9 +52,6 @@ impl Table {
         let _ = writeln!(text, "|{}|", marks.join("|"));
         for row in &self.rows {
             let _ = writeln!(text, "| {} |", row.join(" | "));
-        }
-        if !self.note.is_empty() {
-            let _ = write!(text, "\n{}", self.note);
         }
         text
     }

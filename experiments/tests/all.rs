@@ -8,4 +8,5 @@
 
 mod harness;
 mod plots;
+mod published;
 mod support;

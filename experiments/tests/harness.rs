@@ -35,7 +35,7 @@ fn every_experiment_has_its_table_and_its_section() {
     let out = tempfile::tempdir().unwrap();
     finish(out.path(), &Settings::new(Scale::Tiny, 2, 1), &[]).unwrap();
     let summary = fs::read_to_string(out.path().join("summary.md")).unwrap();
-    assert_eq!(names().len(), 15);
+    assert_eq!(names().len(), 18);
     for name in names() {
         let rows = rows(&out.path().join(name).with_extension("csv"));
         assert!(rows[0].iter().all(|head| !head.is_empty()));
@@ -44,56 +44,64 @@ fn every_experiment_has_its_table_and_its_section() {
     assert!(!summary.contains("NaN"));
     rows(&out.path().join("paper.csv"));
     rows(&out.path().join("processes_runs.csv"));
-    let readings = rows(&out.path().join("readings.csv"));
-    assert!(readings[1..].iter().all(|row| {
-        row[5..]
-            .iter()
-            .all(|word| ["ahead", "equal", "behind"].contains(&word.as_str()))
-    }));
-    let comparison = rows(&out.path().join("comparison.csv"));
-    let metrics: Vec<&str> = comparison[1..10]
-        .iter()
-        .map(|row| row[2].as_str())
-        .collect();
-    assert_eq!(
-        metrics[..4],
-        ["planning_ms", "utility", "distance_units", "broken_links"]
-    );
-    for row in &comparison[1..] {
-        let reason = row.last().unwrap();
-        assert_eq!(row[5] == "behind", !reason.is_empty(), "{row:?}");
-    }
-    assert_counts_all(&summary, &comparison, 1);
+    assert_headline_counts_all(&summary, out.path());
 }
 
-/// Checks that a text counts every row of a comparison, with the head, each time that it says in how many ours is ahead or equal.
-fn assert_counts_all(text: &str, comparison: &[Vec<String>], times: usize) {
-    let rows = &comparison[1..];
-    let ahead = rows.iter().filter(|row| row[5] != "behind").count();
-    // The text wraps, so that any space can be a line feed.
-    let text: Vec<&str> = text.split_whitespace().collect();
-    let text = text.join(" ");
-    let counts = [
-        format!("in {ahead} of {}", rows.len()),
-        format!("in {ahead} of the {} numbers", rows.len()),
-    ];
-    let said: usize = counts.iter().map(|count| text.matches(count).count()).sum();
-    assert_eq!(said, times, "ours is ahead or equal {counts:?}");
+/// Checks that the headline counts every line of both comparisons once, for each reading.
+fn assert_headline_counts_all(text: &str, directory: &Path) {
+    let mut lines = Vec::new();
+    for name in ["comparison.csv", "comparison_times.csv"] {
+        lines.extend(rows(&directory.join(name)).into_iter().skip(1));
+    }
+    let all = lines.len();
+    for reading in [7, 8] {
+        let [ahead, equal, behind] = ["ahead", "equal", "behind"].map(|standing| {
+            lines
+                .iter()
+                .filter(|line| line[reading] == standing)
+                .count()
+        });
+        assert_eq!(ahead + equal + behind, all);
+        let said =
+            format!("ahead in {ahead}, equal in {equal} and behind in {behind} of {all} numbers");
+        assert_eq!(text.matches(&said).count(), 1, "{said}");
+    }
 }
 
 #[test]
-fn the_published_evaluation_counts_all_metrics() {
-    let docs = Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs");
-    let text = fs::read_to_string(docs.join("evaluation.md")).unwrap();
-    let comparison = rows(&docs.join("evaluation/comparison.csv"));
-    assert_counts_all(&text, &comparison, 2);
-    let (_, table) = text
-        .split_once("### Ours against the paper policy")
-        .unwrap();
-    let heads = table.lines().find(|line| line.starts_with('|')).unwrap();
-    let metrics: Vec<&String> = comparison[1..10].iter().map(|row| &row[2]).collect();
-    // Besides the metrics: the instances, the filled spots, and where ours is behind.
-    assert_eq!(heads.matches(" |").count(), metrics.len() + 3, "{heads}");
+fn the_comparison_hides_no_metric() {
+    let out = tempfile::tempdir().unwrap();
+    finish(out.path(), &Settings::new(Scale::Tiny, 1, 1), &[]).unwrap();
+    let metrics = |name: &str| -> Vec<String> {
+        let mut metrics = Vec::new();
+        for row in rows(&out.path().join(name)).into_iter().skip(1) {
+            if !metrics.contains(&row[3]) {
+                metrics.push(row[3].clone());
+            }
+        }
+        metrics
+    };
+    assert_eq!(
+        metrics("comparison.csv"),
+        [
+            "broken_links",
+            "port_changes",
+            "outside_largest_piece",
+            "alone",
+            "distance_units",
+            "utility",
+            "filled_spots",
+            "decisions",
+            "samples",
+            "pairs_delivered",
+            "samples_same_protocol",
+            "pairs_same_protocol"
+        ]
+    );
+    assert_eq!(
+        metrics("comparison_times.csv"),
+        ["planning_ms", "selected_percent_at_half_time"]
+    );
 }
 
 #[test]
@@ -102,6 +110,7 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let only = ["messages", "case_studies"];
     let whole = tempfile::tempdir().unwrap();
     let cells = finish(whole.path(), &settings, &only).unwrap().measured;
+    let whole = |name: &str| fs::read_to_string(whole.path().join(name)).unwrap();
 
     let out = tempfile::tempdir().unwrap();
     let only_owned = only.map(str::to_owned);
@@ -128,32 +137,21 @@ fn an_interrupted_run_goes_on_where_it_stopped() {
     let work = progress.work.unwrap();
     assert_eq!((work.cells, work.finished_cells), (cells, finished));
     assert_eq!(progress.measured, cells - finished);
-    assert_eq!(
-        fs::read_to_string(out.path().join("messages.csv")).unwrap(),
-        fs::read_to_string(whole.path().join("messages.csv")).unwrap()
-    );
+    for name in ["messages.csv", "cells.jsonl"] {
+        let resumed = fs::read_to_string(out.path().join(name)).unwrap();
+        assert!(resumed == whole(name), "{name}");
+    }
 
     let again = finish(out.path(), &settings, &only).unwrap();
     assert_eq!(again.measured, 0);
 }
 
-/// The rows without whatever the clock decides.
-fn timeless(path: &Path) -> Vec<Vec<String>> {
-    let mut rows = rows(path);
-    // The times of this one are simulated.
-    let simulated = path.ends_with("messages_over_time.csv");
-    let is_timed = |head: &str| {
-        let timed = head.contains("_ms") || head.contains("computing_time");
-        let shared = head == "per_filled_spot_mean" && path.ends_with("planning_time.csv");
-        (timed || shared) && !simulated
-    };
-    let kept: Vec<bool> = rows[0].iter().map(|head| !is_timed(head)).collect();
-    rows.retain(|row| !row.contains(&"planning_ms".to_owned()));
-    for row in &mut rows {
-        let mut kept = kept.iter();
-        row.retain(|_| *kept.next().unwrap());
-    }
-    rows
+/// Whether the clock decides the numbers of a file.
+fn is_timed(name: &str) -> bool {
+    name.ends_with("_times.csv")
+        || name.ends_with("_time.csv") && name != "messages_over_time.csv"
+        || name.starts_with("processes")
+        || name == "physical_world.csv"
 }
 
 #[test]
@@ -163,17 +161,23 @@ fn the_seed_decides_everything_but_the_times() {
         finish(out.path(), &Settings::new(Scale::Tiny, 2, seed), &[]).unwrap();
         out
     });
+    let entries = fs::read_dir(outs[0].path()).unwrap();
+    let names = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap());
+    let names: Vec<String> = names
+        .filter(|name| name == "cells.jsonl" || name.ends_with(".csv") && !is_timed(name))
+        .collect();
     let mut differing = 0;
-    for name in names().into_iter().chain(["comparison"]) {
+    for name in &names {
         let [first, second, other] = outs
             .each_ref()
-            .map(|out| timeless(&out.path().join(name).with_extension("csv")));
-        assert_eq!(first, second, "{name}");
+            .map(|out| fs::read_to_string(out.path().join(name)).unwrap());
+        assert!(first == second, "{name}");
         differing += usize::from(first != other);
     }
     assert!(
         differing > 8,
-        "another seed changes only {differing} tables"
+        "another seed changes only {differing} of {} files",
+        names.len()
     );
 }
 

@@ -126,8 +126,9 @@ pub enum Command {
     Simulate(SimulateArguments),
     /// Repeat the paper's evaluation: its stated numbers, its algorithms and ours.
     ///
-    /// Writes a CSV file per figure, and `summary.md`; `experiments/plot.py OUT` draws the plots. After an interruption the
-    /// same command continues where it stopped.
+    /// Writes `cells.jsonl` (what is the same on every machine), `times.jsonl` (what the clock decides), and from them a CSV
+    /// file per figure and `summary.md`; `experiments/plot.py OUT` draws the plots. After an interruption the same command
+    /// continues where it stopped.
     Experiments(ExperimentsArguments),
 }
 

@@ -2,49 +2,62 @@
 
 mod case_studies;
 mod completion;
+mod cut_price;
 mod disconnected;
+mod fewer_spots;
 mod matching;
 mod messages;
 mod processes;
 mod scaling;
+mod world;
 
 use std::iter;
 
-use crate::cell::{Cell, Kind, Measurement};
+use crate::cell::{Cell, Counts, Kind, Times, World};
 use crate::contender::Contender;
 use crate::instance::{Docked, Draw, Instance};
-use crate::measure::matching::MatchingMeasurement;
-use crate::measure::plan::PlanMeasurement;
+use crate::measure::matching::{MatchingCounts, MatchingTimes};
+use crate::measure::plan::{PlanCounts, PlanTimes};
 use crate::measure::processes::ProcessMeasurement;
 use crate::measure::talk::Talk;
+use crate::measure::world::WorldMeasurement;
 use crate::sample::{Sample, Spread, exact};
 use crate::settings::Settings;
 use crate::store::Store;
 use crate::table::Table;
 
+/// The maximum number of runs in the simulator for each row: a run of 100 agents takes a second, a plan a millisecond.
+const TALK_RUNS_MAX: usize = 20;
+
+/// Tables by name: of a CSV file, or of a part of the page.
+pub(crate) type Tables = Vec<(&'static str, Table)>;
+
 /// One figure or table of the evaluation.
 pub(crate) struct Figure {
-    /// Its name on the command line and of its files.
+    /// Its name on the command line and of its plot.
     pub name: &'static str,
+    /// What it shows, and where the paper does.
+    pub title: &'static str,
     /// The kinds of cell that every row averages over; the first one counts the runs.
     kinds: &'static [Kind],
     /// The heads of the columns that name a row.
     keys: &'static str,
-    /// The rows of the CSV file.
+    /// The rows of the CSV files.
     rows: fn(&Settings) -> Vec<Row>,
-    /// The columns of the CSV file after the keys.
-    columns: &'static [Column],
-    /// The CSV files by name; [`averages`] for all figures that need no other.
-    pub tables: fn(&Figure, &Data<'_>) -> Vec<(&'static str, Table)>,
-    /// The results that the summary shows below the figure.
-    pub results: fn(&Data<'_>) -> Table,
+    /// The columns of each CSV file after the keys. No file has both times and other numbers.
+    files: &'static [(&'static str, &'static [Column])],
+    /// The CSV files; [`averages`] for all figures that need no other.
+    pub tables: fn(&Figure, &Data<'_>) -> Tables,
+    /// The tables that the page shows. None has both times and other numbers.
+    pub results: fn(&Data<'_>) -> Tables,
 }
 
 /// All figures in the order of the paper; those with real processes last.
-pub(crate) const FIGURES: [Figure; 15] = [
+pub(crate) const FIGURES: [Figure; 18] = [
     matching::TIME,
     scaling::PLANNING_TIME,
     scaling::DISTANCE,
+    fewer_spots::FEWER_SPOTS,
     messages::MESSAGES,
     completion::COMPLETION,
     messages::OVER_TIME,
@@ -56,11 +69,10 @@ pub(crate) const FIGURES: [Figure; 15] = [
     messages::AUCTION,
     completion::AUCTION,
     case_studies::CASE_STUDIES,
+    cut_price::CUT_PRICE,
     processes::PROCESSES,
+    world::PHYSICAL_WORLD,
 ];
-
-/// The summary's entry where the paper gives its numbers only as a figure.
-const FIGURE_ONLY: &str = "figure only";
 
 impl Figure {
     /// The cells that must be measured.
@@ -75,17 +87,21 @@ impl Figure {
     }
 }
 
-/// One CSV file with a line for each row.
-fn averages(figure: &Figure, data: &Data<'_>) -> Vec<(&'static str, Table)> {
-    let columns = figure.columns.iter();
-    let heads = iter::once(figure.keys.to_owned()).chain(columns.flat_map(Column::heads));
-    let heads: Vec<String> = heads.collect();
-    let table = Table::of(&heads.join(" | "), (figure.rows)(data.settings), |row| {
-        let numbers = figure.columns.iter();
-        let numbers = numbers.flat_map(|column| column.numbers(data, &row.group, figure.kinds[0]));
-        row.keys.into_iter().chain(numbers.map(exact)).collect()
-    });
-    vec![(figure.name, table)]
+/// The CSV files with a line for each row.
+fn averages(figure: &Figure, data: &Data<'_>) -> Tables {
+    let of_file = |&(name, columns): &(&'static str, &'static [Column])| {
+        let heads =
+            iter::once(figure.keys.to_owned()).chain(columns.iter().flat_map(Column::heads));
+        let heads: Vec<String> = heads.collect();
+        let table = Table::of(&heads.join(" | "), (figure.rows)(data.settings), |row| {
+            let numbers = columns.iter();
+            let numbers =
+                numbers.flat_map(|column| column.numbers(data, &row.group, figure.kinds[0]));
+            row.keys.into_iter().chain(numbers.map(exact)).collect()
+        });
+        (name, table)
+    };
+    figure.files.iter().map(of_file).collect()
 }
 
 /// One row of a CSV file.
@@ -102,6 +118,8 @@ pub(crate) struct Group {
     /// The part of the planning time at which curves are read, in per cent.
     percent: f64,
     modules_per_process: usize,
+    /// The world of the first instance; those of the others have the following seeds.
+    world: Option<World>,
 }
 
 impl Group {
@@ -111,6 +129,7 @@ impl Group {
             instances,
             percent: 100.0,
             modules_per_process: 1,
+            world: None,
         }
     }
 
@@ -122,8 +141,8 @@ impl Group {
         contender: Contender,
     ) -> Self {
         let seeds = settings.seeds().into_iter();
-        let instances = seeds.map(|seed| family(settings, size, seed)).collect();
-        Self::new(contender, instances)
+        let instances = seeds.map(|seed| family(settings, size, seed));
+        Self::new(contender, instances.collect())
     }
 
     fn at(&self, percent: f64) -> Self {
@@ -134,11 +153,20 @@ impl Group {
     }
 
     fn cells(&self, kind: Kind) -> impl Iterator<Item = Cell> {
-        self.instances.iter().map(move |&instance| Cell {
+        let runs = match kind {
+            Kind::Talk => TALK_RUNS_MAX,
+            _ => usize::MAX,
+        };
+        let numbered = (0..).zip(self.instances.iter().take(runs));
+        numbered.map(move |(number, &instance)| Cell {
             kind,
             instance,
             contender: self.contender,
             modules_per_process: self.modules_per_process,
+            world: self.world.map(|world| World {
+                seed: world.seed + number,
+                ..world
+            }),
         })
     }
 }
@@ -170,6 +198,11 @@ pub(crate) fn singletons(_: &Settings, modules: usize, seed: u64) -> Instance {
     generated(modules, modules, Docked::Singletons, seed)
 }
 
+/// Singletons with a spot for each, as robots have them.
+fn apart(_: &Settings, modules: usize, seed: u64) -> Instance {
+    generated(modules, modules, Docked::Apart, seed)
+}
+
 /// As many modules as spots, all in configurations of one size on lattice trees.
 pub(crate) fn lattice(settings: &Settings, size: usize, seed: u64) -> Instance {
     let modules = settings.full_size();
@@ -182,41 +215,74 @@ pub(crate) fn labelled(settings: &Settings, size: usize, seed: u64) -> Instance 
     generated(modules, modules, Docked::Labelled(size), seed)
 }
 
-/// A number of one measurement; the second argument of the curves is the group's part of the planning time in per cent.
+/// A number of one result; the second argument of the curves is the group's part of the planning time in per cent.
 #[derive(Clone, Copy)]
 pub(crate) enum Value {
-    Matching(fn(&MatchingMeasurement) -> f64),
-    Plan(fn(&PlanMeasurement) -> f64),
-    PlanCurve(fn(&PlanMeasurement, f64) -> f64),
+    Matching(fn(&MatchingCounts) -> f64),
+    MatchingTime(fn(&MatchingTimes) -> f64),
+    Plan(fn(&PlanCounts) -> f64),
+    PlanTime(fn(&PlanTimes) -> f64),
+    PlanCurve(fn(&PlanTimes, f64) -> f64),
     Talk(fn(&Talk) -> f64),
     TalkCurve(fn(&Talk, f64) -> f64),
     Processes(fn(&ProcessMeasurement) -> f64),
+    World(fn(&WorldMeasurement) -> f64),
 }
 
-const PLANNING_MS: Value = Value::Plan(|plan| plan.planning_us / 1e3);
+const PLANNING_MS: Value = Value::PlanTime(|plan| plan.planning_us / 1e3);
 const DISTANCE: Value = Value::Plan(|plan| plan.distance);
 const UTILITY: Value = Value::Plan(|plan| plan.utility);
 const FILLED_SPOTS: Value = Value::Plan(|plan| plan.filled_spots as f64);
-const BROKEN_LINKS: Value = Value::Plan(|plan| plan.broken_links as f64);
+const BROKEN_LINKS: Value = Value::Plan(|plan| plan.links.broken as f64);
 
 impl Value {
     fn kind(self) -> Kind {
         match self {
-            Self::Matching(_) => Kind::Matching,
-            Self::Plan(_) | Self::PlanCurve(_) => Kind::Plan,
+            Self::Matching(_) | Self::MatchingTime(_) => Kind::Matching,
+            Self::Plan(_) | Self::PlanTime(_) | Self::PlanCurve(_) => Kind::Plan,
             Self::Talk(_) | Self::TalkCurve(_) => Kind::Talk,
             Self::Processes(_) => Kind::Processes,
+            Self::World(_) => Kind::World,
         }
     }
 
-    fn of(self, measurement: &Measurement, percent: f64) -> Option<f64> {
-        Some(match (self, measurement) {
-            (Self::Matching(value), Measurement::Matching(matching)) => value(matching),
-            (Self::Plan(value), Measurement::Plan(plan)) => value(plan),
-            (Self::PlanCurve(value), Measurement::Plan(plan)) => value(plan, percent),
-            (Self::Talk(value), Measurement::Talk(talk)) => value(talk),
-            (Self::TalkCurve(value), Measurement::Talk(talk)) => value(talk, percent),
-            (Self::Processes(value), Measurement::Processes(processes)) => value(processes),
+    /// Whether the clock decides it.
+    pub(crate) fn is_timed(self) -> bool {
+        match self {
+            Self::Matching(_) | Self::Plan(_) | Self::Talk(_) | Self::TalkCurve(_) => false,
+            Self::MatchingTime(_)
+            | Self::PlanTime(_)
+            | Self::PlanCurve(_)
+            | Self::Processes(_)
+            | Self::World(_) => true,
+        }
+    }
+
+    fn of(self, store: &Store, cell: Cell, percent: f64) -> Option<f64> {
+        if self.is_timed() {
+            self.of_times(store.times(cell)?, percent)
+        } else {
+            self.of_counts(store.counts(cell)?, percent)
+        }
+    }
+
+    fn of_counts(self, counts: &Counts, percent: f64) -> Option<f64> {
+        Some(match (self, counts) {
+            (Self::Matching(value), Counts::Matching(matching)) => value(matching),
+            (Self::Plan(value), Counts::Plan(plan)) => value(plan),
+            (Self::Talk(value), Counts::Talk(talk)) => value(talk),
+            (Self::TalkCurve(value), Counts::Talk(talk)) => value(talk, percent),
+            _ => return None,
+        })
+    }
+
+    fn of_times(self, times: &Times, percent: f64) -> Option<f64> {
+        Some(match (self, times) {
+            (Self::MatchingTime(value), Times::Matching(matching)) => value(matching),
+            (Self::PlanTime(value), Times::Plan(plan)) => value(plan),
+            (Self::PlanCurve(value), Times::Plan(plan)) => value(plan, percent),
+            (Self::Processes(value), Times::Processes(processes)) => value(processes),
+            (Self::World(value), Times::World(world)) => value(world),
             _ => return None,
         })
     }
@@ -283,11 +349,12 @@ pub(crate) struct Data<'a> {
 }
 
 impl Data<'_> {
-    /// One number of every measured run of a group.
+    /// One number of every measured run of a group; none of runs that do not have it (NaN).
     fn values(&self, group: &Group, value: Value) -> Vec<f64> {
         let cells = group.cells(value.kind());
         cells
-            .filter_map(|cell| value.of(self.store.get(cell)?, group.percent))
+            .filter_map(|cell| value.of(self.store, cell, group.percent))
+            .filter(|value| !value.is_nan())
             .collect()
     }
 

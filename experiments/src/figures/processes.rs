@@ -12,21 +12,25 @@ const CORE_MS: Value = Value::Processes(|run| run.core_us as f64 / 1e3);
 
 pub(super) const PROCESSES: Figure = Figure {
     name: "processes",
+    title: "Planning time of real processes over DDS",
     kinds: &[Kind::Processes],
     keys: "modules | processes",
     rows,
-    columns: &[
-        Column::Runs,
-        Column::MedianAndRange("planning_ms", PLANNING_MS),
-        Column::Median("discovery_ms", DISCOVERY_MS),
-        Column::Median("core_ms", CORE_MS),
-    ],
+    files: &[(
+        "processes",
+        &[
+            Column::Runs,
+            Column::MedianAndRange("planning_ms", PLANNING_MS),
+            Column::Median("discovery_ms", DISCOVERY_MS),
+            Column::Median("core_ms", CORE_MS),
+        ],
+    )],
     tables: |figure, data| {
         let mut tables = averages(figure, data);
         tables.push(("processes_runs", each_run(data)));
         tables
     },
-    results,
+    results: |data| vec![("processes", results(data))],
 };
 
 /// Ours by modules and processes. The paper policy is left out, because some of its plans have holes, and a run of such

@@ -6,10 +6,7 @@ use formation_baselines::auction::{Bid, assign_observed};
 use formation_model::PlanningProblem;
 use formation_planner::assignment::Instance;
 
-use super::talk::{Moment, Talk};
-
-/// The number of points of each curve that are kept; an auction makes thousands of bids.
-const POINTS: usize = 100;
+use super::talk::{Moment, Talk, correlation, course};
 
 /// Holds an auction over an instance with a spot for each module.
 pub(crate) fn measure(problem: &Arc<PlanningProblem>) -> Talk {
@@ -20,20 +17,24 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>) -> Talk {
         .collect();
     let mut bids = Vec::new();
     let outcome = assign_observed(&utilities, |bid| bids.push(bid));
+    let moments = moments(&bids, &outcome.assignment);
+    let duration = bids.len() as u64;
     Talk {
         modules,
         fillable_spots: modules,
-        duration: POINTS as u64,
+        duration,
         samples: outcome.counts.bids + outcome.counts.price_updates,
-        bids: outcome.counts.bids,
-        course: course(&bids, &outcome.assignment),
+        steps: outcome.counts.bids,
+        correlation: correlation(&moments),
+        course: course(&moments, duration),
     }
 }
 
-fn course(bids: &[Bid], assignment: &[Option<usize>]) -> Vec<Moment> {
+/// The state after each bid.
+fn moments(bids: &[Bid], assignment: &[Option<usize>]) -> Vec<Moment> {
     let mut held: Vec<Option<usize>> = vec![None; assignment.len()];
     let mut round = 0;
-    let mut course = Vec::new();
+    let mut moments = Vec::with_capacity(bids.len());
     for (number, bid) in (1..).zip(bids) {
         if bid.round > round {
             round = bid.round;
@@ -45,20 +46,16 @@ fn course(bids: &[Bid], assignment: &[Option<usize>]) -> Vec<Moment> {
         if let Some(row) = bid.row {
             held[row] = bid.column;
         }
-        // The last bid that begins no later than each hundredth.
-        while course.len() < number * POINTS / bids.len() {
-            let is_settled =
-                |(held, end): &(&Option<usize>, &Option<usize>)| held.is_some() && held == end;
-            course.push(Moment {
-                at: course.len() as u64 + 1,
-                samples: 2 * number,
-                pairs: 2 * number,
-                selected: held.iter().flatten().count(),
-                settled: held.iter().zip(assignment).filter(is_settled).count(),
-            });
-        }
+        let is_settled =
+            |(held, end): &(&Option<usize>, &Option<usize>)| held.is_some() && held == end;
+        moments.push(Moment {
+            at: number as u64,
+            pairs: 2 * number,
+            selected: held.iter().flatten().count(),
+            settled: held.iter().zip(assignment).filter(is_settled).count(),
+        });
     }
-    course
+    moments
 }
 
 #[cfg(test)]
@@ -76,13 +73,8 @@ mod tests {
             seed: 3,
         });
         let measured = measure(&spec.problem(Contender::Auction).unwrap());
-        assert_eq!(measured.course.len(), POINTS);
-        let last = measured.course.last().unwrap();
-        assert_eq!((last.at, last.selected, last.settled), (100, 9, 9));
-        assert!(measured.bids >= 9);
-        assert_eq!(
-            (last.samples, last.pairs),
-            (measured.samples, measured.samples)
-        );
+        assert!(measured.steps >= 9);
+        assert_eq!(measured.course.first(), Some(&[0, 0, 0]));
+        assert_eq!(measured.course.last(), Some(&[9, 9, measured.samples]));
     }
 }

@@ -7,15 +7,12 @@ use formation_planner::placement::{MatchingInput, common_subtree};
 use serde::{Deserialize, Serialize};
 use std::sync::Arc;
 
-use super::least_us;
+use super::{least_us, rounded};
 
-/// The search for one configuration's place, ours and the paper's. Times in microseconds.
+/// What the search for one configuration's place finds, ours and the paper's.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct MatchingMeasurement {
-    /// Ours: the one common subtree of greatest size and, among those, of greatest utility.
-    pub ours_us: f64,
-    /// The paper's: the first MAX = 20 common subtrees of greatest size.
-    pub paper_us: f64,
+#[serde(deny_unknown_fields)]
+pub struct MatchingCounts {
     /// The number of modules that ours matches.
     pub ours_size: usize,
     /// The number of modules that each of the paper's matches.
@@ -28,8 +25,21 @@ pub struct MatchingMeasurement {
     pub paper_utility: f64,
 }
 
+/// The times of the search in microseconds.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MatchingTimes {
+    /// Ours: the one common subtree of greatest size and, among those, of greatest utility.
+    pub ours_us: f64,
+    /// The paper's: the first MAX = 20 common subtrees of greatest size.
+    pub paper_us: f64,
+}
+
 /// Searches for the place of the only configuration of a problem in its target.
-pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> MatchingMeasurement {
+pub(crate) fn measure(
+    problem: &Arc<PlanningProblem>,
+    timings: u32,
+) -> (MatchingCounts, MatchingTimes) {
     let instance = Instance::new(Arc::clone(problem), Arc::clone(problem.target()));
     let configuration = &instance.links;
     let target = instance.target.topology();
@@ -64,16 +74,17 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> MatchingM
             .map(|&(node, spot)| utilities.of(node, spot).to_units());
         each.sum::<f64>()
     };
-    MatchingMeasurement {
-        ours_us,
-        paper_us,
+    let counts = MatchingCounts {
         ours_size: ours.pairs.len(),
         paper_size: candidates.first().map_or(0, Vec::len),
         candidates: candidates.len(),
-        ours_utility: utility(&ours.pairs),
-        paper_utility: candidates
-            .iter()
-            .map(|candidate| utility(candidate))
-            .fold(f64::NEG_INFINITY, f64::max),
-    }
+        ours_utility: rounded(utility(&ours.pairs)),
+        paper_utility: rounded(
+            candidates
+                .iter()
+                .map(|candidate| utility(candidate))
+                .fold(f64::NEG_INFINITY, f64::max),
+        ),
+    };
+    (counts, MatchingTimes { ours_us, paper_us })
 }

@@ -4,41 +4,62 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use formation_model::{Decision, PlanningProblem, Policy};
-use formation_planner::{Planning, Statistics};
+use formation_planner::{Planning, Statistics, Turn};
 use serde::{Deserialize, Serialize};
 
-use super::least_us;
 use super::spot_table::SpotTable;
+use super::{BUDGET, POINTS, rounded};
 
-/// A plan in numbers. Lengths are in units, times in microseconds.
+/// A plan in numbers. Lengths are in units.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct PlanMeasurement {
-    /// The time of all turns, computed one after another on one core.
-    pub planning_us: f64,
-    /// After each turn: the computing time since the start in microseconds, and the number of selected spots.
-    pub turns: Vec<(f64, usize)>,
-    /// The number of filled spots.
-    pub filled_spots: usize,
-    /// The number of spots that can be filled: the smaller of the numbers of modules and spots.
-    pub fillable_spots: usize,
+#[serde(deny_unknown_fields)]
+pub struct PlanCounts {
+    /// The number of modules.
+    pub modules: usize,
     /// The number of spots of the target.
     pub spots: usize,
+    /// The number of filled spots.
+    pub filled_spots: usize,
     /// The sum of all utilities.
     pub utility: f64,
     /// The sum of the straight paths of all modules that have a spot.
     pub distance: f64,
+    /// The links at the start, those that are not kept, and the ends of kept links that change their port.
+    pub links: LinkCounts,
+    /// Three counts of disconnected modules.
+    pub disconnected: DisconnectedCounts,
+    /// What the modules tell each other.
+    pub messages: MessageCounts,
+}
+
+/// The links of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct LinkCounts {
     /// The number of links at the start.
-    pub initial_links: usize,
+    pub initial: usize,
     /// The number of links that are not kept.
-    pub broken_links: usize,
+    pub broken: usize,
     /// The number of ends of kept links that change their port.
     pub port_changes: usize,
+}
+
+/// The modules of configurations that a plan disconnects.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct DisconnectedCounts {
     /// The number of modules that do not fit if each configuration has the whole target for itself.
     pub unmatched_on_empty_target: usize,
     /// The number of modules outside the largest retained piece of their configuration.
     pub outside_largest_piece: usize,
     /// The number of modules of configurations that keep no link.
     pub alone: usize,
+}
+
+/// The messages of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct MessageCounts {
     /// The number of evictions of all turns.
     pub evictions: usize,
     /// The number of broadcasts of the contender's own algorithm: one for each turn; in the paper's Algorithm 2 one more
@@ -48,90 +69,138 @@ pub struct PlanMeasurement {
     pub claims: usize,
     /// The (spot, selector) pairs in these claims, times receivers; an auction's bids and prices are pairs too.
     pub pairs_delivered: usize,
-    /// The number of modules that receive a broadcast.
-    pub receivers: usize,
 }
 
-impl PlanMeasurement {
+/// The time of a plan.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct PlanTimes {
+    /// The time of all turns, computed one after another on one core, in microseconds.
+    pub planning_us: f64,
+    /// The number of spots that can be filled.
+    pub fillable_spots: usize,
+    /// The number of selected spots after each twentieth of the time.
+    pub selected: Vec<usize>,
+}
+
+impl PlanCounts {
+    /// The number of spots that can be filled: the smaller of the numbers of modules and spots.
+    #[must_use]
+    pub fn fillable_spots(&self) -> usize {
+        self.modules.min(self.spots)
+    }
+
     /// The (spot, selector) pairs that are received if each broadcast repeats the whole set, as the paper's do.
     #[must_use]
     pub fn whole_set_pairs(&self) -> usize {
-        self.broadcasts * self.spots * self.receivers
+        self.messages.broadcasts * self.spots * self.modules.saturating_sub(1)
     }
+}
 
-    /// Per cent of the spots that are selected after `percent` of the computing time.
+impl PlanTimes {
+    /// Per cent of the spots that are selected after `percent` of the computing time, a multiple of 5.
     #[must_use]
     pub fn selected_after(&self, percent: f64) -> f64 {
-        let end = self.turns.last().map_or(0.0, |turn| turn.0);
-        let taken = self
-            .turns
-            .partition_point(|turn| turn.0 <= percent / 100.0 * end);
-        let selected = self.turns[..taken].last().map_or(0, |turn| turn.1);
-        100.0 * selected as f64 / self.fillable_spots as f64
+        let selected = self.selected.get(super::point_at(percent));
+        100.0 * selected.copied().unwrap_or_default() as f64 / self.fillable_spots as f64
     }
 }
 
 /// Plans an instance.
-pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> PlanMeasurement {
-    let planning_us = least_us(timings, || {
-        let mut planning = Planning::new(Arc::clone(problem));
-        std::hint::black_box(planning.take_all_turns());
-    });
-    let mut planning = Planning::new(Arc::clone(problem));
-    let decisions = planning.take_all_turns();
-    let turns = turns(problem, timings);
-    let outcome = planning.outcome(decisions);
-    let statistics = Statistics::of(problem, &outcome);
-    let of_detached = match problem.parameters().policy {
-        Policy::Paper => statistics.changes.detached_modules,
-        _ => 0,
-    };
-    let disconnected = statistics.changes.disconnected;
-    PlanMeasurement {
-        planning_us,
-        turns,
-        filled_spots: outcome.plan.assignments.len(),
-        fillable_spots: problem.modules().len().min(problem.target().spots().len()),
-        spots: problem.target().spots().len(),
-        utility: statistics.total_utility,
-        distance: statistics.total_distance,
-        initial_links: statistics.changes.kept_links + statistics.changes.broken_links,
-        broken_links: statistics.changes.broken_links,
-        port_changes: statistics.changes.port_changes,
-        unmatched_on_empty_target: disconnected.unmatched_on_empty_target,
-        outside_largest_piece: disconnected.outside_largest_piece,
-        alone: disconnected.alone,
-        evictions: statistics.changes.evictions,
-        broadcasts: statistics.messages.samples + of_detached,
-        claims: outcome.decisions.len(),
-        pairs_delivered: statistics.messages.pairs,
-        receivers: problem.modules().len() - 1,
-    }
-}
-
-/// The time and the selected spots after each turn, in the fastest of `times` runs.
-fn turns(problem: &Arc<PlanningProblem>, times: u32) -> Vec<(f64, usize)> {
-    let tries = (0..times.max(1)).map(|_| timed_turns(problem));
-    let quickest = tries.min_by_key(|turns| turns.last().map(|turn| turn.0));
-    let mut table = SpotTable::default();
-    let turns = quickest.unwrap_or_default().into_iter();
-    turns
-        .map(|(elapsed, decision)| {
-            table.apply(&decision);
-            (elapsed.as_secs_f64() * 1e6, table.spot_of.len())
-        })
-        .collect()
-}
-
-fn timed_turns(problem: &Arc<PlanningProblem>) -> Vec<(Duration, Decision)> {
-    let start = Instant::now();
-    let mut planning = Planning::new(Arc::clone(problem));
-    let mut taken = Vec::new();
-    while let (Some(turn), Some(decision)) = (planning.turn(), planning.decide()) {
-        if planning.apply(turn.claimant, &decision).is_err() {
+pub(crate) fn measure(problem: &Arc<PlanningProblem>, timings: u32) -> (PlanCounts, PlanTimes) {
+    let begin = Instant::now();
+    let mut quickest = timed(problem);
+    // The first try warms up; it counts if the time for more has passed.
+    for _ in 0..timings {
+        if begin.elapsed() > BUDGET {
             break;
         }
-        taken.push((start.elapsed(), decision));
+        let again = timed(problem);
+        if again.elapsed < quickest.elapsed {
+            quickest = again;
+        }
     }
-    taken
+    let fillable_spots = problem.modules().len().min(problem.target().spots().len());
+    let times = PlanTimes {
+        planning_us: rounded(quickest.elapsed.as_secs_f64() * 1e6),
+        fillable_spots,
+        selected: quickest.selected(),
+    };
+    (counts(problem, quickest), times)
+}
+
+fn counts(problem: &Arc<PlanningProblem>, timed: Timed) -> PlanCounts {
+    let outcome = timed.planning.outcome(timed.decisions);
+    let statistics = Statistics::of(problem, &outcome);
+    let changes = &statistics.changes;
+    let of_detached = match problem.parameters().policy {
+        Policy::Paper => changes.detached_modules,
+        _ => 0,
+    };
+    PlanCounts {
+        modules: problem.modules().len(),
+        spots: problem.target().spots().len(),
+        filled_spots: outcome.plan.assignments.len(),
+        utility: rounded(statistics.total_utility),
+        distance: rounded(statistics.total_distance),
+        links: LinkCounts {
+            initial: changes.kept_links + changes.broken_links,
+            broken: changes.broken_links,
+            port_changes: changes.port_changes,
+        },
+        disconnected: DisconnectedCounts {
+            unmatched_on_empty_target: changes.disconnected.unmatched_on_empty_target,
+            outside_largest_piece: changes.disconnected.outside_largest_piece,
+            alone: changes.disconnected.alone,
+        },
+        messages: MessageCounts {
+            evictions: changes.evictions,
+            broadcasts: statistics.messages.samples + of_detached,
+            claims: outcome.decisions.len(),
+            pairs_delivered: statistics.messages.pairs,
+        },
+    }
+}
+
+/// All turns of a plan, and when each of them ended.
+struct Timed {
+    planning: Planning,
+    decisions: Vec<(Turn, Decision)>,
+    ends: Vec<Duration>,
+    elapsed: Duration,
+}
+
+fn timed(problem: &Arc<PlanningProblem>) -> Timed {
+    let start = Instant::now();
+    let mut ends = Vec::new();
+    let mut planning = Planning::new(Arc::clone(problem));
+    let decisions = planning.take_all_turns_with(|_, _| ends.push(start.elapsed()));
+    Timed {
+        elapsed: start.elapsed(),
+        planning,
+        decisions,
+        ends,
+    }
+}
+
+impl Timed {
+    /// The number of selected spots after each twentieth of the time until the last turn ended.
+    fn selected(&self) -> Vec<usize> {
+        let mut table = SpotTable::default();
+        let after: Vec<usize> = self
+            .decisions
+            .iter()
+            .map(|(_, decision)| {
+                table.apply(decision);
+                table.spot_of.len()
+            })
+            .collect();
+        let last = self.ends.last().copied().unwrap_or_default();
+        let at = |point: u32| {
+            let passed = last * point / (POINTS - 1);
+            let taken = self.ends.partition_point(|&end| end <= passed);
+            after[..taken].last().copied().unwrap_or_default()
+        };
+        (0..POINTS).map(at).collect()
+    }
 }

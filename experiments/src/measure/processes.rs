@@ -2,8 +2,8 @@
 
 use std::fs;
 use std::io;
-use std::path::Path;
-use std::process::{Command, Stdio};
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output, Stdio};
 
 use formation_model::RawScenario;
 use serde::{Deserialize, Serialize};
@@ -38,13 +38,11 @@ pub(crate) fn measure(
     scenario: &RawScenario,
     modules_per_process: usize,
 ) -> Result<ProcessMeasurement, CellError> {
-    let io = |what: &'static str| move |source| CellError::Io { what, source };
-    let directory = tempfile::tempdir().map_err(io("cannot make a temporary directory"))?;
-    let path = directory.path().join("scenario.yaml");
-    // JSON is YAML.
-    let text = serde_json::to_string(scenario).map_err(io::Error::from);
-    text.and_then(|text| fs::write(&path, text))
-        .map_err(io("cannot write a scenario file"))?;
+    let directory = tempfile::tempdir().map_err(|source| CellError::Io {
+        what: "cannot make a temporary directory",
+        source,
+    })?;
+    let path = write_scenario(directory.path(), scenario)?;
     let output = Command::new(launcher)
         .arg("run")
         .arg(&path)
@@ -53,32 +51,54 @@ pub(crate) fn measure(
         .args(["--modules-per-process", &modules_per_process.to_string()])
         .stdin(Stdio::null())
         .output()
-        .map_err(io("cannot start `formation run`"))?;
+        .map_err(|source| CellError::Io {
+            what: "cannot start `formation run`",
+            source,
+        })?;
     if !output.status.success() {
-        let errors = String::from_utf8_lossy(&output.stderr);
-        let last = errors.lines().last().unwrap_or("no output");
-        return Err(CellError::Planning(format!(
-            "`formation run` ended with {}: {last}",
-            output.status
-        )));
+        return Err(CellError::Planning(reason_of(&output)));
     }
-    let unusable = |reason: String| {
-        CellError::Planning(format!(
-            "the report of `formation run` cannot be used: {reason}"
-        ))
-    };
     let report: Report =
-        serde_json::from_slice(&output.stdout).map_err(|error| unusable(error.to_string()))?;
+        serde_json::from_slice(&output.stdout).map_err(|error| unusable(&error.to_string()))?;
     if report.verdict != "AGREED" {
         let verdict = report.verdict;
-        return Err(unusable(format!(
+        return Err(unusable(&format!(
             "the verdict is {verdict} instead of AGREED"
         )));
     }
-    let missing = |name: &str| unusable(format!("{name} is missing"));
+    let missing = |name: &str| unusable(&format!("{name} is missing"));
     Ok(ProcessMeasurement {
         planning_ms: report.planning_ms.ok_or_else(|| missing("planning_ms"))?,
         discovery_ms: report.discovery_ms.ok_or_else(|| missing("discovery_ms"))?,
         core_us: report.planning_us,
     })
+}
+
+/// Writes a scenario for the launcher, and returns the path of the file.
+pub(super) fn write_scenario(
+    directory: &Path,
+    scenario: &RawScenario,
+) -> Result<PathBuf, CellError> {
+    let path = directory.join("scenario.yaml");
+    // JSON is YAML.
+    let text = serde_json::to_string(scenario).map_err(io::Error::from);
+    text.and_then(|text| fs::write(&path, text))
+        .map_err(|source| CellError::Io {
+            what: "cannot write a scenario file",
+            source,
+        })?;
+    Ok(path)
+}
+
+/// How the launcher ended, with its last words.
+pub(super) fn reason_of(output: &Output) -> String {
+    let errors = String::from_utf8_lossy(&output.stderr);
+    let last = errors.lines().last().unwrap_or("no output");
+    format!("`formation run` ended with {}: {last}", output.status)
+}
+
+pub(super) fn unusable(reason: &str) -> CellError {
+    CellError::Planning(format!(
+        "the report of `formation run` cannot be used: {reason}"
+    ))
 }

@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{Decision, Message, ModuleId, PlanningProblem, RosterMessage};
+use formation_model::{Decision, Message, ModuleId, Plan, PlanningProblem, RosterMessage};
 use formation_planner as planner;
 use formation_protocol::{AgentParameters, Event};
 use formation_sim::{Cluster, ClusterParameters, Observation};
 
 use super::spot_table::SpotTable;
-use super::talk::{Moment, Talk};
+use super::talk::{Moment, Talk, correlation, course};
 use crate::error::CellError;
 
 /// Planning that takes longer than this in the simulator has failed.
@@ -46,10 +46,18 @@ pub(crate) fn measure(problem: &Arc<PlanningProblem>, seed: u64) -> Result<Talk,
             )));
         }
     }
+    // The acting order is not compared: agents whose modules move along paths give up an order that walls a spot in.
+    let chosen = |plan: &Plan| {
+        (
+            plan.assignments.clone(),
+            plan.blocks.clone(),
+            plan.kept_links.clone(),
+        )
+    };
     let offline = planner::plan(Arc::clone(problem)).plan;
     let agrees = |module: ModuleId| {
-        let agent = cluster.agent(module);
-        agent.and_then(|agent| agent.plan()) == Some(&offline)
+        let plan = cluster.agent(module).and_then(|agent| agent.plan());
+        plan.map(chosen) == Some(chosen(&offline))
     };
     let reason = if recorder.rosters.len() > 1 {
         "a second epoch was opened while planning"
@@ -110,26 +118,28 @@ impl Recorder {
         let last = self.table();
         let mut table = SpotTable::default();
         let mut moment = Moment::default();
-        let course = self.claims.values().map(|(time, decision)| {
+        let moments = self.claims.values().map(|(time, decision)| {
             table.apply(decision);
             moment = Moment {
                 // A claim counts once those of all earlier turns are there.
                 at: moment.at.max(micros(*time)),
-                samples: moment.samples + 1 + decision.evictions.len(),
                 pairs: moment.pairs + decision.selections.len(),
                 selected: table.spot_of.len(),
                 settled: table.in_common_with(&last),
             };
             moment
         });
+        let moments: Vec<Moment> = moments.collect();
+        let duration = micros(self.ended_at);
         let (modules, spots) = (problem.modules().len(), problem.target().spots().len());
         Talk {
             modules,
             fillable_spots: modules.min(spots),
-            duration: micros(self.ended_at),
+            duration,
             samples: self.claims.len() + self.notices,
-            bids: 0,
-            course: course.collect(),
+            steps: moments.len(),
+            correlation: correlation(&moments),
+            course: course(&moments, duration),
         }
     }
 }

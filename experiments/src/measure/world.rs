@@ -1,0 +1,87 @@
+//! A formation of real processes in the physical world, by `formation run --world --json`.
+
+use std::path::Path;
+use std::process::{Command, Stdio};
+
+use formation_model::RawScenario;
+use serde::{Deserialize, Serialize};
+use tempfile::TempDir;
+
+use super::processes::{reason_of, unusable, write_scenario};
+use crate::cell::World;
+use crate::error::CellError;
+
+/// The launcher ends a run after this many seconds.
+const TIMEOUT_S: u32 = 60;
+
+/// One formation in the physical world.
+#[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct WorldMeasurement {
+    /// Whether the verdict was COMPLETE.
+    pub complete: bool,
+    /// The number of spots.
+    pub spots: usize,
+    /// The number of spots without a module at the end.
+    pub open_spots: usize,
+    /// From the first motion to the end, in milliseconds; none without motion.
+    pub acting_ms: Option<u64>,
+    /// Contacts of modules that were not docked.
+    pub contacts: u64,
+    /// Those of them that were more than a touch.
+    pub contacts_above_touch: u64,
+}
+
+#[derive(Deserialize)]
+struct Report {
+    verdict: String,
+    acting_ms: Option<u64>,
+    assignments: Vec<serde_json::Value>,
+    open_spots: Vec<serde_json::Value>,
+    world: Contacts,
+}
+
+#[derive(Deserialize)]
+struct Contacts {
+    contacts: u64,
+    contacts_above_touch: u64,
+}
+
+/// Forms a scenario in the physical world. A run that ends FAILED is a result too.
+pub(crate) fn measure(
+    launcher: &Path,
+    scenario: &RawScenario,
+    modules_per_process: usize,
+    world: World,
+) -> Result<WorldMeasurement, CellError> {
+    let directory = TempDir::new().map_err(|source| CellError::Io {
+        what: "cannot make a temporary directory",
+        source,
+    })?;
+    let path = write_scenario(directory.path(), scenario)?;
+    let output = Command::new(launcher)
+        .arg("run")
+        .arg(&path)
+        .args(["--json", "--world"])
+        .args(["--slip", &world.slip().to_string()])
+        .args(["--noise", &world.noise().to_string()])
+        .arg(format!("--world-option=--seed={}", world.seed))
+        .args(["--modules-per-process", &modules_per_process.to_string()])
+        .args(["--timeout", &TIMEOUT_S.to_string()])
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|source| CellError::Io {
+            what: "cannot start `formation run`",
+            source,
+        })?;
+    let report: Report = serde_json::from_slice(&output.stdout)
+        .map_err(|error| unusable(&format!("{error}; {}", reason_of(&output))))?;
+    Ok(WorldMeasurement {
+        complete: report.verdict == "COMPLETE",
+        spots: report.assignments.len() + report.open_spots.len(),
+        open_spots: report.open_spots.len(),
+        acting_ms: report.acting_ms,
+        contacts: report.world.contacts,
+        contacts_above_touch: report.world.contacts_above_touch,
+    })
+}
