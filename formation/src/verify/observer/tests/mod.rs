@@ -13,11 +13,11 @@ use std::time::Duration;
 use super::*;
 use crate::generate::random::Random;
 use crate::model::{
-    CausalMark, Decision, Digest, DriveState, Epoch, EvictionRecord, FormationStage, Heartbeat,
-    Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    PlannerParameters, PlanningModule, Pose, RawSpot, RawTarget, Roster, RosterMember,
+    BodyReport, CausalMark, Decision, Digest, DriveState, Epoch, EvictionRecord, FormationStage,
+    Heartbeat, Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    PlannerParameters, PlanningModule, Polyline, Pose, RawSpot, RawTarget, Roster, RosterMember,
     RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, Target,
-    TargetAnnouncement,
+    TargetAnnouncement, Whereabouts,
 };
 use crate::verify::{Missing, Violation};
 

@@ -393,6 +393,44 @@ fn of_two_modules_on_one_spot() {
     });
 }
 
+/// Module 9 died, and was last seen where module 3 has settled. Where the roster says that it was on its way, it may stand elsewhere.
+#[test]
+fn of_a_dead_module_on_a_spot_are_none_if_it_was_on_its_way() {
+    let place = pose(10, 1);
+    let mut other = state(9, 1, ModulePhase::Moving);
+    other.epoch = Some(Epoch { number: 0, ..EPOCH });
+    other.pose = place;
+    let way = Polyline::line(place, pose(20, 1));
+    let outcome = |whereabouts| {
+        let mut sequence = good_sequence();
+        sequence.further = vec![Message::ModuleState(Arc::new(other.clone()))];
+        let mut roster = sequence.roster();
+        roster.bodies.push(BodyReport {
+            module: other.module,
+            incarnation: other.incarnation,
+            epoch: other.epoch,
+            sequence: other.sequence,
+            whereabouts,
+        });
+        let listed = Message::Roster(RosterMessage::Plan(Arc::new(roster.into())));
+        let mut messages = sequence.messages();
+        messages.retain(|message| !matches!(message, Message::Roster(_)));
+        messages.push(listed);
+        let mut observer = observe(&messages, patient());
+        observer.verdict(Duration::from_secs(1));
+        let due = observer.poll_timeout().unwrap_or_default();
+        observer.verdict(due).unwrap().violations.clone()
+    };
+    let stands = Violation::TwoBodies {
+        spot: SpotId(1),
+        first: ModuleId(3),
+        second: ModuleId(9),
+    };
+    assert!(outcome(Whereabouts::Seen(place)).contains(&stands));
+    let on_its_way = outcome(Whereabouts::OnTheWay(way));
+    assert!(!on_its_way.contains(&stands), "{on_its_way:?}");
+}
+
 #[test]
 fn of_an_end_state_that_heals_in_time_are_forgotten() {
     let mut sequence = good_sequence();
