@@ -393,25 +393,25 @@ fn of_two_modules_on_one_spot() {
     });
 }
 
-/// Module 9 died, and was last seen where module 3 has settled. Where the roster says that it was on its way, it may stand elsewhere.
+/// Module 9 died, and its last state that arrived shows it where module 3 has settled. By the roster it was on its way elsewhere.
 #[test]
 fn of_a_dead_module_on_a_spot_are_none_if_it_was_on_its_way() {
     let place = pose(10, 1);
     let mut other = state(9, 1, ModulePhase::Moving);
     other.epoch = Some(Epoch { number: 0, ..EPOCH });
     other.pose = place;
-    let way = Polyline::line(place, pose(20, 1));
-    let outcome = |whereabouts| {
+    let way = Polyline::line(pose(20, 1), pose(30, 1));
+    let violations = |whereabouts: Option<Whereabouts>| {
         let mut sequence = good_sequence();
         sequence.further = vec![Message::ModuleState(Arc::new(other.clone()))];
         let mut roster = sequence.roster();
-        roster.bodies.push(BodyReport {
+        roster.bodies = Vec::from_iter(whereabouts.map(|whereabouts| BodyReport {
             module: other.module,
             incarnation: other.incarnation,
             epoch: other.epoch,
             sequence: other.sequence,
             whereabouts,
-        });
+        }));
         let listed = Message::Roster(RosterMessage::Plan(Arc::new(roster.into())));
         let mut messages = sequence.messages();
         messages.retain(|message| !matches!(message, Message::Roster(_)));
@@ -426,9 +426,41 @@ fn of_a_dead_module_on_a_spot_are_none_if_it_was_on_its_way() {
         first: ModuleId(3),
         second: ModuleId(9),
     };
-    assert!(outcome(Whereabouts::Seen(place)).contains(&stands));
-    let on_its_way = outcome(Whereabouts::OnTheWay(way));
-    assert!(!on_its_way.contains(&stands), "{on_its_way:?}");
+    assert_eq!(violations(None), [stands]);
+    assert_eq!(violations(Some(Whereabouts::OnTheWay(way))), []);
+}
+
+/// The removal of a body took effect in an earlier roster. All who know of it have restarted since, and the roster does not list it.
+#[test]
+fn of_a_dead_module_on_a_spot_are_none_if_an_earlier_roster_listed_its_removal() {
+    let earlier = Epoch { number: 0, ..EPOCH };
+    let mut other = state(9, 1, ModulePhase::Settled);
+    other.epoch = Some(earlier);
+    other.pose = pose(10, 1);
+    let violations = |whereabouts: Whereabouts| {
+        let mut sequence = good_sequence();
+        let mut roster = sequence.roster();
+        roster.epoch = earlier;
+        roster.bodies.push(BodyReport {
+            module: other.module,
+            incarnation: other.incarnation,
+            epoch: Some(earlier),
+            sequence: 0,
+            whereabouts,
+        });
+        sequence.further = vec![
+            Message::ModuleState(Arc::new(other.clone())),
+            Message::Roster(RosterMessage::Plan(Arc::new(roster.into()))),
+        ];
+        sequence.verdict().violations
+    };
+    assert_eq!(violations(Whereabouts::Removed), []);
+    let stands = Violation::TwoBodies {
+        spot: SpotId(1),
+        first: ModuleId(3),
+        second: ModuleId(9),
+    };
+    assert_eq!(violations(Whereabouts::Seen(other.pose)), [stands]);
 }
 
 #[test]
