@@ -393,6 +393,31 @@ fn of_two_modules_on_one_spot() {
     });
 }
 
+/// The clock of module 5 was set back between two runs. The former one, of a higher number, stood where module 3 has settled.
+#[test]
+fn of_a_module_on_a_spot_that_only_a_former_run_of_a_higher_number_stood_on_are_none() {
+    let mut former = state(5, 1, ModulePhase::Settled);
+    former.incarnation.0 += 1;
+    former.epoch = None;
+    former.phase = ModulePhase::Listening;
+    former.pose = pose(10, 1);
+    let mut ended = heartbeat(5, 1, 1);
+    ended.incarnation.0 += 1;
+    ended.epoch = None;
+    ended.digest = None;
+    let mut messages = vec![
+        Message::Heartbeat(ended),
+        Message::ModuleState(Arc::new(former)),
+    ];
+    messages.extend(good_sequence().messages());
+    let mut observer = observe(&messages, patient());
+    let verdict = observer.review(Duration::from_secs(1)).unwrap();
+    assert_eq!(
+        (verdict.outcome, &verdict.violations),
+        (Outcome::Complete, &Vec::new())
+    );
+}
+
 /// Module 9 died, and its last state that arrived shows it where module 3 has settled. By the roster it was on its way elsewhere.
 #[test]
 fn of_a_dead_module_on_a_spot_are_none_if_it_was_on_its_way() {
