@@ -11,7 +11,7 @@ use crate::measure::matching::{self, MatchingCounts, MatchingTimes};
 use crate::measure::plan::{self, PlanCounts, PlanTimes};
 use crate::measure::processes::{self, ProcessMeasurement};
 use crate::measure::talk::Talk;
-use crate::measure::world::{self, WorldMeasurement};
+use crate::measure::world::{self, World, WorldMeasurement};
 use crate::measure::{auction, protocol};
 use crate::settings::Settings;
 
@@ -56,27 +56,6 @@ pub(crate) enum Kind {
     Processes,
     /// A formation of real processes in the physical world.
     World,
-}
-
-/// A physical world.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
-#[serde(deny_unknown_fields)]
-pub(crate) struct World {
-    /// How much of its velocity a robot loses at most.
-    pub slip_percent: u32,
-    /// The noise of poses, in thousandths of a unit and of a radian.
-    pub noise_thousandths: u32,
-    pub seed: u64,
-}
-
-impl World {
-    pub(crate) fn slip(self) -> f64 {
-        f64::from(self.slip_percent) / 100.0
-    }
-
-    pub(crate) fn noise(self) -> f64 {
-        f64::from(self.noise_thousandths) / 1000.0
-    }
 }
 
 /// The result of a cell that is the same on every machine.

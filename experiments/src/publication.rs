@@ -66,7 +66,7 @@ impl Publication {
             publication.blocks.extend(blocks);
         }
         publication.add_file("paper", paper::CSV.to_owned());
-        let summary = summary::write(&publication, &sections);
+        let summary = summary::write(&publication.blocks, &sections);
         publication.files.insert("summary.md".to_owned(), summary);
         publication
     }

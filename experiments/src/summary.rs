@@ -1,9 +1,9 @@
 //! `summary.md`: all tables of the finished figures below their plots.
 
+use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use crate::figures::Figure;
-use crate::publication::Publication;
 
 /// The tables of the page that a comparison of all figures makes, in their order.
 pub(crate) const COMPARED: [&str; 6] = [
@@ -16,13 +16,13 @@ pub(crate) const COMPARED: [&str; 6] = [
 ];
 
 /// The summary of the finished figures.
-pub(crate) fn write(publication: &Publication, figures: &[(&Figure, Vec<&'static str>)]) -> String {
+pub(crate) fn write(
+    tables: &BTreeMap<String, String>,
+    figures: &[(&Figure, Vec<&'static str>)],
+) -> String {
     let mut summary = "# The paper's evaluation, repeated\n".to_owned();
     let mut section = |title: &str, plot: Option<&str>, names: &[&str]| {
-        let blocks: Vec<&String> = names
-            .iter()
-            .filter_map(|&name| publication.blocks.get(name))
-            .collect();
+        let blocks: Vec<&String> = names.iter().filter_map(|&name| tables.get(name)).collect();
         if blocks.is_empty() {
             return;
         }

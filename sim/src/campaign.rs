@@ -330,10 +330,6 @@ impl MonitoredRun<'_> {
         self.run_to(self.cluster.now() + LINGER);
         let has_formed = self.monitor.ending(&self.cluster) == Ending::Formed
             && self.cluster.parts().iter().skip(1).all(BTreeSet::is_empty);
-        // Where runs begin again one after another, the verifier is known to report FAILED falsely at times (docs/fault_model.md).
-        if matches!(self.parameters.faults, FaultKind::Churn | FaultKind::Clocks) {
-            return;
-        }
         let seen = std::mem::take(&mut self.monitor.violations);
         let found = self.verifier.conclude(&self.cluster, has_formed, &seen);
         self.monitor.violations = seen;

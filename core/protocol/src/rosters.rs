@@ -185,11 +185,13 @@ impl Agent {
         }
         self.check_target(&roster)?;
         let memory = self.judge_quorum(&roster)?;
-        // Members answer for what they learn. To a module that stands aside a stranger may show any roster of its own.
+        // Members answer for what they learn. To a module that stands aside a stranger may show any roster of its own. What the
+        // majorities of a roster are does not depend on the bodies in it: a member that refuses these counts as the others do when
+        // it opens the next epoch.
         if mine.is_some() {
+            self.context.memory = memory;
             self.context.check_removals(&roster)?;
             self.context.check_bodies(&roster)?;
-            self.context.memory = memory;
         }
         if self.context.target.revision() < Some(roster.target.revision) {
             self.context.target.set(Arc::new(roster.target.clone()));

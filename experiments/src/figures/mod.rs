@@ -13,13 +13,14 @@ mod world;
 
 use std::iter;
 
-use crate::cell::{Cell, Counts, Kind, Times, World};
+use crate::cell::{Cell, Counts, Kind, Times};
 use crate::contender::Contender;
 use crate::instance::{Docked, Draw, Instance};
 use crate::measure::matching::{MatchingCounts, MatchingTimes};
 use crate::measure::plan::{PlanCounts, PlanTimes};
 use crate::measure::processes::ProcessMeasurement;
 use crate::measure::talk::Talk;
+use crate::measure::world::World;
 use crate::measure::world::WorldMeasurement;
 use crate::sample::{Sample, Spread, exact};
 use crate::settings::Settings;

@@ -1,9 +1,9 @@
 //! Formations of real processes in the physical world, at several values of slip and noise.
 
 use super::{Column, Data, Figure, Group, Kind, Row, Value, apart, averages, texts};
-use crate::cell::World;
 use crate::contender::Contender;
 use crate::instance::Instance;
+use crate::measure::world::World;
 use crate::sample::short;
 use crate::settings::Settings;
 use crate::table::Table;

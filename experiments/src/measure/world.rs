@@ -8,8 +8,28 @@ use serde::{Deserialize, Serialize};
 use tempfile::TempDir;
 
 use super::processes::{reason_of, unusable, write_scenario};
-use crate::cell::World;
 use crate::error::CellError;
+
+/// A physical world.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub(crate) struct World {
+    /// How much of its velocity a robot loses at most.
+    pub slip_percent: u32,
+    /// The noise of poses, in thousandths of a unit and of a radian.
+    pub noise_thousandths: u32,
+    pub seed: u64,
+}
+
+impl World {
+    pub(crate) fn slip(self) -> f64 {
+        f64::from(self.slip_percent) / 100.0
+    }
+
+    pub(crate) fn noise(self) -> f64 {
+        f64::from(self.noise_thousandths) / 1000.0
+    }
+}
 
 /// The launcher ends a run after this many seconds.
 const TIMEOUT_S: u32 = 60;

@@ -19,6 +19,7 @@ const ON_SPOT: MicroUnits = MicroUnits(MICRO_PER_UNIT / 2);
 
 /// The current states of an epoch's members.
 pub(super) struct EndState<'a> {
+    received: &'a Received,
     modules: &'a BTreeMap<ModuleId, ModuleRecord>,
     /// Where modules of other sessions were last seen.
     other_sessions: &'a BTreeMap<ModuleId, (Incarnation, Pose)>,
@@ -56,6 +57,7 @@ impl<'a> EndState<'a> {
         });
         let (disagreeing, turns) = disagreement(planned);
         Self {
+            received,
             modules,
             other_sessions,
             planned,
@@ -232,24 +234,32 @@ impl<'a> EndState<'a> {
         }
     }
 
-    /// Whether the roster says that the body of this run was removed, or does not list it right where its latest state shows it: then
-    /// it was on its way, or states of it did not arrive.
+    /// Whether the body of this run was removed, or the roster does not list it right where its latest state shows it: then it was on
+    /// its way, or states of it did not arrive.
+    /// Enforces V4.
     fn is_elsewhere(&self, module: ModuleId, incarnation: Incarnation, pose: &Pose) -> bool {
         let mut bodies = self.planned.roster.roster.bodies.iter();
         bodies.any(|body| {
             body.module == module
                 && body.incarnation >= incarnation
                 && *body.whereabouts.poses() != [*pose]
-        })
+        }) || self.is_removed(module, incarnation)
     }
 
-    /// Whether the roster says that the body of this run was removed.
+    /// Whether the roster says that the body of this run was removed, or does not list it and an earlier one says so: members that
+    /// restarted without a store never knew the body. Whether all agreed on the earlier one may not have arrived.
     fn is_removed(&self, module: ModuleId, incarnation: Incarnation) -> bool {
-        let mut bodies = self.planned.roster.roster.bodies.iter();
-        bodies.any(|body| {
-            body.module == module
-                && body.incarnation >= incarnation
-                && body.whereabouts == Whereabouts::Removed
+        let removes = |planned: PlannedEpoch<'_>| {
+            let mut bodies = planned.roster.roster.bodies.iter();
+            let listed = bodies.find(|body| body.module == module);
+            listed.map(|body| {
+                body.incarnation >= incarnation && body.whereabouts == Whereabouts::Removed
+            })
+        };
+        removes(self.planned).unwrap_or_else(|| {
+            let earlier = self.received.with_roster();
+            let mut earlier = earlier.filter_map(|(epoch, record)| record.planned(epoch));
+            earlier.any(|planned| removes(planned) == Some(true))
         })
     }
 

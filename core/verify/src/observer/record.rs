@@ -123,11 +123,11 @@ impl ModuleRecord {
 
     /// The newest run that published a state, where it was last seen, and when its latest heartbeat was received.
     pub(super) fn body(&self) -> Option<(Incarnation, Pose, Option<Duration>)> {
-        let mut runs = self.runs.iter().rev();
-        runs.find_map(|(&incarnation, run)| {
+        let shown = self.runs.iter().filter_map(|(&incarnation, run)| {
             let last = run.last_heartbeat.map(|(_, received)| received);
             Some((incarnation, run.latest.as_ref()?.pose, last))
-        })
+        });
+        shown.max_by(|(one, ..), (other, ..)| self.compare_runs(*one, *other))
     }
 
     /// The latest state of a member's run, unless a later run has replaced it.

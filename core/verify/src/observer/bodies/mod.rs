@@ -5,6 +5,10 @@
 //! Between two states that follow each other it moves straight on, so its body is known at every moment. Only plans along
 //! paths are judged: a plan in straight lines promises no more than its order.
 //!
+//! The later of two runs is that of the higher number. If states of the other one come after it, either they are late, or the
+//! clock was set back between the two: then it is not known where the module stands, and since when by which clock. So it is
+//! not judged until the run of the higher number publishes again.
+//!
 //! Modules that are docked to each other, directly or through others, are one body: instead of overlap it is judged whether
 //! they keep their places to each other from step to step, unless they fold, and whether each begins a step only when the
 //! others have done the one before.
@@ -89,12 +93,15 @@ impl Bodies {
         self.width = target.surroundings().body_width();
     }
 
-    /// Handles a state. The transport delivers those of one module in their order; what is missing between two is not judged.
+    /// Handles a state. The transport delivers those of one run in their order; what is missing between two is not judged.
     pub(super) fn handle(&mut self, state: &ModuleState) {
         let module = state.module;
         let known = self.tracks.get_mut(&module);
         if let Some(track) = known.filter(|track| track.incarnation >= state.incarnation) {
-            if let Some(added) = track.advance(state) {
+            if track.incarnation > state.incarnation {
+                track.is_doubtful = true;
+                self.suspicions.retain(|one| one.standing != module);
+            } else if let Some(added) = track.advance(state) {
                 self.judge(module, added);
             }
         } else if self.tracks.len() < MODULES_MAX || self.tracks.contains_key(&module) {

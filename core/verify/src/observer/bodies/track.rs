@@ -76,6 +76,8 @@ pub(super) struct Track {
     pub(super) ends: VecDeque<StepEnd>,
     /// How many states were published that did not arrive.
     pub(super) missed: u64,
+    /// Whether a run of a lower number has published since, so that the module may stand elsewhere.
+    pub(super) is_doubtful: bool,
 }
 
 /// What a state adds to a track.
@@ -95,16 +97,15 @@ impl Track {
             segments: VecDeque::new(),
             ends: VecDeque::new(),
             missed: 0,
+            is_doubtful: false,
         };
         track.note_step(None);
         track
     }
 
-    /// Takes in the next state; `None` if it is of an earlier run, or not newer than the latest.
+    /// Takes in the next state of the run; `None` if it is not newer than the latest.
     pub(super) fn advance(&mut self, state: &ModuleState) -> Option<Added> {
-        if state.incarnation < self.incarnation {
-            return None;
-        }
+        debug_assert_eq!(state.incarnation, self.incarnation);
         let skipped = state
             .sequence
             .checked_sub(self.last.sequence.saturating_add(1))?;
@@ -113,6 +114,7 @@ impl Track {
         self.missed = self.missed.saturating_add(skipped);
         // Where states are missing, the module may have been anywhere; a clock that was set back says nothing, either.
         let follows = skipped == 0 && before.at <= self.last.at;
+        self.is_doubtful = false;
         let step = self.note_step(follows.then_some(&before));
         let segment = follows.then_some(Segment {
             module: state.module,
@@ -194,15 +196,16 @@ impl Track {
                 known = known.max(leg.end);
             }
         }
-        known >= end || self.last.at <= known
+        known >= end || self.last.at <= known && !self.is_doubtful
     }
 
-    /// Where the module has stood since its last state, up to a time; `None` if it moves.
+    /// Where the module has stood since its last state, up to a time; `None` if it moves, or may have stood elsewhere.
     pub(super) fn rest(&self, module: ModuleId, until: Duration) -> Option<Segment> {
         let Sample {
             at, placed, drive, ..
         } = self.last;
-        (drive == DriveState::Standing && at < until).then_some(Segment {
+        let stands = drive == DriveState::Standing && !self.is_doubtful;
+        (stands && at < until).then_some(Segment {
             module,
             leg: Leg {
                 begin: at,

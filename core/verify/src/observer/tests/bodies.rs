@@ -164,6 +164,49 @@ fn one_that_follows_too_closely_is_found_although_the_bodies_do_not_touch() {
     on_paths(&[&first[..], &in_time].concat()).assert_broken(&[]);
 }
 
+/// A clock was set back between two runs of module 2, which has left the way of module 1. Its later run has the lower number, and it is not
+/// known where it stands by now: it is not judged until a run with a higher number publishes.
+#[test]
+fn a_module_whose_later_run_has_a_lower_number_is_not_run_into_where_the_former_run_stood() {
+    let former = ModuleRun {
+        module: ModuleId(2),
+        incarnation: Incarnation(INCARNATION.0 + 1),
+    };
+    let of_former = |sequence| {
+        Message::ModuleState(Arc::new(ModuleState {
+            sequence,
+            at: SenderTime(Duration::from_millis(100)),
+            drive: Standing,
+            steps_done: Some(0),
+            pose: pose(2, 1),
+            ..ModuleState::standing(former, pose(2, 1))
+        }))
+    };
+    let passing = [
+        (1, 1_000, 0, 10, Moving, 0),
+        (1, 2_000, 40, 10, Standing, 4),
+    ];
+    let broken = |later: &[Moment], further: &[Message]| {
+        let mut messages = on_paths(&[]).messages();
+        messages.push(of_former(1));
+        let states = on_paths(&[later, &passing].concat()).states;
+        messages.extend(
+            states
+                .into_iter()
+                .map(|one| Message::ModuleState(Arc::new(one))),
+        );
+        messages.extend_from_slice(further);
+        let mut observer = observe(&messages, patient());
+        let due = observer.poll_timeout().unwrap();
+        observer.verdict(due).unwrap().violations.clone()
+    };
+    assert!(!broken(&[], &[]).is_empty(), "it stands in the way");
+    let elsewhere = [(2, 50, 90, 90, Standing, 0)];
+    assert_eq!(broken(&elsewhere, &[]), []);
+    // A late state of an earlier run, and the later one goes on.
+    assert!(!broken(&elsewhere, &[of_former(2)]).is_empty());
+}
+
 /// Module 3 turns about module 2 in a block with module 1 between them, over places that module 2 leaves meanwhile. Without a state of
 /// module 1, the two might be parted or not.
 #[test]

@@ -14,11 +14,11 @@ use super::*;
 use crate::{Missing, Violation};
 use formation_generate::Random;
 use formation_model::{
-    CausalMark, Decision, Digest, DriveState, Epoch, EvictionRecord, FormationStage, Heartbeat,
-    Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
-    PlannerParameters, PlanningModule, Pose, RawSpot, RawTarget, Roster, RosterMember,
+    BodyReport, CausalMark, Decision, Digest, DriveState, Epoch, EvictionRecord, FormationStage,
+    Heartbeat, Incarnation, Message, MicroUnits, ModuleId, ModulePhase, ModuleRun, ModuleState,
+    PlannerParameters, PlanningModule, Polyline, Pose, RawSpot, RawTarget, Roster, RosterMember,
     RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, Target,
-    TargetAnnouncement,
+    TargetAnnouncement, Whereabouts,
 };
 
 const EPOCH: Epoch = Epoch {

@@ -396,6 +396,104 @@ fn of_two_modules_on_one_spot() {
     });
 }
 
+/// The clock of module 5 was set back between two runs. The former one, of a higher number, stood where module 3 has settled.
+/// Shows V4.
+#[test]
+fn of_a_module_on_a_spot_that_only_a_former_run_of_a_higher_number_stood_on_are_none() {
+    let mut former = state(5, 1, ModulePhase::Settled);
+    former.incarnation.0 += 1;
+    former.epoch = None;
+    former.phase = ModulePhase::Listening;
+    former.pose = pose(10, 1);
+    let mut ended = heartbeat(5, 1, 1);
+    ended.incarnation.0 += 1;
+    ended.epoch = None;
+    ended.digest = None;
+    let mut messages = vec![
+        Message::Heartbeat(ended),
+        Message::ModuleState(Arc::new(former)),
+    ];
+    messages.extend(good_sequence().messages());
+    let mut observer = observe(&messages, patient());
+    let verdict = observer.review(Duration::from_secs(1)).unwrap();
+    assert_eq!(
+        (verdict.outcome, &verdict.violations),
+        (Outcome::Complete, &Vec::new())
+    );
+}
+
+/// Module 9 died, and its last state that arrived shows it where module 3 has settled. By the roster it was on its way elsewhere.
+/// Shows V4.
+#[test]
+fn of_a_dead_module_on_a_spot_are_none_if_it_was_on_its_way() {
+    let place = pose(10, 1);
+    let mut other = state(9, 1, ModulePhase::Moving);
+    other.epoch = Some(Epoch { number: 0, ..EPOCH });
+    other.pose = place;
+    let way = Polyline::line(pose(20, 1), pose(30, 1));
+    let violations = |whereabouts: Option<Whereabouts>| {
+        let mut sequence = good_sequence();
+        sequence.further = vec![Message::ModuleState(Arc::new(other.clone()))];
+        let mut roster = sequence.roster();
+        roster.bodies = Vec::from_iter(whereabouts.map(|whereabouts| BodyReport {
+            module: other.module,
+            incarnation: other.incarnation,
+            epoch: other.epoch,
+            sequence: other.sequence,
+            whereabouts,
+        }));
+        let listed = Message::Roster(RosterMessage::Plan(Arc::new(roster.into())));
+        let mut messages = sequence.messages();
+        messages.retain(|message| !matches!(message, Message::Roster(_)));
+        messages.push(listed);
+        let mut observer = observe(&messages, patient());
+        observer.verdict(Duration::from_secs(1));
+        let due = observer.poll_timeout().unwrap_or_default();
+        observer.verdict(due).unwrap().violations.clone()
+    };
+    let stands = Violation::TwoBodies {
+        spot: SpotId(1),
+        first: ModuleId(3),
+        second: ModuleId(9),
+    };
+    assert_eq!(violations(None), [stands]);
+    assert_eq!(violations(Some(Whereabouts::OnTheWay(way))), []);
+}
+
+/// The removal of a body took effect in an earlier roster. All who know of it have restarted since, and the roster does not list it.
+/// Shows V4.
+#[test]
+fn of_a_dead_module_on_a_spot_are_none_if_an_earlier_roster_listed_its_removal() {
+    let earlier = Epoch { number: 0, ..EPOCH };
+    let mut other = state(9, 1, ModulePhase::Settled);
+    other.epoch = Some(earlier);
+    other.pose = pose(10, 1);
+    let violations = |whereabouts: Whereabouts| {
+        let mut sequence = good_sequence();
+        let mut roster = sequence.roster();
+        roster.epoch = earlier;
+        roster.bodies.push(BodyReport {
+            module: other.module,
+            incarnation: other.incarnation,
+            epoch: Some(earlier),
+            sequence: 0,
+            whereabouts,
+        });
+        sequence.further = vec![
+            Message::ModuleState(Arc::new(other.clone())),
+            Message::Roster(RosterMessage::Plan(Arc::new(roster.into()))),
+        ];
+        sequence.verdict().violations
+    };
+    assert_eq!(violations(Whereabouts::Removed), []);
+    let stands = Violation::TwoBodies {
+        spot: SpotId(1),
+        first: ModuleId(3),
+        second: ModuleId(9),
+    };
+    assert_eq!(violations(Whereabouts::Seen(other.pose)), [stands]);
+}
+
 #[test]
 fn of_an_end_state_that_heals_in_time_are_forgotten() {
     let mut sequence = good_sequence();
