@@ -188,9 +188,8 @@ def main():
     parser.add_argument("--json", type=Path, help="where to write the figures as well")
     arguments = parser.parse_args()
     RDLogger.DisableLog("rdApp.*")
-    command = [
-        "cargo", "run", "--release", "--quiet", "-p", "formation_planner", "--example", "peer_instances", "--", str(arguments.seed),
-    ]
+    example = ["-p", "formation_planner", "--example", "peer_instances"]
+    command = ["cargo", "run", "--release", "--quiet", *example, "--", str(arguments.seed)]
     ours = subprocess.run(command, cwd=ROOT, check=True, stdout=subprocess.PIPE)
     instances = json.loads(ours.stdout)
     comparison = Comparison()
