@@ -12,6 +12,10 @@ const SEGMENTS_MAX: usize = 32;
 /// The greatest number of ends of steps of one module that are kept, the latest ones.
 const ENDS_MAX: usize = 16;
 
+/// A module that changes its place publishes states more often than this. One that did not was stopped with its process, and its drive
+/// halted by itself somewhere on the way.
+const UNSEEN_MAX: Duration = Duration::from_secs(5);
+
 /// What the checks need of a state.
 #[derive(Clone, Debug)]
 pub(super) struct Sample {
@@ -113,7 +117,9 @@ impl Track {
         let before = std::mem::replace(&mut self.last, next);
         self.missed = self.missed.saturating_add(skipped);
         // Where states are missing, the module may have been anywhere; a clock that was set back says nothing, either.
-        let follows = skipped == 0 && before.at <= self.last.at;
+        let stood = before.placed == self.last.placed;
+        let passed = self.last.at.checked_sub(before.at);
+        let follows = skipped == 0 && passed.is_some_and(|passed| stood || passed <= UNSEEN_MAX);
         self.is_doubtful = false;
         let step = self.note_step(follows.then_some(&before));
         let segment = follows.then_some(Segment {

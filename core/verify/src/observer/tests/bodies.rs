@@ -152,6 +152,19 @@ fn a_module_that_left_in_time_is_not_run_into() {
     outsider.further.clear();
 }
 
+/// Its drive halted by itself, nobody knows where.
+#[test]
+fn between_two_states_of_a_process_that_was_stopped_nothing_is_judged() {
+    let passing = [
+        (1, 1_000, 0, 10, Moving, 0),
+        (1, 2_000, 40, 10, Standing, 4),
+    ];
+    let stopped_until = |millis| [(2, 100, 0, 14, Moving, 0), (2, millis, 40, 14, Standing, 4)];
+    let found = |millis| on_paths(&[&passing[..], &stopped_until(millis)].concat()).broken();
+    assert!(!found(4_100).is_empty());
+    assert_eq!(found(12_100), []);
+}
+
 /// Shows V5.
 #[test]
 fn one_that_follows_too_closely_is_found_although_the_bodies_do_not_touch() {
