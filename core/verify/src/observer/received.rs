@@ -30,6 +30,10 @@ pub(super) struct Received {
     /// The highest revision that withdrew the target then in force. Agents ignore a withdrawal that arrives after a later
     /// revision.
     withdrawn: Option<u64>,
+    /// When a target was announced again after that.
+    announced_again: Option<Duration>,
+    /// The time within which living modules have received what was announced.
+    silence: Duration,
     pub(super) modules: BTreeMap<ModuleId, ModuleRecord>,
     /// Where the newest run of each module of another session was last seen.
     pub(super) other_sessions: BTreeMap<ModuleId, (Incarnation, Pose)>,
@@ -50,6 +54,7 @@ impl Received {
     pub(super) fn new(parameters: &ObserverParameters) -> Self {
         Self {
             position_tolerance: parameters.position_tolerance,
+            silence: parameters.silence,
             bodies: Bodies::new(parameters),
             ..Self::default()
         }
@@ -59,7 +64,7 @@ impl Received {
     pub(super) fn handle(&mut self, now: Duration, message: &Message) -> bool {
         self.messages += 1;
         let fits = match message {
-            Message::Target(announcement) => return self.handle_target(announcement),
+            Message::Target(announcement) => return self.handle_target(now, announcement),
             Message::ModuleState(state) => self.handle_state(now, state),
             Message::Roster(RosterMessage::Plan(roster)) => {
                 if let Some(target) = &roster.target.target {
@@ -92,13 +97,16 @@ impl Received {
         false
     }
 
-    fn handle_target(&mut self, announcement: &Arc<TargetAnnouncement>) -> bool {
+    fn handle_target(&mut self, now: Duration, announcement: &Arc<TargetAnnouncement>) -> bool {
         let known = self.target.as_ref();
         if known.is_some_and(|known| known.revision >= announcement.revision) {
             return false;
         }
         if announcement.target.is_none() {
             self.withdrawn = Some(announcement.revision);
+            self.announced_again = None;
+        } else if self.withdrawn.is_some() {
+            self.announced_again.get_or_insert(now);
         }
         let has_new_content = known.is_none_or(|known| !have_same_content(known, announcement));
         self.target = Some(Arc::clone(announcement));
@@ -192,10 +200,26 @@ impl Received {
     pub(super) fn is_outdated(&self, received: &ReceivedRoster) -> bool {
         let planned = &received.roster.target;
         let is_withdrawn = self.withdrawn > Some(planned.revision);
-        is_withdrawn
+        is_withdrawn && !self.outlasted_withdrawal(received)
             || self.target.as_ref().is_some_and(|target| {
                 target.revision > planned.revision && !have_same_content(target, planned)
             })
+    }
+
+    /// Whether all members of a roster have stayed in its epoch although its target was withdrawn, and announced again, so long ago
+    /// that each of them has received that. They were cut off meanwhile, and whoever did not hear of a withdrawal goes on.
+    fn outlasted_withdrawal(&self, received: &ReceivedRoster) -> bool {
+        let Some(announced_again) = self.announced_again else {
+            return false;
+        };
+        let roster = &received.roster;
+        roster.members.iter().all(|member| {
+            let record = self.modules.get(&member.module.id);
+            let run = record.and_then(|record| record.run_of(member.incarnation));
+            run.is_some_and(|run| {
+                run.shows_since(roster.epoch, announced_again.saturating_add(self.silence))
+            })
+        })
     }
 
     /// The violations that the messages of all epochs show.

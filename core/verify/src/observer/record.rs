@@ -42,6 +42,14 @@ pub(super) struct RunRecord {
     pub(super) moved_outside_epochs: bool,
 }
 
+impl RunRecord {
+    /// Whether its latest heartbeat was received after this time, and shows this epoch.
+    pub(super) fn shows_since(&self, epoch: Epoch, time: Duration) -> bool {
+        let last = self.last_heartbeat.map(|(_, received)| received);
+        self.epoch == Some(epoch) && last > Some(time)
+    }
+}
+
 /// The runs of one module.
 #[derive(Clone, Debug, Default)]
 pub(super) struct ModuleRecord {
