@@ -49,7 +49,7 @@ use store::{Store, at};
 pub const RUNS_MAX: u64 = 100_000;
 
 /// Receives the progress of the work, and can stop it.
-pub trait Progress {
+pub trait ProgressSink {
     /// The work begins.
     fn begin(&mut self, work: Work);
     /// The measurement of a cell begins; others may run at the same time.
@@ -91,7 +91,7 @@ pub fn run(
     settings: &Settings,
     only: &[String],
     launcher: &Path,
-    progress: &mut (dyn Progress + Send),
+    progress: &mut (dyn ProgressSink + Send),
 ) -> Result<(), ExperimentError> {
     if !(1..=RUNS_MAX).contains(&settings.runs) {
         let given = settings.runs;

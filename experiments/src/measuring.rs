@@ -12,7 +12,7 @@ use crate::error::{CellError, ExperimentError};
 use crate::figures::Figure;
 use crate::settings::Settings;
 use crate::store::Store;
-use crate::{Progress, Work};
+use crate::{ProgressSink, Work};
 
 /// More workers compete for memory: a simulated cluster of 100 modules fills a cache.
 const WORKERS_MAX: usize = 8;
@@ -23,7 +23,7 @@ pub(crate) fn measure_all(
     chosen: &[&Figure],
     launcher: &Path,
     store: &mut Store,
-    progress: &mut (dyn Progress + Send),
+    progress: &mut (dyn ProgressSink + Send),
 ) -> Result<(), ExperimentError> {
     let mut seen = BTreeSet::new();
     let cells: Vec<Cell> = chosen
@@ -54,7 +54,7 @@ pub(crate) fn measure_all(
 struct Shared<'a> {
     left: Iter<'a, Cell>,
     store: &'a mut Store,
-    progress: &'a mut (dyn Progress + Send),
+    progress: &'a mut (dyn ProgressSink + Send),
     outcome: Result<(), ExperimentError>,
 }
 
@@ -64,7 +64,7 @@ fn measure_with(
     cells: &[Cell],
     measure: impl Fn(Cell) -> Result<Measurement, CellError> + Sync,
     store: &mut Store,
-    progress: &mut (dyn Progress + Send),
+    progress: &mut (dyn ProgressSink + Send),
 ) -> Result<(), ExperimentError> {
     let shared = Mutex::new(Shared {
         left: cells.iter(),

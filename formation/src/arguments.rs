@@ -68,16 +68,16 @@ pub enum Command {
     /// Show a formation that runs elsewhere, until its verdict; changes nothing.
     Watch(WatchArguments),
     /// Halt all modules of a running formation until `formation resume`; restarts do not end the stop.
-    Stop(OrderArguments),
+    Stop(NetworkArguments),
     /// Let a stopped formation go on.
-    Resume(OrderArguments),
+    Resume(NetworkArguments),
     /// Report that the robots of dead modules were taken away, so that they no longer block spots.
     Remove {
         /// The modules, whose processes have ended.
         #[arg(required = true, value_name = "ID")]
         modules: Vec<u32>,
         #[command(flatten)]
-        network: OrderArguments,
+        network: NetworkArguments,
     },
     /// Route messages between processes over Zenoh, until interrupted.
     Router(RouterArguments),
@@ -206,7 +206,7 @@ pub struct RouterArguments {
 
 /// Where a running formation is.
 #[derive(Debug, Args)]
-pub struct OrderArguments {
+pub struct NetworkArguments {
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "D")]
     pub domain: Option<Domain>,

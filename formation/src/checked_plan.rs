@@ -6,7 +6,7 @@ use std::sync::Arc;
 use std::time::Instant;
 
 use anyhow::anyhow;
-use formation_event_log::{Entry, Step};
+use formation_event_log::{Entry, SceneChange};
 use formation_model::text::{counted, joined, listed_in_full};
 use formation_model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, Scenario, SpotId};
 use formation_motion::PlannedMotion;
@@ -164,7 +164,7 @@ impl CheckedPlan {
                 claimant: turn.claimant,
                 modules: turn.modules.clone(),
                 decision: decision.clone(),
-                text: Step::Turn {
+                text: SceneChange::Turn {
                     turn: turn.number,
                     claimant: turn.claimant,
                     decision,

@@ -9,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use formation_experiments::{ExperimentError, Progress, Scale, Settings, Work};
+use formation_experiments::{ExperimentError, ProgressSink, Scale, Settings, Work};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ros_runtime::exit::{EndRequest, EndSignals, Failure};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -120,7 +120,7 @@ fn receive(mut signals: Signals, interrupted: &AtomicBool, last: &AtomicUsize) {
     }
 }
 
-impl Progress for Display {
+impl ProgressSink for Display {
     fn begin(&mut self, work: Work) {
         let style = ProgressStyle::with_template(
             "{bar:30} {percent:>3} %  {elapsed} gone, {eta} left  {msg}",

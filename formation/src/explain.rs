@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use formation_event_log::Step;
+use formation_event_log::SceneChange;
 use formation_model::text::{counted, joined};
 use formation_model::{ModuleId, SpotId};
 use formation_planner::{ConcernedTurn, Explanation, TurnOutcome};
@@ -105,7 +105,7 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
 
 /// The decision of a turn, as in films.
 fn sentence(turn: &ConcernedTurn) -> String {
-    let step = Step::Turn {
+    let step = SceneChange::Turn {
         turn: turn.number,
         claimant: turn.claimant,
         decision: &turn.decision,

@@ -36,7 +36,7 @@ use ros_runtime::exit::{STATUS_DONE, conclude};
 #[cfg(feature = "zenoh")]
 use crate::arguments::SecurityCommand;
 use crate::arguments::{Arguments, Command};
-use crate::run::order;
+use crate::run::operator;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
@@ -49,9 +49,11 @@ fn main() -> ExitCode {
         Command::Schema => show::schema(),
         Command::Run(arguments) => run::run(&arguments),
         Command::Watch(arguments) => run::watch(&arguments),
-        Command::Stop(network) => order::give(&network, &[order::STOP.to_owned()]),
-        Command::Resume(network) => order::give(&network, &[order::RESUME.to_owned()]),
-        Command::Remove { modules, network } => order::give(&network, &order::removal(&modules)),
+        Command::Stop(network) => operator::give(&network, &[operator::STOP.to_owned()]),
+        Command::Resume(network) => operator::give(&network, &[operator::RESUME.to_owned()]),
+        Command::Remove { modules, network } => {
+            operator::give(&network, &operator::removal(&modules))
+        }
         Command::Router(arguments) => router::run(&arguments),
         #[cfg(feature = "zenoh")]
         Command::Security {

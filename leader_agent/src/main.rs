@@ -12,7 +12,7 @@ use formation_model::ModuleId;
 use formation_node::Program;
 use formation_node::scenario::read_own_scenario;
 use module_agent::ModuleProcess;
-use module_agent::arguments::{HostedModules, Memory, Motion, Timing, require_leader};
+use module_agent::arguments::{AgentTiming, HostedModules, Motion, StoreOptions, require_leader};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -33,9 +33,9 @@ struct Arguments {
     #[command(flatten)]
     motion: Tuned<Motion>,
     #[command(flatten)]
-    timing: Tuned<Timing>,
+    timing: Tuned<AgentTiming>,
     #[command(flatten)]
-    memory: Tuned<Memory>,
+    memory: Tuned<StoreOptions>,
 }
 
 impl Program for Arguments {

@@ -9,7 +9,7 @@ use formation_motion::{
 };
 use formation_protocol::Identity;
 
-use crate::arguments::{Motion, MotionMode};
+use crate::arguments::{DriveMode, Motion};
 use crate::drivers::DriverMessage;
 
 /// The longest time between two reports of a simulated drive that moves. It reports its arrival at once.
@@ -30,13 +30,13 @@ impl Drive {
     pub(crate) fn new(identity: &Identity, motion: &Motion, patience: Duration) -> Self {
         let pose = identity.pose;
         match motion.mode {
-            MotionMode::Simulated => Self::Simulated {
+            DriveMode::Simulated => Self::Simulated {
                 drive: SimulatedDrive::new(pose, motion.speed, patience),
                 due: None,
                 reports: VecDeque::new(),
             },
             // Requests are numbered from the start of the process, so that no earlier process used the same number.
-            MotionMode::External => {
+            DriveMode::External => {
                 let first_request = identity.incarnation.0;
                 Self::External(ExternalDrive::new(pose, motion.external, first_request))
             }

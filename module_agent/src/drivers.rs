@@ -15,7 +15,7 @@ use futures::stream::LocalBoxStream;
 use ros_runtime::PublisherQueue;
 use ros_runtime::arguments::Resource;
 use ros_runtime::inputs::{Inputs, Wake};
-use ros_runtime::session::{Session, SessionError};
+use ros_runtime::ros_context::{RosContext, RosContextError};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;
 
@@ -52,24 +52,24 @@ struct DriverQueues {
 
 /// Creates the endpoints for the drivers of these modules; `frame_id` is the frame of goals and poses.
 pub(crate) fn open(
-    session: &mut Session,
+    ros: &mut RosContext,
     modules: impl Iterator<Item = ModuleId>,
     source: PoseSource,
     frame_id: &str,
-) -> Result<(DriverInputs, DriverPublishers), SessionError> {
+) -> Result<(DriverInputs, DriverPublishers), RosContextError> {
     let mut inputs = DriverInputs::default();
     let mut publishers = BTreeMap::new();
-    let size = module_size_of(session);
+    let size = module_size_of(ros);
     for module in modules {
         let poses = match source {
             PoseSource::Pose => {
-                subscribe_poses(session, &topics::driver_pose(module), module, frame_id)?
+                subscribe_poses(ros, &topics::driver_pose(module), module, frame_id)?
             }
             PoseSource::Odometry => {
-                subscribe_poses(session, &topics::driver_odometry(module), module, frame_id)?
+                subscribe_poses(ros, &topics::driver_odometry(module), module, frame_id)?
             }
         };
-        let results = session.subscription(&topics::docking_result(module), move |_, result| {
+        let results = ros.subscription(&topics::docking_result(module), move |_, result| {
             let (named, result) = result
                 .into_core(size)
                 .map_err(|error| format!("{module}: {error}"))?;
@@ -85,9 +85,9 @@ pub(crate) fn open(
         });
         inputs.add(results, move |result| (module, result));
         let queues = DriverQueues {
-            goals: session.publisher(&topics::goal_pose(module))?,
-            paths: session.publisher(&topics::path(module))?,
-            requests: session.publisher(&topics::docking(module))?,
+            goals: ros.publisher(&topics::goal_pose(module))?,
+            paths: ros.publisher(&topics::path(module))?,
+            requests: ros.publisher(&topics::docking(module))?,
             last_pose: Time::default(),
         };
         publishers.insert(module, queues);
@@ -101,13 +101,13 @@ pub(crate) fn open(
 }
 
 fn subscribe_poses<M: DriverPose + DeserializeOwned + 'static>(
-    session: &mut Session,
+    ros: &mut RosContext,
     topic: &Topic<M>,
     module: ModuleId,
     frame_id: &str,
-) -> Result<LocalBoxStream<'static, (Pose, Time)>, SessionError> {
-    let (frame_id, size) = (frame_id.to_owned(), module_size_of(session));
-    session.subscription(topic, move |_, sample: M| {
+) -> Result<LocalBoxStream<'static, (Pose, Time)>, RosContextError> {
+    let (frame_id, size) = (frame_id.to_owned(), module_size_of(ros));
+    ros.subscription(topic, move |_, sample: M| {
         let stamp = sample.stamp();
         let pose = sample.in_frame(&frame_id, size);
         pose.map(|pose| (pose, stamp))
@@ -124,9 +124,9 @@ pub(crate) fn wait_for_poses(
     publishers: &mut DriverPublishers,
     modules: &mut Vec<(Identity, Service)>,
     motion: &Motion,
-    session: &Session,
+    ros: &RosContext,
     stop: &async_channel::Receiver<()>,
-) -> Result<bool, SessionError> {
+) -> Result<bool, RosContextError> {
     let deadline = Some(Instant::now() + motion.first_pose_limit);
     let mut poses = BTreeMap::new();
     while poses.len() < modules.len() {
@@ -159,12 +159,12 @@ pub(crate) fn wait_for_poses(
         };
         reasons.push(format!(
             "{module} does not take part: its driver sent no pose on `{}` within first_pose_limit_s ({} s)",
-            session.resolve(Resource::Topic, &topic)?,
+            ros.resolve(Resource::Topic, &topic)?,
             motion.first_pose_limit.as_secs_f64()
         ));
     }
     if modules.is_empty() {
-        return Err(SessionError::Failed(reasons.join("; ")));
+        return Err(RosContextError::Failed(reasons.join("; ")));
     }
     for reason in reasons {
         tracing::error!("{reason}");

@@ -20,7 +20,7 @@ use formation_protocol::{
 use ros_runtime::diagnostics::Report;
 use ros_runtime::topic_statistics::is_logged;
 
-use crate::arguments::{Motion, MotionMode};
+use crate::arguments::{DriveMode, Motion};
 use crate::drive::Drive;
 use crate::drivers::DriverMessage;
 use crate::journal::{Journal, WriteJob};
@@ -131,7 +131,7 @@ impl Host {
             .started_at(stamp::incarnation().0)
             .with_plans_of_host()
             .with_shared_samples();
-        if self.motion.mode == MotionMode::External {
+        if self.motion.mode == DriveMode::External {
             agent = agent.of_robot();
         }
         if let Some(journal) = &self.journal {
@@ -157,7 +157,7 @@ impl Host {
     /// # Errors
     /// Says why this process takes no more.
     pub(crate) fn add(&mut self, now: Duration, mut identity: Identity) -> Result<(), String> {
-        if self.motion.mode == MotionMode::External {
+        if self.motion.mode == DriveMode::External {
             return Err(format!(
                 "the modules of this process have external drivers, which are set up at its start; start another \
                  process: module_agent --motion external --module {}",

@@ -6,7 +6,7 @@ use async_channel::Receiver;
 use clap::Parser;
 use formation_node::Program;
 use module_agent::ModuleProcess;
-use module_agent::arguments::{Memory, ModuleArguments, Motion, Timing};
+use module_agent::arguments::{AgentTiming, ModuleArguments, Motion, StoreOptions};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -23,9 +23,9 @@ struct Arguments {
     #[command(flatten)]
     motion: Tuned<Motion>,
     #[command(flatten)]
-    timing: Tuned<Timing>,
+    timing: Tuned<AgentTiming>,
     #[command(flatten)]
-    memory: Tuned<Memory>,
+    memory: Tuned<StoreOptions>,
 }
 
 impl Program for Arguments {

@@ -138,7 +138,7 @@ mod tests {
     use formation_protocol::AgentParameters;
 
     use super::*;
-    use crate::arguments::{Motion, MotionMode};
+    use crate::arguments::{DriveMode, Motion};
 
     const NOW: Duration = Duration::from_secs(1);
     const METRE: ModuleSize = ModuleSize::METRE;
@@ -233,7 +233,7 @@ mod tests {
     #[test]
     fn drivers_are_set_up_at_the_start_only() {
         let mut host = host(&Motion {
-            mode: MotionMode::External,
+            mode: DriveMode::External,
             ..Motion::default()
         });
         let answer = add(&mut host, METRE, NOW, newcomer(5, 5.0)).unwrap_err();

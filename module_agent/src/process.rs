@@ -24,14 +24,14 @@ use ros_runtime::diagnostics::Report;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::parameters::{NodeParameters, ParameterError, Tunables, Values};
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::service::Call;
-use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 use ros_runtime::stamp::since_boot;
 use ros_runtime::topic::Topic;
 use serde::Serialize;
 
-use crate::arguments::{HostedModules, Memory, Motion, MotionMode, Timing};
+use crate::arguments::{AgentTiming, DriveMode, HostedModules, Motion, StoreOptions};
 use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing, REMOVE_MODULE};
 use crate::journal::{Journal, WriteJob};
@@ -46,11 +46,11 @@ pub struct ModuleProcess {
     /// The modules that it hosts; at least one.
     pub hosted: HostedModules,
     /// How long the agents wait.
-    pub timing: Timing,
+    pub timing: AgentTiming,
     /// How the modules move.
     pub motion: Motion,
     /// Where they keep what they agreed on.
-    pub memory: Memory,
+    pub memory: StoreOptions,
 }
 
 impl ModuleProcess {
@@ -61,7 +61,7 @@ impl ModuleProcess {
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined, no driver sent a pose, or the store cannot be used.
-    pub fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
+    pub fn run(self, stop: &Receiver<()>) -> Result<(), RosContextError> {
         let hosted = self.hosted.modules.iter();
         let ids: Vec<u32> = hosted.clone().map(|module| module.module.0).collect();
         let name = node_name(&ids);
@@ -79,44 +79,46 @@ impl ModuleProcess {
         modules: &mut Vec<(Identity, Service)>,
         journal: &mut Option<Journal>,
         stop: &Receiver<()>,
-    ) -> Result<(), SessionError> {
+    ) -> Result<(), RosContextError> {
         let mut declarations = self.timing.declarations();
         declarations.extend(self.motion.declarations());
         declarations.extend(self.memory.declarations());
         let parameters = self.settings.declare(name, declarations)?;
         let timing = self.timing.read(parameters.values())?;
         let motion = self.motion.clone().read(parameters.values())?;
-        if motion.mode == MotionMode::External
+        if motion.mode == DriveMode::External
             && let Some(scenario) = &self.hosted.scenario
         {
             let problem = scenario.problem();
             let planned = plan(Arc::new(problem.clone()));
             let (planned, _) = PlannedMotion::of(problem, planned.plan, &[]);
-            planned.check_for_robots().map_err(SessionError::BadInput)?;
+            planned
+                .check_for_robots()
+                .map_err(RosContextError::BadInput)?;
         }
         self.begin_runs(name, parameters.values(), modules, journal)?;
-        let mut session = Session::join(&self.settings, name, parameters)?;
+        let mut ros = RosContext::join(&self.settings, name, parameters)?;
         let mut inputs = Inputs::default();
         let mut drivers = None;
-        if motion.mode == MotionMode::External {
+        if motion.mode == DriveMode::External {
             let ids = modules.iter().map(|(identity, _)| identity.module);
             let frame_id = motion.frame_id.as_deref().unwrap_or(&self.hosted.frame_id);
             let (mut messages, mut publishers) =
-                drivers::open(&mut session, ids, motion.pose_source, frame_id)?;
+                drivers::open(&mut ros, ids, motion.pose_source, frame_id)?;
             let (from, to) = (&mut messages, &mut publishers);
-            if !drivers::wait_for_poses(from, to, modules, &motion, &session, stop)? {
+            if !drivers::wait_for_poses(from, to, modules, &motion, &ros, stop)? {
                 return Ok(());
             }
             inputs.append(messages, |(module, message)| Input::Driver(module, message));
             drivers = Some(publishers);
         }
-        add_topics_and_services(&mut inputs, &mut session, modules.len())?;
+        add_topics_and_services(&mut inputs, &mut ros, modules.len())?;
         let workers = Workers::start(&mut inputs, journal.as_ref())?;
-        let source = source_id(session.participant());
+        let source = source_id(ros.participant());
         let publishers = Publishers {
-            states: session.publisher(&topics::MODULE_STATES)?,
-            claims: session.publisher(&topics::claims(modules.len()))?,
-            heartbeats: session.publisher(&topics::HEARTBEATS)?,
+            states: ros.publisher(&topics::MODULE_STATES)?,
+            claims: ros.publisher(&topics::claims(modules.len()))?,
+            heartbeats: ros.publisher(&topics::HEARTBEATS)?,
             roster: None,
             evictions: None,
             drivers,
@@ -132,9 +134,9 @@ impl ModuleProcess {
             removals: Requests::default(),
             failure: None,
             frame_id: self.hosted.frame_id.clone(),
-            module_size: module_size_of(&session),
+            module_size: module_size_of(&ros),
         };
-        let ended = session.run(&mut node, inputs, stop);
+        let ended = ros.run(&mut node, inputs, stop);
         for (module, refusals) in node.host.refusals() {
             if refusals.total() > 0 {
                 tracing::info!(module = module.0, "refused: {refusals}");
@@ -156,7 +158,7 @@ impl ModuleProcess {
         values: &Values,
         modules: &mut Vec<(Identity, Service)>,
         journal: &mut Option<Journal>,
-    ) -> Result<(), SessionError> {
+    ) -> Result<(), RosContextError> {
         let Some(directory) = self.memory.clone().read(values)?.state_dir else {
             return Ok(());
         };
@@ -166,31 +168,31 @@ impl ModuleProcess {
                 let session = NodeParameters::default().read(values)?.session;
                 let session = session.unwrap_or_default();
                 let opened = Journal::open(Path::new(&directory), name, session, modules);
-                none.insert(opened.map_err(SessionError::BadInput)?)
+                none.insert(opened.map_err(RosContextError::BadInput)?)
             }
         };
-        opened.begin(modules).map_err(SessionError::Failed)
+        opened.begin(modules).map_err(RosContextError::Failed)
     }
 }
 
 fn add_topics_and_services(
     inputs: &mut Inputs<Input>,
-    session: &mut Session,
+    ros: &mut RosContext,
     modules: usize,
-) -> Result<(), SessionError> {
-    for messages in subscribe_all(session, modules)? {
+) -> Result<(), RosContextError> {
+    for messages in subscribe_all(ros, modules)? {
         inputs.add(messages, Input::Messages);
     }
-    let commands = subscribe(session, &topics::COMMANDS)?;
+    let commands = subscribe(ros, &topics::COMMANDS)?;
     inputs.add(commands, Input::Messages);
     // Left out where the node serves no tools, as discovery grows with the number of endpoints.
-    if session.node_parameters().start_parameter_services {
-        let (add, retire) = (session.serve(&ADD_MODULE)?, session.serve(&RETIRE_MODULE)?);
+    if ros.node_parameters().start_parameter_services {
+        let (add, retire) = (ros.serve(&ADD_MODULE)?, ros.serve(&RETIRE_MODULE)?);
         inputs.add(add, |call| Input::Membership(MembershipRequest::Add(call)));
         inputs.add(retire, |call| {
             Input::Membership(MembershipRequest::Retire(call))
         });
-        inputs.add(session.serve(&REMOVE_MODULE)?, Input::Removal);
+        inputs.add(ros.serve(&REMOVE_MODULE)?, Input::Removal);
     }
     Ok(())
 }
@@ -216,7 +218,10 @@ struct Workers {
 }
 
 impl Workers {
-    fn start(inputs: &mut Inputs<Input>, journal: Option<&Journal>) -> Result<Self, SessionError> {
+    fn start(
+        inputs: &mut Inputs<Input>,
+        journal: Option<&Journal>,
+    ) -> Result<Self, RosContextError> {
         let ended = |name: &str| Input::Failed(format!("the thread for {name} has ended"));
         let (plans, computed) = Worker::start("plans", |job: PlanJob| Arc::new(job.run()))?;
         inputs.add_urgent(computed, move |computed| match computed {
@@ -297,12 +302,12 @@ impl Node for ModuleNode {
         }
     }
 
-    fn advance(&mut self, session: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, ros: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         if let Some(reason) = self.failure.take() {
-            return Err(SessionError::Failed(reason));
+            return Err(RosContextError::Failed(reason));
         }
         // Others wait for the claims of a plan that has just come; what they sent can be handled afterwards.
-        self.publish_all(session)?;
+        self.publish_all(ros)?;
         for request in self.removals.take_due(self.now()) {
             self.host.report_removal(request);
         }
@@ -315,7 +320,7 @@ impl Node for ModuleNode {
         {
             writer.start_job(job);
         }
-        self.publish_all(session)?;
+        self.publish_all(ros)?;
         Ok(ControlFlow::Continue(()))
     }
 
@@ -328,7 +333,7 @@ impl Node for ModuleNode {
 
     fn set_parameters(&mut self, values: &Values) -> Result<(), ParameterError> {
         let (timing, motion) = (
-            Timing::default().read(values)?,
+            AgentTiming::default().read(values)?,
             Motion::default().read(values)?,
         );
         self.host.set_parameters(self.now(), timing.0, motion);
@@ -346,15 +351,15 @@ impl ModuleNode {
         since_boot().saturating_sub(self.start)
     }
 
-    fn publish_all(&mut self, session: &mut Session) -> Result<(), SessionError> {
+    fn publish_all(&mut self, ros: &mut RosContext) -> Result<(), RosContextError> {
         for outgoing in self.host.take_outgoing() {
-            self.publish(session, outgoing)?;
+            self.publish(ros, outgoing)?;
         }
         Ok(())
     }
 
-    fn publish(&mut self, session: &mut Session, outgoing: Outgoing) -> Result<(), SessionError> {
-        let own = session_of(session);
+    fn publish(&mut self, ros: &mut RosContext, outgoing: Outgoing) -> Result<(), RosContextError> {
+        let own = session_of(ros);
         let publishers = &mut self.publishers;
         match outgoing {
             Outgoing::ModuleStates(states) => {
@@ -372,11 +377,11 @@ impl ModuleNode {
                 publishers.claims.publish(sample.in_session(own));
             }
             Outgoing::Roster(roster) => {
-                let queue = created(&mut publishers.roster, session, &topics::ROSTER)?;
+                let queue = created(&mut publishers.roster, ros, &topics::ROSTER)?;
                 queue.publish(Roster::new(&roster, self.module_size).in_session(own));
             }
             Outgoing::Eviction(notice) => {
-                let queue = created(&mut publishers.evictions, session, &topics::EVICTIONS)?;
+                let queue = created(&mut publishers.evictions, ros, &topics::EVICTIONS)?;
                 queue.publish(Eviction::from(&notice).in_session(own));
             }
             Outgoing::Path(module, path) => {
@@ -397,12 +402,12 @@ impl ModuleNode {
 /// A queue that is created when it is first used.
 fn created<'a, M: Serialize + 'static>(
     queue: &'a mut Option<PublisherQueue<M>>,
-    session: &mut Session,
+    ros: &mut RosContext,
     topic: &Topic<M>,
-) -> Result<&'a PublisherQueue<M>, SessionError> {
+) -> Result<&'a PublisherQueue<M>, RosContextError> {
     Ok(match queue {
         Some(queue) => queue,
-        none => none.insert(session.publisher(topic)?),
+        none => none.insert(ros.publisher(topic)?),
     })
 }
 
@@ -451,9 +456,9 @@ mod tests {
             .of_node(&settings.identity("module_4"))
             .into_iter();
         let shipped = shipped.map(|(name, assignment)| (name, &assignment.value));
-        let mut declarations = Timing::default().declarations();
+        let mut declarations = AgentTiming::default().declarations();
         declarations.extend(Motion::default().declarations());
-        declarations.extend(Memory::default().declarations());
+        declarations.extend(StoreOptions::default().declarations());
         let parameters = settings.declare("module_4", declarations).unwrap();
         let declared = parameters
             .values()

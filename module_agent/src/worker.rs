@@ -4,7 +4,7 @@ use std::thread;
 
 use async_channel::{Sender, bounded};
 use futures::{Stream, StreamExt, stream};
-use ros_runtime::session::SessionError;
+use ros_runtime::ros_context::RosContextError;
 
 /// Does one job after another. The thread ends with the last sender of jobs, or with the process.
 /// Enforces T5.
@@ -20,7 +20,7 @@ impl<J: Send + 'static> Worker<J> {
     pub(crate) fn start<R: Send + 'static, F: Fn(J) -> R + Send + 'static>(
         name: &str,
         work: F,
-    ) -> Result<(Self, impl Stream<Item = Option<R>> + use<J, R, F>), SessionError> {
+    ) -> Result<(Self, impl Stream<Item = Option<R>> + use<J, R, F>), RosContextError> {
         let (jobs, received) = bounded(1);
         let (sender, results) = bounded(1);
         let work_off = move || {
@@ -34,7 +34,7 @@ impl<J: Send + 'static> Worker<J> {
             .name(name.to_owned())
             .spawn(work_off)
             .map_err(|error| {
-                SessionError::Failed(format!("no thread for {name} can be started: {error}"))
+                RosContextError::Failed(format!("no thread for {name} can be started: {error}"))
             })?;
         let results = results.map(Some).chain(stream::iter([None]));
         Ok((Self { jobs }, results))

@@ -9,7 +9,7 @@ use std::time::Duration;
 use clap::Parser;
 use formation_model::MODULES_MAX;
 use formation_node::ModuleList;
-use module_agent::arguments::{ModuleArguments, Motion, Timing};
+use module_agent::arguments::{AgentTiming, ModuleArguments, Motion};
 use proptest::collection::vec;
 use proptest::prelude::*;
 use proptest::sample::select;
@@ -32,7 +32,7 @@ struct Agent {
     #[command(flatten)]
     motion: Tuned<Motion>,
     #[command(flatten)]
-    timing: Tuned<Timing>,
+    timing: Tuned<AgentTiming>,
 }
 
 fn value() -> impl Strategy<Value = String> {
@@ -198,7 +198,7 @@ proptest! {
         let Ok(agent) = Agent::try_parse_from(base.into_iter().chain(words)) else {
             return Ok(());
         };
-        let Timing(times) = agent.timing.0;
+        let AgentTiming(times) = agent.timing.0;
         if agent.timing.0.check().is_ok() {
             prop_assert!(times.heartbeat < times.lease && times.lease < times.suspicion);
         }

@@ -9,7 +9,7 @@ use formation_model::ModuleSize;
 use formation_msgs::{Heartbeat, InSession, SessionId, TargetConfiguration};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::settings::Settings;
 
 use crate::topics;
@@ -31,24 +31,24 @@ pub fn find_sessions(
     settings: &Settings,
     limit: Duration,
     stop: &Receiver<()>,
-) -> Result<BTreeMap<u64, ModuleSize>, SessionError> {
+) -> Result<BTreeMap<u64, ModuleSize>, RosContextError> {
     let mut finder = Finder {
         found: BTreeMap::new(),
         until: Instant::now() + limit,
     };
     rejoining(|| {
         let parameters = settings.declare(NODE_NAME, Vec::new())?;
-        let mut session = Session::join(settings, NODE_NAME, parameters)?;
+        let mut ros = RosContext::join(settings, NODE_NAME, parameters)?;
         let mut inputs = Inputs::default();
-        let heartbeats = session.subscription(&topics::HEARTBEATS, |_, sample: Heartbeat| {
+        let heartbeats = ros.subscription(&topics::HEARTBEATS, |_, sample: Heartbeat| {
             Ok(Some((sample.session(), sample.module_size())))
         })?;
         inputs.add(heartbeats, |found| found);
-        let targets = session.subscription(&topics::TARGET, |_, sample: TargetConfiguration| {
+        let targets = ros.subscription(&topics::TARGET, |_, sample: TargetConfiguration| {
             Ok((!sample.withdrawn).then(|| (sample.session(), sample.module_size())))
         })?;
         inputs.add(targets, |found| found);
-        session.run(&mut finder, inputs, stop)
+        ros.run(&mut finder, inputs, stop)
     })?;
     Ok(finder.found)
 }
@@ -73,7 +73,7 @@ impl Node for Finder {
         }
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, _: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         Ok(match Instant::now() < self.until {
             true => ControlFlow::Continue(()),
             false => ControlFlow::Break(()),

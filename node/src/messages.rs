@@ -9,7 +9,7 @@ use formation_msgs::{
 };
 use futures::stream::LocalBoxStream;
 use ros_runtime::cdr;
-use ros_runtime::session::{ParticipantId, Session, SessionError};
+use ros_runtime::ros_context::{ParticipantId, RosContext, RosContextError};
 use ros_runtime::topic::Topic;
 use serde::de::DeserializeOwned;
 
@@ -28,14 +28,14 @@ pub struct Received {
 
 /// The session to which the messages of a node belong.
 #[must_use]
-pub fn session_of(session: &Session) -> SessionId {
-    SessionId(session.node_parameters().session.unwrap_or_default().into())
+pub fn session_of(ros: &RosContext) -> SessionId {
+    SessionId(ros.node_parameters().session.unwrap_or_default().into())
 }
 
 /// The size of the modules of a node's formation.
 #[must_use]
-pub fn module_size_of(session: &Session) -> ModuleSize {
-    let metres = session.node_parameters().module_size;
+pub fn module_size_of(ros: &RosContext) -> ModuleSize {
+    let metres = ros.node_parameters().module_size;
     // The range of the parameter excludes others.
     metres.map_or_else(ModuleSize::default, |metres| {
         ModuleSize::from_metres(metres).unwrap_or_default()
@@ -164,12 +164,12 @@ fn implausible_revision(message: &Message) -> Option<u64> {
 /// # Errors
 /// The name cannot be used, or the library refuses.
 pub fn subscribe<M: Sample>(
-    session: &mut Session,
+    ros: &mut RosContext,
     topic: &Topic<M>,
-) -> Result<LocalBoxStream<'static, Received>, SessionError> {
+) -> Result<LocalBoxStream<'static, Received>, RosContextError> {
     let name = topic.name();
-    let (ours, size) = (session_of(session), module_size_of(session));
-    session.subscription(topic, move |sender, sample: M| {
+    let (ours, size) = (session_of(ros), module_size_of(ros));
+    ros.subscription(topic, move |sender, sample: M| {
         let messages = accepted(sample, ours, size)?;
         Ok(Received {
             topic: name,
@@ -185,12 +185,12 @@ pub fn subscribe<M: Sample>(
 /// # Errors
 /// The name cannot be used, or the library refuses.
 pub fn subscribe_every_size<M: Sample>(
-    session: &mut Session,
+    ros: &mut RosContext,
     topic: &Topic<M>,
-) -> Result<LocalBoxStream<'static, Received>, SessionError> {
+) -> Result<LocalBoxStream<'static, Received>, RosContextError> {
     let name = topic.name();
-    let ours = session_of(session);
-    session.subscription(topic, move |sender, sample: M| {
+    let ours = session_of(ros);
+    ros.subscription(topic, move |sender, sample: M| {
         let ours = match ours {
             SessionId::EVERY => sample.session(),
             ours => ours,
@@ -211,15 +211,15 @@ pub fn subscribe_every_size<M: Sample>(
 /// # Errors
 /// A name cannot be used, or the library refuses.
 pub fn subscribe_all(
-    session: &mut Session,
+    ros: &mut RosContext,
     modules: usize,
-) -> Result<[LocalBoxStream<'static, Received>; 5], SessionError> {
+) -> Result<[LocalBoxStream<'static, Received>; 5], RosContextError> {
     Ok([
-        subscribe(session, &topics::TARGET)?,
-        subscribe(session, &topics::MODULE_STATES)?,
-        subscribe(session, &topics::ROSTER)?,
-        subscribe(session, &topics::claims(modules))?,
-        subscribe(session, &topics::HEARTBEATS)?,
+        subscribe(ros, &topics::TARGET)?,
+        subscribe(ros, &topics::MODULE_STATES)?,
+        subscribe(ros, &topics::ROSTER)?,
+        subscribe(ros, &topics::claims(modules))?,
+        subscribe(ros, &topics::HEARTBEATS)?,
     ])
 }
 
@@ -228,10 +228,10 @@ pub fn subscribe_all(
 /// # Errors
 /// The name cannot be used, or the library refuses.
 pub fn subscribe_verdicts(
-    session: &mut Session,
-) -> Result<LocalBoxStream<'static, Verdict>, SessionError> {
-    let ours = session_of(session);
-    session.subscription(&topics::VERDICT, move |_, verdict| {
+    ros: &mut RosContext,
+) -> Result<LocalBoxStream<'static, Verdict>, RosContextError> {
+    let ours = session_of(ros);
+    ros.subscription(&topics::VERDICT, move |_, verdict| {
         accepted_verdict(verdict, ours)
     })
 }

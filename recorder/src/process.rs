@@ -14,7 +14,7 @@ use ros_runtime::arguments::Resource;
 use ros_runtime::diagnostics::{DiagnosticLevel, Report};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
-use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::settings::Settings;
 use ros_runtime::topic::Topic;
 use ros_runtime::type_hash::Interfaces;
@@ -45,10 +45,10 @@ impl RecorderProcess {
     ///
     /// # Errors
     /// The file cannot be written, or the graph cannot be joined.
-    pub fn run(&self, stop: &Receiver<()>) -> Result<Written, SessionError> {
-        let interfaces = Interfaces::with(INTERFACES).map_err(SessionError::Failed)?;
+    pub fn run(&self, stop: &Receiver<()>) -> Result<Written, RosContextError> {
+        let interfaces = Interfaces::with(INTERFACES).map_err(RosContextError::Failed)?;
         let file = RecordingFile::create(&self.file, interfaces);
-        let file = file.map_err(SessionError::BadInput)?;
+        let file = file.map_err(RosContextError::BadInput)?;
         let mut queue = WriteQueue::start(file).map_err(|error| self.failed(&error))?;
         let written = rejoining(|| self.record(stop, &mut queue))?;
         Ok(written.unwrap_or_default())
@@ -58,75 +58,75 @@ impl RecorderProcess {
         &self,
         stop: &Receiver<()>,
         queue: &mut WriteQueue,
-    ) -> Result<Option<Written>, SessionError> {
+    ) -> Result<Option<Written>, RosContextError> {
         let parameters = self.settings.declare(NODE_NAME, Vec::new())?;
-        let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
-        let mut inputs = subscribe(&mut session)?;
+        let mut ros = RosContext::join(&self.settings, NODE_NAME, parameters)?;
+        let mut inputs = subscribe(&mut ros)?;
         for &module in &self.modules {
-            subscribe_module(&mut session, &mut inputs, module)?;
+            subscribe_module(&mut ros, &mut inputs, module)?;
         }
         let mut recorder = Recorder {
             queue,
             recorded: 0,
             has_failed: false,
         };
-        let ended = session.run(&mut recorder, inputs, stop);
-        if let Err(SessionError::NotReceiving) = ended {
-            return Err(SessionError::NotReceiving);
+        let ended = ros.run(&mut recorder, inputs, stop);
+        if let Err(RosContextError::NotReceiving) = ended {
+            return Err(RosContextError::NotReceiving);
         }
-        // Before the session is dropped: to leave the graph may take longer than the process has.
+        // Before the context is dropped: to leave the graph may take longer than the process has.
         let written = queue.finish().map_err(|error| self.failed(&error))?;
         ended.map(|()| written)
     }
 
-    fn failed(&self, error: &io::Error) -> SessionError {
-        SessionError::Failed(format!("cannot write {}: {error}", self.file.display()))
+    fn failed(&self, error: &io::Error) -> RosContextError {
+        RosContextError::Failed(format!("cannot write {}: {error}", self.file.display()))
     }
 }
 
 /// Subscribes every topic of the formation that is not of one module.
-fn subscribe(session: &mut Session) -> Result<Inputs<Item>, SessionError> {
+fn subscribe(ros: &mut RosContext) -> Result<Inputs<Item>, RosContextError> {
     let mut inputs = Inputs::default();
-    add(session, &mut inputs, &topics::TARGET)?;
-    add(session, &mut inputs, &topics::MODULE_STATES)?;
-    add(session, &mut inputs, &topics::ROSTER)?;
-    add(session, &mut inputs, &topics::claims(1))?;
-    add(session, &mut inputs, &topics::EVICTIONS)?;
-    add(session, &mut inputs, &topics::HEARTBEATS)?;
-    add(session, &mut inputs, &topics::COMMANDS)?;
-    add(session, &mut inputs, &topics::VERDICT)?;
-    add(session, &mut inputs, &topics::MARKERS)?;
-    add(session, &mut inputs, &topics::TRANSFORMS)?;
-    add(session, &mut inputs, &topics::FIXED_TRANSFORMS)?;
+    add(ros, &mut inputs, &topics::TARGET)?;
+    add(ros, &mut inputs, &topics::MODULE_STATES)?;
+    add(ros, &mut inputs, &topics::ROSTER)?;
+    add(ros, &mut inputs, &topics::claims(1))?;
+    add(ros, &mut inputs, &topics::EVICTIONS)?;
+    add(ros, &mut inputs, &topics::HEARTBEATS)?;
+    add(ros, &mut inputs, &topics::COMMANDS)?;
+    add(ros, &mut inputs, &topics::VERDICT)?;
+    add(ros, &mut inputs, &topics::MARKERS)?;
+    add(ros, &mut inputs, &topics::TRANSFORMS)?;
+    add(ros, &mut inputs, &topics::FIXED_TRANSFORMS)?;
     Ok(inputs)
 }
 
 /// Subscribes the topics between a module and its driver.
 fn subscribe_module(
-    session: &mut Session,
+    ros: &mut RosContext,
     inputs: &mut Inputs<Item>,
     module: ModuleId,
-) -> Result<(), SessionError> {
-    add(session, inputs, &topics::goal_pose(module))?;
-    add(session, inputs, &topics::path(module))?;
-    add(session, inputs, &topics::docking(module))?;
-    add(session, inputs, &topics::driver_pose(module))?;
-    add(session, inputs, &topics::driver_odometry(module))?;
-    add(session, inputs, &topics::docking_result(module))
+) -> Result<(), RosContextError> {
+    add(ros, inputs, &topics::goal_pose(module))?;
+    add(ros, inputs, &topics::path(module))?;
+    add(ros, inputs, &topics::docking(module))?;
+    add(ros, inputs, &topics::driver_pose(module))?;
+    add(ros, inputs, &topics::driver_odometry(module))?;
+    add(ros, inputs, &topics::docking_result(module))
 }
 
 fn add<M: 'static>(
-    session: &mut Session,
+    ros: &mut RosContext,
     inputs: &mut Inputs<Item>,
     topic: &Topic<M>,
-) -> Result<(), SessionError> {
+) -> Result<(), RosContextError> {
     let (package, type_name) = topic.type_name();
     let recorded = Arc::new(RecordedTopic {
-        name: session.resolve(Resource::Topic, &topic.path())?,
+        name: ros.resolve(Resource::Topic, &topic.path())?,
         type_name: format!("{package}/msg/{type_name}"),
         quality: topic.quality(),
     });
-    let samples = session.raw_subscription(topic)?;
+    let samples = ros.raw_subscription(topic)?;
     inputs.add(samples, move |sample| Item {
         topic: Arc::clone(&recorded),
         sample,
@@ -153,7 +153,7 @@ impl Node for Recorder<'_> {
         }
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, _: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         // The end of the thread has the reason.
         Ok(match self.has_failed {
             true => ControlFlow::Break(()),

@@ -19,8 +19,8 @@ use crate::action::{
 };
 use crate::dds_graph::DdsGraph;
 use crate::dds_service::{Clients, SERVICE, answerable, poll_request};
+use crate::ros_context_error::{RosContextError, library_name};
 use crate::service::{Carried, RequestId};
-use crate::session_error::{SessionError, library_name};
 
 type Library<G, R, F> = ros2_client::ActionServer<Carried<G>, Carried<R>, Carried<F>>;
 
@@ -30,7 +30,7 @@ impl DdsGraph {
         &mut self,
         action: &Action<G, R, F>,
         name: &str,
-    ) -> Result<OpenedAction<G, R, F>, SessionError> {
+    ) -> Result<OpenedAction<G, R, F>, RosContextError> {
         let parsed = library_name(name)?;
         let (package, type_name) = action.type_name();
         let type_name = ActionTypeName::new(package, type_name);

@@ -24,8 +24,8 @@ use crate::matched_readers::MatchedReaders;
 use crate::parameters::Parameters;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::{RawSample, Undecoded};
+use crate::ros_context_error::{RosContextError, bad_name, library_name};
 use crate::service_mapping::ServiceMapping;
-use crate::session_error::{SessionError, bad_name, library_name};
 use crate::stamp::nanoseconds_since_epoch;
 use crate::subscription::{ParticipantId, Taken};
 use crate::topic::Topic;
@@ -60,7 +60,7 @@ impl DdsGraph {
         identity: &NodeIdentity,
         parameters: &Parameters,
         service_mapping: ServiceMapping,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<Self, RosContextError> {
         let node_name = NodeName::new(identity.namespace.as_str(), &identity.name)
             .map_err(|error| bad_name(&identity.fully_qualified(), &error))?;
         let domain = environment.domain.number();
@@ -73,7 +73,7 @@ impl DdsGraph {
             .map_err(|error| failed("create a DDS participant", &error))?;
         let participants = participant.participant_id().saturating_add(1);
         if let Some(obstacle) = discovery_obstacle(environment.range, &interfaces(), participants) {
-            return Err(SessionError::BadInput(obstacle));
+            return Err(RosContextError::BadInput(obstacle));
         }
         let context = deadlock
             .watch(|| Context::from_domain_participant(participant.clone()))
@@ -107,11 +107,11 @@ impl DdsGraph {
     }
 
     /// Fails once the DDS library has stopped receiving; only a new participant receives again.
-    pub(crate) fn check_liveness(&self) -> Result<(), SessionError> {
+    pub(crate) fn check_liveness(&self) -> Result<(), RosContextError> {
         if self.liveness.is_alive() {
             Ok(())
         } else {
-            Err(SessionError::NotReceiving)
+            Err(RosContextError::NotReceiving)
         }
     }
 
@@ -120,7 +120,7 @@ impl DdsGraph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<Sink<M>, SessionError> {
+    ) -> Result<Sink<M>, RosContextError> {
         let quality = topic.quality().publisher_qos();
         let dds_topic = self.dds_topic(topic, name, &quality)?;
         let publisher = self.create(&format!("publish `{name}`"), |node| {
@@ -134,7 +134,7 @@ impl DdsGraph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, Taken<M>>, RosContextError> {
         let quality = topic.quality().subscription_qos();
         let dds_topic = self.dds_topic(topic, name, &quality)?;
         let subscription = self.create(&format!("subscribe `{name}`"), |node| {
@@ -154,7 +154,7 @@ impl DdsGraph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, RosContextError> {
         let quality = topic.quality().subscription_qos();
         let dds_topic = self.dds_topic(topic, name, &quality)?;
         let participant = self.participant.clone();
@@ -179,7 +179,7 @@ impl DdsGraph {
         topic: &Topic<M>,
         name: &str,
         quality: &QosProfile,
-    ) -> Result<rustdds::Topic, SessionError> {
+    ) -> Result<rustdds::Topic, RosContextError> {
         let library_name = library_name(name)?;
         let (package, type_name) = topic.type_name();
         let type_name = MessageTypeName::new(package, type_name);
@@ -193,12 +193,12 @@ impl DdsGraph {
         &mut self,
         what: &str,
         create: impl FnOnce(&mut Node) -> Result<T, E>,
-    ) -> Result<T, SessionError> {
+    ) -> Result<T, RosContextError> {
         let node = &mut self.node;
         self.deadlock.watch(|| create(node)).map_err(|error| {
             // Without its threads the library refuses everything.
             if self.liveness.threads.has_one_ended() {
-                SessionError::NotReceiving
+                RosContextError::NotReceiving
             } else {
                 library_error(what, self.node.domain_id(), &error)
             }
@@ -236,9 +236,9 @@ fn node_options(parameters: &Parameters) -> NodeOptions {
     })
 }
 
-fn library_error(what: &str, domain: u16, reason: &dyn ToString) -> SessionError {
+fn library_error(what: &str, domain: u16, reason: &dyn ToString) -> RosContextError {
     let reason = reason.to_string();
-    SessionError::Failed(format!("cannot {what} in domain {domain}: {reason}"))
+    RosContextError::Failed(format!("cannot {what} in domain {domain}: {reason}"))
 }
 
 fn raw_sample(info: &MessageInfo, bytes: Vec<u8>) -> RawSample {

@@ -16,8 +16,8 @@ use serde::de::DeserializeOwned;
 
 use crate::dds_graph::DdsGraph;
 use crate::matched_readers::MatchedReaders;
+use crate::ros_context_error::{RosContextError, library_name};
 use crate::service::{Call, Carried, Reply, RequestId, Service, WAITING_MAX};
-use crate::session_error::{SessionError, library_name};
 use crate::topic::Quality;
 
 /// A client whose subscription to replies is not discovered within this is answered all the same.
@@ -37,7 +37,7 @@ impl DdsGraph {
         &mut self,
         service: &Service<Q, A>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where
         Q: Serialize + DeserializeOwned + Clone + 'static,
         A: Serialize + DeserializeOwned + 'static,

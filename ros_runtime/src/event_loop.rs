@@ -7,7 +7,7 @@ use async_channel::Receiver;
 use crate::inputs::{Inputs, Wake};
 use crate::node::Node;
 use crate::node_interfaces::{InterfaceInput, NodeInterfaces};
-use crate::session::{Session, SessionError};
+use crate::ros_context::{RosContext, RosContextError};
 
 /// After this many inputs the node acts on them before more are taken in.
 const INPUTS_PER_TURN: usize = 256;
@@ -23,7 +23,7 @@ enum Arrival<I> {
     Interface(InterfaceInput),
 }
 
-impl Session {
+impl RosContext {
     /// Runs a node until it ends, or until `stop` yields. Serves its parameters, its log and its diagnostics meanwhile.
     ///
     /// # Errors
@@ -33,7 +33,7 @@ impl Session {
         node: &mut N,
         inputs: Inputs<N::Input>,
         stop: &Receiver<()>,
-    ) -> Result<(), SessionError>
+    ) -> Result<(), RosContextError>
     where
         N::Input: 'static,
     {

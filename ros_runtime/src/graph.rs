@@ -1,4 +1,4 @@
-//! The middleware under a session: what each must do for it.
+//! The middleware under a [`RosContext`](crate::ros_context::RosContext): what each must do for it.
 
 use futures::stream::LocalBoxStream;
 use ros2_client::ParameterValue;
@@ -12,10 +12,10 @@ use crate::middleware::Middleware;
 use crate::parameters::Parameters;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::RawSample;
+use crate::ros_context_error::RosContextError;
 use crate::security::DDS_SHORTFALL;
 use crate::service::{Call, Service};
 use crate::service_mapping::ServiceMapping;
-use crate::session_error::SessionError;
 use crate::settings::Settings;
 use crate::subscription::{ParticipantId, Taken};
 use crate::topic::Topic;
@@ -47,11 +47,11 @@ impl Graph {
         identity: &NodeIdentity,
         parameters: &Parameters,
         service_mapping: ServiceMapping,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<Self, RosContextError> {
         match settings.middleware {
             Middleware::Dds => {
                 let allowed = settings.security.without(DDS_SHORTFALL);
-                allowed.map_err(SessionError::BadInput)?;
+                allowed.map_err(RosContextError::BadInput)?;
                 let environment = settings.environment;
                 let graph = DdsGraph::join(environment, identity, parameters, service_mapping)?;
                 Ok(Self::Dds(Box::new(graph)))
@@ -59,7 +59,7 @@ impl Graph {
             #[cfg(feature = "zenoh")]
             Middleware::Zenoh => Ok(Self::Zenoh(Box::new(ZenohGraph::join(settings, identity)?))),
             #[cfg(not(feature = "zenoh"))]
-            Middleware::Zenoh => Err(SessionError::BadInput(
+            Middleware::Zenoh => Err(RosContextError::BadInput(
                 crate::middleware::NOT_BUILT.to_owned(),
             )),
         }
@@ -74,7 +74,7 @@ impl Graph {
     ///
     /// # Errors
     /// The middleware no longer receives.
-    pub(crate) fn attend(&mut self) -> Result<(), SessionError> {
+    pub(crate) fn attend(&mut self) -> Result<(), RosContextError> {
         match self {
             Self::Dds(graph) => {
                 graph.check_liveness()?;
@@ -104,7 +104,7 @@ impl Graph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<Sink<M>, SessionError> {
+    ) -> Result<Sink<M>, RosContextError> {
         of_either!(self, graph => graph.publisher(topic, name))
     }
 
@@ -113,7 +113,7 @@ impl Graph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, Taken<M>>, RosContextError> {
         of_either!(self, graph => graph.subscription(topic, name))
     }
 
@@ -122,7 +122,7 @@ impl Graph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, RosContextError> {
         of_either!(self, graph => graph.raw_subscription(topic, name))
     }
 
@@ -131,7 +131,7 @@ impl Graph {
         &mut self,
         service: &Service<Q, A>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where
         Q: Serialize + DeserializeOwned + Clone + 'static,
         A: Serialize + DeserializeOwned + 'static,
@@ -144,7 +144,7 @@ impl Graph {
         &mut self,
         action: &Action<G, R, F>,
         name: &str,
-    ) -> Result<OpenedAction<G, R, F>, SessionError> {
+    ) -> Result<OpenedAction<G, R, F>, RosContextError> {
         of_either!(self, graph => graph.serve_action(action, name))
     }
 

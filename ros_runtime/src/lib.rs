@@ -1,8 +1,8 @@
 //! A ROS 2 node without a ROS 2 installation. This crate knows nothing of formations.
 //!
-//! A process joins the graph with [`session::Session::join`], which creates one participant and one node, over DDS or
-//! Zenoh. From the session it gets the queues of its topics, services and actions, which are declared as values
-//! ([`topic::Topic`], [`service::Service`], [`action::Action`]). Then [`session::Session::run`] runs the one event loop
+//! A process joins the graph with [`ros_context::RosContext::join`], which creates one participant and one node, over DDS or
+//! Zenoh. From this context it gets the queues of its topics, services and actions, which are declared as values
+//! ([`topic::Topic`], [`service::Service`], [`action::Action`]). Then [`ros_context::RosContext::run`] runs the one event loop
 //! of all nodes, which calls the process's [`node::Node`], and serves its parameters, `/rosout` and
 //! `/diagnostics`.
 //!
@@ -33,12 +33,12 @@ mod node_interfaces;
 pub mod parameters;
 mod publisher_queue;
 mod raw_sample;
+pub mod ros_context;
+mod ros_context_error;
 mod rosout;
 pub mod security;
 pub mod service;
 pub mod service_mapping;
-pub mod session;
-mod session_error;
 pub mod settings;
 pub mod stamp;
 mod subscription;

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use crate::diagnostics::Report;
 use crate::parameters::{ParameterError, Values};
-use crate::session::{Session, SessionError};
+use crate::ros_context::{RosContext, RosContextError};
 
 /// What a node does: with its inputs, and when time has passed.
 pub trait Node {
@@ -20,7 +20,7 @@ pub trait Node {
     ///
     /// # Errors
     /// The node cannot go on.
-    fn advance(&mut self, session: &mut Session) -> Result<ControlFlow<()>, SessionError>;
+    fn advance(&mut self, ros: &mut RosContext) -> Result<ControlFlow<()>, RosContextError>;
 
     /// When [`Self::advance`] has something to do next, if no input comes.
     fn due(&self) -> Option<Instant>;

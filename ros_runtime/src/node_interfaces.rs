@@ -10,7 +10,7 @@ use crate::inputs::Inputs;
 use crate::node::Node;
 use crate::parameters::{self, ParameterRequest};
 use crate::publisher_queue::PublisherQueue;
-use crate::session::{Session, SessionError};
+use crate::ros_context::{RosContext, RosContextError};
 use crate::stamp::Header;
 use crate::topic;
 
@@ -37,24 +37,24 @@ pub(crate) enum InterfaceInput {
 impl NodeInterfaces {
     /// Creates the endpoints that the settings and the node's parameters ask for.
     pub(crate) fn open(
-        session: &mut Session,
+        ros: &mut RosContext,
         inputs: &mut Inputs<InterfaceInput>,
-    ) -> Result<Self, SessionError> {
-        if session.node_parameters().start_parameter_services {
-            inputs.append(parameters::serve(session)?, InterfaceInput::Parameters);
+    ) -> Result<Self, RosContextError> {
+        if ros.node_parameters().start_parameter_services {
+            inputs.append(parameters::serve(ros)?, InterfaceInput::Parameters);
         }
-        let rosout = match session.log.clone() {
+        let rosout = match ros.log.clone() {
             Some(lines) => {
                 inputs.add(lines, InterfaceInput::Log);
-                Some(session.publisher(&topic::ROSOUT)?)
+                Some(ros.publisher(&topic::ROSOUT)?)
             }
             None => None,
         };
         Ok(Self {
-            logger: session.identity().logger(),
+            logger: ros.identity().logger(),
             rosout,
             diagnostics: None,
-            period: session.node_parameters().diagnostics_period,
+            period: ros.node_parameters().diagnostics_period,
             report_due: Instant::now(),
         })
     }
@@ -62,7 +62,7 @@ impl NodeInterfaces {
     pub(crate) fn handle(
         &mut self,
         input: InterfaceInput,
-        session: &mut Session,
+        ros: &mut RosContext,
         node: &mut impl Node,
     ) {
         match input {
@@ -77,10 +77,10 @@ impl NodeInterfaces {
                     node.set_parameters(values)
                         .map_err(|error| error.to_string())
                 };
-                for (name, value) in request.answer(&mut session.parameters, apply) {
-                    session.graph.announce_parameter(name, value);
+                for (name, value) in request.answer(&mut ros.parameters, apply) {
+                    ros.graph.announce_parameter(name, value);
                 }
-                let period = session.node_parameters().diagnostics_period;
+                let period = ros.node_parameters().diagnostics_period;
                 if period != self.period {
                     self.period = period;
                     self.report_due = Instant::now();
@@ -97,19 +97,19 @@ impl NodeInterfaces {
     /// Publishes the status of the node, if that is due.
     pub(crate) fn report(
         &mut self,
-        session: &mut Session,
+        ros: &mut RosContext,
         reports: impl FnOnce() -> Vec<Report>,
-    ) -> Result<(), SessionError> {
+    ) -> Result<(), RosContextError> {
         if self.due().is_none_or(|due| due > Instant::now()) {
             return Ok(());
         }
         self.report_due = Instant::now() + self.period;
         let diagnostics = match &mut self.diagnostics {
             Some(diagnostics) => diagnostics,
-            none => none.insert(session.publisher(&topic::DIAGNOSTICS)?),
+            none => none.insert(ros.publisher(&topic::DIAGNOSTICS)?),
         };
-        let node = session.identity().fully_qualified();
-        let statistics = session.statistics().borrow().report();
+        let node = ros.identity().fully_qualified();
+        let statistics = ros.statistics().borrow().report();
         let status = reports().into_iter().chain([statistics]);
         diagnostics.publish(DiagnosticArray {
             header: Header {

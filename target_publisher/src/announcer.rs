@@ -14,8 +14,8 @@ use ros_runtime::action::ActionRequest;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::parameters::{ParameterError, Tunables, Values};
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::service::{Call, RequestId};
-use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 use ros2_client::builtin_interfaces::Time;
 
@@ -41,7 +41,7 @@ impl TargetPublisher {
     /// Announces the target, and those of goals, until `stop` yields, then leaves the graph.
     ///
     /// When the DDS library no longer receives, it rejoins, announces its latest target again, and continues its goal.
-    pub(crate) fn run(self, stop: &Receiver<()>) -> Result<(), SessionError> {
+    pub(crate) fn run(self, stop: &Receiver<()>) -> Result<(), RosContextError> {
         let start = Instant::now();
         let mut tracker = GoalTracker::default();
         let mut commander = Commander::default();
@@ -54,7 +54,7 @@ impl TargetPublisher {
         tracker: &mut GoalTracker<RequestId>,
         commander: &mut Commander,
         stop: &Receiver<()>,
-    ) -> Result<(), SessionError> {
+    ) -> Result<(), RosContextError> {
         let declared = self
             .settings
             .declare(NODE_NAME, self.parameters.declarations())?;
@@ -66,18 +66,18 @@ impl TargetPublisher {
                 expected_modules: parameters.expected_modules,
                 ..announcement.clone()
             };
-            refuse_long_plans(&announcement).map_err(SessionError::BadInput)?;
+            refuse_long_plans(&announcement).map_err(RosContextError::BadInput)?;
             tracker.status.announce(start.elapsed(), announcement);
         }
-        let mut session = Session::join(&self.settings, NODE_NAME, declared)?;
-        let target = session.publisher(&topics::TARGET)?;
+        let mut ros = RosContext::join(&self.settings, NODE_NAME, declared)?;
+        let target = ros.publisher(&topics::TARGET)?;
         let mut inputs = Inputs::default();
         let mut action = None;
         // Where the node serves no tools it serves no client, as discovery grows with the number of endpoints.
         let mut commands = None;
-        if session.node_parameters().start_parameter_services {
-            commands = Some(session.publisher(&topics::COMMANDS)?);
-            action = Some(endpoints::open(&mut session, &mut inputs)?);
+        if ros.node_parameters().start_parameter_services {
+            commands = Some(ros.publisher(&topics::COMMANDS)?);
+            action = Some(endpoints::open(&mut ros, &mut inputs)?);
         } else if self.announcement.is_none() {
             tracing::warn!(
                 "announces nothing and serves no goals, as start_parameter_services is false"
@@ -92,18 +92,18 @@ impl TargetPublisher {
             resolver: GoalResolver {
                 folder: parameters.scenario_folder.clone().map(PathBuf::from),
                 expected_modules: parameters.expected_modules,
-                module_size: module_size_of(&session),
+                module_size: module_size_of(&ros),
             },
             parameters,
             announced: None,
-            session: session_of(&session),
+            session: session_of(&ros),
             target,
             action,
         };
         if announcer.commander.has_commands() {
             announcer.publish_commands();
         }
-        session.run(&mut announcer, inputs, stop)
+        ros.run(&mut announcer, inputs, stop)
     }
 }
 
@@ -157,7 +157,7 @@ impl Node for Announcer<'_> {
         }
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, _: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         let now = self.start.elapsed();
         self.tracker.advance(now, &self.parameters);
         self.publish_target();

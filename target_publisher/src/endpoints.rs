@@ -8,8 +8,8 @@ use formation_msgs::{
 use formation_node::messages::{Received, subscribe_all, subscribe_verdicts};
 use ros_runtime::action::{Action, ActionRequest, ActionServer};
 use ros_runtime::inputs::Inputs;
+use ros_runtime::ros_context::{RosContext, RosContextError};
 use ros_runtime::service::{Call, Service};
-use ros_runtime::session::{Session, SessionError};
 
 const QUERY_STATUS: Service<QueryStatusRequest, QueryStatusResponse> =
     Service::new("query_status", "formation_msgs", "QueryStatus");
@@ -42,16 +42,16 @@ pub(crate) enum Input {
 
 /// Creates the endpoints.
 pub(crate) fn open(
-    session: &mut Session,
+    ros: &mut RosContext,
     inputs: &mut Inputs<Input>,
-) -> Result<FormConfigurationServer, SessionError> {
-    inputs.add(session.serve(&QUERY_STATUS)?, Input::QueryStatus);
-    inputs.add(session.serve(&WITHDRAW_TARGET)?, Input::WithdrawTarget);
-    inputs.add(session.serve(&STOP_FORMATION)?, Input::StopFormation);
-    inputs.add(session.serve(&REMOVE_MODULE)?, Input::RemoveModule);
+) -> Result<FormConfigurationServer, RosContextError> {
+    inputs.add(ros.serve(&QUERY_STATUS)?, Input::QueryStatus);
+    inputs.add(ros.serve(&WITHDRAW_TARGET)?, Input::WithdrawTarget);
+    inputs.add(ros.serve(&STOP_FORMATION)?, Input::StopFormation);
+    inputs.add(ros.serve(&REMOVE_MODULE)?, Input::RemoveModule);
     let (action, requests) = session.serve_action(&FORM_CONFIGURATION)?;
     inputs.add(requests, Input::Action);
-    for messages in subscribe_all(session, 1)? {
+    for messages in subscribe_all(ros, 1)? {
         inputs.add(messages, Input::Messages);
     }
     inputs.add(subscribe_verdicts(session)?, Input::Verdict);

@@ -21,7 +21,7 @@ use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
 
 use crate::announcer::TargetPublisher;
-use crate::operator::Order;
+use crate::operator::OperatorOrder;
 use crate::parameters::PublisherParameters;
 
 /// Announces the target of a scenario, and keeps it for late subscribers, until it is asked to stop.
@@ -51,7 +51,7 @@ struct Arguments {
     #[arg(long, requires = "scenario")]
     withdraw: bool,
     #[command(flatten)]
-    order: OrderArguments,
+    order: OperatorArguments,
 }
 
 /// A revision that other targets can follow: every node refuses one that is too far ahead of its clock.
@@ -69,7 +69,7 @@ fn plausible_revision(text: &str) -> Result<u64, String> {
 /// Commands to all modules. The program gives one, waits until the modules show it, and ends.
 #[derive(Args)]
 #[group(multiple = false, conflicts_with = "scenario")]
-struct OrderArguments {
+struct OperatorArguments {
     /// Stop all modules until they are resumed, and end
     #[arg(long)]
     stop: bool,
@@ -81,14 +81,14 @@ struct OrderArguments {
     remove_module: Vec<u32>,
 }
 
-impl OrderArguments {
-    fn order(&self) -> Option<Order> {
+impl OperatorArguments {
+    fn order(&self) -> Option<OperatorOrder> {
         if self.stop || self.resume {
-            return Some(Order::Stop(self.stop));
+            return Some(OperatorOrder::Stop(self.stop));
         }
         let modules = self.remove_module.iter().copied().map(ModuleId);
         let modules: BTreeSet<ModuleId> = modules.collect();
-        (!modules.is_empty()).then_some(Order::Remove(modules))
+        (!modules.is_empty()).then_some(OperatorOrder::Remove(modules))
     }
 }
 

@@ -21,8 +21,8 @@ use formation_node::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
+use ros_runtime::ros_context::{RosContext, RosContextError};
 use ros_runtime::service::Call;
-use ros_runtime::session::{Session, SessionError};
 use ros_runtime::settings::Settings;
 
 const NODE_NAME: &str = "operator";
@@ -41,7 +41,7 @@ const PATIENCE_ALONE: Duration = Duration::from_secs(3);
 
 /// What is commanded.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Order {
+pub(crate) enum OperatorOrder {
     /// All modules stand still, or may move again.
     Stop(bool),
     /// The bodies of these modules were taken away.
@@ -202,22 +202,22 @@ impl Commander {
 /// The ROS 2 graph could not be joined, or the modules did not show the command in time.
 pub(crate) fn command(
     settings: &Settings,
-    order: Order,
+    order: OperatorOrder,
     stop: &Receiver<()>,
-) -> Result<String, SessionError> {
+) -> Result<String, RosContextError> {
     let parameters = settings.declare(NODE_NAME, Vec::new())?;
-    let mut session = Session::join(settings, NODE_NAME, parameters)?;
+    let mut ros = RosContext::join(settings, NODE_NAME, parameters)?;
     let mut inputs = Inputs::default();
     // A command applies to modules of any size.
-    let heartbeats = subscribe_every_size(&mut session, &topics::HEARTBEATS)?;
+    let heartbeats = subscribe_every_size(&mut ros, &topics::HEARTBEATS)?;
     inputs.add(heartbeats, |one| one);
-    let rosters = subscribe_every_size(&mut session, &topics::ROSTER)?;
+    let rosters = subscribe_every_size(&mut ros, &topics::ROSTER)?;
     inputs.add(rosters, |one| one);
     let mut operator = Operator {
         order,
-        place: place(settings, &session),
-        session: session_of(&session),
-        commands: session.publisher(&topics::COMMANDS)?,
+        place: place(settings, &ros),
+        session: session_of(&ros),
+        commands: ros.publisher(&topics::COMMANDS)?,
         known: Known::default(),
         heartbeats: BTreeMap::new(),
         began: Instant::now(),
@@ -226,27 +226,27 @@ pub(crate) fn command(
         due: Instant::now(),
         outcome: None,
     };
-    session.run(&mut operator, inputs, stop)?;
+    ros.run(&mut operator, inputs, stop)?;
     let interrupted = || Err("interrupted".to_owned());
     let outcome = operator.outcome.unwrap_or_else(interrupted);
-    outcome.map_err(SessionError::Failed)
+    outcome.map_err(RosContextError::Failed)
 }
 
 /// Where modules are sought, for people.
-fn place(settings: &Settings, session: &Session) -> String {
-    let sought = match session_of(session) {
+fn place(settings: &Settings, ros: &RosContext) -> String {
+    let sought = match session_of(ros) {
         SessionId::EVERY => "any session".to_owned(),
         session => session.to_string(),
     };
     format!(
         "domain {}, namespace {}, {sought}",
         settings.environment.domain,
-        session.identity().namespace
+        ros.identity().namespace
     )
 }
 
 struct Operator {
-    order: Order,
+    order: OperatorOrder,
     /// The domain, the namespace and the session, for people.
     place: String,
     /// The session to which the command applies; without one, it applies to every session.
@@ -281,7 +281,7 @@ impl Node for Operator {
         }
     }
 
-    fn advance(&mut self, session: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, ros: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         let now = Instant::now();
         if now >= self.due {
             self.due = now + REPEAT;
@@ -330,7 +330,7 @@ impl Operator {
         self.commands
             .publish(command.clone().in_session(self.session));
         match &self.order {
-            Order::Remove(modules) => {
+            OperatorOrder::Remove(modules) => {
                 if let Some(reason) = self.are_alive(modules) {
                     return Some(Err(reason));
                 }
@@ -339,7 +339,7 @@ impl Operator {
                 (now > *given + REMOVAL_REPEATS)
                     .then(|| Ok(removal_requests::were_reported(modules, timing)))
             }
-            Order::Stop(stopped) => {
+            OperatorOrder::Stop(stopped) => {
                 let wanted = self.known.stop.revision;
                 let is_repeated = now > *given + REPEAT;
                 judge_stop(&self.heartbeats, wanted, *stopped, is_late)
@@ -351,19 +351,19 @@ impl Operator {
     /// How long to listen before the command is given.
     fn listening(&self) -> Duration {
         match self.order {
-            Order::Stop(_) => LISTENING,
-            Order::Remove(_) => removal_requests::listening(self.known.timing),
+            OperatorOrder::Stop(_) => LISTENING,
+            OperatorOrder::Remove(_) => removal_requests::listening(self.known.timing),
         }
     }
 
     /// The command, or why there is none; `None` while that is open.
     fn make(&mut self, is_late: bool) -> Option<Result<OperatorCommand, String>> {
         let modules = match &self.order {
-            Order::Stop(stopped) => {
+            OperatorOrder::Stop(stopped) => {
                 let stop = self.known.next_stop(*stopped);
                 return Some(stop.map(|stop| OperatorCommand::new(stop, [])));
             }
-            Order::Remove(modules) => modules,
+            OperatorOrder::Remove(modules) => modules,
         };
         if let Some(reason) = self.are_alive(modules) {
             return Some(Err(reason));

@@ -15,7 +15,7 @@ use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::parameters::Tunables;
-use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::settings::Settings;
 use ros_runtime::topic_statistics::{RefusalKind, SharedStatistics, TopicStatistics};
 
@@ -67,12 +67,12 @@ impl VerifierProcess {
         self,
         stop: &Receiver<()>,
         mut notify: impl FnMut(News<'_>),
-    ) -> Result<Judgement, SessionError> {
+    ) -> Result<Judgement, RosContextError> {
         let trace = self.trace.as_deref().map(TraceFile::create).transpose();
-        let mut trace = trace.map_err(SessionError::BadInput)?;
+        let mut trace = trace.map_err(RosContextError::BadInput)?;
         let judgement = rejoining(|| self.judge(stop, &mut trace, &mut notify))?;
         if let Some(trace) = trace {
-            trace.finish().map_err(SessionError::Failed)?;
+            trace.finish().map_err(RosContextError::Failed)?;
         }
         Ok(judgement)
     }
@@ -82,14 +82,14 @@ impl VerifierProcess {
         stop: &Receiver<()>,
         trace: &mut Option<TraceFile>,
         notify: &mut dyn FnMut(News<'_>),
-    ) -> Result<Judgement, SessionError> {
+    ) -> Result<Judgement, RosContextError> {
         let parameters = self
             .settings
             .declare(NODE_NAME, self.judging.declarations())?;
         let Judging(judging) = self.judging.clone().read(parameters.values())?;
-        let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
+        let mut ros = RosContext::join(&self.settings, NODE_NAME, parameters)?;
         let mut inputs = Inputs::default();
-        for messages in subscribe_all(&mut session, 1)? {
+        for messages in subscribe_all(&mut ros, 1)? {
             inputs.add(messages, |received| received);
         }
         let mut verifier = Verifier {
@@ -99,18 +99,18 @@ impl VerifierProcess {
             trace,
             recorder: self.event_log.then(|| Recorder::new(POSE_INTERVAL)),
             source_guard: SourceGuard::default(),
-            statistics: session.statistics(),
-            session: session_of(&session),
+            statistics: ros.statistics(),
+            session: session_of(&ros),
             // Created at the start, so that subscribers are matched when the verdict is published.
-            verdicts: session.publisher(&topics::VERDICT)?,
+            verdicts: ros.publisher(&topics::VERDICT)?,
             notify,
             phase: Phase::Observing(Some(Instant::now())),
             judge_interval: JUDGE_INTERVAL,
             progress: None,
             end: None,
         };
-        session.run(&mut verifier, inputs, stop)?;
-        let statistics = session.statistics().borrow().clone();
+        ros.run(&mut verifier, inputs, stop)?;
+        let statistics = ros.statistics().borrow().clone();
         Ok(Judgement {
             end: verifier.end,
             statistics,
@@ -206,7 +206,7 @@ impl Node for Verifier<'_> {
         self.phase = Phase::Observing(Some(judge_at.map_or(soon, |at| at.min(soon))));
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, _: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         if self.due().is_some_and(|due| due <= Instant::now()) {
             self.phase = match self.phase {
                 Phase::Observing(_) => self.judge(),

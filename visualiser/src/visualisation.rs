@@ -13,7 +13,7 @@ use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::parameters::{ParameterError, Tunable, Tunables, Values, number, seconds, switch};
-use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::settings::Settings;
 
 use crate::scene::DrawnScene;
@@ -80,27 +80,27 @@ pub(crate) fn draw(
     settings: &Settings,
     drawing: Drawing,
     stop: &Receiver<()>,
-) -> Result<(), SessionError> {
+) -> Result<(), RosContextError> {
     rejoining(|| {
         let parameters = settings.declare(NODE_NAME, drawing.declarations())?;
         let drawing = drawing.read(parameters.values())?;
-        let mut session = Session::join(settings, NODE_NAME, parameters)?;
+        let mut ros = RosContext::join(settings, NODE_NAME, parameters)?;
         let mut inputs = Inputs::default();
-        for messages in subscribe_all(&mut session, 1)? {
+        for messages in subscribe_all(&mut ros, 1)? {
             inputs.add(messages, |received| received);
         }
         let mut visualiser = Visualiser {
             start: Instant::now(),
-            module_size: module_size_of(&session),
-            markers: session.publisher(&topics::MARKERS)?,
-            transforms: session.publisher(&topics::TRANSFORMS)?,
-            fixed_transforms: session.publisher(&topics::FIXED_TRANSFORMS)?,
+            module_size: module_size_of(&ros),
+            markers: ros.publisher(&topics::MARKERS)?,
+            transforms: ros.publisher(&topics::TRANSFORMS)?,
+            fixed_transforms: ros.publisher(&topics::FIXED_TRANSFORMS)?,
             drawing,
             scene: DrawnScene::new(drawing.suspicion),
             drawn: None,
             transformed: None,
         };
-        session.run(&mut visualiser, inputs, stop)
+        ros.run(&mut visualiser, inputs, stop)
     })
 }
 
@@ -128,7 +128,7 @@ impl Node for Visualiser {
         }
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, _: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         let now = Instant::now();
         self.scene.advance(self.start.elapsed());
         let is_due =

@@ -17,7 +17,7 @@ use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::parameters::Tunables;
-use ros_runtime::session::{Session, SessionError, rejoining};
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::settings::Settings;
 
 use crate::options::WorldOptions;
@@ -59,19 +59,19 @@ impl WorldProcess {
         &self,
         stop: &Receiver<()>,
         mut notify: impl FnMut(&WorldReport),
-    ) -> Result<(), SessionError> {
+    ) -> Result<(), RosContextError> {
         let problem = self.scenario.problem();
         let planned = plan(Arc::new(problem.clone()));
         let refused = PlannedMotion::of(problem, planned.plan, &[])
             .0
             .check_for_robots();
-        refused.map_err(SessionError::BadInput)?;
+        refused.map_err(RosContextError::BadInput)?;
         if self.options.drive == DriveKind::Differential {
             let refused = motion::check_differential_drives(problem);
-            refused.map_err(SessionError::BadInput)?;
+            refused.map_err(RosContextError::BadInput)?;
         }
         if self.options.delay >= ECHO_AGE_MAX {
-            return Err(SessionError::BadInput(format!(
+            return Err(RosContextError::BadInput(format!(
                 "delay_ms: no robot would move, as goals that follow from poses of {} ms ago or more are dropped",
                 ECHO_AGE_MAX.as_millis()
             )));
@@ -85,30 +85,28 @@ impl WorldProcess {
         world: &mut World,
         stop: &Receiver<()>,
         notify: &mut dyn FnMut(&WorldReport),
-    ) -> Result<(), SessionError> {
+    ) -> Result<(), RosContextError> {
         let declarations = self.options.declarations();
         let parameters = self.settings.declare(NODE_NAME, declarations)?;
-        let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
+        let mut ros = RosContext::join(&self.settings, NODE_NAME, parameters)?;
         let frame_id = self.scenario.problem().target().frame_id();
         let mut inputs = Inputs::default();
         let mut drivers = Vec::new();
         for module in world.modules() {
-            subscribe(&mut session, &mut inputs, module, frame_id)?;
+            subscribe(&mut ros, &mut inputs, module, frame_id)?;
             drivers.push(Driver {
                 module,
                 poses: match self.options.pose_source {
-                    PoseSource::Pose => {
-                        Poses::Pose(session.publisher(&topics::driver_pose(module))?)
-                    }
+                    PoseSource::Pose => Poses::Pose(ros.publisher(&topics::driver_pose(module))?),
                     PoseSource::Odometry => {
-                        Poses::Odometry(session.publisher(&topics::driver_odometry(module))?)
+                        Poses::Odometry(ros.publisher(&topics::driver_odometry(module))?)
                     }
                 },
-                results: session.publisher(&topics::docking_result(module))?,
+                results: ros.publisher(&topics::docking_result(module))?,
             });
         }
         let mut node = WorldNode {
-            module_size: module_size_of(&session),
+            module_size: module_size_of(&ros),
             frame_id,
             options: &self.options,
             world,
@@ -117,7 +115,7 @@ impl WorldProcess {
             notify,
             reported: (Instant::now(), None),
         };
-        let ended = session.run(&mut node, inputs, stop);
+        let ended = ros.run(&mut node, inputs, stop);
         node.report();
         ended
     }
@@ -125,19 +123,19 @@ impl WorldProcess {
 
 /// Subscribes to what a module sends to its driver.
 fn subscribe(
-    session: &mut Session,
+    ros: &mut RosContext,
     inputs: &mut Inputs<(ModuleId, Command)>,
     module: ModuleId,
     frame_id: &str,
-) -> Result<(), SessionError> {
-    let size = module_size_of(session);
+) -> Result<(), RosContextError> {
+    let size = module_size_of(ros);
     let frame_id = frame_id.to_owned();
-    let goals = session.subscription(&topics::goal_pose(module), move |_, goal: PoseStamped| {
+    let goals = ros.subscription(&topics::goal_pose(module), move |_, goal: PoseStamped| {
         check_echo(goal.header.stamp).map_err(|reason| format!("a goal of {module} {reason}"))?;
         let pose = goal.in_frame(&frame_id, size);
         pose.map_err(|error| error.to_string())
     })?;
-    let requests = session.subscription(&topics::docking(module), move |_, request| {
+    let requests = ros.subscription(&topics::docking(module), move |_, request| {
         let request: formation_msgs::DockingRequest = request;
         match request.into_core(size) {
             Ok((named, request)) if named == module => Ok(request),
@@ -195,7 +193,7 @@ impl Node for WorldNode<'_> {
         }
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, _: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         let now = Instant::now();
         let elapsed = now.saturating_duration_since(self.advanced);
         self.advanced = now;

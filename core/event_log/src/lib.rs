@@ -1,12 +1,12 @@
 //! What happens in a formation, for programs that show it while it happens or afterwards.
 //!
 //! The same entries describe a plan, a run that was observed on the topics, and a simulated run. A [`Recorder`] makes
-//! them of messages, a [`Scene`] is the state to which they lead, and a [`Step`] is one of its changes in words. None of
+//! them of messages, a [`Scene`] is the state to which they lead, and a [`SceneChange`] is one of its changes in words. None of
 //! these judges anything; the crate `formation_verify` does.
 
 mod recorder;
 mod scene;
-mod step;
+mod scene_change;
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -16,8 +16,8 @@ use serde::{Deserialize, Serialize};
 use formation_model::{Decision, Digest, Epoch, ModuleId, ModulePhase, Pose, SpotId};
 
 pub use recorder::{POSE_INTERVAL, Recorder};
-pub use scene::{Changes, Scene, SceneModule};
-pub use step::Step;
+pub use scene::{AppliedEntry, Scene, SceneModule};
+pub use scene_change::SceneChange;
 
 /// A time or a duration, in milliseconds.
 #[must_use]

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Entry, Event, ModuleSnapshot, Step};
+use super::{Entry, Event, ModuleSnapshot, SceneChange};
 use formation_model::{
     Decision, Epoch, FormationStage, ModuleId, ModulePhase, Pose, SpotId, SpotSelection,
 };
@@ -35,29 +35,29 @@ pub struct SceneModule {
 
 /// What one entry changed.
 #[derive(Debug, Default)]
-pub struct Changes<'a> {
+pub struct AppliedEntry<'a> {
     /// The spots that another module holds now, or none.
     pub holders: Vec<(SpotId, Option<ModuleId>)>,
     /// What people read of it, in order.
-    pub steps: Vec<Step<'a>>,
+    pub steps: Vec<SceneChange<'a>>,
 }
 
 impl Scene {
     /// Takes in the next entry.
-    pub fn apply<'a>(&mut self, entry: &'a Entry) -> Changes<'a> {
-        let mut changes = Changes::default();
+    pub fn apply<'a>(&mut self, entry: &'a Entry) -> AppliedEntry<'a> {
+        let mut changes = AppliedEntry::default();
         match &entry.event {
             Event::Gathering(epoch) => {
                 self.begin(*epoch, &mut changes);
                 if epoch.number > 1 {
-                    changes.steps.push(Step::Regathering(*epoch));
+                    changes.steps.push(SceneChange::Regathering(*epoch));
                 }
             }
             Event::Roster { epoch, modules, .. } => {
                 self.begin(*epoch, &mut changes);
                 self.stage = FormationStage::Planning;
                 let members = modules.len();
-                changes.steps.push(Step::RosterFixed { members });
+                changes.steps.push(SceneChange::RosterFixed { members });
                 self.hold_pins(modules, &mut changes);
             }
             Event::Claim {
@@ -70,7 +70,7 @@ impl Scene {
                 self.stage = self.stage.max(FormationStage::Planning);
                 self.apply_decision(decision, &mut changes);
                 self.decisions.push((*claimant, decision.clone()));
-                changes.steps.push(Step::Turn {
+                changes.steps.push(SceneChange::Turn {
                     turn: *turn,
                     claimant: *claimant,
                     decision,
@@ -155,7 +155,7 @@ impl Scene {
     }
 
     /// Clears what the epoch before decided.
-    fn begin(&mut self, epoch: Epoch, changes: &mut Changes<'_>) {
+    fn begin(&mut self, epoch: Epoch, changes: &mut AppliedEntry<'_>) {
         self.stage = FormationStage::Gathering;
         if self.epoch == Some(epoch) {
             return;
@@ -172,7 +172,7 @@ impl Scene {
     }
 
     /// Members that settled before the epoch keep their spots.
-    fn hold_pins(&mut self, members: &[ModuleId], changes: &mut Changes<'_>) {
+    fn hold_pins(&mut self, members: &[ModuleId], changes: &mut AppliedEntry<'_>) {
         for &module in members {
             let pin = self.snapshot(module).and_then(|snapshot| {
                 let is_frozen =
@@ -186,7 +186,7 @@ impl Scene {
         }
     }
 
-    fn hold(&mut self, taken: SpotSelection, changes: &mut Changes<'_>) {
+    fn hold(&mut self, taken: SpotSelection, changes: &mut AppliedEntry<'_>) {
         let SpotSelection { spot, module } = taken;
         self.spots.insert(module, spot);
         if let Some(former) = self
@@ -199,7 +199,7 @@ impl Scene {
         changes.holders.push((spot, Some(module)));
     }
 
-    fn apply_decision(&mut self, decision: &Decision, changes: &mut Changes<'_>) {
+    fn apply_decision(&mut self, decision: &Decision, changes: &mut AppliedEntry<'_>) {
         let evicted = decision.evictions.iter().map(|eviction| eviction.evicted);
         let selecting = decision.selections.iter().map(|pair| pair.module);
         for module in selecting.chain(evicted) {
@@ -216,7 +216,12 @@ impl Scene {
         }
     }
 
-    fn apply_state(&mut self, at_ms: u64, snapshot: &ModuleSnapshot, changes: &mut Changes<'_>) {
+    fn apply_state(
+        &mut self,
+        at_ms: u64,
+        snapshot: &ModuleSnapshot,
+        changes: &mut AppliedEntry<'_>,
+    ) {
         use ModulePhase::{Listening, Moving, Settled, Spare, Waiting};
         let module = snapshot.module;
         let known = SceneModule {
@@ -232,17 +237,17 @@ impl Scene {
             self.moving.remove(&module);
         }
         if is == Listening && was.is_some_and(|was| was != Listening) {
-            changes.steps.push(Step::Restarted(module));
+            changes.steps.push(SceneChange::Restarted(module));
         }
         let acts =
             matches!(is, Waiting | Moving | Spare) || is == Settled && snapshot.unit.is_some();
         if acts && self.stage < FormationStage::Acting && !self.holders.is_empty() {
             self.stage = FormationStage::Acting;
-            changes.steps.push(Step::Agreed);
+            changes.steps.push(SceneChange::Agreed);
         }
         let lead = snapshot.unit.unwrap_or(module);
         if is == Moving && was != Some(Moving) && self.departed.insert(lead) {
-            changes.steps.push(Step::SetOff {
+            changes.steps.push(SceneChange::SetOff {
                 unit: self.unit_of(snapshot),
                 spot: snapshot.spot,
             });
@@ -254,7 +259,7 @@ impl Scene {
             let is_whole = unit.iter().all(|&one| self.phase_of(one) == Some(Settled));
             if is_whole && self.arrived.insert(lead) {
                 let spot = snapshot.spot;
-                changes.steps.push(Step::Settled { unit, spot });
+                changes.steps.push(SceneChange::Settled { unit, spot });
             }
         }
     }

@@ -7,7 +7,7 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::field::{check_id, checked_pose, connected_graph};
+use crate::field_error::{check_id, checked_pose, connected_graph};
 use crate::yaml::YamlError;
 use crate::{
     ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize, MotionMode,

@@ -2,7 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
-use crate::field::{check_id, checked_pose, connected_graph};
+use crate::field_error::{check_id, checked_pose, connected_graph};
 use crate::{
     EDGES_MAX, FieldError, MicroUnits, Pose, SPOTS_MAX, Spot, SpotId, Surroundings, Topology,
 };

@@ -91,26 +91,26 @@ fn read_merged<T: DeserializeOwned>(text: &str) -> Result<T, YamlError> {
 
 /// A step of the way to a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
-enum Step {
+enum Segment {
     Field(String),
     Entry(usize),
 }
 
 /// A path as it precedes a reason; empty for the whole text.
-fn prefix(path: &[Step]) -> String {
+fn prefix(path: &[Segment]) -> String {
     let mut text = String::new();
     for step in path {
         match step {
-            Step::Field(name) if text.is_empty() => text.push_str(name),
-            Step::Field(name) => text.push_str(&format!(".{name}")),
-            Step::Entry(index) => text.push_str(&format!("[{index}]")),
+            Segment::Field(name) if text.is_empty() => text.push_str(name),
+            Segment::Field(name) => text.push_str(&format!(".{name}")),
+            Segment::Entry(index) => text.push_str(&format!("[{index}]")),
         }
     }
     if text.is_empty() { text } else { text + ": " }
 }
 
 /// The path that precedes a reason; as far as it can be read.
-fn path_of(reason: &str) -> Vec<Step> {
+fn path_of(reason: &str) -> Vec<Segment> {
     let Some((path, _)) = reason.split_once(": ") else {
         return Vec::new();
     };
@@ -118,9 +118,9 @@ fn path_of(reason: &str) -> Vec<Step> {
     for part in path.split(['.', '[']) {
         let entry = part.strip_suffix(']').and_then(|index| index.parse().ok());
         match entry {
-            Some(index) => steps.push(Step::Entry(index)),
+            Some(index) => steps.push(Segment::Entry(index)),
             None if part.contains(' ') => break,
-            None => steps.push(Step::Field(part.to_owned())),
+            None => steps.push(Segment::Field(part.to_owned())),
         }
     }
     steps
@@ -128,20 +128,20 @@ fn path_of(reason: &str) -> Vec<Step> {
 
 /// Takes in what the merge keys of a value name; a field that the mapping has itself, or that an earlier mapping of a list
 /// has, stays. On an error, `path` leads to it.
-fn merge(value: &mut Value, path: &mut Vec<Step>) -> Result<(), &'static str> {
+fn merge(value: &mut Value, path: &mut Vec<Segment>) -> Result<(), &'static str> {
     match value {
         Value::Mapping(mapping) => {
             resolve(mapping)?;
             for (key, value) in mapping.iter_mut() {
                 let name = key.as_str().unwrap_or("?");
-                path.push(Step::Field(name.to_owned()));
+                path.push(Segment::Field(name.to_owned()));
                 merge(value, path)?;
                 path.pop();
             }
         }
         Value::Sequence(entries) => {
             for (index, entry) in entries.iter_mut().enumerate() {
-                path.push(Step::Entry(index));
+                path.push(Segment::Entry(index));
                 merge(entry, path)?;
                 path.pop();
             }
@@ -181,7 +181,7 @@ fn mappings(merged: Value) -> Result<Vec<Mapping>, &'static str> {
 }
 
 /// Where a field stands in a text: the line and the column of its value, or of the mapping that takes it in by a merge key.
-fn location_of(text: &str, path: &[Step]) -> Option<(usize, usize)> {
+fn location_of(text: &str, path: &[Segment]) -> Option<(usize, usize)> {
     let found = Seeker { path }.deserialize(serde_yaml::Deserializer::from_str(text));
     let location = found.err()?.location()?;
     Some((location.line(), location.column()))
@@ -190,7 +190,7 @@ fn location_of(text: &str, path: &[Step]) -> Option<(usize, usize)> {
 /// Fails at the value to which a path leads, so that the parser says where that is.
 #[derive(Clone, Copy)]
 struct Seeker<'p> {
-    path: &'p [Step],
+    path: &'p [Segment],
 }
 
 impl<'de> DeserializeSeed<'de> for Seeker<'_> {
@@ -211,7 +211,7 @@ impl<'de> Visitor<'de> for Seeker<'_> {
     fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<(), A::Error> {
         while let Some(key) = map.next_key::<Value>()? {
             match self.path {
-                [Step::Field(name), path @ ..] if key.as_str() == Some(name) => {
+                [Segment::Field(name), path @ ..] if key.as_str() == Some(name) => {
                     map.next_value_seed(Seeker { path })?;
                 }
                 _ => {
@@ -223,7 +223,7 @@ impl<'de> Visitor<'de> for Seeker<'_> {
     }
 
     fn visit_seq<A: SeqAccess<'de>>(self, mut list: A) -> Result<(), A::Error> {
-        let [Step::Entry(index), path @ ..] = self.path else {
+        let [Segment::Entry(index), path @ ..] = self.path else {
             return Err(A::Error::custom("is here"));
         };
         for _ in 0..*index {
@@ -412,16 +412,19 @@ mod tests {
     #[test]
     fn a_fields_place_is_found_and_otherwise_that_of_its_mapping() {
         let text = "a: 1\nb:\n  - {x: 1}\n  - {x: 2, y: 3}\n";
-        let of = |path: &[Step]| location_of(text, path);
-        let field = |name: &str| Step::Field(name.to_owned());
-        assert_eq!(of(&[field("b"), Step::Entry(1), field("y")]), Some((4, 15)));
+        let of = |path: &[Segment]| location_of(text, path);
+        let field = |name: &str| Segment::Field(name.to_owned());
         assert_eq!(
-            of(&[field("b"), Step::Entry(1), field("z")]).map(|place| place.0),
+            of(&[field("b"), Segment::Entry(1), field("y")]),
+            Some((4, 15))
+        );
+        assert_eq!(
+            of(&[field("b"), Segment::Entry(1), field("z")]).map(|place| place.0),
             Some(4)
         );
         assert_eq!(
             path_of("b[1].y: is wrong: x"),
-            [field("b"), Step::Entry(1), field("y")]
+            [field("b"), Segment::Entry(1), field("y")]
         );
         assert_eq!(prefix(&path_of("b[1].y: is wrong")), "b[1].y: ");
     }

@@ -18,7 +18,6 @@ use bodies::Bodies;
 use removals::Removals;
 
 use super::asked_plan::Plans;
-use super::body::Body;
 use super::event::Event;
 use super::io::{Identity, Output};
 use super::memory::{KnownTarget, Memory};
@@ -31,6 +30,7 @@ use super::peers::{Liveness, Peers};
 use super::plans::{ComputedPlan, PlanJob};
 use super::quorum::Shortfall;
 use super::refusal::Refusal;
+use super::robot::Robot;
 
 /// Which module this is, and which run of its process.
 #[derive(Clone, Copy, Debug)]
@@ -56,7 +56,7 @@ pub(super) struct Context {
     pub own: Own,
     pub parameters: AgentParameters,
     pub bugs: Bugs,
-    pub body: Body,
+    pub robot: Robot,
     pub peers: Peers,
     pub bodies: Bodies,
     /// The reports that bodies were taken away, which have not taken effect.
@@ -88,7 +88,7 @@ impl Context {
             },
             parameters,
             bugs: Bugs::default(),
-            body: Body::new(identity.pose, identity.links),
+            robot: Robot::new(identity.pose, identity.links),
             peers: Peers::default(),
             bodies: Bodies::default(),
             removals: Removals::default(),
@@ -170,7 +170,7 @@ impl Context {
     /// The same for a module whose peer is at hand.
     pub fn service_shown(&self, module: ModuleId, peer: Option<&Peer>) -> Option<Service> {
         if module == self.module() {
-            return Some(self.body.service);
+            return Some(self.robot.service);
         }
         Some(peer?.state.as_ref()?.service)
     }
@@ -218,7 +218,7 @@ impl Context {
         if self.bugs.forget_pins() {
             return None;
         }
-        let settled = self.body.settled_on?;
+        let settled = self.robot.settled_on?;
         (self.bugs.pin_for_any_target() || settled.target == target()).then_some(settled.spot)
     }
 
@@ -228,11 +228,11 @@ impl Context {
         RosterMember {
             incarnation: self.own.run.incarnation,
             store: self.own.store,
-            service: self.body.service,
+            service: self.robot.service,
             module: PlanningModule {
                 id: self.module(),
-                pose: self.body.pose,
-                links: self.body.links.clone(),
+                pose: self.robot.pose,
+                links: self.robot.links.clone(),
                 configuration: self.own.configuration,
                 leader: self.own.leader,
                 pin: self.pin_for(target),
@@ -244,7 +244,7 @@ impl Context {
     /// Enforces A7.
     pub fn stand_still(&mut self) {
         self.outbox.withdraw_goals();
-        if self.body.moving {
+        if self.robot.moving {
             self.outbox.push(Output::Halt);
         }
     }
@@ -253,7 +253,7 @@ impl Context {
     /// Enforces S1.
     pub fn leave_spot(&mut self) {
         self.stand_still();
-        self.body.settled_on = None;
+        self.robot.settled_on = None;
     }
 
     /// The drive or a port failed, or took too long: the module takes no spot until it receives the command to rejoin.
@@ -265,8 +265,8 @@ impl Context {
     /// The module cannot move, for the reason in the event: it takes no spot until it receives the command to rejoin.
     pub fn cannot_move(&mut self, reason: Event) {
         self.leave_spot();
-        if self.body.service != Service::MotionFailed {
-            self.body.service = Service::MotionFailed;
+        if self.robot.service != Service::MotionFailed {
+            self.robot.service = Service::MotionFailed;
             self.mark_state_changed();
             self.emit(reason);
         }
@@ -276,7 +276,7 @@ impl Context {
     /// no roster.
     /// Enforces E4.
     pub fn can_convene(&self) -> bool {
-        self.body.is_at_rest() || !self.body.has_failed
+        self.robot.is_at_rest() || !self.robot.has_failed
     }
 
     /// The plan of a job; `None` until the host has computed it.
@@ -301,7 +301,7 @@ impl Context {
     /// Asks the ports to undock from these modules, unless they already work on a link to them.
     pub fn undock(&mut self, links: impl IntoIterator<Item = ModuleId>) {
         for link in links {
-            if self.body.ports_busy.insert(link) {
+            if self.robot.ports_busy.insert(link) {
                 self.outbox.push(Output::Undock(link));
             }
         }
@@ -309,7 +309,7 @@ impl Context {
 
     /// The links that are not to be kept.
     pub fn links_except(&self, is_kept: impl Fn(ModuleId) -> bool) -> BTreeSet<ModuleId> {
-        let links = self.body.links.iter().copied();
+        let links = self.robot.links.iter().copied();
         links.filter(|&link| !is_kept(link)).collect()
     }
 
@@ -347,7 +347,7 @@ impl Hash for Context {
             own,
             parameters: _,
             bugs: _,
-            body,
+            robot,
             peers,
             bodies,
             removals,
@@ -359,7 +359,7 @@ impl Hash for Context {
             shortfall,
             outbox,
         } = self;
-        (own.run, body, peers, bodies, removals, stop, target).hash(state);
+        (own.run, robot, peers, bodies, removals, stop, target).hash(state);
         (memory, pacing, shortfall, outbox).hash(state);
     }
 }

@@ -103,7 +103,7 @@ impl Stage {
         let judged = (
             roster.epoch,
             context.target.revision(),
-            context.body.service,
+            context.robot.service,
             context.bodies.version(),
         );
         let is_calm = outside_since.is_none() && context.peers.is_calm(context.now, judged);
@@ -359,7 +359,7 @@ fn waits_for_quorum(module: ModuleId, context: &Context) -> bool {
 /// Whether a module is at rest, or known by no state. One that moves, such as one whose driver has fallen silent, would not freeze.
 fn stands(module: ModuleId, context: &Context) -> bool {
     if module == context.module() {
-        return context.body.is_at_rest();
+        return context.robot.is_at_rest();
     }
     let state = context.peers.state(module);
     state.is_none_or(|state| state.drive == DriveState::Standing)

@@ -15,7 +15,7 @@ use formation_model::{
     BodyReport, Digest, Epoch, Incarnation, ModuleId, Pose, QuorumBasis, Service, SpotId, Stop,
 };
 
-use super::body::SettledOn;
+use super::robot::SettledOn;
 
 /// What the store of a module holds.
 ///

@@ -18,7 +18,6 @@
 
 mod aside;
 mod asked_plan;
-mod body;
 mod context;
 mod convening;
 mod durable;
@@ -38,6 +37,7 @@ mod plans;
 mod publishing;
 mod quorum;
 mod refusal;
+mod robot;
 mod roster_plan;
 mod rosters;
 mod snapshot;
@@ -70,7 +70,7 @@ use formation_model::{
 use context::Context;
 use peers::HeartbeatNews;
 use rosters::KeptRosters;
-use stage::{Stage, Step};
+use stage::{Stage, Transition};
 use succession::Succession;
 
 /// A revision further ahead of the known one, and of this module's clock, than this is refused.
@@ -100,7 +100,7 @@ impl Agent {
     /// The same agent, in or out of service from its start.
     #[must_use]
     pub fn in_service(mut self, service: Service) -> Self {
-        self.context.body.service = service;
+        self.context.robot.service = service;
         self
     }
 
@@ -197,7 +197,7 @@ impl Agent {
         let output = self.context.outbox.pop();
         if matches!(output, Some(Output::Move(_))) {
             // From here on the drive has the goal; a goal that was withdrawn before moved nothing.
-            self.context.body.settled_on = None;
+            self.context.robot.settled_on = None;
         }
         output
     }
@@ -251,7 +251,7 @@ impl Agent {
     /// Its pose, as last reported by its drive.
     #[must_use]
     pub fn pose(&self) -> Pose {
-        self.context.body.pose
+        self.context.robot.pose
     }
 
     /// The goals of the present step and of all after it; empty while it does not move.
@@ -263,13 +263,13 @@ impl Agent {
     /// The modules that it is docked to.
     #[must_use]
     pub fn links(&self) -> &BTreeSet<ModuleId> {
-        &self.context.body.links
+        &self.context.robot.links
     }
 
     /// Whether it takes a spot when it can.
     #[must_use]
     pub fn service(&self) -> Service {
-        self.context.body.service
+        self.context.robot.service
     }
 
     /// The number of turns of its epoch that it has applied.
@@ -323,8 +323,8 @@ impl Agent {
         if !stands_back && self.context.target.is_set() {
             let had_settled = self.stage.is_settled();
             self.run_stage();
-            if self.context.body.moving && self.context.bugs.forget_pin_before_goal() {
-                self.context.body.settled_on = None;
+            if self.context.robot.moving && self.context.bugs.forget_pin_before_goal() {
+                self.context.robot.settled_on = None;
             }
             if !had_settled && self.stage.is_settled() {
                 self.adjust_links_to_neighbours();
@@ -339,8 +339,8 @@ impl Agent {
         loop {
             let stage = std::mem::replace(&mut self.stage, Stage::Listening(None));
             match stage.step(&mut self.context) {
-                Step::Enter(stage) => self.stage = stage,
-                Step::Stay(stage) => {
+                Transition::Enter(stage) => self.stage = stage,
+                Transition::Stay(stage) => {
                     self.stage = stage;
                     return;
                 }

@@ -13,7 +13,7 @@ use super::stage::Stage;
 impl Agent {
     pub(super) fn handle_motion(&mut self, report: MotionReport) {
         let now = self.context.now;
-        let body = &mut self.context.body;
+        let body = &mut self.context.robot;
         match report {
             MotionReport::Pose(pose) => {
                 body.stand_at(pose, now);
@@ -66,8 +66,8 @@ impl Agent {
     fn handle_failure(&mut self) {
         // It may move on for a while: it freezes, as any other, once its drive has reported that it stands.
         self.context.stand_still();
-        self.context.body.ports_busy.clear();
-        self.context.body.has_failed = true;
+        self.context.robot.ports_busy.clear();
+        self.context.robot.has_failed = true;
         let spot = match &mut self.stage {
             Stage::Acting(acting) => acting.abandon(),
             _ => None,
@@ -85,16 +85,16 @@ impl Agent {
             Command::Retire => (Service::Retired, Event::Retired),
             Command::Rejoin => (Service::Active, Event::Rejoined),
         };
-        if self.context.body.service == service {
+        if self.context.robot.service == service {
             return;
         }
-        self.context.body.service = service;
+        self.context.robot.service = service;
         self.context.mark_state_changed();
         self.context.emit(event);
         if service == Service::Active
             && let Stage::Acting(acting) = &self.stage
         {
-            self.context.body.settled_on = acting.settled_on();
+            self.context.robot.settled_on = acting.settled_on();
         }
         if service != Service::Active {
             self.context.leave_spot();
@@ -124,7 +124,7 @@ impl Agent {
         if state.epoch != self.stage.epoch() {
             return;
         }
-        let body = &mut self.context.body;
+        let body = &mut self.context.robot;
         let reports_link = state.links.contains(&self.context.own.run.module);
         let is_linked = body.links.contains(&other);
         if reports_link == is_linked {

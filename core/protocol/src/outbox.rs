@@ -15,7 +15,7 @@ use super::refusal::{Refusal, RefusalCounts};
 
 /// What a heartbeat shows of the protocol.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub(super) struct Shown {
+pub(super) struct HeartbeatContent {
     pub incarnation: Incarnation,
     pub epoch: Option<Epoch>,
     pub digest: Option<Digest>,
@@ -23,7 +23,7 @@ pub(super) struct Shown {
     pub stop: Stop,
 }
 
-impl Shown {
+impl HeartbeatContent {
     fn of(heartbeat: &Heartbeat) -> Self {
         Self {
             incarnation: heartbeat.incarnation,
@@ -50,7 +50,7 @@ impl Shown {
 pub(super) struct HeartbeatLog {
     pub sequence: u64,
     pub due: Duration,
-    pub shown: Option<Shown>,
+    pub shown: Option<HeartbeatContent>,
     /// The digest that is shown, and the first heartbeat that showed it.
     digest_since: Option<(Digest, u64)>,
 }
@@ -167,7 +167,9 @@ impl Outbox {
                 Output::Halt | Output::Event(_) => self.outputs.push_back(output),
                 Output::Publish(Message::Heartbeat(heartbeat)) => {
                     let stop = heartbeat.stop;
-                    if Some(Shown::of(heartbeat)) == known.map(|known| Shown { stop, ..known }) {
+                    if Some(HeartbeatContent::of(heartbeat))
+                        == known.map(|known| HeartbeatContent { stop, ..known })
+                    {
                         self.outputs.push_back(output);
                     } else {
                         // It is not sent: another is made when the store holds the state, or when it is due.

@@ -74,17 +74,17 @@ pub(super) struct Peers {
     changes: u64,
     /// The last judgement without a reason. Between changes it saves a look at every peer at every message.
     calm: Option<Calm>,
-    shown: Shown,
+    shown: ShownChanges,
 }
 
 /// How often a heartbeat showed another epoch or digest than the one before it, and of which module the last of these was.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Shown {
+pub(super) struct ShownChanges {
     count: u64,
     last: Option<ModuleId>,
 }
 
-impl Shown {
+impl ShownChanges {
     /// The only module of which this changed since `earlier`, if there is just one.
     pub fn only_since(self, earlier: Self) -> Option<ModuleId> {
         self.last.filter(|_| self.count == earlier.count + 1)
@@ -105,7 +105,7 @@ impl Default for Peers {
             room: MODULES_MAX,
             changes: 0,
             calm: None,
-            shown: Shown::default(),
+            shown: ShownChanges::default(),
         }
     }
 }
@@ -142,12 +142,12 @@ impl Peers {
     }
 
     /// Counts the changes of what heartbeats show.
-    pub fn shown(&self) -> Shown {
+    pub fn shown(&self) -> ShownChanges {
         self.shown
     }
 
     /// Changes whenever a peer becomes known, restarts, or shows another epoch, digest or service; time changes only ages.
-    pub fn version(&self) -> (u64, Shown) {
+    pub fn version(&self) -> (u64, ShownChanges) {
         (self.changes, self.shown)
     }
 

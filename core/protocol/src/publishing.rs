@@ -6,7 +6,7 @@ use formation_model::{Heartbeat, Message, ModuleState};
 
 use super::Agent;
 use super::io::Output;
-use super::outbox::Shown;
+use super::outbox::HeartbeatContent;
 
 /// The time since the last multiple of a period.
 fn into_period(now: Duration, period: Duration) -> Duration {
@@ -30,7 +30,7 @@ impl Agent {
             let state = self.state();
             self.context.publish(Message::ModuleState(state.into()));
         }
-        let new = Shown {
+        let new = HeartbeatContent {
             incarnation: self.context.own.run.incarnation,
             epoch: self.epoch(),
             digest: self.digest(),
@@ -40,12 +40,14 @@ impl Agent {
         // What the store does not hold is not shown yet, but for a command: a stop does not wait for a disk.
         let is_writing = self.context.outbox.is_writing();
         let shown = self.context.outbox.heartbeats.shown;
-        let shown = shown.filter(|_| is_writing).map_or(new, |shown| Shown {
-            stop: new.stop,
-            ..shown
-        });
+        let shown = shown
+            .filter(|_| is_writing)
+            .map_or(new, |shown| HeartbeatContent {
+                stop: new.stop,
+                ..shown
+            });
         let heartbeats = &mut self.context.outbox.heartbeats;
-        let is_known = |known: Shown| !shown.is_urgent_after(known);
+        let is_known = |known: HeartbeatContent| !shown.is_urgent_after(known);
         if heartbeats.shown.is_some_and(is_known) && now < heartbeats.due {
             return;
         }
@@ -65,27 +67,27 @@ impl Agent {
 
     fn state(&mut self) -> ModuleState {
         let context = &self.context;
-        let (at, drive) = context.body.drive_state(context.now);
+        let (at, drive) = context.robot.drive_state(context.now);
         let mut state = ModuleState {
             store: context.own.store,
             sequence: context.outbox.states.sequence,
             epoch: self.epoch(),
             digest: self.digest(),
             phase: self.phase(),
-            service: context.body.service,
+            service: context.robot.service,
             at,
             drive,
-            links: context.body.links.clone(),
+            links: context.robot.links.clone(),
             configuration: context.own.configuration,
             leader: context.own.leader,
             bodies: context.bodies.of_outdated_runs(),
-            ..ModuleState::standing(context.own.run, context.body.pose)
+            ..ModuleState::standing(context.own.run, context.robot.pose)
         };
         self.stage.describe(&mut state, &mut self.context);
         state
     }
 
-    fn heartbeat(&mut self, shown: Shown) -> Heartbeat {
+    fn heartbeat(&mut self, shown: HeartbeatContent) -> Heartbeat {
         let applied_turns = self.applied_turns();
         let steps_done = self.stage.steps_done();
         let own = self.context.own;

@@ -237,7 +237,7 @@ impl Agent {
         // compare, and the service differs; that calls for another epoch, not for a refusal of this one.
         let may_differ = mine.module.pin.is_none()
             || self.context.bugs.pin_for_any_target()
-            || self.context.body.service != Service::Active;
+            || self.context.robot.service != Service::Active;
         if may_differ {
             announced.module.pin = mine.module.pin;
         }

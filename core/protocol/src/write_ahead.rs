@@ -5,9 +5,9 @@ use std::sync::Arc;
 use formation_model::RETENTION_DISTANCE;
 
 use super::Agent;
-use super::body::SettledOn;
 use super::durable::{DurableState, StoredBodies, SyncKey};
 use super::event::Event;
+use super::robot::SettledOn;
 use super::stage::Stage;
 
 impl Agent {
@@ -28,10 +28,10 @@ impl Agent {
         }
         memory.founders = stored.founders;
         memory.quorum.learn(&stored.quorum_bases);
-        context.body.service = stored.service;
-        let has_stayed = context.body.pose.distance_to(&stored.pose) <= RETENTION_DISTANCE;
-        let is_as_stored = context.body.pose == stored.pose && context.body.links == stored.links;
-        context.body.settled_on = stored
+        context.robot.service = stored.service;
+        let has_stayed = context.robot.pose.distance_to(&stored.pose) <= RETENTION_DISTANCE;
+        let is_as_stored = context.robot.pose == stored.pose && context.robot.links == stored.links;
+        context.robot.settled_on = stored
             .settled_on
             .filter(|_| has_stayed)
             .map(|(spot, target)| SettledOn { spot, target });
@@ -69,22 +69,22 @@ impl Agent {
             highest: context.memory.highest_epoch(),
             founders: context.memory.founders.clone(),
             quorum_bases: context.memory.quorum.bases(),
-            service: context.body.service,
+            service: context.robot.service,
             // A module that sets off leaves its spot once this is stored.
             settled_on: context
-                .body
+                .robot
                 .settled_on
-                .filter(|_| !context.body.moving)
+                .filter(|_| !context.robot.moving)
                 .map(|settled| (settled.spot, settled.target)),
-            pose: context.body.pose,
-            links: context.body.links.clone(),
+            pose: context.robot.pose,
+            links: context.robot.links.clone(),
             bodies,
             stop: context.stop,
         }
     }
 
     pub(super) fn sync_key(&self) -> SyncKey {
-        let body = &self.context.body;
+        let body = &self.context.robot;
         SyncKey {
             incarnation: self.context.own.run.incarnation,
             entered: self.stage.epoch(),

@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use formation_experiments::{ExperimentError, Progress, Settings, Work, run};
+use formation_experiments::{ExperimentError, ProgressSink, Settings, Work, run};
 
 /// Goes on for a number of cells, and remembers how the work began.
 pub struct Stopwatch {
@@ -27,7 +27,7 @@ impl Stopwatch {
     }
 }
 
-impl Progress for Stopwatch {
+impl ProgressSink for Stopwatch {
     fn begin(&mut self, work: Work) {
         self.work = Some(work);
     }

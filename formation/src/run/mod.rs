@@ -3,9 +3,8 @@
 mod claim;
 mod display;
 mod domain;
-mod memory;
 mod network;
-pub mod order;
+pub mod operator;
 mod outputs;
 mod page;
 mod processes;
@@ -17,6 +16,7 @@ mod router;
 mod run_loop;
 mod sockets;
 mod start;
+mod stores;
 mod supervisor;
 mod tail;
 mod view;
@@ -38,7 +38,6 @@ use crate::checked_plan::CheckedPlan;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use display::{Display, progress_line};
-use memory::RunMemory;
 pub use network::environment_of_runs;
 pub use programs::Programs;
 use programs::RECORDER;
@@ -48,6 +47,7 @@ use report::{RunOutcome, RunReport};
 use router::Carrier;
 use run_loop::{Judgement, Observed, RunEnd, RunLoop};
 use start::Start;
+use stores::RunStores;
 use supervisor::{ProcessId, Supervisor};
 pub use watch::watch;
 
@@ -93,14 +93,14 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
         .as_deref()
         .map(ReportDirectory::create)
         .transpose()?;
-    let memory = RunMemory::prepare(arguments)?;
-    place.announce(memory.session);
+    let stores = RunStores::prepare(arguments)?;
+    place.announce(stores.session);
     // Ends after the processes, when all has been printed.
     let carrier = Carrier::start(middleware, arguments.security.as_deref())?;
     let start = Start {
         arguments,
         carrier: &carrier,
-        memory: &memory,
+        stores: &stores,
         problem: scenario.problem(),
         module_size: scenario.module_size().unwrap_or_default(),
         programs: &programs,
@@ -110,7 +110,7 @@ pub fn run(arguments: &RunArguments) -> Result<(), Failure> {
     let (judgement, observed) = form(&start, &mut Display::start(scenario.name(), &plan))?;
     let result =
         judgement.map(|judgement| RunReport::new(&plan, judgement, &observed, arguments.timeout));
-    let session = memory.session;
+    let session = stores.session;
     if let Some(directory) = directory {
         // What was observed of a run without a verdict may say why there is none.
         let report = result.as_ref();

@@ -11,7 +11,7 @@ use formation_verifier_lines::{AgreementReport, ReportLine, VerdictReport};
 use formation_verify::{Outcome, Progress};
 
 use super::display::Display;
-use super::order;
+use super::operator;
 use super::recording::Recording;
 use super::roles::{Death, Deaths, ProcessRoles};
 use super::supervisor::{Output, ProcessEvent, ProcessId, Supervisor};
@@ -247,16 +247,16 @@ impl RunLoop<'_> {
                 listed_in_full(modules.iter().copied())
             );
             let modules: Vec<u32> = modules.iter().map(|module| module.0).collect();
-            self.give(&name, &order::removal(&modules));
+            self.give(&name, &operator::removal(&modules));
         }
     }
 
     /// Gives the order that was asked for by a key.
     fn take_key(&mut self) {
         match self.display.key() {
-            Some(Key::Stop) => self.give("the order to stop", &[order::STOP.to_owned()]),
+            Some(Key::Stop) => self.give("the order to stop", &[operator::STOP.to_owned()]),
             Some(Key::Resume) => {
-                self.give("the order to resume", &[order::RESUME.to_owned()]);
+                self.give("the order to resume", &[operator::RESUME.to_owned()]);
             }
             None => {}
         }

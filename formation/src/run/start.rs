@@ -12,12 +12,12 @@ use formation_model::{ModuleId, ModuleSize, PlanningProblem};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
-use super::memory::RunMemory;
 use super::processes::Host;
 use super::programs::{Programs, RECORDER};
 use super::roles::ProcessRoles;
 use super::router::Carrier;
 use super::run_loop::Orders;
+use super::stores::RunStores;
 use super::supervisor::{Output, ProcessId, Supervisor};
 use crate::arguments::{ON, RunArguments};
 
@@ -44,7 +44,7 @@ pub struct Start<'a> {
     /// What carries the messages.
     pub carrier: &'a Carrier,
     /// The session of the run, and the directory of its stores.
-    pub memory: &'a RunMemory,
+    pub stores: &'a RunStores,
     /// The modules and their target.
     pub problem: &'a PlanningProblem,
     /// The size of the modules.
@@ -119,7 +119,7 @@ impl Start<'_> {
 
     /// Passes on the session of the run and the size of its modules, as the first parameters.
     fn join_session(&self, command: &mut Command) {
-        let session = format!("session:={}", self.memory.session);
+        let session = format!("session:={}", self.stores.session);
         let module_size = format!("module_size:={:?}", self.module_size.metres());
         command.args(["--ros-args", "-p", &session, "-p", &module_size]);
     }
@@ -170,7 +170,7 @@ impl Start<'_> {
     ) -> Result<BTreeMap<ProcessId, Vec<ModuleId>>, Failure> {
         let motion = &self.arguments.motion;
         let speed = motion.speed.to_string();
-        let state_dir = self.memory.directory.to_string_lossy();
+        let state_dir = self.stores.directory.to_string_lossy();
         let mut common = vec!["--state-dir", &state_dir];
         common.extend(["--speed", &speed, "--motion", motion.mode()]);
         let tolerances = motion.world.module_options();

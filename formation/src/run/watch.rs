@@ -20,8 +20,8 @@ use ros_runtime::exit::{Failure, stop_requested};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::middleware::Middleware;
 use ros_runtime::node::Node;
+use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::service_mapping::RMW_IMPLEMENTATION;
-use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
 use signal_hook::consts::{SIGINT, SIGTERM};
 use signal_hook::flag::register_usize;
@@ -167,14 +167,14 @@ fn observe(
     settings: &Settings,
     display: &mut Display,
     stop: &Receiver<()>,
-) -> Result<Option<End>, SessionError> {
+) -> Result<Option<End>, RosContextError> {
     let parameters = settings.declare(NODE_NAME, Vec::new())?;
-    let mut session = Session::join(settings, NODE_NAME, parameters)?;
+    let mut ros = RosContext::join(settings, NODE_NAME, parameters)?;
     let mut inputs = Inputs::default();
-    for messages in subscribe_all(&mut session, 1)? {
+    for messages in subscribe_all(&mut ros, 1)? {
         inputs.add(messages, Input::Messages);
     }
-    inputs.add(subscribe_verdicts(&mut session)?, |verdict| {
+    inputs.add(subscribe_verdicts(&mut ros)?, |verdict| {
         Input::Verdict(Box::new(verdict))
     });
     let mut planner = None;
@@ -198,7 +198,7 @@ fn observe(
         verdict: None,
         end: None,
     };
-    session.run(&mut watcher, inputs, stop)?;
+    ros.run(&mut watcher, inputs, stop)?;
     Ok(watcher.end)
 }
 
@@ -206,7 +206,7 @@ type PlanJob = (Epoch, Arc<PlanningProblem>);
 type Planned = (Epoch, Result<Arc<CheckedPlan>, String>);
 
 /// Starts the thread that computes the offline plan for the roster of an epoch, the latest one that it is given.
-fn start_planner() -> Result<(Sender<PlanJob>, Receiver<Planned>), SessionError> {
+fn start_planner() -> Result<(Sender<PlanJob>, Receiver<Planned>), RosContextError> {
     let (jobs, given) = bounded::<PlanJob>(1);
     let (planned, plans) = bounded(1);
     let plan_all = move || {
@@ -218,7 +218,8 @@ fn start_planner() -> Result<(Sender<PlanJob>, Receiver<Planned>), SessionError>
             }
         }
     };
-    let failed = |error| SessionError::Failed(format!("cannot start a thread for plans: {error}"));
+    let failed =
+        |error| RosContextError::Failed(format!("cannot start a thread for plans: {error}"));
     let thread = thread::Builder::new().name("plan".to_owned());
     thread.spawn(plan_all).map_err(failed)?;
     Ok((jobs, plans))
@@ -268,7 +269,7 @@ impl Node for Watcher<'_> {
         self.look_at = Some(self.look_at.map_or(soon, |at| at.min(soon)));
     }
 
-    fn advance(&mut self, _: &mut Session) -> Result<ControlFlow<()>, SessionError> {
+    fn advance(&mut self, _: &mut RosContext) -> Result<ControlFlow<()>, RosContextError> {
         let now = Instant::now();
         if self.look_at.is_some_and(|at| at <= now) {
             self.look_at = None;

@@ -10,7 +10,7 @@ use ros_runtime::words::Words;
 
 /// What moves the modules.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum MotionMode {
+pub enum DriveMode {
     /// This process, as if each module went straight to its goal.
     #[default]
     Simulated,
@@ -18,7 +18,7 @@ pub enum MotionMode {
     External,
 }
 
-impl Words for MotionMode {
+impl Words for DriveMode {
     const WORDS: &'static [(&'static str, Self)] =
         &[("simulated", Self::Simulated), ("external", Self::External)];
 }
@@ -27,7 +27,7 @@ impl Words for MotionMode {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Motion {
     /// What moves them.
-    pub mode: MotionMode,
+    pub mode: DriveMode,
     /// The speed of simulated modules, in units per second.
     pub speed: f64,
     /// Which message of a driver has the pose.
@@ -43,7 +43,7 @@ pub struct Motion {
 impl Default for Motion {
     fn default() -> Self {
         Self {
-            mode: MotionMode::default(),
+            mode: DriveMode::default(),
             speed: 1.0,
             pose_source: PoseSource::default(),
             frame_id: None,
@@ -180,7 +180,7 @@ mod tests {
         };
         assert_eq!(parsed("--speed 2.5"), Ok(fast));
         let driven = Motion {
-            mode: MotionMode::External,
+            mode: DriveMode::External,
             pose_source: PoseSource::Odometry,
             external: ExternalParameters {
                 position_tolerance: MicroUnits(10_000),

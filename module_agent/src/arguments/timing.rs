@@ -7,12 +7,12 @@ use ros_runtime::parameters::{ParameterError, Tunable, Tunables, seconds, switch
 
 /// How long agents wait.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Timing(pub AgentParameters);
+pub struct AgentTiming(pub AgentParameters);
 
 /// Whether a module may move depends on how old the heartbeats of others can be.
 const ALIKE: &str = "every member relies on the others having the same, so restart all processes with the new value";
 
-impl Tunables for Timing {
+impl Tunables for AgentTiming {
     const HEADING: &'static str = "Times";
 
     fn table() -> Vec<Tunable<Self>> {
@@ -123,14 +123,14 @@ mod tests {
             ..AgentParameters::default()
         };
         let read = |timing: AgentParameters| {
-            let declarations = Timing(timing).declarations();
+            let declarations = AgentTiming(timing).declarations();
             let parameters = Settings::default()
                 .declare("module_4", declarations)
                 .unwrap();
-            let read = Timing::default().read(parameters.values());
+            let read = AgentTiming::default().read(parameters.values());
             read.map_err(|error| error.to_string())
         };
-        assert_eq!(read(given), Ok(Timing(given)));
+        assert_eq!(read(given), Ok(AgentTiming(given)));
         let unsafe_lease = AgentParameters {
             lease: Duration::from_secs(6),
             ..given

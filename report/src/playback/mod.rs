@@ -9,7 +9,7 @@ mod track;
 
 use std::collections::BTreeMap;
 
-use formation_event_log::{Entry, Event, ModuleSnapshot, Scene, Step};
+use formation_event_log::{Entry, Event, ModuleSnapshot, Scene, SceneChange};
 use formation_model::{FormationStage, ModuleId, ModulePhase, SpotId};
 use serde::Serialize;
 
@@ -202,7 +202,7 @@ impl<'a> Cutting<'a> {
         }
     }
 
-    fn step(&mut self, text: String, step: Option<&Step<'_>>) {
+    fn step(&mut self, text: String, step: Option<&SceneChange<'_>>) {
         if self.steps.len() < STEPS_MAX {
             let positions = |modules: Vec<ModuleId>| -> Vec<usize> {
                 let positions = modules.into_iter();

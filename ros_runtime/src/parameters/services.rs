@@ -12,8 +12,8 @@ use ros2_client::rcl_interfaces::{
 
 use super::store::{Apply, Parameters};
 use crate::inputs::Inputs;
+use crate::ros_context::{RosContext, RosContextError};
 use crate::service::{Call, Service};
-use crate::session::{Session, SessionError};
 
 const PACKAGE: &str = "rcl_interfaces";
 
@@ -44,17 +44,14 @@ pub(crate) enum ParameterRequest {
 }
 
 /// Serves all six.
-pub(crate) fn serve(session: &mut Session) -> Result<Inputs<ParameterRequest>, SessionError> {
+pub(crate) fn serve(ros: &mut RosContext) -> Result<Inputs<ParameterRequest>, RosContextError> {
     let mut requests = Inputs::default();
-    requests.add(session.serve(&DESCRIBE)?, ParameterRequest::Describe);
-    requests.add(session.serve(&GET)?, ParameterRequest::Get);
-    requests.add(session.serve(&GET_TYPES)?, ParameterRequest::GetTypes);
-    requests.add(session.serve(&LIST)?, ParameterRequest::List);
-    requests.add(session.serve(&SET)?, ParameterRequest::Set);
-    requests.add(
-        session.serve(&SET_ATOMICALLY)?,
-        ParameterRequest::SetAtomically,
-    );
+    requests.add(ros.serve(&DESCRIBE)?, ParameterRequest::Describe);
+    requests.add(ros.serve(&GET)?, ParameterRequest::Get);
+    requests.add(ros.serve(&GET_TYPES)?, ParameterRequest::GetTypes);
+    requests.add(ros.serve(&LIST)?, ParameterRequest::List);
+    requests.add(ros.serve(&SET)?, ParameterRequest::Set);
+    requests.add(ros.serve(&SET_ATOMICALLY)?, ParameterRequest::SetAtomically);
     Ok(requests)
 }
 

@@ -14,8 +14,8 @@ use super::endpoints::Asked;
 use crate::action::{
     Action, ActionData, ActionEndpoints, ActionRequest, Answer, FEEDBACK, OpenedAction, STATUS,
 };
+use crate::ros_context_error::RosContextError;
 use crate::service::{Carried, Reply, RequestId};
-use crate::session_error::SessionError;
 
 /// How many requests to one service of an action can wait for their answers: more than goals can have.
 const UNANSWERED_MAX: usize = 4_096;
@@ -32,7 +32,7 @@ impl ZenohGraph {
         &mut self,
         action: &Action<G, R, F>,
         name: &str,
-    ) -> Result<OpenedAction<G, R, F>, SessionError> {
+    ) -> Result<OpenedAction<G, R, F>, RosContextError> {
         let (package, type_name) = action.type_name();
         let of_type = |part: &str| format!("{package}/action/{type_name}_{part}");
         let place = |part: &str| format!("{name}/_action/{part}");

@@ -28,8 +28,8 @@ use super::{Announced, ZenohGraph, failed};
 use crate::cdr;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::RawSample;
+use crate::ros_context_error::RosContextError;
 use crate::service::{Call, Reply, RequestId, Service, WAITING_MAX};
-use crate::session_error::SessionError;
 use crate::stamp::{nanoseconds_since_epoch, since_epoch};
 use crate::subscription::{ParticipantId, Taken};
 use crate::topic::{Quality, Topic};
@@ -132,7 +132,7 @@ impl ZenohGraph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<Sink<M>, SessionError> {
+    ) -> Result<Sink<M>, RosContextError> {
         self.typed_publisher(name, &message_type(topic), topic.quality())
     }
 
@@ -142,7 +142,7 @@ impl ZenohGraph {
         name: &str,
         type_name: &str,
         quality: Quality,
-    ) -> Result<Sink<M>, SessionError> {
+    ) -> Result<Sink<M>, RosContextError> {
         let Announced { key, gid, token } =
             self.announce(Kind::Publisher, name, type_name, quality)?;
         let reliability = match quality {
@@ -200,7 +200,7 @@ impl ZenohGraph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Taken<M>>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, Taken<M>>, RosContextError> {
         let samples = self.raw_subscription(topic, name)?;
         let decoded = samples.map(|taken| match taken {
             Taken::Sample(sender, raw) => match cdr::decoded(&raw.bytes) {
@@ -218,7 +218,7 @@ impl ZenohGraph {
         &mut self,
         topic: &Topic<M>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, Taken<RawSample>>, RosContextError> {
         let quality = topic.quality();
         let Announced { key, token, .. } =
             self.announce(Kind::Subscription, name, &message_type(topic), quality)?;
@@ -271,7 +271,7 @@ impl ZenohGraph {
         &mut self,
         service: &Service<Q, A>,
         name: &str,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where
         Q: DeserializeOwned + 'static,
         A: Serialize + 'static,
@@ -288,7 +288,7 @@ impl ZenohGraph {
         &mut self,
         name: &str,
         type_name: &str,
-    ) -> Result<LocalBoxStream<'static, Asked<Q, A>>, SessionError>
+    ) -> Result<LocalBoxStream<'static, Asked<Q, A>>, RosContextError>
     where
         Q: DeserializeOwned + 'static,
         A: Serialize + 'static,

@@ -29,7 +29,7 @@ use zenoh::{Config, Session, Wait};
 
 use crate::arguments::NodeIdentity;
 use crate::publisher_queue::Sink;
-use crate::session_error::SessionError;
+use crate::ros_context_error::RosContextError;
 use crate::settings::Settings;
 use crate::subscription::ParticipantId;
 use crate::topic::{Quality, Topic};
@@ -72,7 +72,7 @@ struct Reconnections {
 }
 
 impl Reconnections {
-    fn of(session: &Session) -> Result<Self, SessionError> {
+    fn of(session: &Session) -> Result<Self, RosContextError> {
         let happened = Arc::new(AtomicBool::new(false));
         let noticed = Arc::clone(&happened);
         let listener = session
@@ -105,11 +105,14 @@ impl ZenohGraph {
     ///
     /// # Errors
     /// Says what is wrong with the configuration, or that there is no router.
-    pub(crate) fn join(settings: &Settings, identity: &NodeIdentity) -> Result<Self, SessionError> {
+    pub(crate) fn join(
+        settings: &Settings,
+        identity: &NodeIdentity,
+    ) -> Result<Self, RosContextError> {
         let variable = |name: &str| std::env::var(name).ok();
-        let config = configuration::of_session(variable).map_err(SessionError::BadInput)?;
+        let config = configuration::of_session(variable).map_err(RosContextError::BadInput)?;
         protection::check_session(settings.security, &config)?;
-        let interfaces = Interfaces::with(settings.interfaces).map_err(SessionError::Failed)?;
+        let interfaces = Interfaces::with(settings.interfaces).map_err(RosContextError::Failed)?;
         let session = opened(&config)?;
         let domain = settings.environment.domain.number();
         let keys = NodeKeys {
@@ -166,7 +169,7 @@ impl ZenohGraph {
         name: &str,
         type_name: &str,
         quality: Quality,
-    ) -> Result<Announced, SessionError> {
+    ) -> Result<Announced, RosContextError> {
         let hash = self.interfaces.hash(type_name);
         let hash = hash.map_err(|reason| failed(&format!("use `{type_name}`"), &reason))?;
         let place = Place {
@@ -213,14 +216,14 @@ impl ZenohGraph {
 }
 
 /// A session that is connected to its router.
-fn opened(config: &Config) -> Result<Session, SessionError> {
+fn opened(config: &Config) -> Result<Session, RosContextError> {
     let deadline = Instant::now() + ROUTER_WAIT;
     loop {
         match zenoh::open(config.clone()).wait() {
             Ok(session) => return Ok(session),
             Err(error) if Instant::now() >= deadline => {
                 let routers = config.get_json("connect/endpoints").unwrap_or_default();
-                return Err(SessionError::Failed(format!(
+                return Err(RosContextError::Failed(format!(
                     "cannot reach a Zenoh router at {routers}: {error}; start one with `formation router` or `zenohd`, or \
                      name another in ZENOH_CONFIG_OVERRIDE"
                 )));
@@ -230,12 +233,12 @@ fn opened(config: &Config) -> Result<Session, SessionError> {
     }
 }
 
-fn declared(session: &Session, token: &str) -> Result<LivelinessToken, SessionError> {
+fn declared(session: &Session, token: &str) -> Result<LivelinessToken, RosContextError> {
     let declaration = session.liveliness().declare_token(token.to_owned()).wait();
     declaration.map_err(|error| failed(&format!("declare `{token}`"), &error))
 }
 
-fn failed(what: &str, reason: &dyn ToString) -> SessionError {
+fn failed(what: &str, reason: &dyn ToString) -> RosContextError {
     let reason = reason.to_string();
-    SessionError::Failed(format!("cannot {what} over Zenoh: {reason}"))
+    RosContextError::Failed(format!("cannot {what} over Zenoh: {reason}"))
 }

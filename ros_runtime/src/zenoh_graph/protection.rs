@@ -10,8 +10,8 @@ use zenoh::Config;
 
 use super::configuration::{self, set};
 use super::names::mangled;
+use crate::ros_context_error::RosContextError;
 use crate::security::Security;
-use crate::session_error::SessionError;
 
 /// The only protocol of protected links.
 const TLS: &str = "tls";
@@ -269,7 +269,7 @@ fn texts_of(value: &Value) -> Vec<String> {
 ///
 /// # Errors
 /// Says what is missing, and which command makes files that have it.
-pub(super) fn check_session(security: Security, config: &Config) -> Result<(), SessionError> {
+pub(super) fn check_session(security: Security, config: &Config) -> Result<(), RosContextError> {
     check(security, shortfall(config), configuration::SESSION_FILE)
 }
 
@@ -277,7 +277,7 @@ pub(super) fn check_session(security: Security, config: &Config) -> Result<(), S
 ///
 /// # Errors
 /// As [`check_session`].
-pub(super) fn check_router(security: Security, config: &Config) -> Result<(), SessionError> {
+pub(super) fn check_router(security: Security, config: &Config) -> Result<(), RosContextError> {
     let shortfall = shortfall_of_router(config);
     check(security, shortfall, configuration::ROUTER_FILE)
 }
@@ -286,14 +286,16 @@ fn check(
     security: Security,
     shortfall: Option<String>,
     variable: &str,
-) -> Result<(), SessionError> {
+) -> Result<(), RosContextError> {
     let Some(shortfall) = shortfall else {
         return Ok(());
     };
     let shortfall = format!(
         "in the configuration of Zenoh {shortfall}; name a file that `formation security create` made in {variable}"
     );
-    security.without(&shortfall).map_err(SessionError::BadInput)
+    security
+        .without(&shortfall)
+        .map_err(RosContextError::BadInput)
 }
 
 #[cfg(test)]

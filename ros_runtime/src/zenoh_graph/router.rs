@@ -4,8 +4,8 @@ use zenoh::{Session, Wait};
 
 pub use super::refusals::log as log_refusals;
 use super::{configuration, failed, protection};
+use crate::ros_context_error::RosContextError;
 use crate::security::Security;
-use crate::session_error::SessionError;
 
 /// A router, which routes between all processes that connect to it until it is stopped or dropped.
 pub struct Router {
@@ -19,15 +19,15 @@ impl Router {
     ///
     /// # Errors
     /// An endpoint or the configuration cannot be used, or security is demanded and the configuration lacks it.
-    pub fn start(listen: &[String], connect: &[String]) -> Result<Self, SessionError> {
+    pub fn start(listen: &[String], connect: &[String]) -> Result<Self, RosContextError> {
         let given = [("listen/endpoints", listen), ("connect/endpoints", connect)]
             .into_iter()
             .filter(|(_, given)| !given.is_empty())
             .map(|(key, given)| (key, format!("{given:?}")));
         let variable = |name: &str| std::env::var(name).ok();
         let config = configuration::of_router(&given.collect::<Vec<_>>(), variable)
-            .map_err(SessionError::BadInput)?;
-        let security = Security::resolve(variable).map_err(SessionError::BadInput)?;
+            .map_err(RosContextError::BadInput)?;
+        let security = Security::resolve(variable).map_err(RosContextError::BadInput)?;
         protection::check_router(security, &config)?;
         let listening = config.get_json("listen/endpoints").unwrap_or_default();
         let session = zenoh::open(config)
@@ -46,7 +46,7 @@ impl Router {
     ///
     /// # Errors
     /// Says why the links could not be closed.
-    pub fn stop(self) -> Result<(), SessionError> {
+    pub fn stop(self) -> Result<(), RosContextError> {
         self.session
             .close()
             .wait()

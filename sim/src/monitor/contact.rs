@@ -44,7 +44,7 @@ struct Track {
 
 /// Where all modules were lately.
 #[derive(Default)]
-pub(super) struct Bodies {
+pub(super) struct ContactWatch {
     tracks: BTreeMap<ModuleId, Track>,
     /// The plans by which modules move along paths.
     pub by_paths: BTreeSet<PlanKey>,

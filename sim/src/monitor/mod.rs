@@ -20,7 +20,7 @@ use formation_model::{
 use formation_protocol::Event;
 
 pub use bodies::{blocks_all, room};
-use contact::Bodies;
+use contact::ContactWatch;
 pub use violation::{Violation, ViolationKind};
 
 use crate::cluster::Cluster;
@@ -78,7 +78,7 @@ pub(crate) struct Monitor {
     assigned: BTreeMap<(PlanKey, ModuleId), SpotId>,
     /// The plans on which a module has begun to move.
     begun: BTreeSet<PlanKey>,
-    bodies: Bodies,
+    bodies: ContactWatch,
     pub violations: Vec<Violation>,
 }
 

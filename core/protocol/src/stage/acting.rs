@@ -11,14 +11,14 @@ use formation_model::{
 };
 use formation_motion::MotionGoal;
 
-use super::super::body::SettledOn;
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::io::Output;
+use super::super::robot::SettledOn;
 use super::super::roster_plan::Place;
 use super::invalid_start::fault_of;
 use super::proofs::Proofs;
-use super::{HeldPlan, Stage, Step};
+use super::{HeldPlan, Stage, Transition};
 use on_paths::Advance;
 
 /// This module's task in the plan, and its progress.
@@ -70,7 +70,7 @@ pub(crate) struct Acting {
 
 /// What a part of a step leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Progress {
+pub(super) enum Continuation {
     Wait,
     /// The next task may begin at once.
     Again,
@@ -254,15 +254,15 @@ impl Acting {
     }
 
     /// Waits, moves and docks, as far as is safe now.
-    pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
-        while self.advance(context) == Progress::Again {}
-        Step::Stay(Stage::Acting(self))
+    pub fn step(mut self: Box<Self>, context: &mut Context) -> Transition {
+        while self.advance(context) == Continuation::Again {}
+        Transition::Stay(Stage::Acting(self))
     }
 
     /// Enforces A1, A2, S4, H1.
-    fn advance(&mut self, context: &mut Context) -> Progress {
+    fn advance(&mut self, context: &mut Context) -> Continuation {
         if self.held.note_mismatch(context) {
-            return Progress::Wait;
+            return Continuation::Wait;
         }
         if self.look_at.is_some_and(|at| context.now >= at) {
             let (own, members) = (context.module(), &self.held.roster_plan.members);
@@ -275,30 +275,30 @@ impl Acting {
         // A new epoch follows. To settle now would give up a pin for a target that has come back.
         let is_moving = matches!(self.task, Task::Moving { .. });
         if !is_moving && context.has_replaced(&self.held.roster.target) {
-            return Progress::Wait;
+            return Continuation::Wait;
         }
         // A module that the roster left out stops within the lease, since the members no longer show its epoch.
         let first_motion = self.agreed_at + context.bugs.lease_wait(context.parameters.lease);
         if context.now < first_motion {
             context.wake_at(first_motion);
-            return Progress::Wait;
+            return Continuation::Wait;
         }
         let mut lagging = self.held.lagging_now(context);
         if context.stop.stopped && lagging.is_empty() {
             lagging.push(context.module());
         }
-        if self.held.motion.planned.paths().is_some() && context.body.service == Service::Active {
+        if self.held.motion.planned.paths().is_some() && context.robot.service == Service::Active {
             return self.carry_on_along_path(&lagging, context);
         }
         if let Some(error) = self.held.refusal(context) {
             let fault = fault_of(context.module(), error, &self.held.roster);
             if lagging.is_empty()
-                && context.body.service == Service::Active
+                && context.robot.service == Service::Active
                 && let Some(fault) = fault
             {
                 context.cannot_move(Event::InvalidStart(fault));
             }
-            return Progress::Wait;
+            return Continuation::Wait;
         }
         let to_act = self.step_to_act(context);
         let step = to_act.as_ref().map(|&(step, _)| step);
@@ -313,17 +313,17 @@ impl Acting {
                 // A module out of service undocks as soon as a plan without it is agreed on. Along the paths of a plan with it, it
                 // may be part of a body that turns.
                 let takes_part = self.held.motion.route.is_some();
-                let is_active = context.body.service == Service::Active;
+                let is_active = context.robot.service == Service::Active;
                 if lagging.is_empty() && !is_active && !takes_part {
-                    let links = context.body.links.clone();
+                    let links = context.robot.links.clone();
                     context.undock(links);
                 }
-                Progress::Wait
+                Continuation::Wait
             }
-            Some(place) if context.body.service == Service::Active => {
+            Some(place) if context.robot.service == Service::Active => {
                 self.carry_on(place, to_act, &lagging, context)
             }
-            Some(_) => Progress::Wait,
+            Some(_) => Continuation::Wait,
         }
     }
 
@@ -334,11 +334,11 @@ impl Acting {
         to_act: Option<(usize, Vec<ModuleId>)>,
         lagging: &[ModuleId],
         context: &mut Context,
-    ) -> Progress {
+    ) -> Continuation {
         match self.task {
             Task::Waiting if self.held.unit_of(place).pinned => {
                 self.stay(place, lagging, context);
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Waiting => {
                 let earlier = to_act
@@ -351,26 +351,26 @@ impl Acting {
                     }
                 } else if lagging.is_empty() && !context.parameters.plan_only {
                     self.set_off(place, context);
-                    return Progress::Again;
+                    return Continuation::Again;
                 }
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Undocking => {
                 let broken = context.links_except(|link| self.held.keeps_link_to(link));
                 if broken.is_empty() && lagging.is_empty() {
                     self.move_on(context);
                 }
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Moving { since, held } => {
                 self.watch_motion(since, held, lagging, context);
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Docking => {
                 self.dock(place, lagging, context);
-                Progress::Wait
+                Continuation::Wait
             }
-            Task::Spare | Task::Pausing | Task::Settled | Task::Failed => Progress::Wait,
+            Task::Spare | Task::Pausing | Task::Settled | Task::Failed => Continuation::Wait,
         }
     }
 
@@ -381,26 +381,26 @@ impl Acting {
         to_act: Option<(usize, Vec<ModuleId>)>,
         lagging: &[ModuleId],
         context: &mut Context,
-    ) -> Progress {
+    ) -> Continuation {
         let is_due = to_act.is_some_and(|(_, modules)| modules.contains(&context.module()));
         match self.task {
             Task::Waiting if is_due && lagging.is_empty() && !context.parameters.plan_only => {
                 self.proofs = Proofs::of_making_room(&self.held, context);
                 self.task = Task::Undocking;
-                context.body.settled_on = None;
+                context.robot.settled_on = None;
                 context.mark_state_changed();
                 context.emit(Event::MakingRoom);
-                let links = context.body.links.clone();
+                let links = context.robot.links.clone();
                 context.undock(links);
-                return Progress::Again;
+                return Continuation::Again;
             }
-            Task::Undocking if context.body.links.is_empty() && lagging.is_empty() => {
+            Task::Undocking if context.robot.links.is_empty() && lagging.is_empty() => {
                 self.move_on(context);
             }
             Task::Moving { since, held } => self.watch_motion(since, held, lagging, context),
             _ => {}
         }
-        Progress::Wait
+        Continuation::Wait
     }
 
     /// Stays on its spot. It undocks from modules that the target does not have there, such as a failed neighbour, and docks to
@@ -414,7 +414,7 @@ impl Acting {
             }
         } else if context.parameters.plan_only || self.is_docked(place, lagging, context) {
             self.task = Task::Settled;
-            context.body.settled_on = self.settled_on();
+            context.robot.settled_on = self.settled_on();
             context.mark_state_changed();
         }
     }
@@ -475,7 +475,7 @@ impl Acting {
             return;
         }
         context.wake_at(overdue_at);
-        if !context.body.moving
+        if !context.robot.moving
             && let Some(goal) = self.goal()
         {
             // The drive halted, because agreement lapsed or because its goal did not repeat in time.
@@ -498,7 +498,7 @@ impl Acting {
         if self.held.motion.route.is_some() {
             self.proofs.note_docked(&self.held, place, context);
         }
-        context.body.settled_on = Some(SettledOn {
+        context.robot.settled_on = Some(SettledOn {
             spot: place.spot,
             target: self.held.roster.target_digest(),
         });
@@ -510,10 +510,10 @@ impl Acting {
     /// settled.
     fn is_docked(&mut self, place: Place, lagging: &[ModuleId], context: &mut Context) -> bool {
         let mut missing = self.held.docks_with(place);
-        missing.retain(|module| !context.body.links.contains(module));
+        missing.retain(|module| !context.robot.links.contains(module));
         for &module in missing.iter().filter(|_| lagging.is_empty()) {
             if self.has_settled(module, context) && self.asked_to_dock.insert(module) {
-                context.body.ports_busy.insert(module);
+                context.robot.ports_busy.insert(module);
                 context.outbox.push(Output::Dock(module));
             }
         }
@@ -547,7 +547,7 @@ impl Acting {
 }
 
 fn send_goal(goal: MotionGoal, context: &mut Context) {
-    context.body.moving = true;
-    context.body.pose_at = SenderTime(context.now);
+    context.robot.moving = true;
+    context.robot.pose_at = SenderTime(context.now);
     context.outbox.push(Output::Move(goal));
 }

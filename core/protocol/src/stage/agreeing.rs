@@ -6,7 +6,7 @@ use formation_model::ModuleId;
 
 use super::super::context::Context;
 use super::super::event::Event;
-use super::{Acting, HeldPlan, Stage, Step};
+use super::{Acting, HeldPlan, Stage, Transition};
 
 /// A complete plan on which not all members agree so far.
 #[derive(Clone, Hash)]
@@ -41,20 +41,20 @@ impl Agreeing {
     }
 
     /// Begins to act when all members show the digest, and reports what is missing otherwise.
-    pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
+    pub fn step(mut self: Box<Self>, context: &mut Context) -> Transition {
         if self.held.note_mismatch(context) {
-            return Step::Stay(Stage::Agreeing(self));
+            return Transition::Stay(Stage::Agreeing(self));
         }
         let lease = context.parameters.lease;
         let is_report_due = self.held.has_mismatch || context.now > self.since + lease;
         if !is_report_due && self.held.still_lags(context) {
-            return Step::Stay(Stage::Agreeing(self));
+            return Transition::Stay(Stage::Agreeing(self));
         }
         let lagging = self.held.lagging(context);
         self.held.waits_for = lagging.first().copied();
         if lagging.is_empty() && context.outbox.may_show_plan_of(self.held.epoch()) {
             let acting = Acting::begin(self.held, self.since, context);
-            return Step::Enter(Stage::Acting(Box::new(acting)));
+            return Transition::Enter(Stage::Acting(Box::new(acting)));
         }
         let computes = |&module: &ModuleId| context.peers.computes(module, self.held.epoch());
         let waited = context.now.saturating_sub(self.since);
@@ -66,7 +66,7 @@ impl Agreeing {
             self.reported.clone_from(&lagging);
             context.emit(Event::WaitingForAgreement(lagging));
         }
-        Step::Stay(Stage::Agreeing(self))
+        Transition::Stay(Stage::Agreeing(self))
     }
 
     /// Reports which members hold which plan, when another epoch has not helped and no further epoch is opened for it.

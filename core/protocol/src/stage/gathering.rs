@@ -16,7 +16,7 @@ use super::super::pins;
 use super::super::plans::obstacles;
 use super::claims::EarlyClaims;
 use super::planning::Planning;
-use super::{Stage, Step};
+use super::{Stage, Transition};
 
 /// An epoch whose members are being gathered.
 #[derive(Clone, Hash)]
@@ -27,14 +27,14 @@ pub(crate) struct Gathering {
     waits_since: Duration,
     /// The target that the gathering is for, unless another is announced meanwhile: the members freeze with pins for this one.
     target: Digest,
-    role: Role,
+    role: Part,
     /// The claims of members that received the roster earlier than this module.
     pub claims: EarlyClaims,
 }
 
 /// This module's part in a gathering.
 #[derive(Clone, Hash)]
-enum Role {
+enum Part {
     /// It waits for the roster of this run of the convener.
     Member(Incarnation),
     /// It is the convener.
@@ -55,7 +55,7 @@ struct Collection {
 }
 
 /// Whether a collection is complete.
-enum Progress {
+enum Collected {
     Incomplete,
     Complete { reports_limit: bool },
 }
@@ -82,7 +82,7 @@ impl Gathering {
             reported_limit: false,
             computes: false,
         };
-        Self::enter(context, epoch, target, Role::Convener(collection))
+        Self::enter(context, epoch, target, Part::Convener(collection))
     }
 
     /// Halts for an epoch that this run of its convener has opened.
@@ -92,10 +92,10 @@ impl Gathering {
         convener: Incarnation,
         target: Digest,
     ) -> Self {
-        Self::enter(context, epoch, target, Role::Member(convener))
+        Self::enter(context, epoch, target, Part::Member(convener))
     }
 
-    fn enter(context: &mut Context, epoch: Epoch, target: Digest, role: Role) -> Self {
+    fn enter(context: &mut Context, epoch: Epoch, target: Digest, role: Part) -> Self {
         context.stand_still();
         context.note_opened(epoch);
         context.set_shortfall(None);
@@ -113,13 +113,13 @@ impl Gathering {
 
     /// Whether this module convenes.
     pub fn is_convener(&self) -> bool {
-        matches!(self.role, Role::Convener(_))
+        matches!(self.role, Part::Convener(_))
     }
 
     pub fn phase(&self) -> ModulePhase {
         match &self.role {
-            Role::Convener(collection) if collection.computes => ModulePhase::Computing,
-            Role::Convener(_) | Role::Member(_) => ModulePhase::Gathered,
+            Part::Convener(collection) if collection.computes => ModulePhase::Computing,
+            Part::Convener(_) | Part::Member(_) => ModulePhase::Gathered,
         }
     }
 
@@ -133,7 +133,7 @@ impl Gathering {
     /// Why a member no longer waits for the roster, if so.
     /// Enforces G6.
     pub fn doubt(&self, context: &Context) -> Option<EpochReason> {
-        let Role::Member(incarnation) = self.role else {
+        let Part::Member(incarnation) = self.role else {
             return None;
         };
         let refused = context.removals.refused_in(self.epoch);
@@ -172,24 +172,24 @@ impl Gathering {
     }
 
     /// Waits for the roster; as the convener, publishes it once all members have frozen or the time is up.
-    pub fn step(mut self, context: &mut Context) -> Step {
-        let Role::Convener(collection) = &mut self.role else {
+    pub fn step(mut self, context: &mut Context) -> Transition {
+        let Part::Convener(collection) = &mut self.role else {
             let computes = context.peers.computes(self.epoch.convener, self.epoch);
             if computes && context.now <= self.since + context.parameters.plan_limit {
                 self.waits_since = context.now;
             }
-            return Step::Stay(Stage::Gathering(self));
+            return Transition::Stay(Stage::Gathering(self));
         };
         if !context.can_convene() {
-            return Step::Stay(Stage::Listening(Some(self.epoch)));
+            return Transition::Stay(Stage::Listening(Some(self.epoch)));
         }
         let frozen = frozen_states(self.epoch, context);
         let progress = collection.advance(self.since, &frozen, context);
-        let Progress::Complete { reports_limit } = progress else {
-            return Step::Stay(Stage::Gathering(self));
+        let Collected::Complete { reports_limit } = progress else {
+            return Transition::Stay(Stage::Gathering(self));
         };
-        if !context.body.is_at_rest() {
-            return Step::Stay(Stage::Gathering(self));
+        if !context.robot.is_at_rest() {
+            return Transition::Stay(Stage::Gathering(self));
         }
         let target = context.target.announcement().cloned();
         let memory = &mut context.memory;
@@ -205,22 +205,26 @@ impl Gathering {
     /// Waits for more modules, as no roster can be made of those that have frozen. Live modules that show a later epoch do not
     /// come back to this one, so they are called to another.
     /// Enforces E3.
-    fn wait_for_others(self, announcement: &TargetAnnouncement, context: &mut Context) -> Step {
+    fn wait_for_others(
+        self,
+        announcement: &TargetAnnouncement,
+        context: &mut Context,
+    ) -> Transition {
         let live = context.peers.live(context.liveness());
         let ahead = live.filter(|(_, peer)| peer.is_ahead_of(self.epoch));
         let ahead: Vec<ModuleId> = ahead.map(|(module, _)| module).collect();
         if ahead.is_empty() {
-            return Step::Stay(Stage::Gathering(self));
+            return Transition::Stay(Stage::Gathering(self));
         }
         let next = Self::convene(context, announcement, EpochReason::MembersAhead(ahead));
-        Step::Enter(Stage::Gathering(next))
+        Transition::Enter(Stage::Gathering(next))
     }
 
     /// Publishes the roster, unless it lacks a quorum or the target has changed.
     /// Enforces G5.
-    fn close(mut self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Step {
+    fn close(mut self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Transition {
         let Some(announcement) = context.target.announcement().cloned() else {
-            return Step::Stay(Stage::Gathering(self));
+            return Transition::Stay(Stage::Gathering(self));
         };
         let mut members: Vec<RosterMember> = frozen.iter().map(|state| member_of(state)).collect();
         members.push(context.as_member(|| digest::of_target(&announcement)));
@@ -247,7 +251,7 @@ impl Gathering {
                 return self.wait_for_others(&announcement, context);
             }
             // The members stay frozen, and the gathering continues when more modules are within reach.
-            return Step::Stay(Stage::Gathering(self));
+            return Transition::Stay(Stage::Gathering(self));
         }
         // Judged after the quorum: a group without one waits for it, even if nothing could be planned.
         if !some_is_active {
@@ -264,16 +268,16 @@ impl Gathering {
             // Another target was announced since. The members froze with pins for the former one, and have to announce
             // their pins for the new one.
             let next = Self::convene(context, &announcement, EpochReason::NewTarget);
-            return Step::Enter(Stage::Gathering(next));
+            return Transition::Enter(Stage::Gathering(next));
         }
         let parameters = announcement.parameters;
         let obstacles = obstacles(&roster);
         let released = pins::release(&mut roster.members, &open, parameters, obstacles, context);
         if released.is_none() {
-            if let Role::Convener(collection) = &mut self.role {
+            if let Part::Convener(collection) = &mut self.role {
                 collection.computes = true;
             }
-            return Step::Stay(Stage::Gathering(self));
+            return Transition::Stay(Stage::Gathering(self));
         }
         let roster = Arc::new(ClosedRoster::from(roster));
         let plan = RosterMessage::Plan(Arc::clone(&roster));
@@ -281,9 +285,9 @@ impl Gathering {
         match Planning::begin(roster, context) {
             Some(planning) => {
                 let planning = planning.with_claims(self.claims);
-                Step::Enter(Stage::Planning(Box::new(planning)))
+                Transition::Enter(Stage::Planning(Box::new(planning)))
             }
-            None => Step::Stay(Stage::Gathering(self)),
+            None => Transition::Stay(Stage::Gathering(self)),
         }
     }
 }
@@ -296,8 +300,8 @@ impl Collection {
         since: Duration,
         frozen: &[Arc<ModuleState>],
         context: &mut Context,
-    ) -> Progress {
-        let count = frozen.len() + usize::from(context.body.is_at_rest());
+    ) -> Collected {
+        let count = frozen.len() + usize::from(context.robot.is_at_rest());
         if count != self.frozen {
             self.frozen = count;
             self.changed_at = context.now;
@@ -313,20 +317,20 @@ impl Collection {
             _ => is_quiet || count >= context.live_voters().len(),
         };
         if is_complete {
-            return Progress::Complete {
+            return Collected::Complete {
                 reports_limit: false,
             };
         }
         if context.now >= limit_at {
             let reports_limit = !std::mem::replace(&mut self.reported_limit, true);
-            return Progress::Complete { reports_limit };
+            return Collected::Complete { reports_limit };
         }
         if is_quiet && !std::mem::replace(&mut self.reported_missing, true) {
             report_missing(frozen, context);
         }
         context.wake_at(quiet_at);
         context.wake_at(limit_at);
-        Progress::Incomplete
+        Collected::Incomplete
     }
 }
 
@@ -346,7 +350,7 @@ fn report_missing(frozen: &[Arc<ModuleState>], context: &mut Context) {
     let named = frozen
         .iter()
         .flat_map(|state| state.links.iter().copied())
-        .chain(context.body.links.iter().copied())
+        .chain(context.robot.links.iter().copied())
         .chain(context.live_modules());
     let absent: BTreeSet<ModuleId> = named
         .filter(|id| *id != context.module() && !present.contains(id))

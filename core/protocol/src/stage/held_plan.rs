@@ -16,7 +16,7 @@ use formation_motion::paths::MotionError;
 use super::super::context::Context;
 use super::super::event::Event;
 use super::super::peer::Peer;
-use super::super::peers::{Peers, Shown};
+use super::super::peers::{Peers, ShownChanges};
 use super::super::plans::ComputedPlan;
 use super::super::roster_plan::{Place, RosterPlan};
 use super::route::{HeldMotion, PathPlace};
@@ -38,7 +38,7 @@ pub(crate) struct HeldPlan {
     /// Whether some member showed another digest for this epoch.
     pub has_mismatch: bool,
     /// What heartbeats had shown when they were last compared with the digest.
-    compared: Option<Shown>,
+    compared: Option<ShownChanges>,
     /// A member of which an agreement was missing. While it is, the others need not be looked at.
     pub(super) waits_for: Option<ModuleId>,
     in_force: Option<InForce>,
@@ -48,7 +48,7 @@ pub(crate) struct HeldPlan {
 /// looked at whenever a message comes.
 #[derive(Clone, Copy)]
 struct InForce {
-    version: (u64, Shown),
+    version: (u64, ShownChanges),
     until: Duration,
 }
 
@@ -258,7 +258,7 @@ impl HeldPlan {
         holder.is_some_and(|holder| {
             let has_settled = if holder == self.own {
                 context
-                    .body
+                    .robot
                     .settled_on
                     .is_some_and(|settled| settled.spot == spot)
             } else {

@@ -66,7 +66,7 @@ pub(super) fn hash_roster(roster: &Roster, state: &mut impl Hasher) {
 }
 
 /// The result of a step.
-pub(super) enum Step {
+pub(super) enum Transition {
     /// The stage lasts until the next input.
     Stay(Stage),
     /// Another stage begins, and takes its first step at once.
@@ -75,13 +75,13 @@ pub(super) enum Step {
 
 impl Stage {
     /// Does what is due.
-    pub fn step(self, context: &mut Context) -> Step {
+    pub fn step(self, context: &mut Context) -> Transition {
         match self {
             Self::Gathering(gathering) => gathering.step(context),
             Self::Planning(planning) => planning.step(context),
             Self::Agreeing(agreeing) => agreeing.step(context),
             Self::Acting(acting) => acting.step(context),
-            Self::Listening(_) | Self::Outsider(_) => Step::Stay(self),
+            Self::Listening(_) | Self::Outsider(_) => Transition::Stay(self),
         }
     }
 
@@ -167,7 +167,7 @@ impl Stage {
             self,
             Self::Planning(_) | Self::Agreeing(_) | Self::Acting(_)
         );
-        carries_out || context.body.is_at_rest()
+        carries_out || context.robot.is_at_rest()
     }
 
     /// Adds to a state what this stage knows.

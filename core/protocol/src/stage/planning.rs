@@ -21,7 +21,7 @@ use super::super::mutation::Bugs;
 use super::super::plans::{ComputedPlan, PlanJob, obstacles};
 use super::super::refusal::Refusal;
 use super::claims::EarlyClaims;
-use super::{Agreeing, HeldPlan, Stage, Step, hash_roster};
+use super::{Agreeing, HeldPlan, Stage, Transition, hash_roster};
 
 /// The turns of one epoch.
 #[derive(Clone)]
@@ -132,9 +132,9 @@ impl Planning {
 
     /// Publishes this module's claims once the plan is computed, and applies the turns in order, as far as they are claimed.
     /// Enforces T2.
-    pub fn step(mut self: Box<Self>, context: &mut Context) -> Step {
+    pub fn step(mut self: Box<Self>, context: &mut Context) -> Transition {
         let Some(planned) = self.planned(context) else {
-            return Step::Stay(Stage::Planning(self));
+            return Transition::Stay(Stage::Planning(self));
         };
         while let Some((claimant, decision)) = planned.turns().turn(self.applied) {
             let is_own = claimant == context.module();
@@ -146,10 +146,10 @@ impl Planning {
                 if computes && waited <= context.parameters.plan_limit {
                     self.progress_at = context.now;
                 }
-                return Step::Stay(Stage::Planning(self));
+                return Transition::Stay(Stage::Planning(self));
             }
         }
-        Step::Enter(self.finish(&planned, context))
+        Transition::Enter(self.finish(&planned, context))
     }
 
     /// Every turn as this replica decides it; `None` until the plan is computed.
@@ -354,7 +354,7 @@ mod tests {
         }
         let planning = Planning::begin(Arc::clone(&roster), &mut context).unwrap();
         let planning = Box::new(planning.with_claims(claims));
-        let Step::Stay(Stage::Planning(mut planning)) = planning.step(&mut context) else {
+        let Transition::Stay(Stage::Planning(mut planning)) = planning.step(&mut context) else {
             panic!("the claims of the other units are missing");
         };
         assert_eq!(context.outbox.refusals.total(), 1, "the early wrong one");
@@ -367,7 +367,7 @@ mod tests {
         for claim in late[1..].iter().rev() {
             assert_eq!(planning.take_claim(Arc::clone(claim), &context), Ok(()));
         }
-        let Step::Stay(Stage::Planning(mut planning)) = planning.step(&mut context) else {
+        let Transition::Stay(Stage::Planning(mut planning)) = planning.step(&mut context) else {
             panic!("one claim is missing");
         };
         assert_eq!(
@@ -377,7 +377,7 @@ mod tests {
             late[0]
         );
         assert_eq!(planning.take_claim(Arc::clone(&late[0]), &context), Ok(()));
-        let Step::Enter(Stage::Agreeing(agreeing)) = planning.step(&mut context) else {
+        let Transition::Enter(Stage::Agreeing(agreeing)) = planning.step(&mut context) else {
             panic!("each turn is claimed");
         };
         let turns = roster.problem().unwrap().unwrap();

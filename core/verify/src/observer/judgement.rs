@@ -3,10 +3,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
+use super::causality::Acts;
 use super::claims::Claimed;
 use super::end_state::EndState;
 use super::observation::Observer;
-use super::order::Acts;
 use super::received::split;
 use super::record::PlannedEpoch;
 use super::verdict::{CollisionRisk, Counts, Outcome, Timings, Verdict};

@@ -5,11 +5,11 @@
 //! counts as broken only if some message shows it, or if all messages were received and none shows that it was kept.
 
 mod bodies;
+mod causality;
 mod claims;
 mod end_state;
 mod judgement;
 mod observation;
-mod order;
 mod parameters;
 mod progress;
 mod received;

@@ -5,8 +5,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use super::bodies::Bodies;
+use super::causality::Acts;
 use super::claims::replay_claims;
-use super::order::Acts;
 use super::parameters::ObserverParameters;
 use super::record::{EpochRecord, ModuleRecord, PlannedEpoch, ReceivedRoster, entry_within};
 use super::verdict::CollisionRisk;

@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use formation_model::{Area, BODY_WIDTH, BodyReport, ModuleId, Pose, polyline};
 
-use super::{Acting, Progress, Task};
+use super::{Acting, Continuation, Task};
 use crate::context::Context;
 use crate::event::Event;
 use crate::stage::held_plan::HeldPlan;
@@ -76,7 +76,7 @@ impl Acting {
         &mut self,
         lagging: &[ModuleId],
         context: &mut Context,
-    ) -> Progress {
+    ) -> Continuation {
         self.note_progress(lagging, context);
         let may_begin = lagging.is_empty() && !context.parameters.plan_only;
         match self.task {
@@ -84,7 +84,7 @@ impl Acting {
                 if let Some(place) = self.held.place {
                     self.stay(place, lagging, context);
                 }
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Waiting | Task::Pausing if may_begin => self.begin_step(context),
             Task::Undocking => {
@@ -94,20 +94,20 @@ impl Acting {
                 } else if may_begin {
                     return self.leave(context);
                 }
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Moving { since, held } => {
                 self.watch_motion(since, held, lagging, context);
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Docking => {
                 if let Some(place) = self.held.place {
                     self.dock(place, lagging, context);
                 }
-                Progress::Wait
+                Continuation::Wait
             }
             Task::Waiting | Task::Pausing | Task::Spare | Task::Settled | Task::Failed => {
-                Progress::Wait
+                Continuation::Wait
             }
         }
     }
@@ -123,18 +123,18 @@ impl Acting {
 
     /// Begins the next step if all that it waits for is done.
     /// Enforces X8.
-    fn begin_step(&mut self, context: &mut Context) -> Progress {
+    fn begin_step(&mut self, context: &mut Context) -> Continuation {
         let Some(route) = &self.held.motion.route else {
-            return Progress::Wait;
+            return Continuation::Wait;
         };
         let step = self.steps_done + 1;
         let done = |module| self.done_by(module, context);
         let is_free = context.bugs.skip_waits() || route.awaited(step, done).is_empty();
         if !is_free {
-            if self.task == Task::Pausing && context.body.is_at_rest() {
+            if self.task == Task::Pausing && context.robot.is_at_rest() {
                 self.publish_stop(context);
             }
-            return Progress::Wait;
+            return Continuation::Wait;
         }
         let is_apart = route.is_apart(step);
         let was_apart = self.steps_done > 0 && route.is_apart(self.steps_done);
@@ -150,27 +150,27 @@ impl Acting {
         }
         if is_apart && !was_apart {
             self.task = Task::Undocking;
-            return Progress::Again;
+            return Continuation::Again;
         }
         self.leave(context)
     }
 
     /// The module is free to take its next step, or has taken all of them.
-    fn leave(&mut self, context: &mut Context) -> Progress {
+    fn leave(&mut self, context: &mut Context) -> Continuation {
         if self.steps_done < self.steps() {
             if self.begins_segment() {
                 context.mark_state_changed();
             }
             self.move_on(context);
-            return Progress::Wait;
+            return Continuation::Wait;
         }
         context.mark_state_changed();
         if self.held.place.is_some() {
             self.task = Task::Docking;
-            return Progress::Again;
+            return Continuation::Again;
         }
         self.task = Task::Spare;
-        Progress::Wait
+        Continuation::Wait
     }
 
     /// Whether the next step leads elsewhere than the one before, or begins after a stop, or when others have left its

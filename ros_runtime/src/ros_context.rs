@@ -14,22 +14,22 @@ use crate::logging;
 use crate::parameters::{NodeParameters, Parameters, Tunables};
 use crate::publisher_queue::{Flush, PublisherQueue, Sink};
 use crate::raw_sample::RawSample;
+use crate::ros_context_error::bad_name;
 use crate::rosout::LogLines;
 use crate::service::{Call, Service};
-use crate::session_error::bad_name;
 use crate::settings::Settings;
 use crate::subscription::accepted;
 use crate::topic::{Quality, Topic};
 use crate::topic_statistics::SharedStatistics;
 
-pub use crate::session_error::SessionError;
+pub use crate::ros_context_error::RosContextError;
 pub use crate::subscription::ParticipantId;
 
 /// A process's place in the ROS 2 graph.
 ///
-/// Drop every queue before the session: endpoints, node and participant then leave the graph in this order, and at once.
+/// Drop every queue before the context: endpoints, node and participant then leave the graph in this order, and at once.
 /// The node of a process that ends otherwise stays listed until its lease runs out.
-pub struct Session {
+pub struct RosContext {
     pub(crate) graph: Graph,
     identity: NodeIdentity,
     remaps: RemapRules,
@@ -39,7 +39,7 @@ pub struct Session {
     queues: Vec<Weak<RefCell<dyn Flush>>>,
 }
 
-impl Session {
+impl RosContext {
     /// Joins the graph as the node `name` in the namespace of the settings, unless remapping rules change either.
     ///
     /// # Errors
@@ -49,7 +49,7 @@ impl Session {
         settings: &Settings,
         name: &str,
         parameters: Parameters,
-    ) -> Result<Self, SessionError> {
+    ) -> Result<Self, RosContextError> {
         let identity = settings.identity(name);
         logging::follow(&identity.logger(), &settings.ros.log);
         let of_every_node = NodeParameters::default().read(parameters.values())?;
@@ -94,7 +94,7 @@ impl Session {
         self.graph.has_subscribers()
     }
 
-    /// The counts of samples, which the queues of this session write.
+    /// The counts of samples, which the queues of this context write.
     #[must_use]
     pub fn statistics(&self) -> SharedStatistics {
         Rc::clone(&self.statistics)
@@ -107,7 +107,7 @@ impl Session {
     pub fn publisher<M: Serialize + 'static>(
         &mut self,
         topic: &Topic<M>,
-    ) -> Result<PublisherQueue<M>, SessionError> {
+    ) -> Result<PublisherQueue<M>, RosContextError> {
         let name = self.resolve(Resource::Topic, &topic.path())?;
         let sink = self.graph.publisher(topic, &name)?;
         Ok(self.queue(topic.name(), topic.quality(), sink))
@@ -122,7 +122,7 @@ impl Session {
         &mut self,
         topic: &Topic<M>,
         convert: impl FnMut(ParticipantId, M) -> Result<T, String> + 'static,
-    ) -> Result<LocalBoxStream<'static, T>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, T>, RosContextError> {
         let name = self.resolve(Resource::Topic, &topic.path())?;
         let samples = self.graph.subscription(topic, &name)?;
         let (own, statistics) = (self.participant(), self.statistics());
@@ -139,7 +139,7 @@ impl Session {
     pub fn raw_subscription<M: 'static>(
         &mut self,
         topic: &Topic<M>,
-    ) -> Result<LocalBoxStream<'static, RawSample>, SessionError> {
+    ) -> Result<LocalBoxStream<'static, RawSample>, RosContextError> {
         let name = self.resolve(Resource::Topic, &topic.path())?;
         let samples = self.graph.raw_subscription(topic, &name)?;
         let (own, statistics) = (self.participant(), self.statistics());
@@ -154,7 +154,7 @@ impl Session {
     pub fn serve<Q, A>(
         &mut self,
         service: &Service<Q, A>,
-    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, SessionError>
+    ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where
         Q: Serialize + DeserializeOwned + Clone + 'static,
         A: Serialize + DeserializeOwned + 'static,
@@ -170,7 +170,7 @@ impl Session {
     pub fn serve_action<G: ActionData, R: ActionData, F: ActionData>(
         &mut self,
         action: &Action<G, R, F>,
-    ) -> Result<ServedAction<G, R, F>, SessionError> {
+    ) -> Result<ServedAction<G, R, F>, RosContextError> {
         let name = self.resolve(Resource::Service, action.name)?;
         let (endpoints, requests) = self.graph.serve_action(action, &name)?;
         let server = ActionServer {
@@ -209,22 +209,22 @@ impl Session {
     ///
     /// # Errors
     /// The name, or its remapping, cannot be used.
-    pub fn resolve(&self, resource: Resource, name: &str) -> Result<String, SessionError> {
+    pub fn resolve(&self, resource: Resource, name: &str) -> Result<String, RosContextError> {
         let resolved = self.remaps.resolve(resource, name, &self.identity);
         resolved.map_err(|reason| bad_name(name, &reason))
     }
 }
 
-/// Takes part in the graph, and again with a new session whenever the DDS library no longer receives.
+/// Takes part in the graph, and again with a new context whenever the DDS library no longer receives.
 ///
 /// # Errors
 /// The graph could not be joined, or the node could not go on.
 pub fn rejoining<T>(
-    mut take_part: impl FnMut() -> Result<T, SessionError>,
-) -> Result<T, SessionError> {
+    mut take_part: impl FnMut() -> Result<T, RosContextError>,
+) -> Result<T, RosContextError> {
     loop {
         match take_part() {
-            Err(error @ SessionError::NotReceiving) => tracing::warn!("{error}; rejoining"),
+            Err(error @ RosContextError::NotReceiving) => tracing::warn!("{error}; rejoining"),
             end => return end,
         }
     }

@@ -8,7 +8,7 @@ use crate::parameters::ParameterError;
 
 /// Why a process could not join the ROS 2 graph, or had to leave it.
 #[derive(Debug, Error)]
-pub enum SessionError {
+pub enum RosContextError {
     /// A name, a parameter or the network of the machine cannot be used.
     #[error("{0}")]
     BadInput(String),
@@ -22,27 +22,29 @@ pub enum SessionError {
     NotReceiving,
 }
 
-impl From<ParameterError> for SessionError {
+impl From<ParameterError> for RosContextError {
     fn from(error: ParameterError) -> Self {
         Self::BadInput(error.to_string())
     }
 }
 
-impl From<SessionError> for Failure {
-    fn from(error: SessionError) -> Self {
+impl From<RosContextError> for Failure {
+    fn from(error: RosContextError) -> Self {
         match error {
-            SessionError::BadInput(_) => Self::BadInput(error.into()),
-            SessionError::Failed(_) | SessionError::NotReceiving => Self::Failed(error.into()),
+            RosContextError::BadInput(_) => Self::BadInput(error.into()),
+            RosContextError::Failed(_) | RosContextError::NotReceiving => {
+                Self::Failed(error.into())
+            }
         }
     }
 }
 
 /// A fully qualified name, for the library.
-pub(crate) fn library_name(name: &str) -> Result<Name, SessionError> {
+pub(crate) fn library_name(name: &str) -> Result<Name, RosContextError> {
     Name::parse(name).map_err(|error| bad_name(name, &error))
 }
 
-pub(crate) fn bad_name(name: &str, reason: &dyn ToString) -> SessionError {
+pub(crate) fn bad_name(name: &str, reason: &dyn ToString) -> RosContextError {
     let reason = reason.to_string();
-    SessionError::BadInput(format!("`{name}` cannot be used in a ROS 2 name: {reason}"))
+    RosContextError::BadInput(format!("`{name}` cannot be used in a ROS 2 name: {reason}"))
 }

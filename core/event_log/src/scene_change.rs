@@ -11,7 +11,7 @@ const EVICTIONS_MAX: usize = 10;
 
 /// One change of a scene that people read as a sentence.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Step<'a> {
+pub enum SceneChange<'a> {
     /// A later epoch begins, and modules halt.
     Regathering(Epoch),
     /// The members of the epoch are known.
@@ -48,7 +48,7 @@ pub enum Step<'a> {
     },
 }
 
-impl Step<'_> {
+impl SceneChange<'_> {
     /// The modules that act.
     #[must_use]
     pub fn acting(&self) -> Vec<ModuleId> {
@@ -92,7 +92,7 @@ fn takers(decision: &Decision) -> impl Iterator<Item = (ModuleId, SpotId)> + '_ 
         .map(|pair| (pair.module, pair.spot))
 }
 
-impl fmt::Display for Step<'_> {
+impl fmt::Display for SceneChange<'_> {
     fn fmt(&self, formatter: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
             Self::Regathering(epoch) => write!(
@@ -206,7 +206,7 @@ mod tests {
 
     fn turn(turn: u32, claimant: u32, decision: &Decision) -> String {
         let claimant = ModuleId(claimant);
-        Step::Turn {
+        SceneChange::Turn {
             turn,
             claimant,
             decision,
@@ -260,11 +260,11 @@ mod tests {
         let step = |unit: &[u32], spot: Option<u32>| {
             let unit: Vec<ModuleId> = unit.iter().copied().map(ModuleId).collect();
             let spot = spot.map(SpotId);
-            let set_off = Step::SetOff {
+            let set_off = SceneChange::SetOff {
                 unit: unit.clone(),
                 spot,
             };
-            [set_off, Step::Settled { unit, spot }].map(|step| step.to_string())
+            [set_off, SceneChange::Settled { unit, spot }].map(|step| step.to_string())
         };
         assert_eq!(
             step(&[4], Some(9)),

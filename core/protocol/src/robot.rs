@@ -1,4 +1,4 @@
-//! The module's body: its pose, its links, and what its drive and ports are doing.
+//! The module's own robot: its pose, its links, and what its drive and ports are doing.
 
 use std::collections::BTreeSet;
 use std::time::Duration;
@@ -14,7 +14,7 @@ pub(super) struct SettledOn {
 
 /// What the module is and has, whatever the protocol decides.
 #[derive(Clone, Debug, Hash)]
-pub(super) struct Body {
+pub(super) struct Robot {
     pub pose: Pose,
     /// When a module that moves had this pose.
     pub pose_at: SenderTime,
@@ -29,7 +29,7 @@ pub(super) struct Body {
     pub ports_busy: BTreeSet<ModuleId>,
 }
 
-impl Body {
+impl Robot {
     pub fn new(pose: Pose, links: BTreeSet<ModuleId>) -> Self {
         Self {
             pose,

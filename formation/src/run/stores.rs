@@ -10,14 +10,14 @@ use crate::arguments::RunArguments;
 use crate::console;
 
 /// The session of a run, and the directory of its stores.
-pub struct RunMemory {
+pub struct RunStores {
     pub session: u32,
     pub directory: PathBuf,
     /// Deleted with this value; `None` if the user keeps the stores.
     _temporary: Option<TempDir>,
 }
 
-impl RunMemory {
+impl RunStores {
     /// The session and the directory that the user chose, or else a random session and an empty directory, which ends with
     /// the run.
     ///

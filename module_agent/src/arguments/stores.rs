@@ -4,13 +4,13 @@ use ros_runtime::parameters::{Tunable, Tunables, text};
 
 /// Where modules keep what they agreed on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Memory {
+pub struct StoreOptions {
     /// The directory of the stores; `None` if what modules agree on ends with their process.
     pub state_dir: Option<String>,
 }
 
-impl Tunables for Memory {
-    const HEADING: &'static str = "Memory";
+impl Tunables for StoreOptions {
+    const HEADING: &'static str = "StoreOptions";
 
     fn table() -> Vec<Tunable<Self>> {
         vec![
