@@ -13,7 +13,7 @@ use crate::measure::processes::{self, ProcessMeasurement};
 use crate::measure::talk::Talk;
 use crate::measure::world::{self, World, WorldMeasurement};
 use crate::measure::{auction, protocol};
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 
 /// One measurement of one instance, planned by one contender.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -127,7 +127,7 @@ impl Cell {
     /// Does the work.
     pub(crate) fn measure(
         self,
-        settings: &Settings,
+        settings: &ExperimentSettings,
         launcher: &Path,
     ) -> Result<Measurement, CellError> {
         let scenario = || self.instance.scenario(self.contender);

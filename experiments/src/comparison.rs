@@ -7,7 +7,7 @@ use crate::contender::READINGS_AND_OURS;
 use crate::figures::{Data, Family, Group, Value, labelled, lattice, mixed, singletons, surplus};
 use crate::instance::Instance;
 use crate::sample::{exact, short};
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 /// One number by which plans are compared.
@@ -401,7 +401,7 @@ impl Row {
 
 const CASE_STUDIES: &str = "case studies";
 
-fn rows(settings: &Settings) -> Vec<Row> {
+fn rows(settings: &ExperimentSettings) -> Vec<Row> {
     let mut rows = Vec::new();
     let mut add = |kind, name: String, family: Family, size: usize| {
         let groups =

@@ -42,7 +42,7 @@ pub use error::{CellError, ExperimentError};
 use figures::{FIGURES, Figure};
 pub use publication::Publication;
 pub use recomputation::{Recomputed, recompute};
-pub use settings::{Scale, Settings};
+pub use settings::{ExperimentSettings, Scale};
 use store::{Store, at};
 
 /// The maximum number of runs; seeds above it replace those for which the generator finds no instance.
@@ -88,7 +88,7 @@ pub fn names() -> Vec<&'static str> {
 /// Fails if the choice or the directory is not valid, or if a cell cannot be measured. Finished cells stay on disk.
 pub fn run(
     directory: &Path,
-    settings: &Settings,
+    settings: &ExperimentSettings,
     only: &[String],
     launcher: &Path,
     progress: &mut (dyn ProgressSink + Send),

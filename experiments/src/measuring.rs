@@ -10,7 +10,7 @@ use std::thread;
 use crate::cell::{Cell, Measurement};
 use crate::error::{CellError, ExperimentError};
 use crate::figures::Figure;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::store::Store;
 use crate::{ProgressSink, Work};
 
@@ -19,7 +19,7 @@ const WORKERS_MAX: usize = 8;
 
 /// Measures every cell of the chosen experiments that the store does not have.
 pub(crate) fn measure_all(
-    settings: &Settings,
+    settings: &ExperimentSettings,
     chosen: &[&Figure],
     launcher: &Path,
     store: &mut Store,

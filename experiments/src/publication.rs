@@ -7,7 +7,7 @@ use crate::comparison;
 use crate::error::ExperimentError;
 use crate::figures::{Data, FIGURES, Figure};
 use crate::paper;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::store::{SETTINGS_FILE, Store, at};
 use crate::summary;
 
@@ -36,7 +36,7 @@ impl Publication {
         Ok(Self::of(&settings, &Store::read(directory)?))
     }
 
-    pub(crate) fn of(settings: &Settings, store: &Store) -> Self {
+    pub(crate) fn of(settings: &ExperimentSettings, store: &Store) -> Self {
         let mut publication = Self::default();
         let data = Data { settings, store };
         let is_finished = |figure: &&Figure| {
@@ -104,7 +104,7 @@ impl Publication {
 }
 
 /// The settings of a directory of results.
-pub(crate) fn read_settings(directory: &Path) -> Result<Settings, ExperimentError> {
+pub(crate) fn read_settings(directory: &Path) -> Result<ExperimentSettings, ExperimentError> {
     let path = directory.join(SETTINGS_FILE);
     let text = std::fs::read_to_string(&path).map_err(at(&path, "cannot be read"))?;
     serde_json::from_str(&text)

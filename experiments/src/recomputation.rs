@@ -7,7 +7,7 @@ use crate::cell::{Cell, Counts};
 use crate::error::ExperimentError;
 use crate::figures::FIGURES;
 use crate::publication::read_settings;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::store::Store;
 
 /// A cell that was measured again. Both results are the JSON of `cells.jsonl`.
@@ -30,7 +30,7 @@ pub struct Recomputed {
 pub fn recompute(directory: &Path) -> Result<Vec<Recomputed>, ExperimentError> {
     let settings = read_settings(directory)?;
     let store = Store::read(directory)?;
-    let once = Settings {
+    let once = ExperimentSettings {
         timings: 1,
         ..settings.clone()
     };
@@ -53,7 +53,7 @@ pub fn recompute(directory: &Path) -> Result<Vec<Recomputed>, ExperimentError> {
     Ok(recomputed)
 }
 
-fn measure(cell: Cell, settings: &Settings) -> Result<String, ExperimentError> {
+fn measure(cell: Cell, settings: &ExperimentSettings) -> Result<String, ExperimentError> {
     // No cell that is counted starts processes.
     let measured = cell.measure(settings, Path::new("formation"));
     let measured = measured.map_err(|source| ExperimentError::Cell {

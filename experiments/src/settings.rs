@@ -8,7 +8,7 @@ const PROCESS_RUNS_MAX: usize = 3;
 /// The settings determine every number except times; a directory of results belongs to one set of settings.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Settings {
+pub struct ExperimentSettings {
     /// The version of the program.
     pub version: String,
     /// Which of the paper's sizes are run.
@@ -33,7 +33,7 @@ pub enum Scale {
     Tiny,
 }
 
-impl Settings {
+impl ExperimentSettings {
     /// Settings of this version of the program.
     #[must_use]
     pub fn new(scale: Scale, runs: u64, seed: u64) -> Self {
@@ -146,7 +146,7 @@ mod tests {
 
     #[test]
     fn the_papers_settings_are_the_papers() {
-        let settings = Settings::new(Scale::Paper, 50, 1);
+        let settings = ExperimentSettings::new(Scale::Paper, 50, 1);
         assert_eq!(settings.seeds().len(), 50);
         assert_eq!(settings.sizes(), [10, 20, 30, 40, 50, 60, 70, 80, 90, 100]);
         assert_eq!(settings.full_size(), 100);
@@ -155,6 +155,9 @@ mod tests {
         assert_eq!(settings.equal_sizes(), [10, 20, 25, 50]);
         assert!((2..=10).all(|size| settings.configuration_sizes().contains(&size)));
         assert_eq!(settings.process_seeds().len(), 3);
-        assert_eq!(Settings::new(Scale::Paper, 2, 1).process_seeds(), [1, 2]);
+        assert_eq!(
+            ExperimentSettings::new(Scale::Paper, 2, 1).process_seeds(),
+            [1, 2]
+        );
     }
 }

@@ -10,7 +10,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::cell::{Cell, Counts, Measurement, Times};
 use crate::error::ExperimentError;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 
 /// The settings of the results.
 pub(crate) const SETTINGS_FILE: &str = "settings.json";
@@ -40,7 +40,10 @@ pub(crate) struct Store {
 
 impl Store {
     /// Opens a directory of results, or creates it.
-    pub(crate) fn open(directory: &Path, settings: &Settings) -> Result<Self, ExperimentError> {
+    pub(crate) fn open(
+        directory: &Path,
+        settings: &ExperimentSettings,
+    ) -> Result<Self, ExperimentError> {
         fs::create_dir_all(directory).map_err(at(directory, "cannot be created"))?;
         write_or_compare(&directory.join(SETTINGS_FILE), settings)?;
         Self::read(directory)
@@ -160,7 +163,7 @@ fn text_of(path: &Path) -> Result<Option<String>, ExperimentError> {
 }
 
 /// Writes the settings, or compares them with those that the directory has.
-fn write_or_compare(path: &Path, settings: &Settings) -> Result<(), ExperimentError> {
+fn write_or_compare(path: &Path, settings: &ExperimentSettings) -> Result<(), ExperimentError> {
     let wanted = serde_json::to_value(settings)
         .map_err(io::Error::from)
         .map_err(at(path, "cannot be written"))?;

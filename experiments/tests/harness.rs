@@ -4,7 +4,7 @@ use std::fs;
 use std::path::Path;
 
 use crate::support::{Stopwatch, finish, launcher};
-use formation_experiments::{ExperimentError, Scale, Settings, names, run};
+use formation_experiments::{ExperimentError, ExperimentSettings, Scale, names, run};
 
 /// The fields of a line of CSV; commas within quotation marks separate nothing.
 fn fields(line: &str) -> Vec<String> {
@@ -33,7 +33,7 @@ fn rows(path: &Path) -> Vec<Vec<String>> {
 #[test]
 fn every_experiment_has_its_table_and_its_section() {
     let out = tempfile::tempdir().unwrap();
-    finish(out.path(), &Settings::new(Scale::Tiny, 2, 1), &[]).unwrap();
+    finish(out.path(), &ExperimentSettings::new(Scale::Tiny, 2, 1), &[]).unwrap();
     let summary = fs::read_to_string(out.path().join("summary.md")).unwrap();
     assert_eq!(names().len(), 18);
     for name in names() {
@@ -71,7 +71,7 @@ fn assert_headline_counts_all(text: &str, directory: &Path) {
 #[test]
 fn the_comparison_hides_no_metric() {
     let out = tempfile::tempdir().unwrap();
-    finish(out.path(), &Settings::new(Scale::Tiny, 1, 1), &[]).unwrap();
+    finish(out.path(), &ExperimentSettings::new(Scale::Tiny, 1, 1), &[]).unwrap();
     let metrics = |name: &str| -> Vec<String> {
         let mut metrics = Vec::new();
         for row in rows(&out.path().join(name)).into_iter().skip(1) {
@@ -106,7 +106,7 @@ fn the_comparison_hides_no_metric() {
 
 #[test]
 fn an_interrupted_run_goes_on_where_it_stopped() {
-    let settings = Settings::new(Scale::Tiny, 2, 1);
+    let settings = ExperimentSettings::new(Scale::Tiny, 2, 1);
     let only = ["messages", "case_studies"];
     let whole = tempfile::tempdir().unwrap();
     let cells = finish(whole.path(), &settings, &only).unwrap().measured;
@@ -158,7 +158,12 @@ fn is_timed(name: &str) -> bool {
 fn the_seed_decides_everything_but_the_times() {
     let outs = [1, 1, 2].map(|seed| {
         let out = tempfile::tempdir().unwrap();
-        finish(out.path(), &Settings::new(Scale::Tiny, 2, seed), &[]).unwrap();
+        finish(
+            out.path(),
+            &ExperimentSettings::new(Scale::Tiny, 2, seed),
+            &[],
+        )
+        .unwrap();
         out
     });
     let entries = fs::read_dir(outs[0].path()).unwrap();
@@ -186,13 +191,13 @@ fn a_changed_setting_is_noticed() {
     let out = tempfile::tempdir().unwrap();
     finish(
         out.path(),
-        &Settings::new(Scale::Tiny, 1, 1),
+        &ExperimentSettings::new(Scale::Tiny, 1, 1),
         &["case_studies"],
     )
     .unwrap();
     let Err(error) = finish(
         out.path(),
-        &Settings::new(Scale::Tiny, 3, 1),
+        &ExperimentSettings::new(Scale::Tiny, 3, 1),
         &["case_studies"],
     ) else {
         panic!("the number of runs has changed");
@@ -208,7 +213,7 @@ fn an_unknown_name_is_an_error_that_lists_the_names() {
     let out = tempfile::tempdir().unwrap();
     let Err(error) = finish(
         out.path(),
-        &Settings::new(Scale::Tiny, 1, 1),
+        &ExperimentSettings::new(Scale::Tiny, 1, 1),
         &["distance", "nonsense"],
     ) else {
         panic!("there is no such experiment");
@@ -224,7 +229,7 @@ fn an_unknown_name_is_an_error_that_lists_the_names() {
 #[test]
 fn what_is_no_result_is_named_with_its_line() {
     let out = tempfile::tempdir().unwrap();
-    let settings = Settings::new(Scale::Tiny, 1, 1);
+    let settings = ExperimentSettings::new(Scale::Tiny, 1, 1);
     finish(out.path(), &settings, &["case_studies"]).unwrap();
     let path = out.path().join("cells.jsonl");
     let text = fs::read_to_string(&path).unwrap();
@@ -243,7 +248,7 @@ fn what_is_no_result_is_named_with_its_line() {
 fn processes_that_fail_are_an_error_and_the_rest_is_kept() {
     let home = tempfile::tempdir().unwrap();
     let out = tempfile::tempdir().unwrap();
-    let settings = Settings::new(Scale::Tiny, 1, 1);
+    let settings = ExperimentSettings::new(Scale::Tiny, 1, 1);
     for (script, words) in [
         ("echo 'error: no room' >&2; exit 2", "no room"),
         ("echo '{}'", "verdict"),
@@ -269,7 +274,7 @@ fn processes_that_fail_are_an_error_and_the_rest_is_kept() {
 #[test]
 fn an_average_over_nothing_is_refused() {
     let out = tempfile::tempdir().unwrap();
-    let Err(error) = finish(out.path(), &Settings::new(Scale::Tiny, 0, 1), &[]) else {
+    let Err(error) = finish(out.path(), &ExperimentSettings::new(Scale::Tiny, 0, 1), &[]) else {
         panic!("no runs make no average");
     };
     assert_eq!(error.to_string(), "runs must be 1 to 100000, got 0");

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::process::Stdio;
 
 use crate::support::finish;
-use formation_experiments::{Scale, Settings, names};
+use formation_experiments::{ExperimentSettings, Scale, names};
 use formation_tests::{Python, Tool, root, tool_or_skip};
 
 /// Runs `plot.py`; returns false, with a line that says so, where matplotlib is missing.
@@ -40,7 +40,7 @@ fn texts(plot: &str) -> Vec<&str> {
 #[test]
 fn every_experiment_has_a_plot_for_light_and_dark_surroundings() {
     let out = tempfile::tempdir().unwrap();
-    finish(out.path(), &Settings::new(Scale::Tiny, 2, 1), &[]).unwrap();
+    finish(out.path(), &ExperimentSettings::new(Scale::Tiny, 2, 1), &[]).unwrap();
     if !draw(out.path(), out.path()) {
         return;
     }

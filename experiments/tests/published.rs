@@ -5,7 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::support::Stopwatch;
-use formation_experiments::{ExperimentError, Publication, Settings, recompute, run};
+use formation_experiments::{ExperimentError, ExperimentSettings, Publication, recompute, run};
 use formation_tests::root;
 
 const RESULTS: [&str; 3] = ["settings.json", "cells.jsonl", "times.jsonl"];
@@ -34,7 +34,7 @@ fn generated() -> BTreeMap<String, String> {
         fs::copy(committed().join(name), out.path().join(name)).unwrap();
     }
     let settings = fs::read_to_string(committed().join("settings.json")).unwrap();
-    let settings: Settings = serde_json::from_str(&settings).unwrap();
+    let settings: ExperimentSettings = serde_json::from_str(&settings).unwrap();
     let mut progress = Stopwatch::never_stopping();
     run(
         out.path(),

@@ -22,7 +22,7 @@ pub const MODULES_PER_PROCESS_MAX: usize = 100;
 pub struct Arguments {
     /// What to do.
     #[command(subcommand)]
-    pub command: Command,
+    pub command: FormationCommand,
 }
 
 const EXIT_STATUS: &str = "\
@@ -34,7 +34,7 @@ Exit status:
 
 /// What the launcher can do.
 #[derive(Debug, Subcommand)]
-pub enum Command {
+pub enum FormationCommand {
     /// Check that a scenario is valid and that its spots can be reached; say what is wrong, where and why.
     Check {
         /// The scenario file (YAML); - for the standard input.
@@ -68,16 +68,16 @@ pub enum Command {
     /// Show a formation that runs elsewhere, until its verdict; changes nothing.
     Watch(WatchArguments),
     /// Halt all modules of a running formation until `formation resume`; restarts do not end the stop.
-    Stop(NetworkArguments),
+    Stop(FormationSelector),
     /// Let a stopped formation go on.
-    Resume(NetworkArguments),
+    Resume(FormationSelector),
     /// Report that the robots of dead modules were taken away, so that they no longer block spots.
     Remove {
         /// The modules, whose processes have ended.
         #[arg(required = true, value_name = "ID")]
         modules: Vec<u32>,
         #[command(flatten)]
-        network: NetworkArguments,
+        network: FormationSelector,
     },
     /// Route messages between processes over Zenoh, until interrupted.
     Router(RouterArguments),
@@ -206,7 +206,7 @@ pub struct RouterArguments {
 
 /// Where a running formation is.
 #[derive(Debug, Args)]
-pub struct NetworkArguments {
+pub struct FormationSelector {
     /// DDS domain, 0 to 232 [default: ROS_DOMAIN_ID, else 0]
     #[arg(long, value_name = "D")]
     pub domain: Option<Domain>,

@@ -18,7 +18,7 @@ use serde::Serialize;
 
 use crate::arguments::SPEED_UNITS_PER_S;
 use crate::console;
-use crate::motion::{self, MotionReport};
+use crate::motion::{self, MotionSummary};
 use crate::progress::PlanProgress;
 use crate::scenario_file::named;
 use crate::table::aligned;
@@ -67,7 +67,7 @@ pub struct PlanReport {
     pub turns: Option<Vec<PlanTurn>>,
     /// How the modules move; `formation plan` alone prints it.
     #[serde(skip_serializing_if = "Option::is_none")]
-    pub motion: Option<MotionReport>,
+    pub motion: Option<MotionSummary>,
 }
 
 impl CheckedPlan {

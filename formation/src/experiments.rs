@@ -9,7 +9,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
-use formation_experiments::{ExperimentError, ProgressSink, Scale, Settings, Work};
+use formation_experiments::{ExperimentError, ExperimentSettings, ProgressSink, Scale, Work};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ros_runtime::exit::{EndRequest, EndSignals, Failure};
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
@@ -35,7 +35,7 @@ pub fn run(arguments: &ExperimentsArguments) -> Result<(), Failure> {
     } else {
         (Scale::Paper, RUNS)
     };
-    let settings = Settings::new(scale, arguments.runs.unwrap_or(runs), arguments.seed);
+    let settings = ExperimentSettings::new(scale, arguments.runs.unwrap_or(runs), arguments.seed);
     let launcher = env::current_exe()
         .context("cannot find the launcher's own program")
         .map_err(Failure::BadInput)?;

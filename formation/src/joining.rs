@@ -5,7 +5,7 @@ use std::env;
 use std::ffi::OsString;
 use std::io;
 
-use formation_node::NAMESPACE;
+use formation_node_support::NAMESPACE;
 use ros_runtime::arguments::{Namespace, RosArguments};
 use ros_runtime::environment::{self, Environment};
 use ros_runtime::exit::Failure;

@@ -35,59 +35,61 @@ use ros_runtime::exit::{STATUS_DONE, conclude};
 
 #[cfg(feature = "zenoh")]
 use crate::arguments::SecurityCommand;
-use crate::arguments::{Arguments, Command};
+use crate::arguments::{Arguments, FormationCommand};
 use crate::run::operator;
 
 fn main() -> ExitCode {
     let outcome = match Arguments::parse().command {
-        Command::Check {
+        FormationCommand::Check {
             scenario,
             drive,
             json,
         } => check::check(&scenario, &drive, json),
-        Command::Show { scenario, svg } => show::show(&scenario, svg),
-        Command::Schema => show::schema(),
-        Command::Run(arguments) => run::run(&arguments),
-        Command::Watch(arguments) => run::watch(&arguments),
-        Command::Stop(network) => operator::give(&network, &[operator::STOP.to_owned()]),
-        Command::Resume(network) => operator::give(&network, &[operator::RESUME.to_owned()]),
-        Command::Remove { modules, network } => {
+        FormationCommand::Show { scenario, svg } => show::show(&scenario, svg),
+        FormationCommand::Schema => show::schema(),
+        FormationCommand::Run(arguments) => run::run(&arguments),
+        FormationCommand::Watch(arguments) => run::watch(&arguments),
+        FormationCommand::Stop(network) => operator::give(&network, &[operator::STOP.to_owned()]),
+        FormationCommand::Resume(network) => {
+            operator::give(&network, &[operator::RESUME.to_owned()])
+        }
+        FormationCommand::Remove { modules, network } => {
             operator::give(&network, &operator::removal(&modules))
         }
-        Command::Router(arguments) => router::run(&arguments),
+        FormationCommand::Router(arguments) => router::run(&arguments),
         #[cfg(feature = "zenoh")]
-        Command::Security {
+        FormationCommand::Security {
             command: SecurityCommand::Create(arguments),
         } => security::create(&arguments),
         #[cfg(not(feature = "zenoh"))]
-        Command::Security { .. } => Err(ros_runtime::exit::Failure::bad_input(
+        FormationCommand::Security { .. } => Err(ros_runtime::exit::Failure::bad_input(
             ros_runtime::middleware::NOT_BUILT,
         )),
-        Command::Plan {
+        FormationCommand::Plan {
             scenario,
             report,
             json,
         } => plan::run(&scenario, report.as_deref(), json),
-        Command::Explain {
+        FormationCommand::Explain {
             scenario,
             module,
             json,
         } => explain::run(&scenario, module, json),
         #[cfg(feature = "recordings")]
-        Command::Report(arguments) => recorded::run(&arguments),
+        FormationCommand::Report(arguments) => recorded::run(&arguments),
         #[cfg(not(feature = "recordings"))]
-        Command::Report(_) => Err(ros_runtime::exit::Failure::bad_input(
+        FormationCommand::Report(_) => Err(ros_runtime::exit::Failure::bad_input(
             "this program was built without recordings; `cargo build --release -p formation` includes them",
         )),
-        Command::Completions { shell } => completions(&mut Arguments::command(), &shell)
+        FormationCommand::Completions { shell } => completions(&mut Arguments::command(), &shell)
             .and_then(|script| console::result_line(script.trim_end())),
-        Command::Manual(arguments) => manual::run(Arguments::command(), &arguments),
-        Command::Generate(arguments) => generate::run(&arguments),
-        Command::Simulate(arguments) => simulate::run(&arguments),
+        FormationCommand::Manual(arguments) => manual::run(Arguments::command(), &arguments),
+        FormationCommand::Generate(arguments) => generate::run(&arguments),
+        FormationCommand::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(feature = "experiments")]
-        Command::Experiments(arguments) => experiments::run(&arguments),
+        FormationCommand::Experiments(arguments) => experiments::run(&arguments),
         #[cfg(not(feature = "experiments"))]
-        Command::Experiments(_) => Err(ros_runtime::exit::Failure::bad_input(
+        FormationCommand::Experiments(_) => Err(ros_runtime::exit::Failure::bad_input(
             "this program was built without the experiments; `cargo build --release -p formation` includes them",
         )),
     };

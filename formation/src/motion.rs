@@ -9,7 +9,7 @@ use serde::Serialize;
 /// How the modules of a plan move.
 #[derive(Debug, Serialize)]
 #[serde(untagged)]
-pub enum MotionReport {
+pub enum MotionSummary {
     /// Along paths without contact.
     Paths(Paths),
     /// In straight lines, or not at all.
@@ -55,7 +55,7 @@ struct ModulePath {
     waits: Vec<[u32; 3]>,
 }
 
-impl MotionReport {
+impl MotionSummary {
     /// What to print as JSON.
     pub fn of(motion: &PlannedMotion) -> Self {
         let other = |mode, error: Option<String>| Self::Other {

@@ -7,7 +7,7 @@ use ros_runtime::exit::Failure;
 
 use crate::arguments::SPEED_UNITS_PER_S;
 use crate::checked_plan::{CheckedPlan, PlanReport};
-use crate::motion::{self, MotionReport};
+use crate::motion::{self, MotionSummary};
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 
@@ -38,7 +38,7 @@ fn with_motion(plan: &CheckedPlan) -> PlanReport {
     PlanReport {
         complete: Some(plan.is_complete()),
         turns: Some(plan.turns()),
-        motion: Some(MotionReport::of(&plan.motion)),
+        motion: Some(MotionSummary::of(&plan.motion)),
         ..plan.report()
     }
 }

@@ -11,7 +11,7 @@ use anyhow::anyhow;
 use formation_event_log::milliseconds;
 use formation_model::SpotId;
 use formation_model::text::{counted, joined};
-use formation_sim::{CampaignError, CampaignParameters, Ending, RunReport, run_seed, run_seeds};
+use formation_sim::{CampaignError, CampaignParameters, Ending, SeedReport, run_seed, run_seeds};
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use ros_runtime::exit::Failure;
 use serde::Serialize;
@@ -252,7 +252,7 @@ struct Campaign {
     figures: Figures,
     /// The recovery of each run that formed, and its seed.
     recoveries: Vec<(Duration, u64)>,
-    failing: BTreeMap<u64, RunReport>,
+    failing: BTreeMap<u64, SeedReport>,
     keeps_transcript: bool,
 }
 
@@ -270,7 +270,7 @@ impl Campaign {
         }
     }
 
-    fn add(&mut self, report: RunReport) {
+    fn add(&mut self, report: SeedReport) {
         let figures = &mut self.figures;
         let sums = &mut figures.sums;
         sums.runs += 1;
@@ -366,10 +366,10 @@ fn quoted(path: &Path) -> String {
 
 #[cfg(test)]
 mod tests {
-    use formation_sim::{Transcript, Violation, ViolationKind};
+    use formation_sim::{BrokenInvariant, Transcript, ViolationKind};
 
     use super::*;
-    use crate::arguments::{Arguments, Command};
+    use crate::arguments::{Arguments, FormationCommand};
     use clap::Parser;
 
     fn arguments(line: &str) -> SimulateArguments {
@@ -377,13 +377,13 @@ mod tests {
             .unwrap()
             .command
         {
-            Command::Simulate(arguments) => arguments,
+            FormationCommand::Simulate(arguments) => arguments,
             other => panic!("not simulate: {other:?}"),
         }
     }
 
-    fn report(seed: u64, recovery_s: u64, violations: Vec<Violation>) -> RunReport {
-        RunReport {
+    fn report(seed: u64, recovery_s: u64, violations: Vec<BrokenInvariant>) -> SeedReport {
+        SeedReport {
             seed,
             modules: 5,
             spots: 5,
@@ -403,7 +403,7 @@ mod tests {
         let arguments = arguments("formation simulate --seeds 3 --modules 5-6 --faults none");
         let parameters = campaign_parameters(&arguments, None);
         let mut campaign = Campaign::new(&arguments);
-        let violation = Violation {
+        let violation = BrokenInvariant {
             at: Duration::from_secs(1),
             kind: ViolationKind::Hole,
             detail: "4 of 5 spots are filled".to_owned(),

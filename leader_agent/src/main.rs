@@ -9,8 +9,8 @@ use std::process::ExitCode;
 use async_channel::Receiver;
 use clap::Parser;
 use formation_model::ModuleId;
-use formation_node::Program;
-use formation_node::scenario::read_own_scenario;
+use formation_node_support::Program;
+use formation_node_support::scenario::read_own_scenario;
 use module_agent::ModuleProcess;
 use module_agent::arguments::{AgentTiming, HostedModules, Motion, StoreOptions, require_leader};
 use ros_runtime::exit::{Failure, STATUS_DONE};
@@ -58,5 +58,5 @@ impl Program for Arguments {
 }
 
 fn main() -> ExitCode {
-    formation_node::main::<Arguments>()
+    formation_node_support::main::<Arguments>()
 }

@@ -12,7 +12,7 @@ use formation_model::{
     RosterMessage, Service, SourceId, SpotClaim,
 };
 use formation_motion::DriveCommand;
-use formation_node::{stamp, topics};
+use formation_node_support::{stamp, topics};
 use formation_protocol::{
     Agent, AgentParameters, Command, ComputedPlan, Event, Identity, Input, Output, PlanJob,
     RefusalCounts, Severity, SharedPlans,

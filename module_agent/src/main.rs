@@ -4,7 +4,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation_node::Program;
+use formation_node_support::Program;
 use module_agent::ModuleProcess;
 use module_agent::arguments::{AgentTiming, ModuleArguments, Motion, StoreOptions};
 use ros_runtime::exit::{Failure, STATUS_DONE};
@@ -44,5 +44,5 @@ impl Program for Arguments {
 }
 
 fn main() -> ExitCode {
-    formation_node::main::<Arguments>()
+    formation_node_support::main::<Arguments>()
 }

@@ -11,7 +11,7 @@ use formation_msgs::{
     AddModuleRequest, AddModuleResponse, RetireModuleRequest, RetireModuleResponse,
 };
 use formation_protocol::Command;
-use ros_runtime::service::{Call, Service};
+use ros_runtime::service::{Call, DeclaredService};
 
 use crate::arguments::single_module;
 use crate::host::Host;
@@ -19,10 +19,10 @@ use crate::host::Host;
 /// The least distance between two modules: one unit, less the tolerance of a pose.
 const DISTANCE_MIN: MicroUnits = MicroUnits(MICRO_PER_UNIT * 19 / 20);
 
-pub(crate) const ADD_MODULE: Service<AddModuleRequest, AddModuleResponse> =
-    Service::new("~/add_module", "formation_msgs", "AddModule");
-pub(crate) const RETIRE_MODULE: Service<RetireModuleRequest, RetireModuleResponse> =
-    Service::new("~/retire_module", "formation_msgs", "RetireModule");
+pub(crate) const ADD_MODULE: DeclaredService<AddModuleRequest, AddModuleResponse> =
+    DeclaredService::new("~/add_module", "formation_msgs", "AddModule");
+pub(crate) const RETIRE_MODULE: DeclaredService<RetireModuleRequest, RetireModuleResponse> =
+    DeclaredService::new("~/retire_module", "formation_msgs", "RetireModule");
 
 /// A request to one of the services.
 pub(crate) enum MembershipRequest {

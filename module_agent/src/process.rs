@@ -12,11 +12,11 @@ use formation_msgs::{
     Eviction, Heartbeat, InSession, ModuleStates, RemoveModuleRequest, RemoveModuleResponse,
     Roster, SpotClaim,
 };
-use formation_node::messages::{
+use formation_node_support::messages::{
     Received, module_size_of, session_of, source_id, subscribe, subscribe_all,
 };
-use formation_node::removal_requests::Requests;
-use formation_node::{stamp, topics};
+use formation_node_support::removal_requests::Requests;
+use formation_node_support::{stamp, topics};
 use formation_planner::plan;
 use formation_protocol::{ComputedPlan, Identity, PlanJob};
 use ros_runtime::PublisherQueue;

@@ -8,7 +8,7 @@ use std::time::Duration;
 
 use clap::Parser;
 use formation_model::MODULES_MAX;
-use formation_node::ModuleList;
+use formation_node_support::ModuleList;
 use module_agent::arguments::{AgentTiming, ModuleArguments, Motion};
 use proptest::collection::vec;
 use proptest::prelude::*;

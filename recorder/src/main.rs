@@ -5,7 +5,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation_node::{ModuleList, Program};
+use formation_node_support::{ModuleList, Program};
 use recorder::process::{MODULES_MAX, RecorderProcess};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
@@ -50,5 +50,5 @@ impl Program for Arguments {
 }
 
 fn main() -> ExitCode {
-    formation_node::main::<Arguments>()
+    formation_node_support::main::<Arguments>()
 }

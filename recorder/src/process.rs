@@ -9,7 +9,7 @@ use std::time::Instant;
 use async_channel::Receiver;
 use formation_model::ModuleId;
 use formation_msgs::INTERFACES;
-use formation_node::topics;
+use formation_node_support::topics;
 use ros_runtime::arguments::Resource;
 use ros_runtime::diagnostics::{DiagnosticLevel, Report};
 use ros_runtime::inputs::Inputs;

@@ -11,7 +11,7 @@ use formation_model::{Message, PlanningProblem, RosterMessage};
 use formation_msgs::{
     InterfaceType, ModuleStates, Roster, SessionId, SpotClaim, TargetConfiguration, Verdict,
 };
-use formation_node::messages::{Sample, decode};
+use formation_node_support::messages::{Sample, decode};
 use ros_runtime::cdr;
 
 use crate::read::{FileSummary, Recorded, read};

@@ -4,7 +4,7 @@ use std::fmt::Display;
 
 use base64::Engine;
 use base64::prelude::BASE64_STANDARD;
-use formation_event_log::{Entry, Event};
+use formation_event_log::{Entry, LogEvent};
 use formation_model::Pose;
 use formation_model::text::counted;
 use serde::Serialize;
@@ -161,8 +161,8 @@ pub(crate) fn places<'a>(
     course: &'a [Entry],
 ) -> impl Iterator<Item = Pose> + 'a {
     let observed = course.iter().filter_map(|entry| match &entry.event {
-        Event::State(state) => Some((state.module, state.pose)),
-        Event::Pose { module, pose } => Some((*module, *pose)),
+        LogEvent::State(state) => Some((state.module, state.pose)),
+        LogEvent::Pose { module, pose } => Some((*module, *pose)),
         _ => None,
     });
     let known = observed.filter(|&(module, _)| subject.position_of(module).is_some());

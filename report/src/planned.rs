@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::time::Duration;
 
-use formation_event_log::{Entry, Event, ModuleSnapshot, milliseconds};
+use formation_event_log::{Entry, LogEvent, ModuleSnapshot, milliseconds};
 use formation_model::{
     ActingUnit, Epoch, MICRO_PER_UNIT, MicroUnits, ModuleId, ModulePhase, PlanningProblem, Pose,
     SpotId, Step, StepKind, UnitMotion,
@@ -31,7 +31,7 @@ pub fn course_of_plan(
     };
     let mut course = Course::begin(problem, outcome, epoch);
     for (turn, decision) in &outcome.decisions {
-        course.note(Event::Claim {
+        course.note(LogEvent::Claim {
             epoch,
             turn: turn.number,
             claimant: turn.claimant,
@@ -87,7 +87,7 @@ impl<'a> Course<'a> {
                 unit: None,
             });
         }
-        course.note(Event::Roster {
+        course.note(LogEvent::Roster {
             epoch,
             modules: problem.modules().iter().map(|module| module.id).collect(),
             out_of_service: Vec::new(),
@@ -96,7 +96,7 @@ impl<'a> Course<'a> {
         course
     }
 
-    fn note(&mut self, event: Event) {
+    fn note(&mut self, event: LogEvent) {
         self.entries.push(Entry {
             at_ms: milliseconds(self.now),
             event,
@@ -105,7 +105,7 @@ impl<'a> Course<'a> {
 
     fn publish(&mut self, state: ModuleSnapshot) {
         self.modules.insert(state.module, state.clone());
-        self.note(Event::State(state));
+        self.note(LogEvent::State(state));
     }
 
     /// Changes the state of a module, and publishes it if it differs.
@@ -151,7 +151,7 @@ impl<'a> Course<'a> {
                 What::IsAt(pose) => {
                     if let Some(state) = self.modules.get_mut(&module) {
                         state.pose = pose;
-                        self.note(Event::Pose { module, pose });
+                        self.note(LogEvent::Pose { module, pose });
                     }
                 }
                 What::Docks(spot) => self.settle(module, spot),

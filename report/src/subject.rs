@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use formation_event_log::{Entry, Event, Scene};
+use formation_event_log::{Entry, LogEvent, Scene};
 use formation_model::{
     self as model, ConfigurationId, Digest, MicroUnits, ModuleId, ModulePhase, PlanningModule,
     PlanningProblem, Pose, SpotId, Surroundings,
@@ -198,7 +198,7 @@ impl Subject {
 /// The pairs of modules that were docked at the start and once were not, by position, the lower first.
 fn undocked(problem: &PlanningProblem, course: &[Entry]) -> BTreeSet<(usize, usize)> {
     let states = course.iter().filter_map(|entry| match &entry.event {
-        Event::State(state) => Some((problem.position_of(state.module)?, state)),
+        LogEvent::State(state) => Some((problem.position_of(state.module)?, state)),
         _ => None,
     });
     let broken = states.flat_map(|(position, state)| {

@@ -8,7 +8,7 @@
 use std::time::Duration;
 
 use crate::support::Formed;
-use formation_event_log::{Entry, Event, ModuleSnapshot};
+use formation_event_log::{Entry, LogEvent, ModuleSnapshot};
 use formation_model::{Decision, Epoch, ModuleId, ModulePhase, Pose, SpotId, SpotSelection};
 use formation_report::{Fact, Summary, Tone, course_of_plan, page};
 use serde_json::Value;
@@ -207,8 +207,8 @@ fn links_are_there_as_long_as_they_hold() {
     assert_eq!(of("new").count(), edges - statistics.changes.kept_links);
 }
 
-fn state(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> Event {
-    Event::State(ModuleSnapshot {
+fn state(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> LogEvent {
+    LogEvent::State(ModuleSnapshot {
         module: ModuleId(module),
         phase,
         pose: Pose::from_units(x, 1.0, 0.0).unwrap(),
@@ -218,8 +218,8 @@ fn state(module: u32, phase: ModulePhase, x: f64, links: &[u32]) -> Event {
     })
 }
 
-fn claim(epoch: Epoch, module: u32) -> Event {
-    Event::Claim {
+fn claim(epoch: Epoch, module: u32) -> LogEvent {
+    LogEvent::Claim {
         epoch,
         turn: 0,
         claimant: ModuleId(module),
@@ -250,10 +250,10 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
     let events = [
         (0, state(7, Listening, 0.0, &[])),
         (900, state(8, Listening, 1.0, &[])),
-        (1_000, Event::Gathering(epoch(1))),
+        (1_000, LogEvent::Gathering(epoch(1))),
         (
             1_010,
-            Event::Roster {
+            LogEvent::Roster {
                 epoch: epoch(1),
                 modules: vec![ModuleId(7), ModuleId(8)],
                 out_of_service: Vec::new(),
@@ -265,16 +265,16 @@ singletons: [{id: 7, x: 0.0, y: 1.0}, {id: 8, x: 1.0, y: 1.0}]
         (1_040, state(7, Moving, 0.0, &[])),
         (
             1_500,
-            Event::Pose {
+            LogEvent::Pose {
                 module: ModuleId(7),
                 pose: Pose::from_units(-9.0, 1.0, 0.0).unwrap(),
             },
         ),
         (1_600, state(7, Listening, 0.0, &[])),
-        (9_000, Event::Gathering(epoch(2))),
+        (9_000, LogEvent::Gathering(epoch(2))),
         (
             9_010,
-            Event::Roster {
+            LogEvent::Roster {
                 epoch: epoch(2),
                 modules: vec![ModuleId(8)],
                 out_of_service: Vec::new(),

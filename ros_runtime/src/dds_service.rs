@@ -17,7 +17,7 @@ use serde::de::DeserializeOwned;
 use crate::dds_graph::DdsGraph;
 use crate::matched_readers::MatchedReaders;
 use crate::ros_context_error::{RosContextError, library_name};
-use crate::service::{Call, Carried, Reply, RequestId, Service, WAITING_MAX};
+use crate::service::{Call, Carried, DeclaredService, Reply, RequestId, WAITING_MAX};
 use crate::topic::Quality;
 
 /// A client whose subscription to replies is not discovered within this is answered all the same.
@@ -35,7 +35,7 @@ impl DdsGraph {
     /// Serves a service under its fully qualified name.
     pub(crate) fn serve<Q, A>(
         &mut self,
-        service: &Service<Q, A>,
+        service: &DeclaredService<Q, A>,
         name: &str,
     ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where

@@ -14,7 +14,7 @@ use crate::publisher_queue::Sink;
 use crate::raw_sample::RawSample;
 use crate::ros_context_error::RosContextError;
 use crate::security::DDS_SHORTFALL;
-use crate::service::{Call, Service};
+use crate::service::{Call, DeclaredService};
 use crate::service_mapping::ServiceMapping;
 use crate::settings::Settings;
 use crate::subscription::{ParticipantId, Taken};
@@ -129,7 +129,7 @@ impl Graph {
     /// Serves a service.
     pub(crate) fn serve<Q, A>(
         &mut self,
-        service: &Service<Q, A>,
+        service: &DeclaredService<Q, A>,
         name: &str,
     ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where

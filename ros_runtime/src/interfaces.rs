@@ -12,7 +12,7 @@ pub const PARTICIPANTS_WITHOUT_MULTICAST: u16 = SOUGHT_WITHOUT_MULTICAST + 1;
 
 /// One network interface of this machine, as far as discovery is concerned.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Interface {
+pub struct NetworkInterface {
     /// Whether it can be used at all.
     pub is_up: bool,
     /// Whether it stays within the machine.
@@ -25,10 +25,10 @@ pub struct Interface {
 ///
 /// `/sys/class/net` does not serve: it shows the network namespace of the process that mounted it.
 #[must_use]
-pub fn interfaces() -> Vec<Interface> {
+pub fn interfaces() -> Vec<NetworkInterface> {
     netdev::get_interfaces()
         .iter()
-        .map(|interface| Interface {
+        .map(|interface| NetworkInterface {
             is_up: interface.is_up(),
             is_loopback: interface.is_loopback(),
             takes_multicast: interface.is_multicast(),
@@ -43,7 +43,7 @@ pub fn interfaces() -> Vec<Interface> {
 #[must_use]
 pub fn discovery_obstacle(
     range: DiscoveryRange,
-    interfaces: &[Interface],
+    interfaces: &[NetworkInterface],
     participants: u16,
 ) -> Option<String> {
     if interfaces.is_empty() || range == DiscoveryRange::Off {
@@ -83,12 +83,12 @@ pub fn discovery_obstacle(
 mod tests {
     use super::*;
 
-    const LOOPBACK: Interface = Interface {
+    const LOOPBACK: NetworkInterface = NetworkInterface {
         is_up: true,
         is_loopback: true,
         takes_multicast: false,
     };
-    const ETHERNET: Interface = Interface {
+    const ETHERNET: NetworkInterface = NetworkInterface {
         is_up: true,
         is_loopback: false,
         takes_multicast: true,
@@ -106,7 +106,7 @@ mod tests {
             "{obstacle}"
         );
         assert!(obstacle.contains("--modules"), "{obstacle}");
-        let multicast = Interface {
+        let multicast = NetworkInterface {
             takes_multicast: true,
             ..LOOPBACK
         };
@@ -121,7 +121,7 @@ mod tests {
         let both = [ETHERNET, LOOPBACK];
         assert_eq!(discovery_obstacle(DiscoveryRange::Subnet, &both, 100), None);
         assert!(discovery_obstacle(DiscoveryRange::Localhost, &both, 14).is_some());
-        let unplugged = Interface {
+        let unplugged = NetworkInterface {
             is_up: false,
             ..ETHERNET
         };
@@ -130,7 +130,7 @@ mod tests {
 
     #[test]
     fn a_loopback_that_is_down_is_reported_at_once() {
-        let down = Interface {
+        let down = NetworkInterface {
             is_up: false,
             ..LOOPBACK
         };

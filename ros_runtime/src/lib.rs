@@ -2,7 +2,7 @@
 //!
 //! A process joins the graph with [`ros_context::RosContext::join`], which creates one participant and one node, over DDS or
 //! Zenoh. From this context it gets the queues of its topics, services and actions, which are declared as values
-//! ([`topic::Topic`], [`service::Service`], [`action::Action`]). Then [`ros_context::RosContext::run`] runs the one event loop
+//! ([`topic::Topic`], [`service::DeclaredService`], [`action::Action`]). Then [`ros_context::RosContext::run`] runs the one event loop
 //! of all nodes, which calls the process's [`node::Node`], and serves its parameters, `/rosout` and
 //! `/diagnostics`.
 //!

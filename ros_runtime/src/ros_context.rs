@@ -16,7 +16,7 @@ use crate::publisher_queue::{Flush, PublisherQueue, Sink};
 use crate::raw_sample::RawSample;
 use crate::ros_context_error::bad_name;
 use crate::rosout::LogLines;
-use crate::service::{Call, Service};
+use crate::service::{Call, DeclaredService};
 use crate::settings::Settings;
 use crate::subscription::accepted;
 use crate::topic::{Quality, Topic};
@@ -153,7 +153,7 @@ impl RosContext {
     /// The name cannot be used, or the library refuses.
     pub fn serve<Q, A>(
         &mut self,
-        service: &Service<Q, A>,
+        service: &DeclaredService<Q, A>,
     ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where
         Q: Serialize + DeserializeOwned + Clone + 'static,

@@ -16,7 +16,7 @@ pub struct Served<T> {
 }
 
 /// A service that takes `Q` and answers `A`.
-pub type Service<Q, A> = Served<fn(Q) -> A>;
+pub type DeclaredService<Q, A> = Served<fn(Q) -> A>;
 
 impl<T> Served<T> {
     /// A service of type `package/srv/type_name`, or an action of type `package/action/type_name`, whose name is expanded

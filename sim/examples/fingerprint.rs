@@ -12,7 +12,7 @@
 
 use std::error::Error;
 
-use formation_sim::{CampaignParameters, FaultKind, RunReport, run_seed};
+use formation_sim::{CampaignParameters, FaultKind, SeedReport, run_seed};
 use sha2::{Digest, Sha256};
 
 /// The number of seeds that share one printed hash, so that a difference can be located.
@@ -62,7 +62,7 @@ struct Fingerprint {
 }
 
 impl Fingerprint {
-    fn add(&mut self, report: &RunReport) {
+    fn add(&mut self, report: &SeedReport) {
         for line in report.transcript.lines() {
             self.events.update(&line.event);
             self.events.update("\n");

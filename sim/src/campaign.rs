@@ -13,7 +13,7 @@ use formation_verify::Violation as Breach;
 
 use crate::cluster::{Cluster, ClusterParameters};
 use crate::faults::{Fault, FaultKind, ScheduledFault, draw};
-use crate::monitor::{Monitor, Violation};
+use crate::monitor::{BrokenInvariant, Monitor};
 use crate::network::NetworkParameters;
 use crate::process::AgentFactory;
 use crate::transcript::Transcript;
@@ -91,7 +91,7 @@ pub enum Ending {
 
 /// The outcome of one seed.
 #[derive(Clone, Debug)]
-pub struct RunReport {
+pub struct SeedReport {
     /// The seed.
     pub seed: u64,
     /// The number of modules.
@@ -109,7 +109,7 @@ pub struct RunReport {
     /// The number of epochs with a roster.
     pub epochs: u64,
     /// Every violation of an invariant, and where the verdicts of the verifier contradict what was seen.
-    pub violations: Vec<Violation>,
+    pub violations: Vec<BrokenInvariant>,
     /// The violations that the verifier reported.
     pub reported: Vec<Breach>,
     /// The transcript, if it was kept.
@@ -181,7 +181,7 @@ fn cluster_parameters(faults: FaultKind) -> ClusterParameters {
 ///
 /// # Errors
 /// Why no scenario could be made of the parameters.
-pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport, CampaignError> {
+pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<SeedReport, CampaignError> {
     let mut random = Random::from_seed(seed);
     let drawn = draw_problem(parameters, &mut random);
     let problem = match &parameters.problem {
@@ -243,7 +243,7 @@ pub fn run_seed(parameters: &CampaignParameters, seed: u64) -> Result<RunReport,
     let (ending, since) = run.await_end(quiet_from, calm);
     let (messages, running) = (run.cluster.samples(), run.cluster.running().len());
     run.compare_verdicts();
-    Ok(RunReport {
+    Ok(SeedReport {
         seed,
         modules: modules.len(),
         spots: problem.target().spots().len(),

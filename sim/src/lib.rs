@@ -14,10 +14,10 @@ mod sweep;
 mod transcript;
 mod verifier;
 
-pub use campaign::{CampaignError, CampaignParameters, Ending, RunReport, run_seed};
+pub use campaign::{CampaignError, CampaignParameters, Ending, SeedReport, run_seed};
 pub use cluster::{Cluster, ClusterParameters, Standing};
 pub use faults::{Fault, FaultKind, ScheduledFault};
-pub use monitor::{Violation, ViolationKind, blocks_all, room};
+pub use monitor::{BrokenInvariant, ViolationKind, blocks_all, room};
 pub use network::NetworkParameters;
 pub use observation::Observation;
 pub use process::AgentFactory;

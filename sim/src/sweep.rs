@@ -5,7 +5,7 @@ use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc;
 
-use crate::campaign::{CampaignError, CampaignParameters, RunReport, run_seed};
+use crate::campaign::{CampaignError, CampaignParameters, SeedReport, run_seed};
 
 /// Runs every seed of a range, and hands over each report as soon as it is there, in no particular order.
 ///
@@ -14,7 +14,7 @@ use crate::campaign::{CampaignError, CampaignParameters, RunReport, run_seed};
 pub fn run_seeds(
     parameters: &CampaignParameters,
     seeds: Range<u64>,
-    mut each: impl FnMut(RunReport),
+    mut each: impl FnMut(SeedReport),
 ) -> Result<(), CampaignError> {
     let workers = std::thread::available_parallelism().map_or(1, NonZero::get);
     let (first, count) = (seeds.start, seeds.end.saturating_sub(seeds.start));

@@ -15,7 +15,7 @@ use formation_verify::{
 
 use crate::cluster::Cluster;
 use crate::faults::Fault;
-use crate::monitor::{Violation, ViolationKind};
+use crate::monitor::{BrokenInvariant, ViolationKind};
 use crate::network::{Channel, Network, NetworkParameters, Participant, Topic, duration_below};
 use crate::observation::Observation;
 
@@ -237,8 +237,8 @@ impl Verifier {
         &mut self,
         cluster: &Cluster,
         has_formed: bool,
-        seen: &[Violation],
-    ) -> Option<Violation> {
+        seen: &[BrokenInvariant],
+    ) -> Option<BrokenInvariant> {
         let now = cluster.now();
         // What is on its way arrives before the last verdict.
         let end = self.arrivals.last_key_value().map(|(&(at, _), _)| at);
@@ -257,7 +257,7 @@ impl Verifier {
                 self.missed(&verdict, seen)?,
             )
         };
-        Some(Violation {
+        Some(BrokenInvariant {
             at: now,
             kind,
             detail,
@@ -283,7 +283,7 @@ impl Verifier {
     }
 
     /// What it did not report although messages show it.
-    fn missed(&self, verdict: &Verdict, seen: &[Violation]) -> Option<String> {
+    fn missed(&self, verdict: &Verdict, seen: &[BrokenInvariant]) -> Option<String> {
         let is_satisfied = self.reported.is_empty() && verdict.outcome != Outcome::Failed;
         let has_all = self.joins_at == Duration::ZERO
             && verdict.counts.missed_states == 0

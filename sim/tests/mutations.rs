@@ -7,7 +7,8 @@
 
 use formation_protocol::{Agent, Mutation};
 use formation_sim::{
-    AgentFactory, CampaignParameters, FaultKind, RunReport, Violation, ViolationKind, run_seed,
+    AgentFactory, BrokenInvariant, CampaignParameters, FaultKind, SeedReport, ViolationKind,
+    run_seed,
 };
 
 /// Each bug, a seed that finds it, and the violation.
@@ -58,7 +59,7 @@ fn agents(mutation: Option<Mutation>) -> AgentFactory {
     }
 }
 
-fn run(mutation: Option<Mutation>, seed: u64) -> RunReport {
+fn run(mutation: Option<Mutation>, seed: u64) -> SeedReport {
     let parameters = CampaignParameters {
         faults: FaultKind::Mixed,
         modules_max: 16,
@@ -112,7 +113,7 @@ fn small(
     faults: FaultKind,
     [modules_min, modules_max]: [usize; 2],
     seed: u64,
-) -> Vec<Violation> {
+) -> Vec<BrokenInvariant> {
     let parameters = CampaignParameters {
         faults,
         modules_min,

@@ -5,20 +5,20 @@ use formation_msgs::{
     QueryStatusResponse, RemoveModuleRequest, RemoveModuleResponse, StopFormationRequest,
     StopFormationResponse, Verdict, WithdrawTargetRequest, WithdrawTargetResponse,
 };
-use formation_node::messages::{Received, subscribe_all, subscribe_verdicts};
+use formation_node_support::messages::{Received, subscribe_all, subscribe_verdicts};
 use ros_runtime::action::{Action, ActionRequest, ActionServer};
 use ros_runtime::inputs::Inputs;
 use ros_runtime::ros_context::{RosContext, RosContextError};
-use ros_runtime::service::{Call, Service};
+use ros_runtime::service::{Call, DeclaredService};
 
-const QUERY_STATUS: Service<QueryStatusRequest, QueryStatusResponse> =
-    Service::new("query_status", "formation_msgs", "QueryStatus");
-const WITHDRAW_TARGET: Service<WithdrawTargetRequest, WithdrawTargetResponse> =
-    Service::new("withdraw_target", "formation_msgs", "WithdrawTarget");
-const STOP_FORMATION: Service<StopFormationRequest, StopFormationResponse> =
-    Service::new("stop_formation", "formation_msgs", "StopFormation");
-const REMOVE_MODULE: Service<RemoveModuleRequest, RemoveModuleResponse> =
-    Service::new("remove_module", "formation_msgs", "RemoveModule");
+const QUERY_STATUS: DeclaredService<QueryStatusRequest, QueryStatusResponse> =
+    DeclaredService::new("query_status", "formation_msgs", "QueryStatus");
+const WITHDRAW_TARGET: DeclaredService<WithdrawTargetRequest, WithdrawTargetResponse> =
+    DeclaredService::new("withdraw_target", "formation_msgs", "WithdrawTarget");
+const STOP_FORMATION: DeclaredService<StopFormationRequest, StopFormationResponse> =
+    DeclaredService::new("stop_formation", "formation_msgs", "StopFormation");
+const REMOVE_MODULE: DeclaredService<RemoveModuleRequest, RemoveModuleResponse> =
+    DeclaredService::new("remove_module", "formation_msgs", "RemoveModule");
 const FORM_CONFIGURATION: Action<
     FormConfigurationGoal,
     FormConfigurationResult,
@@ -49,11 +49,11 @@ pub(crate) fn open(
     inputs.add(ros.serve(&WITHDRAW_TARGET)?, Input::WithdrawTarget);
     inputs.add(ros.serve(&STOP_FORMATION)?, Input::StopFormation);
     inputs.add(ros.serve(&REMOVE_MODULE)?, Input::RemoveModule);
-    let (action, requests) = session.serve_action(&FORM_CONFIGURATION)?;
+    let (action, requests) = ros.serve_action(&FORM_CONFIGURATION)?;
     inputs.add(requests, Input::Action);
     for messages in subscribe_all(ros, 1)? {
         inputs.add(messages, Input::Messages);
     }
-    inputs.add(subscribe_verdicts(session)?, Input::Verdict);
+    inputs.add(subscribe_verdicts(ros)?, Input::Verdict);
     Ok(action)
 }

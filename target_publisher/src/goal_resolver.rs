@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use formation_model::{MODULES_MAX, ModuleSize, TargetAnnouncement};
 use formation_msgs::{FormConfigurationGoal, IntoCore};
-use formation_node::scenario::read_scenario;
+use formation_node_support::scenario::read_scenario;
 use formation_planner::PlanSize;
 
 /// How many scenarios the answer to a client lists that asked for one that does not exist.

@@ -15,8 +15,8 @@ use std::process::ExitCode;
 use async_channel::Receiver;
 use clap::{Args, Parser};
 use formation_model::{ModuleId, TargetAnnouncement};
-use formation_node::scenario::read_own_scenario;
-use formation_node::{Program, stamp};
+use formation_node_support::scenario::read_own_scenario;
+use formation_node_support::{Program, stamp};
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::settings::Settings;
 
@@ -132,5 +132,5 @@ impl Program for Arguments {
 }
 
 fn main() -> ExitCode {
-    formation_node::main::<Arguments>()
+    formation_node_support::main::<Arguments>()
 }

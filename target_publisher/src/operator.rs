@@ -15,9 +15,9 @@ use formation_model::{
 use formation_msgs::{
     InSession, OperatorCommand, RemoveModuleRequest, RemoveModuleResponse, SessionId,
 };
-use formation_node::messages::{Received, session_of, subscribe_every_size};
-use formation_node::removal_requests::{self, Request, Requests};
-use formation_node::{stamp, topics};
+use formation_node_support::messages::{Received, session_of, subscribe_every_size};
+use formation_node_support::removal_requests::{self, Request, Requests};
+use formation_node_support::{stamp, topics};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
@@ -285,7 +285,7 @@ impl Node for Operator {
         let now = Instant::now();
         if now >= self.due {
             self.due = now + REPEAT;
-            let patience = match session.has_subscribers() {
+            let patience = match ros.has_subscribers() {
                 Some(false) => PATIENCE_ALONE,
                 Some(true) | None => PATIENCE,
             };

@@ -14,14 +14,14 @@ use crate::scenario_file::ScenarioFile;
 
 /// How long the agents wait.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Timing {
+pub enum FleetTiming {
     /// As they are by default.
     Usual,
     /// About half as long, for tests that wait for time-outs.
     Quick,
 }
 
-impl Timing {
+impl FleetTiming {
     /// A module that is silent for longer is considered failed.
     #[must_use]
     pub fn suspicion(self) -> Duration {
@@ -63,7 +63,7 @@ const NO_SERVICES: [&str; 3] = ["--ros-args", "-p", "start_parameter_services:=f
 pub struct Fleet {
     domain: String,
     file: ScenarioFile,
-    timing: Timing,
+    timing: FleetTiming,
     speed: String,
     spots: usize,
     leaders: BTreeSet<u32>,
@@ -79,7 +79,7 @@ pub struct Fleet {
 impl Fleet {
     /// The modules of a scenario, none of them started.
     #[must_use]
-    pub fn new(name: &str, scenario: &str, domain: &str, timing: Timing) -> Self {
+    pub fn new(name: &str, scenario: &str, domain: &str, timing: FleetTiming) -> Self {
         let parsed = Scenario::from_yaml(scenario).unwrap();
         let problem = parsed.problem();
         let leads = |module: &&PlanningModule| module.leader == Some(module.id);

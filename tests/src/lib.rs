@@ -24,7 +24,7 @@ mod trace;
 mod transcript;
 
 pub use domain::Domain;
-pub use fleet::{Fleet, Judge, Judged, Timing};
+pub use fleet::{Fleet, FleetTiming, Judge, Judged};
 pub use hiroz::HirozPeer;
 pub use namespaces::{Namespace, Network, room_for_many_processes};
 pub use parameter_file::parameter_section;

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use formation_model::Scenario;
 use formation_tests::{
-    Domain, EIGHT, Finished, Fleet, Peer, Running, ScenarioFile, Timing, overlaps,
+    Domain, EIGHT, Finished, Fleet, FleetTiming, Peer, Running, ScenarioFile, overlaps,
     room_for_many_processes, scenario_path,
 };
 use serde_json::{Value, json};
@@ -136,7 +136,7 @@ fn fifty_modules_that_start_apart_form_and_no_two_bodies_overlap() {
 fn a_trace_that_lacks_states_is_an_error_of_the_verifier() {
     let one = "{target: {spots: [{id: 1, x: 5, y: 5}]}, singletons: [{id: 4, x: 1, y: 1}]}";
     let domain = &*Domain::for_processes(3);
-    let mut fleet = Fleet::new("one", one, domain, Timing::Quick);
+    let mut fleet = Fleet::new("one", one, domain, FleetTiming::Quick);
     let limit = PATIENCE.as_secs().to_string();
     let options = ["--trace", "/dev/full", "--time-limit-s", &limit];
     let verifier = Running::start("verifier", domain, &options);

@@ -20,7 +20,7 @@ const CORRECTED: &[&str] = &[
     "formation_msgs/msg/Verdict",
 ];
 
-/// Endpoints as `node/src/topics.rs` and ROS 2 have them: the kind as rmw_zenoh has it, name, type, and quality of service.
+/// Endpoints as `node_support/src/topics.rs` and ROS 2 have them: the kind as rmw_zenoh has it, name, type, and quality of service.
 const ENDPOINTS: &[&str] = &[
     "MP /formation/target formation_msgs/msg/TargetConfiguration Reliable TransientLocal 1",
     "MS /formation/target formation_msgs/msg/TargetConfiguration Reliable TransientLocal 1",

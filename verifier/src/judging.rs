@@ -5,8 +5,8 @@ use std::time::Duration;
 
 use clap::Args;
 use formation_model::MicroUnits;
-use formation_node::micro_units;
-use formation_node::scenario::read_own_scenario;
+use formation_node_support::micro_units;
+use formation_node_support::scenario::read_own_scenario;
 use formation_verify::ObserverParameters;
 use ros_runtime::exit::Failure;
 use ros_runtime::parameters::{Tunable, Tunables, Tuned, milliseconds, seconds};

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation_node::Program;
+use formation_node_support::Program;
 use formation_verifier_lines::ReportLine;
 use ros_runtime::exit::{EXIT_GRACE, Failure, limit_exit};
 use ros_runtime::settings::Settings;
@@ -96,5 +96,5 @@ fn print(line: &str) {
 }
 
 fn main() -> ExitCode {
-    formation_node::main::<Arguments>()
+    formation_node_support::main::<Arguments>()
 }

@@ -8,8 +8,8 @@ use async_channel::Receiver;
 use formation_event_log::{Entry, POSE_INTERVAL, Recorder};
 use formation_model::{Message, SourceId};
 use formation_msgs::{InSession, SessionId};
-use formation_node::messages::{Received, session_of, subscribe_all};
-use formation_node::{stamp, topics};
+use formation_node_support::messages::{Received, session_of, subscribe_all};
+use formation_node_support::{stamp, topics};
 use formation_verify::{Admission, Agreement, Observer, Progress, SourceGuard, Verdict};
 use ros_runtime::PublisherQueue;
 use ros_runtime::inputs::Inputs;
@@ -67,7 +67,7 @@ impl VerifierProcess {
         self,
         stop: &Receiver<()>,
         mut notify: impl FnMut(News<'_>),
-    ) -> Result<Judgement, RosContextError> {
+    ) -> Result<JudgedFormation, RosContextError> {
         let trace = self.trace.as_deref().map(TraceFile::create).transpose();
         let mut trace = trace.map_err(RosContextError::BadInput)?;
         let judgement = rejoining(|| self.judge(stop, &mut trace, &mut notify))?;
@@ -82,7 +82,7 @@ impl VerifierProcess {
         stop: &Receiver<()>,
         trace: &mut Option<TraceFile>,
         notify: &mut dyn FnMut(News<'_>),
-    ) -> Result<Judgement, RosContextError> {
+    ) -> Result<JudgedFormation, RosContextError> {
         let parameters = self
             .settings
             .declare(NODE_NAME, self.judging.declarations())?;
@@ -111,7 +111,7 @@ impl VerifierProcess {
         };
         ros.run(&mut verifier, inputs, stop)?;
         let statistics = ros.statistics().borrow().clone();
-        Ok(Judgement {
+        Ok(JudgedFormation {
             end: verifier.end,
             statistics,
         })
@@ -133,7 +133,7 @@ pub enum End {
 
 /// The outcome of observation.
 #[derive(Clone, Debug)]
-pub struct Judgement {
+pub struct JudgedFormation {
     /// How it ended; `None` when the process was asked to end before.
     pub end: Option<End>,
     /// What was received, and what was refused.

@@ -9,7 +9,7 @@ use std::process::ExitCode;
 
 use async_channel::Receiver;
 use clap::Parser;
-use formation_node::Program;
+use formation_node_support::Program;
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -35,5 +35,5 @@ impl Program for Arguments {
 }
 
 fn main() -> ExitCode {
-    formation_node::main::<Arguments>()
+    formation_node_support::main::<Arguments>()
 }

@@ -7,8 +7,8 @@ use std::process::ExitCode;
 use async_channel::Receiver;
 use clap::Parser;
 use formation_motion::WorldReport;
-use formation_node::Program;
-use formation_node::scenario::read_own_scenario;
+use formation_node_support::Program;
+use formation_node_support::scenario::read_own_scenario;
 use ros_runtime::exit::{Failure, STATUS_DONE};
 use ros_runtime::parameters::Tuned;
 use ros_runtime::settings::Settings;
@@ -54,5 +54,5 @@ fn print(report: &WorldReport) {
 }
 
 fn main() -> ExitCode {
-    formation_node::main::<Arguments>()
+    formation_node_support::main::<Arguments>()
 }

@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use formation_node::PoseSource;
+use formation_node_support::PoseSource;
 use ros_runtime::parameters::{
     ParameterValue, Range, Tunable, Tunables, ValueType, choice, milliseconds, number,
 };

@@ -32,13 +32,13 @@ pub struct Entry {
     pub at_ms: u64,
     /// What happened.
     #[serde(flatten)]
-    pub event: Event,
+    pub event: LogEvent,
 }
 
 /// What can happen.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Event {
+pub enum LogEvent {
     /// A convener gathers the members of a new epoch. What an earlier epoch decided no longer counts.
     Gathering(Epoch),
     /// The members of an epoch are fixed and begin to plan.

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 use std::time::Duration;
 
-use super::{Entry, Event, ModuleSnapshot, milliseconds};
+use super::{Entry, LogEvent, ModuleSnapshot, milliseconds};
 use formation_model::{
     ClosedRoster, DriveState, Epoch, Incarnation, MODULES_MAX, Message, ModuleId, ModuleState,
     RosterMember, RosterMessage, Service, SpotClaim, TURNS_MAX,
@@ -61,7 +61,7 @@ impl Recorder {
             Message::ModuleState(state) => events.extend(self.record_state(now, state)),
             Message::Roster(RosterMessage::Gather { epoch, .. }) => {
                 if self.advance_to(*epoch) {
-                    events.push(Event::Gathering(*epoch));
+                    events.push(LogEvent::Gathering(*epoch));
                 }
             }
             Message::Roster(RosterMessage::Plan(roster)) => {
@@ -121,13 +121,13 @@ impl Recorder {
     }
 
     /// Records the claims whose turn has come; none before the roster, which another writer publishes.
-    fn record_claims_due(&mut self, events: &mut Vec<Event>) {
+    fn record_claims_due(&mut self, events: &mut Vec<LogEvent>) {
         if !self.epoch.is_some_and(|(_, has_roster)| has_roster) {
             return;
         }
         while let Some(claim) = self.early.remove(&self.next_turn) {
             self.next_turn += 1;
-            events.push(Event::Claim {
+            events.push(LogEvent::Claim {
                 epoch: claim.epoch,
                 turn: claim.turn,
                 claimant: claim.claimant,
@@ -136,7 +136,7 @@ impl Recorder {
         }
     }
 
-    fn record_state(&mut self, now: Duration, state: &ModuleState) -> Option<Event> {
+    fn record_state(&mut self, now: Duration, state: &ModuleState) -> Option<LogEvent> {
         let snapshot = ModuleSnapshot {
             module: state.module,
             phase: state.phase,
@@ -181,22 +181,22 @@ impl Recorder {
         };
         self.modules.insert(state.module, known);
         Some(match only_moved {
-            true => Event::Pose {
+            true => LogEvent::Pose {
                 module: snapshot.module,
                 pose: snapshot.pose,
             },
-            false => Event::State(snapshot),
+            false => LogEvent::State(snapshot),
         })
     }
 }
 
-fn roster_event(roster: &ClosedRoster) -> Event {
+fn roster_event(roster: &ClosedRoster) -> LogEvent {
     let ids = |members: &mut dyn Iterator<Item = &RosterMember>| -> Vec<ModuleId> {
         members.map(|member| member.module.id).collect()
     };
     let members = || roster.members.iter();
     let problem = roster.problem().ok().flatten();
-    Event::Roster {
+    LogEvent::Roster {
         epoch: roster.epoch,
         modules: ids(&mut members()),
         out_of_service: ids(&mut members().filter(|member| member.service != Service::Active)),

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::{Entry, Event, ModuleSnapshot, SceneChange};
+use super::{Entry, LogEvent, ModuleSnapshot, SceneChange};
 use formation_model::{
     Decision, Epoch, FormationStage, ModuleId, ModulePhase, Pose, SpotId, SpotSelection,
 };
@@ -47,20 +47,20 @@ impl Scene {
     pub fn apply<'a>(&mut self, entry: &'a Entry) -> AppliedEntry<'a> {
         let mut changes = AppliedEntry::default();
         match &entry.event {
-            Event::Gathering(epoch) => {
+            LogEvent::Gathering(epoch) => {
                 self.begin(*epoch, &mut changes);
                 if epoch.number > 1 {
                     changes.steps.push(SceneChange::Regathering(*epoch));
                 }
             }
-            Event::Roster { epoch, modules, .. } => {
+            LogEvent::Roster { epoch, modules, .. } => {
                 self.begin(*epoch, &mut changes);
                 self.stage = FormationStage::Planning;
                 let members = modules.len();
                 changes.steps.push(SceneChange::RosterFixed { members });
                 self.hold_pins(modules, &mut changes);
             }
-            Event::Claim {
+            LogEvent::Claim {
                 turn,
                 claimant,
                 decision,
@@ -76,8 +76,8 @@ impl Scene {
                     decision,
                 });
             }
-            Event::State(snapshot) => self.apply_state(entry.at_ms, snapshot, &mut changes),
-            Event::Pose { module, pose } => {
+            LogEvent::State(snapshot) => self.apply_state(entry.at_ms, snapshot, &mut changes),
+            LogEvent::Pose { module, pose } => {
                 if let Some(known) = self.modules.get_mut(module) {
                     known.snapshot.pose = *pose;
                     known.received_ms = entry.at_ms;

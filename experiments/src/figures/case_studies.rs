@@ -9,7 +9,7 @@ use crate::contender::{Contender, READINGS_AND_OURS};
 use crate::instance::Instance;
 use crate::paper;
 use crate::sample::short;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 const PORT_CHANGES: Value = Value::Plan(|plan| plan.links.port_changes as f64);
@@ -55,7 +55,7 @@ fn group(number: usize, contender: Contender) -> Group {
     Group::new(contender, vec![Instance::CaseStudy(number)])
 }
 
-fn rows(_: &Settings) -> Vec<Row> {
+fn rows(_: &ExperimentSettings) -> Vec<Row> {
     let mut rows = Vec::new();
     for (number, case) in (1..).zip(&CASES) {
         rows.extend(READINGS_AND_OURS.map(|contender| Row {

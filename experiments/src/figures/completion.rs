@@ -8,7 +8,7 @@ use crate::contender::{Contender, PAPER_AND_OURS, WITH_AUCTION};
 use crate::measure::plan::PlanTimes;
 use crate::measure::talk::Count;
 use crate::paper;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 const SELECTED: Value =
@@ -106,7 +106,7 @@ fn curve(row: &Row) -> impl Iterator<Item = Row> {
     })
 }
 
-fn curves(settings: &Settings, family: Family, sizes: &[usize]) -> Vec<Row> {
+fn curves(settings: &ExperimentSettings, family: Family, sizes: &[usize]) -> Vec<Row> {
     let of_contender = |contender| {
         let keys = |size, contender| texts(&[&contender, &size]);
         rows(settings, family, sizes, &[contender], keys)
@@ -133,7 +133,7 @@ fn results(data: &Data<'_>, family: Family, sizes: &[usize], name: &str, value: 
     })
 }
 
-fn auction_rows(settings: &Settings) -> Vec<Row> {
+fn auction_rows(settings: &ExperimentSettings) -> Vec<Row> {
     let row = |contender: Contender| Row {
         keys: texts(&[&contender.key()]),
         group: Group::of(settings, singletons, settings.full_size(), contender),

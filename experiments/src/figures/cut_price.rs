@@ -5,7 +5,7 @@ use super::{
     lattice, mixed, texts,
 };
 use crate::contender::Contender;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 pub(super) const CUT_PRICE: Figure = Figure {
@@ -38,7 +38,7 @@ const PRICES: [(&str, Contender); 6] = [
 ];
 
 /// Mixed instances of the full size, and configurations of one size on lattice trees.
-fn instances(settings: &Settings) -> Vec<(String, Family, usize)> {
+fn instances(settings: &ExperimentSettings) -> Vec<(String, Family, usize)> {
     let size = settings.full_size();
     let mut instances = vec![(format!("mixed, {size}"), mixed as Family, size)];
     let sizes = settings.equal_sizes().iter();
@@ -46,7 +46,7 @@ fn instances(settings: &Settings) -> Vec<(String, Family, usize)> {
     instances
 }
 
-fn rows(settings: &Settings) -> Vec<Row> {
+fn rows(settings: &ExperimentSettings) -> Vec<Row> {
     let mut rows = Vec::new();
     for (name, family, size) in instances(settings) {
         rows.extend(PRICES.map(|(price, contender)| Row {

@@ -7,7 +7,7 @@ use super::{
 use crate::contender::WITH_SIZE_FIRST;
 use crate::paper;
 use crate::sample::Sample;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 const UNMATCHED: Value = Value::Plan(|plan| plan.disconnected.unmatched_on_empty_target as f64);
@@ -54,7 +54,7 @@ const TREES: [(&str, Family); 2] = [
     ("labelled trees, degree 4", labelled),
 ];
 
-fn all_rows(settings: &Settings) -> Vec<Row> {
+fn all_rows(settings: &ExperimentSettings) -> Vec<Row> {
     let of_trees = TREES.into_iter().map(|(trees, family)| {
         let keys = |size, contender| texts(&[&trees, &size, &contender]);
         rows(

@@ -4,7 +4,7 @@ use super::{Column, Data, Figure, Group, Kind, Value, averages, generated, rows,
 use crate::contender::Contender;
 use crate::instance::{Docked, Instance};
 use crate::sample::short;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 const OURS_MS: Value = Value::MatchingTime(|found| found.ours_us / 1e3);
@@ -54,7 +54,7 @@ pub(super) const TIME: Figure = Figure {
 };
 
 /// One configuration and a target of the full size.
-fn alone(settings: &Settings, size: usize, seed: u64) -> Instance {
+fn alone(settings: &ExperimentSettings, size: usize, seed: u64) -> Instance {
     generated(size, settings.full_size(), Docked::Lattice(size), seed)
 }
 

@@ -9,7 +9,7 @@ use crate::contender::{Contender, PAPER_AND_OURS, WITH_AUCTION};
 use crate::measure::talk::Count;
 use crate::paper;
 use crate::sample::{Sample, exact, short};
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 const SAMPLES: Value = Value::Talk(|talk| talk.samples as f64);
@@ -96,7 +96,7 @@ pub(super) const AUCTION: Figure = Figure {
 };
 
 /// Numbers of modules and spots: few spots, and a spot for each module unless the two are the same.
-fn few_and_as_many(settings: &Settings) -> Vec<(usize, usize, Family)> {
+fn few_and_as_many(settings: &ExperimentSettings) -> Vec<(usize, usize, Family)> {
     let few = settings.few_spots();
     let mut sizes = Vec::new();
     for &size in settings.surplus_sizes() {
@@ -163,7 +163,7 @@ fn auction_results(data: &Data<'_>) -> Table {
 }
 
 /// The instances of the full size.
-fn full_size(settings: &Settings, contender: Contender) -> Group {
+fn full_size(settings: &ExperimentSettings, contender: Contender) -> Group {
     Group::of(settings, mixed, settings.full_size(), contender)
 }
 

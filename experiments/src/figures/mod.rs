@@ -23,7 +23,7 @@ use crate::measure::talk::Talk;
 use crate::measure::world::World;
 use crate::measure::world::WorldMeasurement;
 use crate::sample::{Sample, Spread, exact};
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::store::Store;
 use crate::table::Table;
 
@@ -44,7 +44,7 @@ pub(crate) struct Figure {
     /// The heads of the columns that name a row.
     keys: &'static str,
     /// The rows of the CSV files.
-    rows: fn(&Settings) -> Vec<Row>,
+    rows: fn(&ExperimentSettings) -> Vec<Row>,
     /// The columns of each CSV file after the keys. No file has both times and other numbers.
     files: &'static [(&'static str, &'static [Column])],
     /// The CSV files; [`averages`] for all figures that need no other.
@@ -77,7 +77,7 @@ pub(crate) const FIGURES: [Figure; 18] = [
 
 impl Figure {
     /// The cells that must be measured.
-    pub(crate) fn cells(&self, settings: &Settings) -> Vec<Cell> {
+    pub(crate) fn cells(&self, settings: &ExperimentSettings) -> Vec<Cell> {
         let mut cells = Vec::new();
         for row in (self.rows)(settings) {
             for &kind in self.kinds {
@@ -136,7 +136,7 @@ impl Group {
 
     /// One instance of a family for each seed of the settings.
     pub(crate) fn of(
-        settings: &Settings,
+        settings: &ExperimentSettings,
         family: Family,
         size: usize,
         contender: Contender,
@@ -173,7 +173,7 @@ impl Group {
 }
 
 /// An instance by a size and a seed.
-pub(crate) type Family = fn(&Settings, usize, u64) -> Instance;
+pub(crate) type Family = fn(&ExperimentSettings, usize, u64) -> Instance;
 
 fn generated(modules: usize, spots: usize, docked: Docked, seed: u64) -> Instance {
     Instance::Generated(Draw {
@@ -185,33 +185,33 @@ fn generated(modules: usize, spots: usize, docked: Docked, seed: u64) -> Instanc
 }
 
 /// Mixed instances with a spot for each module.
-pub(crate) fn mixed(_: &Settings, modules: usize, seed: u64) -> Instance {
+pub(crate) fn mixed(_: &ExperimentSettings, modules: usize, seed: u64) -> Instance {
     generated(modules, modules, Docked::Mixed, seed)
 }
 
 /// Mixed instances with fewer spots than modules.
-pub(crate) fn surplus(settings: &Settings, modules: usize, seed: u64) -> Instance {
+pub(crate) fn surplus(settings: &ExperimentSettings, modules: usize, seed: u64) -> Instance {
     generated(modules, settings.few_spots(), Docked::Mixed, seed)
 }
 
 /// Singletons with a spot for each.
-pub(crate) fn singletons(_: &Settings, modules: usize, seed: u64) -> Instance {
+pub(crate) fn singletons(_: &ExperimentSettings, modules: usize, seed: u64) -> Instance {
     generated(modules, modules, Docked::Singletons, seed)
 }
 
 /// Singletons with a spot for each, as robots have them.
-fn apart(_: &Settings, modules: usize, seed: u64) -> Instance {
+fn apart(_: &ExperimentSettings, modules: usize, seed: u64) -> Instance {
     generated(modules, modules, Docked::Apart, seed)
 }
 
 /// As many modules as spots, all in configurations of one size on lattice trees.
-pub(crate) fn lattice(settings: &Settings, size: usize, seed: u64) -> Instance {
+pub(crate) fn lattice(settings: &ExperimentSettings, size: usize, seed: u64) -> Instance {
     let modules = settings.full_size();
     generated(modules, modules, Docked::Lattice(size), seed)
 }
 
 /// As many modules as spots, all in configurations of one size on uniform labelled trees.
-pub(crate) fn labelled(settings: &Settings, size: usize, seed: u64) -> Instance {
+pub(crate) fn labelled(settings: &ExperimentSettings, size: usize, seed: u64) -> Instance {
     let modules = settings.full_size();
     generated(modules, modules, Docked::Labelled(size), seed)
 }
@@ -345,7 +345,7 @@ impl Column {
 
 /// The measurements and their settings.
 pub(crate) struct Data<'a> {
-    pub settings: &'a Settings,
+    pub settings: &'a ExperimentSettings,
     pub store: &'a Store,
 }
 
@@ -390,7 +390,7 @@ impl Data<'_> {
 
 /// A row for each size and contender of one family.
 fn rows(
-    settings: &Settings,
+    settings: &ExperimentSettings,
     family: Family,
     sizes: &[usize],
     contenders: &[Contender],

@@ -3,7 +3,7 @@
 use super::{Column, Data, Figure, Group, Kind, Row, Value, averages, mixed, texts};
 use crate::contender::Contender;
 use crate::sample::short;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 const PLANNING_MS: Value = Value::Processes(|run| run.planning_ms as f64);
@@ -35,7 +35,7 @@ pub(super) const PROCESSES: Figure = Figure {
 
 /// Ours by modules and processes. The paper policy is left out, because some of its plans have holes, and a run of such
 /// a plan ends FAILED.
-fn rows(settings: &Settings) -> Vec<Row> {
+fn rows(settings: &ExperimentSettings) -> Vec<Row> {
     let sizes = settings.process_sizes().iter();
     let row = |&(modules, modules_per_process): &(usize, usize)| {
         let seeds = settings.process_seeds().into_iter();

@@ -5,7 +5,7 @@ use crate::contender::Contender;
 use crate::instance::Instance;
 use crate::measure::world::World;
 use crate::sample::short;
-use crate::settings::Settings;
+use crate::settings::ExperimentSettings;
 use crate::table::Table;
 
 /// The number of modules in each process.
@@ -42,7 +42,7 @@ pub(super) const PHYSICAL_WORLD: Figure = Figure {
     results: |data| vec![("physical_world", results(data))],
 };
 
-fn rows(settings: &Settings) -> Vec<Row> {
+fn rows(settings: &ExperimentSettings) -> Vec<Row> {
     let singles = settings.world_singletons();
     let mut rows = Vec::new();
     for scenario in ["Figure 1".to_owned(), format!("{singles} singletons")] {

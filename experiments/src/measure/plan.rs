@@ -29,7 +29,7 @@ pub struct PlanCounts {
     /// Three counts of disconnected modules.
     pub disconnected: DisconnectedCounts,
     /// What the modules tell each other.
-    pub messages: MessageCounts,
+    pub messages: ContenderMessages,
 }
 
 /// The links of a plan.
@@ -59,7 +59,7 @@ pub struct DisconnectedCounts {
 /// The messages of a plan.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct MessageCounts {
+pub struct ContenderMessages {
     /// The number of evictions of all turns.
     pub evictions: usize,
     /// The number of broadcasts of the contender's own algorithm: one for each turn; in the paper's Algorithm 2 one more
@@ -153,7 +153,7 @@ fn counts(problem: &Arc<PlanningProblem>, timed: Timed) -> PlanCounts {
             outside_largest_piece: changes.disconnected.outside_largest_piece,
             alone: changes.disconnected.alone,
         },
-        messages: MessageCounts {
+        messages: ContenderMessages {
             evictions: changes.evictions,
             broadcasts: statistics.messages.samples + of_detached,
             claims: outcome.decisions.len(),

@@ -4,7 +4,7 @@ use std::fs;
 use std::os::unix::fs::PermissionsExt;
 use std::path::{Path, PathBuf};
 
-use formation_experiments::{ExperimentError, ProgressSink, Settings, Work, run};
+use formation_experiments::{ExperimentError, ExperimentSettings, ProgressSink, Work, run};
 
 /// Goes on for a number of cells, and remembers how the work began.
 pub struct Stopwatch {
@@ -71,7 +71,7 @@ esac"#;
 
 pub fn finish(
     out: &Path,
-    settings: &Settings,
+    settings: &ExperimentSettings,
     only: &[&str],
 ) -> Result<Stopwatch, ExperimentError> {
     let home = tempfile::tempdir().unwrap();

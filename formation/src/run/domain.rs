@@ -12,7 +12,7 @@ use std::time::Duration;
 
 use async_channel::bounded;
 use formation_model::text::joined;
-use formation_node::find_sessions;
+use formation_node_support::find_sessions;
 use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::{DiscoveryRange, Domain, Environment};
 use ros_runtime::exit::Failure;

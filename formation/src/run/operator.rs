@@ -6,7 +6,7 @@ use ros_runtime::environment::Environment;
 use ros_runtime::exit::Failure;
 
 use super::{Programs, environment_of_runs};
-use crate::arguments::NetworkArguments;
+use crate::arguments::FormationSelector;
 
 /// The option of the target publisher that stops all modules.
 pub const STOP: &str = "--stop";
@@ -22,7 +22,7 @@ pub fn removal(modules: &[u32]) -> Vec<String> {
 ///
 /// # Errors
 /// Says why the command was not given, or not taken.
-pub fn give(network: &NetworkArguments, order: &[String]) -> Result<(), Failure> {
+pub fn give(network: &FormationSelector, order: &[String]) -> Result<(), Failure> {
     let mut command = Programs::next_to_launcher()?.command("target_publisher");
     let Environment { domain, range } = environment_of_runs(network.domain)?;
     let status = command

@@ -1,6 +1,6 @@
 //! The event log of a run, kept for its report.
 
-use formation_event_log::{Entry, Event};
+use formation_event_log::{Entry, LogEvent};
 use formation_model::{Digest, Epoch, ModuleId};
 
 /// The most entries that are kept: some hundred megabytes, and far more than a run of 100 modules has.
@@ -30,7 +30,7 @@ impl Recording {
     /// Keeps an entry if there is room.
     pub fn keep(&mut self, entry: Entry) {
         let most = match entry.event {
-            Event::Pose { .. } => ENTRIES_WITH_POSES_MAX,
+            LogEvent::Pose { .. } => ENTRIES_WITH_POSES_MAX,
             _ => ENTRIES_MAX,
         };
         if self.entries.len() < most {
@@ -51,7 +51,7 @@ impl Recording {
             .iter()
             .rev()
             .find_map(|entry| match &entry.event {
-                Event::Roster {
+                LogEvent::Roster {
                     epoch,
                     modules,
                     out_of_service,
@@ -83,11 +83,11 @@ mod tests {
     #[test]
     fn a_recording_is_bounded_and_keeps_what_matters() {
         let entry = |event| Entry { at_ms: 1, event };
-        let pose = entry(Event::Pose {
+        let pose = entry(LogEvent::Pose {
             module: ModuleId(1),
             pose: Pose::default(),
         });
-        let epoch = entry(Event::Gathering(Epoch {
+        let epoch = entry(LogEvent::Gathering(Epoch {
             number: 1,
             convener: ModuleId(1),
         }));

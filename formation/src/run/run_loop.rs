@@ -14,7 +14,7 @@ use super::display::Display;
 use super::operator;
 use super::recording::Recording;
 use super::roles::{Death, Deaths, ProcessRoles};
-use super::supervisor::{Output, ProcessEvent, ProcessId, Supervisor};
+use super::supervisor::{ProcessEvent, ProcessId, ProcessOutput, Supervisor};
 use super::view::Key;
 
 /// After its verdict, the verifier stays for this long, so that subscribers of its topic receive the verdict.
@@ -265,9 +265,9 @@ impl RunLoop<'_> {
     /// Starts the process that gives an order.
     fn give(&mut self, name: &str, order: &[String]) {
         let mut command = (self.orders.command)(order);
-        let started = self
-            .supervisor
-            .start(name.to_owned(), &mut command, Output::Discarded);
+        let started =
+            self.supervisor
+                .start(name.to_owned(), &mut command, ProcessOutput::Discarded);
         match started {
             Ok(process) => {
                 self.order_givers.insert(process);
@@ -340,7 +340,7 @@ impl RunLoop<'_> {
 mod tests {
     use std::path::Path;
 
-    use formation_event_log::{Entry, Event};
+    use formation_event_log::{Entry, LogEvent};
     use formation_model::{Assignment, Epoch, FormationStage, SpotId};
 
     use super::super::display::{LineThrottle, progress_line};
@@ -357,7 +357,11 @@ mod tests {
                 let mut command = Command::new("sh");
                 command.args(["-c", script]);
                 supervisor
-                    .start(format!("process {index}"), &mut command, Output::Results)
+                    .start(
+                        format!("process {index}"),
+                        &mut command,
+                        ProcessOutput::Results,
+                    )
                     .unwrap()
             })
             .collect();
@@ -425,7 +429,7 @@ mod tests {
         let ids = |ids: &[u32]| ids.iter().copied().map(ModuleId).collect();
         prints(&ReportLine::Entry(Entry {
             at_ms: 1,
-            event: Event::Roster {
+            event: LogEvent::Roster {
                 epoch: EPOCH,
                 modules: ids(modules),
                 out_of_service: ids(out_of_service),

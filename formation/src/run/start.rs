@@ -18,7 +18,7 @@ use super::roles::ProcessRoles;
 use super::router::Carrier;
 use super::run_loop::Orders;
 use super::stores::RunStores;
-use super::supervisor::{Output, ProcessId, Supervisor};
+use super::supervisor::{ProcessId, ProcessOutput, Supervisor};
 use crate::arguments::{ON, RunArguments};
 
 /// With more processes of modules than these, the endpoints of the parameter services make discovery too slow:
@@ -84,7 +84,7 @@ impl Start<'_> {
                 "--founders",
                 &ids.join(","),
             ],
-            Output::Discarded,
+            ProcessOutput::Discarded,
         )?;
         Ok(ProcessRoles {
             verifier,
@@ -147,7 +147,13 @@ impl Start<'_> {
         let tolerances = self.arguments.motion.world.verifier_options();
         options.extend(tolerances.iter().map(String::as_str));
         let name = "verifier".to_owned();
-        self.program(supervisor, "verifier", name, &options, Output::Results)
+        self.program(
+            supervisor,
+            "verifier",
+            name,
+            &options,
+            ProcessOutput::Results,
+        )
     }
 
     fn recorder(&self, supervisor: &mut Supervisor, file: &Path) -> Result<ProcessId, Failure> {
@@ -161,7 +167,7 @@ impl Start<'_> {
             command.args(["--modules", &ranges(recorded)]);
         }
         let name = RECORDER.to_owned();
-        self.node(supervisor, command, name, &[], Output::Discarded)
+        self.node(supervisor, command, name, &[], ProcessOutput::Discarded)
     }
 
     fn agents(
@@ -194,7 +200,7 @@ impl Start<'_> {
                 host.program(),
                 host.name(),
                 &[&[option, &list], common.as_slice()].concat(),
-                Output::Discarded,
+                ProcessOutput::Discarded,
             )?;
             agents.insert(process, host.modules.clone());
         }
@@ -213,7 +219,7 @@ impl Start<'_> {
             .process_group(0);
         self.carrier.place_any(&mut command);
         supervisor
-            .start("driver".to_owned(), &mut command, Output::Discarded)
+            .start("driver".to_owned(), &mut command, ProcessOutput::Discarded)
             .with_context(|| format!("cannot start the driver `{driver}`"))
             .map_err(Failure::Failed)
             .map(drop)
@@ -229,7 +235,7 @@ impl Start<'_> {
         options.insert(0, format!("--speed={}", motion.speed));
         let options: Vec<&str> = options.iter().map(String::as_str).collect();
         let name = WORLD.to_owned();
-        let process = self.program(supervisor, WORLD, name, &options, Output::Results)?;
+        let process = self.program(supervisor, WORLD, name, &options, ProcessOutput::Results)?;
         Ok(Some(process))
     }
 
@@ -239,7 +245,7 @@ impl Start<'_> {
         program: &str,
         name: String,
         options: &[&str],
-        output: Output,
+        output: ProcessOutput,
     ) -> Result<ProcessId, Failure> {
         let mut command = self.programs.command(program);
         command.arg("--scenario").arg(&self.arguments.scenario);
@@ -253,7 +259,7 @@ impl Start<'_> {
         mut command: Command,
         name: String,
         options: &[&str],
-        output: Output,
+        output: ProcessOutput,
     ) -> Result<ProcessId, Failure> {
         self.place(&mut command);
         command.args(options);

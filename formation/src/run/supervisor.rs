@@ -43,7 +43,7 @@ impl ProcessId {
 
 /// What is done with a process' standard output; the last lines of its error output are always kept.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Output {
+pub enum ProcessOutput {
     /// It carries results, line by line.
     Results,
     /// It is dropped.
@@ -132,11 +132,11 @@ impl Supervisor {
         &mut self,
         name: String,
         command: &mut Command,
-        output: Output,
+        output: ProcessOutput,
     ) -> io::Result<ProcessId> {
         let stdout = match output {
-            Output::Results => Stdio::piped(),
-            Output::Discarded => Stdio::null(),
+            ProcessOutput::Results => Stdio::piped(),
+            ProcessOutput::Discarded => Stdio::null(),
         };
         let mut child = command
             .stdin(Stdio::null())
@@ -371,7 +371,11 @@ mod tests {
     fn supervise(script: &str) -> (Supervisor, ProcessId) {
         let mut supervisor = Supervisor::new(&[]).unwrap();
         let process = supervisor
-            .start("module 7".to_owned(), &mut shell(script), Output::Results)
+            .start(
+                "module 7".to_owned(),
+                &mut shell(script),
+                ProcessOutput::Results,
+            )
             .unwrap();
         (supervisor, process)
     }
@@ -518,7 +522,7 @@ mod tests {
             let names = ["first", "second", "third", "fourth"].map(str::to_owned);
             for name in names.clone() {
                 supervisor
-                    .start(name, &mut shell(&script), Output::Results)
+                    .start(name, &mut shell(&script), ProcessOutput::Results)
                     .unwrap();
             }
             assert!(supervisor.pause(Duration::from_millis(200)));
@@ -545,7 +549,11 @@ mod tests {
         let mut missing = Command::new("/no/such/program");
         assert_eq!(
             supervisor
-                .start("module 1".to_owned(), &mut missing, Output::Discarded)
+                .start(
+                    "module 1".to_owned(),
+                    &mut missing,
+                    ProcessOutput::Discarded
+                )
                 .unwrap_err()
                 .kind(),
             io::ErrorKind::NotFound

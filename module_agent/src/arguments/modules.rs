@@ -7,8 +7,8 @@ use clap::Args;
 use formation_model::{ConfigurationId, ModuleId, NO_ID, Pose, PoseError, Scenario};
 use formation_protocol::Identity;
 
-use formation_node::scenario::read_own_scenario;
-use formation_node::{ModuleList, stamp};
+use formation_node_support::scenario::read_own_scenario;
+use formation_node_support::{ModuleList, stamp};
 use ros_runtime::exit::Failure;
 use ros_runtime::settings::Settings;
 

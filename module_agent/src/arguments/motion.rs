@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use formation_model::MicroUnits;
 use formation_motion::ExternalParameters;
-use formation_node::{PoseSource, micro_units};
+use formation_node_support::{PoseSource, micro_units};
 use ros_runtime::parameters::{Tunable, Tunables, choice, number, seconds, text};
 use ros_runtime::words::Words;
 

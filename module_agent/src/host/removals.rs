@@ -3,14 +3,14 @@
 
 use formation_model::{Message, Timing};
 use formation_msgs::{RemoveModuleRequest, RemoveModuleResponse};
-use formation_node::removal_requests::{self, Request};
+use formation_node_support::removal_requests::{self, Request};
 use formation_protocol::Agent;
-use ros_runtime::service::Service as Served;
+use ros_runtime::service::DeclaredService;
 
 use super::{Arrived, Host};
 
-pub(crate) const REMOVE_MODULE: Served<RemoveModuleRequest, RemoveModuleResponse> =
-    Served::new("~/remove_module", "formation_msgs", "RemoveModule");
+pub(crate) const REMOVE_MODULE: DeclaredService<RemoveModuleRequest, RemoveModuleResponse> =
+    DeclaredService::new("~/remove_module", "formation_msgs", "RemoveModule");
 
 impl Host {
     /// Proposes the removal that a client asked for before its modules listened, and answers.
@@ -65,7 +65,7 @@ mod tests {
     use formation_model::{
         Heartbeat, Incarnation, ModuleId, ModulePhase, Pose, Service, SourceId, Stop,
     };
-    use formation_node::removal_requests::Requests;
+    use formation_node_support::removal_requests::Requests;
     use formation_protocol::AgentParameters;
     use ros_runtime::service::Call;
 

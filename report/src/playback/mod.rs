@@ -9,7 +9,7 @@ mod track;
 
 use std::collections::BTreeMap;
 
-use formation_event_log::{Entry, Event, ModuleSnapshot, Scene, SceneChange};
+use formation_event_log::{Entry, LogEvent, ModuleSnapshot, Scene, SceneChange};
 use formation_model::{FormationStage, ModuleId, ModulePhase, SpotId};
 use serde::Serialize;
 
@@ -161,19 +161,19 @@ impl<'a> Cutting<'a> {
         self.now = track::time(self.pace.advance(entry, self.scene.is_moving()));
         // Modules that are not part of the subject are not shown.
         match &entry.event {
-            Event::State(snapshot) => match self.subject.position_of(snapshot.module) {
+            LogEvent::State(snapshot) => match self.subject.position_of(snapshot.module) {
                 Some(module) => self.show_state(module, snapshot),
                 None => return,
             },
-            Event::Pose { module, pose } => match self.subject.position_of(*module) {
+            LogEvent::Pose { module, pose } => match self.subject.position_of(*module) {
                 Some(module) => self.modules[module].track.go_on(self.now, self.frame, pose),
                 None => return,
             },
-            Event::Roster { problem, .. } => {
+            LogEvent::Roster { problem, .. } => {
                 let is_planned = *problem == Some(self.subject.problem);
                 self.planned.push((self.now, is_planned));
             }
-            Event::Gathering(_) | Event::Claim { .. } => {}
+            LogEvent::Gathering(_) | LogEvent::Claim { .. } => {}
         }
         let joined = self.scene.modules().len();
         let changes = self.scene.apply(entry);

@@ -1,6 +1,6 @@
 //! From recorded time to the time of the film.
 
-use formation_event_log::{Entry, Event, Scene};
+use formation_event_log::{Entry, LogEvent, Scene};
 
 use super::track::time;
 
@@ -32,7 +32,7 @@ impl Pace {
     pub(super) fn of(course: &[Entry]) -> Self {
         let turns = course
             .iter()
-            .filter(|entry| matches!(entry.event, Event::Claim { .. }))
+            .filter(|entry| matches!(entry.event, LogEvent::Claim { .. }))
             .count();
         let first_ms = course.first().map_or(0, |entry| entry.at_ms);
         let motions_s = seconds(moving_ms(course));
@@ -57,11 +57,11 @@ impl Pace {
         } else {
             passed_s.min(WAIT_MAX_S)
         };
-        let is_claim = matches!(entry.event, Event::Claim { .. });
+        let is_claim = matches!(entry.event, LogEvent::Claim { .. });
         if is_claim || self.after_claim {
             step_s = step_s.max(self.turn_s);
         }
-        if matches!(entry.event, Event::Roster { .. }) {
+        if matches!(entry.event, LogEvent::Roster { .. }) {
             step_s = step_s.max(STAND_S);
         }
         self.after_claim = is_claim;

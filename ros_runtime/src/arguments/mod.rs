@@ -7,6 +7,6 @@ mod ros;
 pub use command_line::{completions, parse, read_bounded, text_of};
 pub use network::NetworkArguments;
 pub use ros::{
-    Assignment, LogArguments, LogLevel, Namespace, NodeIdentity, Origin, ParameterAssignments,
-    RemapRule, RemapRules, Resource, RosArguments,
+    LogArguments, LogLevel, Namespace, NodeIdentity, Origin, ParameterAssignment,
+    ParameterAssignments, RemapRule, RemapRules, Resource, RosArguments,
 };

@@ -13,25 +13,26 @@ use ros2_client::rcl_interfaces::{
 use super::store::{Apply, Parameters};
 use crate::inputs::Inputs;
 use crate::ros_context::{RosContext, RosContextError};
-use crate::service::{Call, Service};
+use crate::service::{Call, DeclaredService};
 
 const PACKAGE: &str = "rcl_interfaces";
 
-const DESCRIBE: Service<DescribeParametersRequest, DescribeParametersResponse> =
-    Service::new("~/describe_parameters", PACKAGE, "DescribeParameters");
-const GET: Service<GetParametersRequest, GetParametersResponse> =
-    Service::new("~/get_parameters", PACKAGE, "GetParameters");
-const GET_TYPES: Service<GetParameterTypesRequest, GetParameterTypesResponse> =
-    Service::new("~/get_parameter_types", PACKAGE, "GetParameterTypes");
-const LIST: Service<ListParametersRequest, ListParametersResponse> =
-    Service::new("~/list_parameters", PACKAGE, "ListParameters");
-const SET: Service<SetParametersRequest, SetParametersResponse> =
-    Service::new("~/set_parameters", PACKAGE, "SetParameters");
-const SET_ATOMICALLY: Service<SetParametersRequest, SetParametersAtomicallyResponse> = Service::new(
-    "~/set_parameters_atomically",
-    PACKAGE,
-    "SetParametersAtomically",
-);
+const DESCRIBE: DeclaredService<DescribeParametersRequest, DescribeParametersResponse> =
+    DeclaredService::new("~/describe_parameters", PACKAGE, "DescribeParameters");
+const GET: DeclaredService<GetParametersRequest, GetParametersResponse> =
+    DeclaredService::new("~/get_parameters", PACKAGE, "GetParameters");
+const GET_TYPES: DeclaredService<GetParameterTypesRequest, GetParameterTypesResponse> =
+    DeclaredService::new("~/get_parameter_types", PACKAGE, "GetParameterTypes");
+const LIST: DeclaredService<ListParametersRequest, ListParametersResponse> =
+    DeclaredService::new("~/list_parameters", PACKAGE, "ListParameters");
+const SET: DeclaredService<SetParametersRequest, SetParametersResponse> =
+    DeclaredService::new("~/set_parameters", PACKAGE, "SetParameters");
+const SET_ATOMICALLY: DeclaredService<SetParametersRequest, SetParametersAtomicallyResponse> =
+    DeclaredService::new(
+        "~/set_parameters_atomically",
+        PACKAGE,
+        "SetParametersAtomically",
+    );
 
 /// A request to one of the services.
 pub(crate) enum ParameterRequest {

@@ -8,7 +8,7 @@ use ros2_client::rcl_interfaces::ListParametersResult;
 use thiserror::Error;
 
 use super::declaration::{Change, Declaration, shown};
-use crate::arguments::{Assignment, Origin};
+use crate::arguments::{Origin, ParameterAssignment};
 use crate::words::suggestion;
 
 /// The values of a node's parameters, by name.
@@ -51,7 +51,7 @@ impl Parameters {
     /// Names the parameter whose value cannot be used, or that the command line assigns although it is not declared.
     pub fn declare(
         declarations: impl IntoIterator<Item = Declaration>,
-        assignments: &BTreeMap<&str, &Assignment>,
+        assignments: &BTreeMap<&str, &ParameterAssignment>,
     ) -> Result<(Self, Vec<String>), ParameterError> {
         let declarations = declarations.into_iter();
         let declarations: BTreeMap<_, _> = declarations

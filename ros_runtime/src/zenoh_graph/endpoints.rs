@@ -29,7 +29,7 @@ use crate::cdr;
 use crate::publisher_queue::Sink;
 use crate::raw_sample::RawSample;
 use crate::ros_context_error::RosContextError;
-use crate::service::{Call, Reply, RequestId, Service, WAITING_MAX};
+use crate::service::{Call, DeclaredService, Reply, RequestId, WAITING_MAX};
 use crate::stamp::{nanoseconds_since_epoch, since_epoch};
 use crate::subscription::{ParticipantId, Taken};
 use crate::topic::{Quality, Topic};
@@ -269,7 +269,7 @@ impl ZenohGraph {
     /// Serves a service under its fully qualified name.
     pub(crate) fn serve<Q, A>(
         &mut self,
-        service: &Service<Q, A>,
+        service: &DeclaredService<Q, A>,
         name: &str,
     ) -> Result<LocalBoxStream<'static, Call<Q, A>>, RosContextError>
     where

@@ -21,7 +21,7 @@ use formation_protocol::Event;
 
 pub use bodies::{blocks_all, room};
 use contact::ContactWatch;
-pub use violation::{Violation, ViolationKind};
+pub use violation::{BrokenInvariant, ViolationKind};
 
 use crate::cluster::Cluster;
 use crate::observation::Observation;
@@ -79,7 +79,7 @@ pub(crate) struct Monitor {
     /// The plans on which a module has begun to move.
     begun: BTreeSet<PlanKey>,
     bodies: ContactWatch,
-    pub violations: Vec<Violation>,
+    pub violations: Vec<BrokenInvariant>,
 }
 
 impl Monitor {
@@ -92,7 +92,7 @@ impl Monitor {
     }
 
     fn violate(&mut self, at: Duration, kind: ViolationKind, detail: String) {
-        self.violations.push(Violation { at, kind, detail });
+        self.violations.push(BrokenInvariant { at, kind, detail });
     }
 
     /// The number of epochs with a roster.

@@ -98,7 +98,7 @@ impl ViolationKind {
 
 /// One violation of an invariant.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Violation {
+pub struct BrokenInvariant {
     /// When it was observed.
     pub at: Duration,
     /// The invariant.

@@ -12,7 +12,7 @@ use formation_model::{
 use formation_protocol::{Agent, AgentParameters, Event, Identity};
 use formation_sim::{
     AgentFactory, CampaignParameters, Cluster, ClusterParameters, FaultKind, Observation,
-    RunReport, run_seed, run_seeds,
+    SeedReport, run_seed, run_seeds,
 };
 
 pub fn drawn(modules: usize, spots: usize, grouping: Grouping, seed: u64) -> PlanningProblem {
@@ -231,7 +231,7 @@ pub fn run_each(faults: FaultKind, [modules_min, modules_max]: [usize; 2], seeds
 
 /// Runs all seeds, which must be clean. Prints what is wrong, and the end of the smallest bad run.
 pub fn run_all(parameters: &CampaignParameters, seeds: std::ops::Range<u64>) {
-    let mut bad: Vec<RunReport> = Vec::new();
+    let mut bad: Vec<SeedReport> = Vec::new();
     run_seeds(parameters, seeds, |report| {
         if !report.violations.is_empty() && bad.len() < 20 {
             bad.push(report);

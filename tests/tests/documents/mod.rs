@@ -3,6 +3,7 @@
 mod book;
 mod circles;
 mod files;
+mod names;
 mod parameters;
 mod references;
 mod rules;

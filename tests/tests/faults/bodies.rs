@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Fleet, Running, Signal, Timing, overlaps};
+use formation_tests::{Domain, Fleet, FleetTiming, Running, Signal, overlaps};
 use tempfile::TempDir;
 
 use super::{PATIENCE, SPARES};
@@ -15,7 +15,7 @@ const TRACE: &str = "trace.jsonl";
 #[test]
 fn five_modules_that_die_block_their_spots_until_their_bodies_are_removed() {
     let domain = &*Domain::for_processes(12);
-    let mut fleet = Fleet::new("bodies", SPARES, domain, Timing::Quick);
+    let mut fleet = Fleet::new("bodies", SPARES, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let marks = fleet.marks();
@@ -122,7 +122,7 @@ impl Observer {
 #[test]
 fn two_that_die_on_their_way_and_one_that_stops_for_a_while_are_not_touched() {
     let domain = &*Domain::for_processes(11);
-    let mut fleet = Fleet::new("crossing", CROSSING, domain, Timing::Quick);
+    let mut fleet = Fleet::new("crossing", CROSSING, domain, FleetTiming::Quick);
     let observer = Observer::start(domain);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
@@ -160,7 +160,7 @@ fn two_that_die_on_their_way_and_one_that_stops_for_a_while_are_not_touched() {
 #[test]
 fn all_halt_when_one_is_silent_beyond_the_lease_and_then_go_on() {
     let domain = &*Domain::for_processes(11);
-    let mut fleet = Fleet::new("lapse", CROSSING, domain, Timing::Usual);
+    let mut fleet = Fleet::new("lapse", CROSSING, domain, FleetTiming::Usual);
     let observer = Observer::start(domain);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);

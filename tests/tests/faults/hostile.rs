@@ -6,7 +6,8 @@ use std::process::Stdio;
 use std::time::Instant;
 
 use formation_tests::{
-    Domain, EIGHT, Finished, Fleet, Peer, Python, Running, ScenarioFile, Timing, Transcript, report,
+    Domain, EIGHT, Finished, Fleet, FleetTiming, Peer, Python, Running, ScenarioFile, Transcript,
+    report,
 };
 use serde_json::{Value, json};
 
@@ -131,7 +132,7 @@ fn what_a_stranger_claims_has_no_lasting_effect() {
         return;
     };
     let domain = &*Domain::for_processes(8);
-    let mut fleet = Fleet::new("strangers", EIGHT, domain, Timing::Quick);
+    let mut fleet = Fleet::new("strangers", EIGHT, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     fleet.start_all();

@@ -10,7 +10,7 @@ use std::thread;
 use std::time::{Duration, Instant};
 
 use formation_generate::Random;
-use formation_tests::{Domain, Fleet, Timing, report};
+use formation_tests::{Domain, Fleet, FleetTiming, report};
 
 use super::{PATIENCE, SPARES};
 
@@ -78,7 +78,7 @@ fn random_moment(random: &mut Random) -> Moment {
 }
 
 /// Forms with spares over DDS, and kills as [`kill_some`] does.
-fn run_with_kills(timing: Timing, seed: u64, kills: usize) -> Vec<Recovery> {
+fn run_with_kills(timing: FleetTiming, seed: u64, kills: usize) -> Vec<Recovery> {
     let domain = &*Domain::for_processes(12);
     kill_some(Fleet::new("kills", SPARES, domain, timing), seed, kills)
 }
@@ -136,7 +136,7 @@ fn report_times(recoveries: &[Recovery]) {
 
 #[test]
 fn three_kills_at_random_moments_leave_no_hole() {
-    let recoveries = run_with_kills(Timing::Quick, 1, 3);
+    let recoveries = run_with_kills(FleetTiming::Quick, 1, 3);
     report_times(&recoveries);
 }
 
@@ -145,7 +145,7 @@ fn three_kills_at_random_moments_leave_no_hole() {
 fn three_kills_over_zenoh_leave_no_hole() {
     let domain = &*Domain::for_processes(13);
     let router = crate::zenoh::Router::start(domain);
-    let fleet = Fleet::new("zenoh kills", SPARES, domain, Timing::Quick);
+    let fleet = Fleet::new("zenoh kills", SPARES, domain, FleetTiming::Quick);
     let recoveries = kill_some(fleet.over_zenoh(&router.endpoint()), 1, 3);
     report_times(&recoveries);
 }
@@ -163,7 +163,7 @@ fn many_kills_at_random_moments_leave_no_hole() {
     let mut recoveries = Vec::new();
     while recoveries.len() < kills {
         let run = run_with_kills(
-            Timing::Usual,
+            FleetTiming::Usual,
             seed,
             KILLS_PER_RUN.min(kills - recoveries.len()),
         );
@@ -180,7 +180,7 @@ fn many_kills_at_random_moments_leave_no_hole() {
 #[test]
 fn the_convener_and_then_a_leader_may_die() {
     let domain = &*Domain::for_processes(12);
-    let mut fleet = Fleet::new("convener", SPARES, domain, Timing::Quick);
+    let mut fleet = Fleet::new("convener", SPARES, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let marks = fleet.marks();
@@ -205,7 +205,7 @@ fn the_convener_and_then_a_leader_may_die() {
 #[test]
 fn the_target_publisher_and_the_verifier_may_die() {
     let domain = &*Domain::for_processes(12);
-    let mut fleet = Fleet::new("watchers", SPARES, domain, Timing::Quick);
+    let mut fleet = Fleet::new("watchers", SPARES, domain, FleetTiming::Quick);
     let mut judge = fleet.judge(None);
     let mut announcer = fleet.announce(None);
     let marks = fleet.marks();

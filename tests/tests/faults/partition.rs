@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 
 #[cfg(feature = "zenoh")]
 use formation_tests::Running;
-use formation_tests::{Domain, Fleet, Network, Timing};
+use formation_tests::{Domain, Fleet, FleetTiming, Network};
 
 use super::PATIENCE;
 
@@ -42,7 +42,10 @@ fn the_majority_finishes_the_minority_waits_and_healing_gives_one_formation() {
     let Some(network) = Network::with_sides(2) else {
         return;
     };
-    cut_and_heal(&network, Fleet::new("cut", FIVE, domain, Timing::Quick));
+    cut_and_heal(
+        &network,
+        Fleet::new("cut", FIVE, domain, FleetTiming::Quick),
+    );
 }
 
 /// Over Zenoh, each side has a router, and the cut is between these.
@@ -59,7 +62,7 @@ fn sides_whose_routers_are_cut_over_zenoh_are_one_again_when_healed() {
         let network = Some(network.side(side));
         Running::start_router(network, domain, "tcp/0.0.0.0:7447", others[side])
     });
-    let fleet = Fleet::new("zenoh cut", FIVE, domain, Timing::Quick);
+    let fleet = Fleet::new("zenoh cut", FIVE, domain, FleetTiming::Quick);
     cut_and_heal(&network, fleet.over_zenoh("tcp/127.0.0.1:7447"));
 }
 

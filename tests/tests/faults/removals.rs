@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::thread;
 use std::time::Instant;
 
-use formation_tests::{Domain, Fleet, Peer, RosTool, Running, ScenarioFile, Timing};
+use formation_tests::{Domain, Fleet, FleetTiming, Peer, RosTool, Running, ScenarioFile};
 use serde_json::{Value, json};
 
 use super::PATIENCE;
@@ -53,7 +53,7 @@ fn a_sample_of_a_stranger_removes_no_living_module() {
         return;
     };
     let heartbeats = Peer::start("take", "heartbeats", domain).unwrap();
-    let mut fleet = Fleet::new("row", ROW, domain, Timing::Quick);
+    let mut fleet = Fleet::new("row", ROW, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     fleet.start_all();
@@ -82,7 +82,7 @@ fn a_sample_of_a_stranger_removes_no_living_module() {
     }
     stranger.put(&removals((1..=10_000).map(|module| (module, 1))));
     // Nothing happens for longer than it took to send a spare onto the spot.
-    thread::sleep(Timing::Quick.suspicion() * 4);
+    thread::sleep(FleetTiming::Quick.suspicion() * 4);
     for other in fleet.living() {
         let lines = fleet.agent(other).log_since(marks[&other]);
         let convened = lines.iter().find(|line| line.text.contains("convened"));
@@ -132,7 +132,7 @@ fn the_process_of_any_member_takes_the_report_where_no_target_publisher_does() {
         let quick: Vec<&str> = quick.split(' ').collect();
         Running::start("module_agent", domain, &[own, quick].concat())
     };
-    let fleet = Fleet::new("row-judged", ROW, domain, Timing::Quick);
+    let fleet = Fleet::new("row-judged", ROW, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let first = start("1-3");
     let mut second = start("4");

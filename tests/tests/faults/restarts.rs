@@ -7,7 +7,7 @@ use std::time::Instant;
 
 use formation_model::Scenario;
 use formation_planner as planner;
-use formation_tests::{Domain, Fleet, Judged, Peer, Signal, Timing};
+use formation_tests::{Domain, Fleet, FleetTiming, Judged, Peer, Signal};
 
 use super::{PATIENCE, SPARES};
 
@@ -37,9 +37,9 @@ const DUPLICATE: &str = "a second process runs as module";
 #[test]
 fn a_restarted_module_takes_part_again() {
     let domain = &*Domain::for_processes(6);
-    let mut fleet = Fleet::new("restart", NO_SPARES, domain, Timing::Quick);
+    let mut fleet = Fleet::new("restart", NO_SPARES, domain, FleetTiming::Quick);
     // It misses a module before the others do, so its verdict on the break comes before theirs is another formation.
-    let judge = fleet.judge_within(None, Timing::Quick.suspicion() / 2);
+    let judge = fleet.judge_within(None, FleetTiming::Quick.suspicion() / 2);
     let _announcer = fleet.announce(None);
     let began = Instant::now();
     fleet.start_all();
@@ -65,7 +65,7 @@ fn a_restarted_module_takes_part_again() {
 #[test]
 fn a_second_process_with_a_live_id_is_refused_and_both_log_it() {
     let domain = &*Domain::for_processes(7);
-    let mut fleet = Fleet::new("duplicate", NO_SPARES, domain, Timing::Quick);
+    let mut fleet = Fleet::new("duplicate", NO_SPARES, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let began = Instant::now();
@@ -83,7 +83,7 @@ fn a_second_process_with_a_live_id_is_refused_and_both_log_it() {
         "{}",
         fleet.story()
     );
-    thread::sleep(Timing::Quick.suspicion() * 2);
+    thread::sleep(FleetTiming::Quick.suspicion() * 2);
     assert_eq!(judge.verdicts().len(), before, "the formation stands");
     // When the first is gone, the second takes its place.
     let died = fleet.replace(3, second);
@@ -93,7 +93,7 @@ fn a_second_process_with_a_live_id_is_refused_and_both_log_it() {
 #[test]
 fn a_process_that_wakes_after_another_took_its_place_disturbs_nothing() {
     let domain = &*Domain::for_processes(7);
-    let mut fleet = Fleet::new("succeeded", NO_SPARES, domain, Timing::Quick);
+    let mut fleet = Fleet::new("succeeded", NO_SPARES, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let began = Instant::now();
@@ -107,7 +107,7 @@ fn a_process_that_wakes_after_another_took_its_place_disturbs_nothing() {
     let mark = sleeper.logged();
     sleeper.signal(Signal::CONT);
     assert!(sleeper.wait_for_log(mark, DUPLICATE, PATIENCE).is_some());
-    thread::sleep(Timing::Quick.suspicion() * 3);
+    thread::sleep(FleetTiming::Quick.suspicion() * 3);
     let verdicts = judge.verdicts();
     assert_eq!(
         verdicts.len(),
@@ -141,7 +141,7 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
     let sleeper = lone_traveller();
     // On a path, the module that is stopped on its way may stand on every spot, so the others would wait for it.
     let straight = format!("{SPARES}planner: {{motion: straight}}\n");
-    let mut fleet = Fleet::new("stopped", &straight, domain, Timing::Quick);
+    let mut fleet = Fleet::new("stopped", &straight, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let states = Peer::start("take", "module_states", domain);
@@ -164,7 +164,7 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
         judged.outcome == "PARTIAL" && judged.modules() == others
     });
     let partial = partial.unwrap_or_else(|last| panic!("{last:?}\n{}", fleet.story()));
-    assert!(partial.at.duration_since(stopped) > Timing::Quick.suspicion());
+    assert!(partial.at.duration_since(stopped) > FleetTiming::Quick.suspicion());
     // Its body may be anywhere between its last pose and its spot, which no other module takes.
     let blockers: BTreeSet<u32> = partial.blocked.values().copied().collect();
     assert_eq!(blockers, BTreeSet::from([sleeper]), "{partial:?}");
@@ -196,7 +196,7 @@ fn a_process_that_was_stopped_does_not_act_on_its_stale_plan() {
         let (before, after): (Vec<_>, Vec<_>) = poses.partition(|(at, _)| *at < woken);
         let &(_, (x, y)) = before.last().unwrap();
         // A drive whose goal is not repeated continues for one lease, which is half the suspicion.
-        let allowed = SPEED * Timing::Quick.suspicion().as_secs_f64();
+        let allowed = SPEED * FleetTiming::Quick.suspicion().as_secs_f64();
         for (_, (later_x, later_y)) in after {
             let distance = (later_x - x).hypot(later_y - y);
             assert!(distance <= allowed, "it went on for {distance} units");

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Fleet, Running, Timing};
+use formation_tests::{Domain, Fleet, FleetTiming, Running};
 use serde_json::Value;
 
 use super::PATIENCE;
@@ -44,7 +44,7 @@ fn moved_after(observer: &Running, since: Instant) -> BTreeSet<u64> {
 #[test]
 fn a_stop_in_mid_motion_halts_all_and_outlasts_restarts_until_it_is_resumed() {
     let domain = &*Domain::for_processes(6);
-    let mut fleet = Fleet::new("halted", NO_SPARES, domain, Timing::Quick);
+    let mut fleet = Fleet::new("halted", NO_SPARES, domain, FleetTiming::Quick);
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     let observe = [

@@ -4,7 +4,7 @@ use std::fs;
 use std::thread;
 use std::time::{Duration, Instant};
 
-use formation_tests::{Domain, Fleet, Running, Timing};
+use formation_tests::{Domain, Fleet, FleetTiming, Running};
 
 use super::{PATIENCE, SPARES};
 
@@ -19,7 +19,7 @@ fn restart_all(fleet: &mut Fleet) {
 #[test]
 fn a_formation_whose_processes_are_all_killed_goes_on_from_its_stores() {
     let domain = &*Domain::for_processes(12);
-    let mut fleet = Fleet::new("stores", SPARES, domain, Timing::Quick).with_stores();
+    let mut fleet = Fleet::new("stores", SPARES, domain, FleetTiming::Quick).with_stores();
     let judge = fleet.judge(None);
     let _announcer = fleet.announce(None);
     fleet.start_all();
@@ -51,7 +51,7 @@ singletons: [{id: 4, x: 1, y: 1}]
 #[test]
 fn a_store_serves_one_process_and_ends_it_when_it_cannot_be_written() {
     let domain = &*Domain::for_processes(1);
-    let fleet = Fleet::new("one-store", ONE, domain, Timing::Quick);
+    let fleet = Fleet::new("one-store", ONE, domain, FleetTiming::Quick);
     let directory = tempfile::tempdir().unwrap();
     let state_dir = directory.path().to_str().unwrap();
     let start = || {

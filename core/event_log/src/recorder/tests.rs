@@ -90,13 +90,13 @@ fn recorded(messages: &[Message]) -> Vec<String> {
         .zip(messages)
         .flat_map(|(index, message)| recorder.record(at(10 * index), message))
         .map(|entry| match entry.event {
-            Event::Gathering(epoch) => format!("gathering {}", epoch.number),
-            Event::Roster { epoch, .. } => format!("roster {}", epoch.number),
-            Event::Claim { epoch, turn, .. } => format!("claim {}.{turn}", epoch.number),
-            Event::State(snapshot) => {
+            LogEvent::Gathering(epoch) => format!("gathering {}", epoch.number),
+            LogEvent::Roster { epoch, .. } => format!("roster {}", epoch.number),
+            LogEvent::Claim { epoch, turn, .. } => format!("claim {}.{turn}", epoch.number),
+            LogEvent::State(snapshot) => {
                 format!("{} is {:?}", snapshot.module, snapshot.phase)
             }
-            Event::Pose { module, pose } => format!("{module} at {}", pose.x.0),
+            LogEvent::Pose { module, pose } => format!("{module} at {}", pose.x.0),
         })
         .collect()
 }
@@ -151,8 +151,8 @@ fn a_state_is_recorded_when_something_changed() {
         assert!(entries.len() < 2);
         entries.pop().map(|entry| entry.event)
     };
-    let is_state = |event: Option<Event>, phase: ModulePhase| match event {
-        Some(Event::State(snapshot)) => snapshot.phase == phase,
+    let is_state = |event: Option<LogEvent>, phase: ModulePhase| match event {
+        Some(LogEvent::State(snapshot)) => snapshot.phase == phase,
         _ => false,
     };
     assert!(is_state(record(0, &state(4, 1, 1, Waiting, 0)), Waiting));
@@ -169,7 +169,7 @@ fn a_state_is_recorded_when_something_changed() {
     );
     assert_eq!(
         record(310, &state(4, 1, 5, Moving, 7)),
-        Some(Event::Pose {
+        Some(LogEvent::Pose {
             module: ModuleId(4),
             pose: pose(7)
         })
@@ -212,7 +212,7 @@ fn corners_begins_and_stops_are_never_left_out() {
         };
         let entries = recorder.record(at(millis), &Message::ModuleState(Arc::new(state)));
         poses.extend(entries.into_iter().filter_map(|entry| match entry.event {
-            Event::Pose { pose, .. } => Some((entry.at_ms, pose.x.0)),
+            LogEvent::Pose { pose, .. } => Some((entry.at_ms, pose.x.0)),
             _ => None,
         }));
     }

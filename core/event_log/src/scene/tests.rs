@@ -8,8 +8,8 @@ fn epoch(number: u64) -> Epoch {
     }
 }
 
-fn state(module: u32, phase: ModulePhase, spot: Option<u32>, unit: Option<u32>) -> Event {
-    Event::State(ModuleSnapshot {
+fn state(module: u32, phase: ModulePhase, spot: Option<u32>, unit: Option<u32>) -> LogEvent {
+    LogEvent::State(ModuleSnapshot {
         module: ModuleId(module),
         phase,
         pose: Pose::default(),
@@ -19,8 +19,8 @@ fn state(module: u32, phase: ModulePhase, spot: Option<u32>, unit: Option<u32>) 
     })
 }
 
-fn roster(number: u64, modules: &[u32]) -> Event {
-    Event::Roster {
+fn roster(number: u64, modules: &[u32]) -> LogEvent {
+    LogEvent::Roster {
         epoch: epoch(number),
         modules: modules.iter().copied().map(ModuleId).collect(),
         out_of_service: Vec::new(),
@@ -28,9 +28,9 @@ fn roster(number: u64, modules: &[u32]) -> Event {
     }
 }
 
-fn claim(turn: u32, pairs: &[(u32, u32)], evictions: &[(u32, u32, Option<u32>)]) -> Event {
+fn claim(turn: u32, pairs: &[(u32, u32)], evictions: &[(u32, u32, Option<u32>)]) -> LogEvent {
     let claimant = ModuleId(pairs[0].0);
-    Event::Claim {
+    LogEvent::Claim {
         epoch: epoch(1),
         turn,
         claimant,
@@ -57,7 +57,7 @@ fn claim(turn: u32, pairs: &[(u32, u32)], evictions: &[(u32, u32, Option<u32>)])
 }
 
 /// The spots whose holder an entry changes, and its steps.
-fn apply(scene: &mut Scene, event: Event) -> (Vec<(u32, Option<u32>)>, Vec<String>) {
+fn apply(scene: &mut Scene, event: LogEvent) -> (Vec<(u32, Option<u32>)>, Vec<String>) {
     let entry = Entry { at_ms: 7, event };
     let changes = scene.apply(&entry);
     let holders = changes.holders.iter();
@@ -92,7 +92,7 @@ fn claims_move_spots_from_holder_to_holder() {
     );
     assert_eq!(scene.decisions().len(), 3);
 
-    let (changed, steps) = apply(&mut scene, Event::Gathering(epoch(2)));
+    let (changed, steps) = apply(&mut scene, LogEvent::Gathering(epoch(2)));
     assert_eq!(changed, [(1, None), (3, None)]);
     assert_eq!(steps, ["Epoch 2: all modules halt and gather again"]);
     assert_eq!((held(&scene), scene.decisions().len()), (Vec::new(), 0));
@@ -155,10 +155,10 @@ fn a_module_is_where_its_latest_entry_says() {
         x: MicroUnits(5),
         ..Pose::default()
     };
-    apply(&mut scene, Event::Pose { module, pose });
+    apply(&mut scene, LogEvent::Pose { module, pose });
     assert!(scene.modules().is_empty(), "it has reported no state yet");
     apply(&mut scene, state(1, ModulePhase::Moving, None, None));
-    apply(&mut scene, Event::Pose { module, pose });
+    apply(&mut scene, LogEvent::Pose { module, pose });
     scene.note_received(900, module);
     assert_eq!(scene.pose_of(module), Some(pose));
     assert_eq!(scene.modules()[&module].received_ms, 900);

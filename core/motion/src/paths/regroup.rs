@@ -15,7 +15,7 @@ use formation_model::{PlanningProblem, Pose};
 const FAR: i64 = 2;
 
 /// Where modules may regroup: what others cover, and the cells that they take.
-pub(super) struct Ground<'a, Open> {
+pub(super) struct RegroupingGround<'a, Open> {
     problem: &'a PlanningProblem,
     lattice: &'a Lattice,
     slack: i64,
@@ -25,7 +25,7 @@ pub(super) struct Ground<'a, Open> {
     taken: BTreeSet<Site>,
 }
 
-impl<'a, Open: Fn(&Rectangle) -> bool> Ground<'a, Open> {
+impl<'a, Open: Fn(&Rectangle) -> bool> RegroupingGround<'a, Open> {
     /// Without any modules. `is_open` says whether a rectangle is free of obstacles and within the walls.
     pub fn new(
         problem: &'a PlanningProblem,

@@ -14,7 +14,7 @@
 use super::group::{Alignment, Exactness, Group, Phase};
 use super::lattice::{Lattice, point};
 use super::rectangle::{Rectangle, overlap, square};
-use super::regroup::Ground;
+use super::regroup::RegroupingGround;
 use super::result::StartFault;
 use super::shape::Shape;
 use formation_model::turning::Point;
@@ -125,7 +125,7 @@ fn groups_of(
     let cramped = cramped.into_iter().map(|(group, _)| group);
     loose.extend(cramped.map(|group| (group.modules.clone(), Some(group))));
     let mut groups: Vec<Group> = rest.into_iter().map(|(group, _)| group).collect();
-    let mut ground = Ground::new(problem, lattice, exactness.slack, is_open);
+    let mut ground = RegroupingGround::new(problem, lattice, exactness.slack, is_open);
     for group in &groups {
         ground.take(group);
     }

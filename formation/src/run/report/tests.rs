@@ -3,7 +3,7 @@
 use std::os::unix::process::ExitStatusExt;
 use std::process::ExitStatus;
 
-use formation_event_log::{Entry, Event};
+use formation_event_log::{Entry, LogEvent};
 use formation_model::Scenario;
 use formation_verifier_lines::{AgreementReport, VerdictReport};
 use serde_json::{Value, json};
@@ -68,7 +68,7 @@ fn roster(plan: &CheckedPlan, modules: &[u32], out_of_service: &[u32]) -> Record
     let mut recording = Recording::default();
     recording.keep(Entry {
         at_ms: 1,
-        event: Event::Roster {
+        event: LogEvent::Roster {
             epoch: EPOCH,
             modules: ids(modules),
             out_of_service: ids(out_of_service),
@@ -230,7 +230,7 @@ fn another_plan_for_another_roster_is_no_fault() {
         recording: {
             let mut recording = roster(&plan(), &[7, 8], &[]);
             let mut later = recording.entries()[0].clone();
-            if let Event::Roster { problem, .. } = &mut later.event {
+            if let LogEvent::Roster { problem, .. } = &mut later.event {
                 *problem = None;
             }
             recording.keep(later);

@@ -47,7 +47,7 @@ enum Target {
 
 /// A value for a parameter of some nodes.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Assignment {
+pub struct ParameterAssignment {
     target: Target,
     /// The parameter's name.
     pub name: String,
@@ -61,7 +61,7 @@ pub struct Assignment {
 
 /// All assignments, in the order in which they were given.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct ParameterAssignments(Vec<Assignment>);
+pub struct ParameterAssignments(Vec<ParameterAssignment>);
 
 impl ParameterAssignments {
     /// Adds `[node:]name:=value`.
@@ -128,7 +128,7 @@ impl ParameterAssignments {
             return Ok(());
         }
         let value = check_name(name).and_then(|()| parameter_value(yaml));
-        self.0.push(Assignment {
+        self.0.push(ParameterAssignment {
             names_node: !node.contains('*'),
             target: Target::Qualified(node.to_owned()),
             name: name.to_owned(),
@@ -140,8 +140,8 @@ impl ParameterAssignments {
 
     /// The assignments that hold for a node, by parameter.
     #[must_use]
-    pub fn of_node(&self, node: &NodeIdentity) -> BTreeMap<&str, &Assignment> {
-        let mut holding: BTreeMap<&str, &Assignment> = BTreeMap::new();
+    pub fn of_node(&self, node: &NodeIdentity) -> BTreeMap<&str, &ParameterAssignment> {
+        let mut holding: BTreeMap<&str, &ParameterAssignment> = BTreeMap::new();
         for assignment in self.0.iter().filter(|assignment| assignment.is_for(node)) {
             let earlier = holding.get(assignment.name.as_str());
             if !earlier.is_some_and(|earlier| earlier.names_node && !assignment.names_node) {
@@ -165,7 +165,7 @@ impl ParameterAssignments {
     }
 }
 
-fn parse_argument(argument: &str) -> Result<Assignment, String> {
+fn parse_argument(argument: &str) -> Result<ParameterAssignment, String> {
     let (name, value) = argument
         .split_once(":=")
         .ok_or("must have the form `name:=value`")?;
@@ -173,7 +173,7 @@ fn parse_argument(argument: &str) -> Result<Assignment, String> {
     check_name(name)?;
     let yaml = serde_yaml::from_str(value);
     let yaml = yaml.map_err(|error| format!("the value is not YAML: {error}"))?;
-    Ok(Assignment {
+    Ok(ParameterAssignment {
         names_node: node.is_some(),
         target: node.map_or(Target::Every, Target::Named),
         name: name.to_owned(),
@@ -182,7 +182,7 @@ fn parse_argument(argument: &str) -> Result<Assignment, String> {
     })
 }
 
-impl Assignment {
+impl ParameterAssignment {
     fn is_for(&self, node: &NodeIdentity) -> bool {
         match &self.target {
             Target::Every => true,

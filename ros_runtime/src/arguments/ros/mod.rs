@@ -15,7 +15,7 @@ use std::path::Path;
 
 use crate::words::suggestion;
 
-pub use assignments::{Assignment, Origin, ParameterAssignments};
+pub use assignments::{Origin, ParameterAssignment, ParameterAssignments};
 pub use log_levels::{LogArguments, LogLevel};
 pub use names::{Namespace, NodeIdentity};
 pub use remapping::{RemapRule, RemapRules, Resource};

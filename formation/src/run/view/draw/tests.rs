@@ -1,7 +1,7 @@
 use std::sync::Arc;
 
 use ::console::{measure_text_width, strip_ansi_codes};
-use formation_event_log::{Entry, Event, ModuleSnapshot};
+use formation_event_log::{Entry, LogEvent, ModuleSnapshot};
 use formation_model::{Epoch, ModuleId, ModulePhase, Pose, Scenario, SpotId};
 use formation_report::course_of_plan;
 use formation_verify::Progress;
@@ -48,7 +48,7 @@ fn after(plan: &Arc<CheckedPlan>, entries: &[Entry], count: usize) -> Watched {
 }
 
 fn is_moving(entry: &Entry) -> bool {
-    matches!(&entry.event, Event::State(snapshot) if snapshot.phase == ModulePhase::Moving)
+    matches!(&entry.event, LogEvent::State(snapshot) if snapshot.phase == ModulePhase::Moving)
 }
 
 #[test]
@@ -57,7 +57,7 @@ fn it_shows_whose_turn_it_is_and_who_waits_for_whom() {
     let entries = course_of_plan(&plan.problem, &plan.outcome, &plan.motion, 5.0);
     let roster = entries
         .iter()
-        .position(|entry| matches!(entry.event, Event::Roster { .. }))
+        .position(|entry| matches!(entry.event, LogEvent::Roster { .. }))
         .unwrap();
     let (first, second) = match plan.outcome.decisions[0].0.claimant.0 {
         3 => ("3 decides", "1-2 wait for 3"),
@@ -79,7 +79,7 @@ fn it_shows_whose_turn_it_is_and_who_waits_for_whom() {
     let first_motion = entries.iter().position(is_moving).unwrap();
     let text = drawn(&after(&plan, &entries, first_motion + 1), LARGE);
     let (now, next) = match &entries[first_motion].event {
-        Event::State(first) if first.module == ModuleId(3) => ("3 is on", "1-2 wait"),
+        LogEvent::State(first) if first.module == ModuleId(3) => ("3 is on", "1-2 wait"),
         _ => ("1 is on", "2-3 wait"),
     };
     assert!(text.contains(&format!("now   {now}")), "{text}");
@@ -131,7 +131,7 @@ fn where_a_run_leaves_the_plan_the_verifier_says_who_is_waited_for() {
     let mut watched = after(&plan, &entries, entries.len());
     let entry = Entry {
         at_ms: 9_000,
-        event: Event::Gathering(Epoch {
+        event: LogEvent::Gathering(Epoch {
             number: 2,
             convener: ModuleId(1),
         }),
@@ -229,7 +229,7 @@ fn a_module_that_only_settles_is_no_news() {
     watched.set_plan(Arc::clone(&plan));
     let entry = Entry {
         at_ms: 1,
-        event: Event::State(ModuleSnapshot {
+        event: LogEvent::State(ModuleSnapshot {
             module: ModuleId(3),
             phase: ModulePhase::Settled,
             pose: Pose::default(),
