@@ -52,7 +52,7 @@ pub(crate) struct Draw {
 pub(crate) enum Docked {
     /// No module is docked.
     Singletons,
-    /// The same, so far apart that robots can turn.
+    /// As above, but far enough apart that every robot can turn in place.
     Apart,
     /// "Random number of singletons and the initial configurations with sizes between 2 and 10".
     Mixed,

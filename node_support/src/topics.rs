@@ -46,7 +46,7 @@ pub const FIXED_TRANSFORMS: Topic<TFMessage> = topic("/tf_static", LATCHED);
 const CLAIMS_PER_MODULE: usize = 4;
 /// The least number of claims that a process keeps, which leaves room for modules that are added.
 const CLAIMS_MIN: usize = 64;
-/// The greatest number, which is RustDDS's limit.
+/// The deepest history that RustDDS allows.
 const CLAIMS_MAX: usize = 8_192;
 
 /// The claims of units, kept for the whole of an epoch by a process that starts with `modules` modules.

@@ -23,7 +23,7 @@ const SAMPLE_ENCODING: &str = "cdr";
 const DEFINITION_ENCODING: &str = "ros2msg";
 /// The name of the record with what is missing from the file.
 pub(crate) const LOSSES: &str = "formation_recorder";
-/// The key in it of the number of samples that arrived and could not be written in time.
+/// The key of the number of samples that arrived faster than they could be written.
 pub(crate) const LOST: &str = "lost";
 
 /// A topic that is recorded.

@@ -101,7 +101,7 @@ pub fn one_line(text: &str) -> String {
     words.join(" ")
 }
 
-/// The text, without what is beyond `bytes_max`, which dots then stand for.
+/// The text, cut to `bytes_max` bytes and an ellipsis.
 #[must_use]
 pub fn shortened(mut text: String, bytes_max: usize) -> String {
     if text.len() > bytes_max {

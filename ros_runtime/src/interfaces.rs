@@ -15,7 +15,7 @@ pub const PARTICIPANTS_WITHOUT_MULTICAST: u16 = SOUGHT_WITHOUT_MULTICAST + 1;
 pub struct NetworkInterface {
     /// Whether it can be used at all.
     pub is_up: bool,
-    /// Whether it stays within the machine.
+    /// Whether its traffic stays on this machine.
     pub is_loopback: bool,
     /// Whether it takes multicast.
     pub takes_multicast: bool,

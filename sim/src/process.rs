@@ -112,7 +112,7 @@ impl Inbox {
 /// What the store of a module holds.
 pub(crate) struct Stored {
     pub state: DurableState,
-    /// The modules of which the run that wrote it had received a state, or knew from its store.
+    /// The modules whose states the run that wrote it had received, or that it knew from its store.
     pub seen: BTreeSet<ModuleId>,
 }
 

@@ -13,7 +13,7 @@ use crate::scene::{DrawnScene, Figure};
 const MODULE_HEIGHT: f64 = 0.3;
 const LABEL_HEIGHT: f64 = 0.35;
 const LINE_WIDTH: f64 = 0.05;
-/// Links are drawn thicker than what is only meant to be.
+/// Links are drawn thicker than edges of the target that nobody has docked yet.
 const LINK_WIDTH: f64 = 0.15;
 
 const GREY: ColorRGBA = colour(0.5, 0.5, 0.5, 0.6);

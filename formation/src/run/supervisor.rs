@@ -17,7 +17,7 @@ use signal_hook::iterator::{Handle, Signals};
 
 use super::tail::{LINE_BYTES_MAX, Tail, for_each_line};
 
-/// Inputs that wait for the owning thread; beyond that, readers wait, and with them the processes.
+/// How many inputs may wait for the owning thread. When there are more, the readers block, and so do the processes.
 const INPUTS_MAX: usize = 1_024;
 /// A line of results lists every module, so it may be long.
 const RESULT_BYTES_MAX: u64 = 16 * 1024 * 1024;

@@ -22,7 +22,7 @@ pub(super) enum Phase {
 }
 
 impl Phase {
-    /// All of them, in order.
+    /// All phases, in order.
     pub const ALL: [Self; 4] = [Self::Regroup, Self::Turn, Self::Column, Self::Row];
 
     /// The phase before a shift.

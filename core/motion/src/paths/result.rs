@@ -46,7 +46,7 @@ pub struct MotionRequest<'a> {
     pub obstacles: &'a [Area],
     /// The walls around the field, if it has any.
     pub walls: Option<Area>,
-    /// Limits.
+    /// The limits of the search.
     pub parameters: MotionParameters,
 }
 

@@ -62,7 +62,7 @@ pub fn frame(
     lines.iter().map(|line| cut(line, columns, tail)).collect()
 }
 
-/// A line that fits into so many columns: cut between two words where that leaves most of it.
+/// The line, shortened to this many columns: between two words, unless that loses most of it.
 fn cut(line: &str, columns: usize, tail: &str) -> String {
     if measure_text_width(line) <= columns {
         return line.to_owned();

@@ -52,7 +52,7 @@ impl Keys {
         Some(Self { before })
     }
 
-    /// What was asked for since the last call.
+    /// The key that was pressed since the last call.
     pub fn pressed(&self) -> Option<Key> {
         let input = stdin();
         let mut ready = [PollFd::new(&input, PollFlags::IN)];
