@@ -118,6 +118,11 @@ pub enum FormationCommand {
     /// Targets and configurations are trees on the unit lattice. The modules start at random poses in a square field about the
     /// target. The same options give the same scenario.
     Generate(GenerateArguments),
+    /// Import the walls of a map: a YAML file of ROS 2 with its image, or a grid map of the MovingAI benchmarks (.map).
+    ///
+    /// Prints obstacles and arena for a scenario file, in cells of the size of a module, with middles at whole units. A cell is
+    /// closed if anything occupied or unknown reaches into it.
+    Import(ImportArguments),
     /// Simulate many agents in one process, in virtual time, on a seeded network and with faults.
     ///
     /// Each seed is one run, the same each time. Every run is checked for what must always hold: at most one module per
@@ -130,6 +135,25 @@ pub enum FormationCommand {
     /// file per figure and `summary.md`; `experiments/plot.py OUT` draws the plots. After an interruption the same command
     /// continues where it stopped.
     Experiments(ExperimentsArguments),
+}
+
+/// What to import.
+#[derive(Debug, Args)]
+pub struct ImportArguments {
+    /// The map: FILE.yaml of ROS 2, which names a PGM or PNG image, or FILE.map of MovingAI.
+    pub map: PathBuf,
+    /// The size of a module in metres, which is a unit of the scenario; without meaning for FILE.map, where a character is a cell.
+    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
+    pub module_size: f64,
+    /// Print a whole scenario: a connected target of N spots, and N single modules, on random free cells of the largest part.
+    #[arg(long, value_name = "N")]
+    pub modules: Option<usize>,
+    /// The seed of the random numbers.
+    #[arg(long, value_name = "X", default_value_t = 0, requires = "modules")]
+    pub seed: u64,
+    /// Leave cells open of which the map does not know whether they are occupied.
+    #[arg(long)]
+    pub unknown_is_free: bool,
 }
 
 /// Where the manual goes.

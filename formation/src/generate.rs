@@ -48,7 +48,7 @@ pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
 /// Writes a scenario as people write it, a spot or a module a line.
 ///
 /// The planner section is left out: generated scenarios have its defaults.
-fn to_yaml(scenario: &RawScenario) -> String {
+pub fn to_yaml(scenario: &RawScenario) -> String {
     let mut text = format!(
         "name: {}\ntarget:\n  frame_id: {}\n  spots:\n",
         quoted(&scenario.name),

@@ -8,6 +8,8 @@ mod console;
 mod experiments;
 mod explain;
 mod generate;
+#[cfg(feature = "maps")]
+mod import;
 mod joining;
 mod manual;
 mod motion;
@@ -85,6 +87,12 @@ fn main() -> ExitCode {
             .and_then(|script| console::result_line(script.trim_end())),
         FormationCommand::Manual(arguments) => manual::run(Arguments::command(), &arguments),
         FormationCommand::Generate(arguments) => generate::run(&arguments),
+        #[cfg(feature = "maps")]
+        FormationCommand::Import(arguments) => import::run(&arguments),
+        #[cfg(not(feature = "maps"))]
+        FormationCommand::Import(_) => Err(ros_runtime::exit::Failure::bad_input(
+            "this program was built without the reader of maps; `cargo build --release -p formation` includes it",
+        )),
         FormationCommand::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(feature = "experiments")]
         FormationCommand::Experiments(arguments) => experiments::run(&arguments),

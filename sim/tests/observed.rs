@@ -13,7 +13,7 @@ use formation_model::{
 use formation_planner as planner;
 use formation_protocol::{Agent, Mutation};
 use formation_sim::{AgentFactory, Cluster, ClusterParameters, NetworkParameters, Observation};
-use formation_verify::{Violation, Observer, ObserverParameters, Outcome, Verdict};
+use formation_verify::{Observer, ObserverParameters, Outcome, Verdict, Violation};
 
 fn problem(modules: usize, spots: usize, seed: u64) -> PlanningProblem {
     problem_of(modules, spots, Grouping::Mixed, seed)
@@ -166,8 +166,7 @@ fn modules_that_do_not_wait_are_found_by_what_they_publish() {
     for seed in 0..20 {
         let verdict = judge_paths(agents.clone(), &apart(18, seed), seed, |_| {});
         let mut violations = verdict.violations.iter();
-        early +=
-            u32::from(violations.any(|one| matches!(one, Violation::WaitNotKept { .. })));
+        early += u32::from(violations.any(|one| matches!(one, Violation::WaitNotKept { .. })));
         met += u32::from(verdict.collision_risk.is_some());
     }
     println!("waits {early}, overlaps {met} of 20 runs");

@@ -8,6 +8,7 @@
 //! A scenario is plain data: planning draws no random numbers.
 
 mod apart;
+mod on_cells;
 mod random;
 mod tree;
 
@@ -20,6 +21,7 @@ use formation_model::{
     MICRO_PER_UNIT, MODULES_MAX, MicroUnits, PlannerParameters, Pose, RawConfiguration, RawModule,
     RawScenario, RawSpot, RawTarget, SPOTS_MAX,
 };
+pub use on_cells::{LatticeCell, on_cells};
 pub use random::Random;
 use tree::{Cell, DrawnTree};
 

@@ -3,6 +3,7 @@
 //!
 //! Raw input becomes a validated type here, and nowhere else.
 
+mod area_union;
 pub mod blocked_spots;
 pub mod body;
 mod closed_roster;

@@ -1,11 +1,11 @@
-//! Maps: targets and modules on a lattice, drawn as text.
+//! Maps: targets, modules and walls on a lattice, drawn as text.
 //!
-//! A spot or module stands at every second column and row. Between two of them, `-` or `|` is a dock. The top line is the
-//! row with the greatest y.
+//! A spot or module stands at every second column and row. Between two of them, `-` or `|` is a dock. `#` closes a place; between
+//! places it may be drawn where it is surrounded by such. The top line is the row with the greatest y.
 
 use std::collections::BTreeMap;
 
-use crate::{FieldError, RawConfiguration, RawModule, RawSpot, Topology};
+use crate::{FieldError, RawArea, RawConfiguration, RawModule, RawSpot, Topology};
 
 /// Where a map lies in the plane.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -23,6 +23,8 @@ pub(crate) struct Map {
     cells: Vec<Cell>,
     /// Pairs of positions in `cells`.
     docks: Vec<(usize, usize)>,
+    /// The row and the column of each closed place.
+    walls: Vec<(usize, usize)>,
     rows: usize,
 }
 
@@ -48,12 +50,15 @@ impl Map {
             .map(|line| line.trim_end().chars().collect())
             .collect();
         let mut cells = Vec::new();
+        let mut walls = Vec::new();
         let mut at = BTreeMap::new();
         for (line, characters) in lines.iter().enumerate() {
             for (column, &letter) in characters.iter().enumerate() {
                 let is_place = line % 2 == 0 && column % 2 == 0;
                 match letter {
                     ' ' | '.' => {}
+                    WALL if is_place => walls.push((line / 2, column / 2)),
+                    WALL => check_between(field, &lines, line, column)?,
                     _ if is_place && letter.is_ascii_alphanumeric() => {
                         at.insert((line, column), cells.len());
                         cells.push(Cell {
@@ -68,7 +73,8 @@ impl Map {
                         return Err(refused(field, line, column, reason));
                     }
                     other => {
-                        let reason = format!("{other:?} is neither a letter nor a dock (`-`, `|`)");
+                        let reason =
+                            format!("{other:?} is no letter, no dock (`-`, `|`) and no wall (`#`)");
                         return Err(refused(field, line, column, &reason));
                     }
                 }
@@ -76,16 +82,57 @@ impl Map {
         }
         let docks = docks(field, &lines, &at)?;
         let rows = lines.len().div_ceil(2);
-        Ok(Self { cells, docks, rows })
+        Ok(Self {
+            cells,
+            docks,
+            walls,
+            rows,
+        })
     }
 
     fn position(&self, cell: Cell, lattice: Lattice) -> (f64, f64) {
+        self.middle(cell.row, cell.column, lattice)
+    }
+
+    /// The middle of a place.
+    fn middle(&self, row: usize, column: usize, lattice: Lattice) -> (f64, f64) {
         #[expect(clippy::cast_precision_loss, reason = "a map has few rows and columns")]
         let along = |from: f64, steps: usize| from + lattice.pitch * steps as f64;
         (
-            along(lattice.origin[0], cell.column),
-            along(lattice.origin[1], self.rows - 1 - cell.row),
+            along(lattice.origin[0], column),
+            along(lattice.origin[1], self.rows - 1 - row),
         )
+    }
+
+    /// The walls, a box for each closed place.
+    pub(crate) fn walls(
+        &self,
+        field: &str,
+        lattice: Lattice,
+        spots: &[RawSpot],
+    ) -> Result<Vec<RawArea>, FieldError> {
+        let mut walls = Vec::with_capacity(self.walls.len());
+        for &(row, column) in &self.walls {
+            let (x, y) = self.middle(row, column, lattice);
+            let reach = f64::midpoint(lattice.pitch, 1.0);
+            let covers = |spot: &&RawSpot| (spot.x - x).abs() < reach && (spot.y - y).abs() < reach;
+            if let Some(spot) = spots.iter().find(covers) {
+                let reason = format!("this wall closes spot {}", spot.id);
+                return Err(refused(field, row * 2, column * 2, &reason));
+            }
+            walls.push(RawArea {
+                x,
+                y,
+                width: lattice.pitch,
+                height: lattice.pitch,
+            });
+        }
+        Ok(walls)
+    }
+
+    /// Whether any place is closed.
+    pub(crate) fn has_walls(&self) -> bool {
+        !self.walls.is_empty()
     }
 
     /// The lattice, if no module on it stands on a spot or reaches into its cell; else one on which the modules stand below
@@ -182,6 +229,36 @@ impl Map {
         }
         Ok((configurations, singles))
     }
+}
+
+/// The character of a wall.
+const WALL: char = '#';
+
+/// Checks a wall that is drawn between places: all places next to it must be closed.
+fn check_between(
+    field: &str,
+    lines: &[Vec<char>],
+    line: usize,
+    column: usize,
+) -> Result<(), FieldError> {
+    let around = |at: usize| match at % 2 {
+        0 => [at, at],
+        _ => [at - 1, at + 1],
+    };
+    let is_closed = |line: usize, column: usize| {
+        let place = lines.get(line).and_then(|line| line.get(column));
+        place == Some(&WALL)
+    };
+    let (lines_around, columns_around) = (around(line), around(column));
+    let mut places = lines_around
+        .iter()
+        .flat_map(|&line| columns_around.map(|column| (line, column)));
+    if places.all(|(line, column)| is_closed(line, column)) {
+        return Ok(());
+    }
+    let reason = "a wall closes whole places; between places it may stand only where all of those next to it are closed; \
+                  places are the columns and lines 1, 3, 5, ...";
+    Err(refused(field, line, column, reason))
 }
 
 /// The docks of a map, each between two places.
@@ -316,6 +393,35 @@ mod tests {
     }
 
     #[test]
+    fn a_hash_closes_its_place() {
+        let closed = "#####\n#   #\n# A #\n#   #\n#####\n";
+        assert_eq!(Map::read("modules", closed).unwrap().walls.len(), 8);
+        let map = Map::read("target", "###\n#\n# o\n").unwrap();
+        let (spots, _) = map.target(LATTICE, None).unwrap();
+        assert_eq!((spots[0].x, spots[0].y), (6.0, 7.0));
+        let walls = map.walls("target", LATTICE, &spots).unwrap();
+        let middles: Vec<(f64, f64)> = walls.iter().map(|wall| (wall.x, wall.y)).collect();
+        assert_eq!(middles, [(5.0, 8.0), (6.0, 8.0), (5.0, 7.0)]);
+        assert!(
+            walls
+                .iter()
+                .all(|wall| (wall.width, wall.height) == (1.0, 1.0))
+        );
+        let other = RawSpot {
+            id: 9,
+            x: 5.5,
+            y: 7.0,
+            theta: 0.0,
+        };
+        assert_eq!(
+            map.walls("target", LATTICE, &[other])
+                .unwrap_err()
+                .to_string(),
+            "target.map: line 3 column 1: this wall closes spot 9"
+        );
+    }
+
+    #[test]
     fn docked_letters_are_a_configuration_and_others_are_single() {
         let map = Map::read("modules", "A-A   B   C\n|\nA\n").unwrap();
         let (configurations, singles) = map.modules(LATTICE, None).unwrap();
@@ -341,7 +447,12 @@ mod tests {
             ),
             (
                 "o*o\n",
-                "target.map: line 1 column 2: '*' is neither a letter nor a dock (`-`, `|`)",
+                "target.map: line 1 column 2: '*' is no letter, no dock (`-`, `|`) and no wall (`#`)",
+            ),
+            (
+                "o # o\n  #\no   o\n",
+                "target.map: line 2 column 3: a wall closes whole places; between places it may stand only where all of those \
+                 next to it are closed; places are the columns and lines 1, 3, 5, ...",
             ),
         ] {
             assert_eq!(Map::read("target", text).unwrap_err().to_string(), expected);

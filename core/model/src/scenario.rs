@@ -235,15 +235,19 @@ impl TryFrom<RawScenario> for Scenario {
         let in_target = |error: FieldError| error.within("target");
         let module_size = raw.module_size.map(ModuleSize::from_metres).transpose();
         let module_size = module_size.map_err(|error| FieldError::new("module_size", error))?;
-        let surroundings = Surroundings::try_from(RawSurroundings {
+        let raw_surroundings = RawSurroundings {
             body_width: raw.body_width,
             obstacles: raw.obstacles,
             arena: raw.arena,
-        })?;
+        };
+        let surroundings = Surroundings::try_from(raw_surroundings.clone())?;
         for (index, spot) in raw.target.spots.iter().enumerate() {
             check_heading(&format!("spots[{index}]"), SpotId(spot.id), spot).map_err(in_target)?;
         }
         let target = Target::try_from(raw.target).map_err(in_target)?;
+        if surroundings.check_spots(target.spots()).is_err() {
+            raw_surroundings.check_spots(target.spots())?;
+        }
         let target = target.within(surroundings)?;
         if !target.surroundings().is_open() && raw.planner.motion == MotionMode::Straight {
             let reason = "straight lines would lead through obstacles and walls";

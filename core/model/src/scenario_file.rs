@@ -67,8 +67,10 @@ fn lattice(
 }
 
 impl TargetSection {
-    fn listed(self) -> Result<RawTarget, FieldError> {
+    /// The target, and the walls in its map.
+    fn listed(self) -> Result<(RawTarget, Vec<RawArea>), FieldError> {
         let frame_id = self.frame_id.unwrap_or_else(|| "map".to_owned());
+        let mut walls = Vec::new();
         let (spots, edges) = match (self.spots, self.map) {
             (Some(spots), None) => {
                 if self.origin.is_some() || self.pitch.is_some() || self.ids.is_some() {
@@ -82,18 +84,22 @@ impl TargetSection {
                     return Err(FieldError::new("target.edges", "the map has them"));
                 }
                 let lattice = lattice("target", self.origin, self.pitch)?;
-                Map::read("target", &map)?.target(lattice, self.ids.as_deref())?
+                let map = Map::read("target", &map)?;
+                let (spots, edges) = map.target(lattice, self.ids.as_deref())?;
+                walls = map.walls("target", lattice, &spots)?;
+                (spots, edges)
             }
             (Some(_), Some(_)) => {
                 return Err(FieldError::new("target", "has both `spots` and `map`"));
             }
             (None, None) => return Err(FieldError::new("target", "needs `spots` or `map`")),
         };
-        Ok(RawTarget {
+        let target = RawTarget {
             frame_id,
             spots,
             edges,
-        })
+        };
+        Ok((target, walls))
     }
 }
 
@@ -127,7 +133,9 @@ impl TryFrom<ScenarioFile> for RawScenario {
     type Error = FieldError;
 
     fn try_from(file: ScenarioFile) -> Result<Self, FieldError> {
-        let target = file.target.listed()?;
+        let (target, walls) = file.target.listed()?;
+        let mut obstacles = file.obstacles;
+        obstacles.extend(walls);
         let (mut configurations, mut singletons) = (file.configurations, file.singletons);
         if let Some(drawn) = file.modules {
             if !(configurations.is_empty() && singletons.is_empty()) {
@@ -137,10 +145,11 @@ impl TryFrom<ScenarioFile> for RawScenario {
             let mut lattice = lattice("modules", drawn.origin, drawn.pitch)?;
             let map = Map::read("modules", &drawn.map)?;
             // Within walls there may be no room beside the target.
-            if drawn.origin.is_none() && file.arena.is_none() {
+            if drawn.origin.is_none() && file.arena.is_none() && !map.has_walls() {
                 lattice = map.clear_of(&target.spots, lattice);
             }
             (configurations, singletons) = map.modules(lattice, drawn.ids.as_deref())?;
+            obstacles.extend(map.walls("modules", lattice, &target.spots)?);
         }
         Ok(Self {
             name: file.name,
@@ -150,7 +159,7 @@ impl TryFrom<ScenarioFile> for RawScenario {
             planner: file.planner,
             module_size: file.module_size,
             body_width: file.body_width,
-            obstacles: file.obstacles,
+            obstacles,
             arena: file.arena,
         })
     }
@@ -322,6 +331,19 @@ modules:
         assert_eq!(places(placed), [(0.0, 0.0), (1.0, 0.0)]);
         let listed = "{target: {spots: [{id: 1, x: 0.5, y: 0.5}]}, modules: {map: 's', pitch: 2}}";
         assert_eq!(places(listed), [(0.5, -1.5)]);
+    }
+
+    #[test]
+    fn walls_are_drawn_with_modules_and_spots() {
+        let listed = "{target: {spots: [{id: 1, x: 2, y: 0}]}, singletons: [{id: 1, x: 0, y: 0}], \
+                      obstacles: [{x: 1, y: 0.5, width: 1, height: 2}, {x: 2, y: 1, width: 1, height: 1}]}";
+        let drawn = "target: {spots: [{id: 1, x: 2, y: 0}]}\nmodules:\n  map: |\n    . ###\n      #\n    A #\n";
+        let [listed, drawn] = [listed, drawn].map(|text| Scenario::from_yaml(text).unwrap());
+        assert_eq!(listed.problem(), drawn.problem());
+        assert_eq!(
+            listed.problem().target().surroundings().obstacles().len(),
+            2
+        );
     }
 
     #[test]

@@ -4,13 +4,17 @@ use std::fmt;
 
 use serde::{Deserialize, Serialize};
 
+use crate::area_union::{UnionError, union};
 use crate::{FieldError, MICRO_PER_UNIT, MicroUnits, Spot};
 
 /// The width of a body in units, unless a scenario gives another.
 pub const BODY_WIDTH: MicroUnits = MicroUnits(900_000);
 
-/// The most obstacles of one target.
-pub const OBSTACLES_MAX: usize = 1_000;
+/// The most obstacles of one target, and of a message; those that touch or overlap each other are joined first.
+pub const OBSTACLES_MAX: usize = 2_000;
+
+/// The most boxes in a file, where a wall may be drawn cell by cell.
+pub const DRAWN_BOXES_MAX: usize = 20_000;
 
 /// The least width of a body.
 const BODY_WIDTH_MIN: MicroUnits = MicroUnits(100_000);
@@ -132,6 +136,36 @@ impl Area {
     }
 }
 
+impl RawSurroundings {
+    /// The obstacles as they are written.
+    fn drawn(&self) -> Result<Vec<Area>, FieldError> {
+        let count = self.obstacles.len();
+        if count > DRAWN_BOXES_MAX {
+            let reason = format!("{count} entries; at most {DRAWN_BOXES_MAX} are supported");
+            return Err(FieldError::new("obstacles", reason));
+        }
+        let obstacles = self.obstacles.iter().enumerate();
+        let drawn =
+            obstacles.map(|(index, &area)| Area::checked(&format!("obstacles[{index}]"), area));
+        drawn.collect()
+    }
+
+    /// Refuses a spot whose cell lies on one of these obstacles, which it names by its place in the list.
+    pub(crate) fn check_spots(&self, spots: &[Spot]) -> Result<(), FieldError> {
+        for (index, obstacle) in self.drawn()?.iter().enumerate() {
+            let mut spots = spots.iter();
+            if let Some(spot) = spots.find(|spot| obstacle.overlaps(&Area::cell(spot))) {
+                let field = format!("obstacles[{index}]");
+                return Err(FieldError::new(
+                    field,
+                    format_args!("{} lies on it", spot.id),
+                ));
+            }
+        }
+        Ok(())
+    }
+}
+
 impl TryFrom<RawSurroundings> for Surroundings {
     type Error = FieldError;
 
@@ -147,18 +181,21 @@ impl TryFrom<RawSurroundings> for Surroundings {
                 "must lie between {least} units and {pitch}, got {given}"
             )));
         }
-        if raw.obstacles.len() > OBSTACLES_MAX {
-            let count = raw.obstacles.len();
-            let reason = format!("{count} entries; at most {OBSTACLES_MAX} are supported");
-            return Err(FieldError::new("obstacles", reason));
-        }
-        let obstacles = raw.obstacles.into_iter().enumerate();
-        let obstacles =
-            obstacles.map(|(index, area)| Area::checked(&format!("obstacles[{index}]"), area));
+        let drawn = raw.drawn()?;
+        let obstacles = union(&drawn, OBSTACLES_MAX).map_err(|error| {
+            let reason = match error {
+                UnionError::TooMany => format!(
+                    "make more than {OBSTACLES_MAX} rectangles even where those that touch are joined; draw them \
+                     coarser, as each closes all cells of the lattice that it reaches into"
+                ),
+                UnionError::TooDense => "overlap each other too often; draw each wall once".to_owned(),
+            };
+            FieldError::new("obstacles", reason)
+        })?;
         let arena = raw.arena.map(|area| Area::checked("arena", area));
         Ok(Self {
             body_width,
-            obstacles: obstacles.collect::<Result<_, _>>()?,
+            obstacles,
             arena: arena.transpose()?,
         })
     }
@@ -171,7 +208,7 @@ impl Surroundings {
         self.body_width
     }
 
-    /// Where no module may go.
+    /// Where no module may go: disjoint rectangles in a form that depends on the area alone that they cover.
     #[must_use]
     pub fn obstacles(&self) -> &[Area] {
         &self.obstacles
@@ -206,9 +243,10 @@ impl Surroundings {
                 return Err(FieldError::new("arena", format_args!("{id} is beyond it")));
             }
             let mut obstacles = self.obstacles.iter();
-            if let Some(index) = obstacles.position(|obstacle| obstacle.overlaps(&cell)) {
-                let field = format!("obstacles[{index}]");
-                return Err(FieldError::new(field, format_args!("{id} lies on it")));
+            if let Some(obstacle) = obstacles.find(|obstacle| obstacle.overlaps(&cell)) {
+                let RawArea { x, y, .. } = obstacle.to_raw();
+                let reason = format_args!("{id} lies on the one around x {x}, y {y}");
+                return Err(FieldError::new("obstacles", reason));
             }
         }
         Ok(())

@@ -1,0 +1,133 @@
+use std::fs;
+use std::path::PathBuf;
+
+use formation_model::Scenario;
+use tempfile::TempDir;
+
+use super::*;
+
+fn arguments(map: PathBuf) -> ImportArguments {
+    ImportArguments {
+        map,
+        module_size: 1.0,
+        modules: None,
+        seed: 0,
+        unknown_is_free: false,
+    }
+}
+
+/// A map of 4 by 3 pixels of half a metre: a black wall on the left, one unknown pixel at the top right.
+fn occupancy_map(yaml: &str) -> (TempDir, PathBuf) {
+    let directory = tempfile::tempdir().unwrap();
+    let pixels = [0, 254, 254, 205, 0, 254, 254, 254, 0, 254, 254, 254];
+    let mut image = b"P5\n# saved\n4 3\n255\n".to_vec();
+    image.extend(pixels);
+    fs::write(directory.path().join("floor.pgm"), image).unwrap();
+    let path = directory.path().join("floor.yaml");
+    fs::write(&path, yaml).unwrap();
+    (directory, path)
+}
+
+const FLOOR: &str = "image: floor.pgm\nresolution: 0.5\norigin: [-0.25, -0.25, 0.0]\nnegate: 0\noccupied_thresh: 0.65\nfree_thresh: 0.196\nmode: trinary\n";
+
+#[test]
+fn walls_of_an_occupancy_map_are_those_of_a_scenario() {
+    let (_directory, path) = occupancy_map(FLOOR);
+    let half = ImportArguments {
+        module_size: 0.5,
+        ..arguments(path.clone())
+    };
+    let text = import(&path, &half).unwrap();
+    assert_eq!(
+        text,
+        "module_size: 0.5\nobstacles:\n  - {x: 0.0, y: 0.0, width: 1, height: 1}\n  - {x: 0.0, y: 1.0, width: 1, height: 1}\n  \
+         - {x: 0.0, y: 2.0, width: 1, height: 1}\n  - {x: 3.0, y: 2.0, width: 1, height: 1}\narena: {x: 1.5, y: 1.0, width: 4, height: 3}\n"
+    );
+    let known = ImportArguments {
+        unknown_is_free: true,
+        ..half
+    };
+    assert!(!import(&path, &known).unwrap().contains("x: 3.0"));
+    let scenario = format!(
+        "target: {{spots: [{{id: 1, x: 1, y: 0}}]}}\nsingletons: [{{id: 1, x: 2, y: 2}}]\n{text}"
+    );
+    let scenario = Scenario::from_yaml(&scenario).unwrap();
+    let obstacles = scenario.problem().target().surroundings().obstacles();
+    assert_eq!(obstacles.len(), 2, "the wall is one rectangle");
+}
+
+/// Modules of two pixels: each cell into which an occupied pixel reaches is closed.
+#[test]
+fn a_pixel_closes_each_cell_that_it_reaches_into() {
+    let (_directory, path) =
+        occupancy_map(&FLOOR.replace("[-0.25, -0.25, 0.0]", "[0.25, -0.5, 0]"));
+    let text = import(&path, &arguments(path.clone())).unwrap();
+    // The image covers x 0.25 to 2.25 and y -0.5 to 1.0: one whole cell, from x 0.5 to 1.5, which the wall reaches by a quarter.
+    assert_eq!(
+        text,
+        "module_size: 1.0\nobstacles:\n  - {x: 1.0, y: 0.0, width: 1, height: 1}\narena: {x: 1.0, y: 0.0, width: 1, height: 1}\n"
+    );
+}
+
+#[test]
+fn what_is_wrong_with_a_map_is_named() {
+    for (change, expected) in [
+        (
+            ("resolution: 0.5", "resolution: 0"),
+            "resolution: must be a positive number of metres, got 0",
+        ),
+        (
+            ("0.25, 0.0]", "0.25, 0.3]"),
+            "origin: the map is turned by 0.3; only maps along the axes of their frame can be read",
+        ),
+        (("floor.pgm", "none.pgm"), "image none.pgm: "),
+        (
+            ("resolution: 0.5\n", ""),
+            "is no map of ROS 2: missing field `resolution`",
+        ),
+        (
+            ("floor.pgm", "floor.yaml"),
+            "image floor.yaml: is neither PGM nor PNG",
+        ),
+    ] {
+        let (_directory, path) = occupancy_map(&FLOOR.replace(change.0, change.1));
+        let error = format!("{:#}", import(&path, &arguments(path.clone())).unwrap_err());
+        assert!(error.starts_with(expected), "{error}");
+    }
+}
+
+#[test]
+fn a_scenario_is_drawn_between_the_walls_of_a_benchmark() {
+    let directory = tempfile::tempdir().unwrap();
+    let path = directory.path().join("ring.map");
+    fs::write(
+        &path,
+        "type octile\nheight 4\nwidth 6\nmap\n......\n.@@@@.\n.@@@@.\n......\n",
+    )
+    .unwrap();
+    let wanted = ImportArguments {
+        modules: Some(8),
+        seed: 3,
+        ..arguments(path.clone())
+    };
+    let text = import(&path, &wanted).unwrap();
+    let scenario = Scenario::from_yaml(&text).unwrap();
+    assert_eq!(scenario.name(), "ring_8_3");
+    assert_eq!(scenario.problem().modules().len(), 8);
+    let surroundings = scenario.problem().target().surroundings();
+    assert_eq!(
+        (
+            surroundings.obstacles().len(),
+            surroundings.arena().is_some()
+        ),
+        (1, true)
+    );
+    let too_many = ImportArguments {
+        modules: Some(9),
+        ..wanted
+    };
+    assert_eq!(
+        import(&path, &too_many).unwrap_err().to_string(),
+        "--modules 9: the largest connected part of the 16 free cells has no room for as many spots and modules"
+    );
+}
