@@ -23,6 +23,7 @@ mod scenario_file;
 #[cfg(feature = "zenoh")]
 mod security;
 mod show;
+#[cfg(feature = "simulator")]
 mod simulate;
 mod table;
 mod warnings;
@@ -74,20 +75,29 @@ fn main() -> ExitCode {
         #[cfg(feature = "recordings")]
         Command::Report(arguments) => recorded::run(&arguments),
         #[cfg(not(feature = "recordings"))]
-        Command::Report(_) => Err(ros_runtime::exit::Failure::bad_input(
-            "this program was built without recordings; `cargo build --release -p formation` includes them",
-        )),
+        Command::Report(_) => Err(not_built("report", "recordings")),
         Command::Completions { shell } => completions(&mut Arguments::command(), &shell)
             .and_then(|script| console::result_line(script.trim_end())),
         Command::Manual(arguments) => manual::run(Arguments::command(), &arguments),
         Command::Generate(arguments) => generate::run(&arguments),
+        #[cfg(feature = "simulator")]
         Command::Simulate(arguments) => simulate::run(&arguments),
+        #[cfg(not(feature = "simulator"))]
+        Command::Simulate(_) => Err(not_built("simulate", "simulator")),
         #[cfg(feature = "experiments")]
         Command::Experiments(arguments) => experiments::run(&arguments),
         #[cfg(not(feature = "experiments"))]
-        Command::Experiments(_) => Err(ros_runtime::exit::Failure::bad_input(
-            "this program was built without the experiments; `cargo build --release -p formation` includes them",
-        )),
+        Command::Experiments(_) => Err(not_built("experiments", "experiments")),
     };
     conclude(outcome.map(|()| STATUS_DONE))
+}
+
+/// What a command answers that needs a cargo feature which this build lacks. The features are those of a build with no options
+/// about them.
+#[cfg(not(all(feature = "experiments", feature = "recordings", feature = "simulator")))]
+fn not_built(command: &str, feature: &str) -> ros_runtime::exit::Failure {
+    ros_runtime::exit::Failure::bad_input(format_args!(
+        "`formation {command}` needs the cargo feature `{feature}`, which this program was built without; \
+         `cargo build --release -p formation` includes it"
+    ))
 }
