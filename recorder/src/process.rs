@@ -16,7 +16,7 @@ use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::session::{Session, SessionError, rejoining};
 use ros_runtime::settings::Settings;
-use ros_runtime::topic::Topic;
+use ros_runtime::topic::{Topic, Untyped};
 use ros_runtime::type_hash::Interfaces;
 
 use crate::file::{RecordedTopic, RecordingFile, Written};
@@ -61,9 +61,12 @@ impl RecorderProcess {
     ) -> Result<Option<Written>, SessionError> {
         let parameters = self.settings.declare(NODE_NAME, Vec::new())?;
         let mut session = Session::join(&self.settings, NODE_NAME, parameters)?;
-        let mut inputs = subscribe(&mut session)?;
-        for &module in &self.modules {
-            subscribe_module(&mut session, &mut inputs, module)?;
+        let mut inputs = Inputs::default();
+        let of_formation = topics::all().into_iter().map(|listed| listed.topic);
+        let of_modules = self.modules.iter().copied();
+        let of_modules = of_modules.flat_map(topics::all_of_module);
+        for topic in of_formation.chain(of_modules) {
+            subscribe(&mut session, &mut inputs, &topic)?;
         }
         let mut recorder = Recorder {
             queue,
@@ -84,41 +87,10 @@ impl RecorderProcess {
     }
 }
 
-/// Subscribes every topic of the formation that is not of one module.
-fn subscribe(session: &mut Session) -> Result<Inputs<Item>, SessionError> {
-    let mut inputs = Inputs::default();
-    add(session, &mut inputs, &topics::TARGET)?;
-    add(session, &mut inputs, &topics::MODULE_STATES)?;
-    add(session, &mut inputs, &topics::ROSTER)?;
-    add(session, &mut inputs, &topics::claims(1))?;
-    add(session, &mut inputs, &topics::EVICTIONS)?;
-    add(session, &mut inputs, &topics::HEARTBEATS)?;
-    add(session, &mut inputs, &topics::COMMANDS)?;
-    add(session, &mut inputs, &topics::VERDICT)?;
-    add(session, &mut inputs, &topics::MARKERS)?;
-    add(session, &mut inputs, &topics::TRANSFORMS)?;
-    add(session, &mut inputs, &topics::FIXED_TRANSFORMS)?;
-    Ok(inputs)
-}
-
-/// Subscribes the topics between a module and its driver.
-fn subscribe_module(
+fn subscribe(
     session: &mut Session,
     inputs: &mut Inputs<Item>,
-    module: ModuleId,
-) -> Result<(), SessionError> {
-    add(session, inputs, &topics::goal_pose(module))?;
-    add(session, inputs, &topics::path(module))?;
-    add(session, inputs, &topics::docking(module))?;
-    add(session, inputs, &topics::driver_pose(module))?;
-    add(session, inputs, &topics::driver_odometry(module))?;
-    add(session, inputs, &topics::docking_result(module))
-}
-
-fn add<M: 'static>(
-    session: &mut Session,
-    inputs: &mut Inputs<Item>,
-    topic: &Topic<M>,
+    topic: &Topic<Untyped>,
 ) -> Result<(), SessionError> {
     let (package, type_name) = topic.type_name();
     let recorded = Arc::new(RecordedTopic {
