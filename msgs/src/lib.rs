@@ -147,6 +147,7 @@ macro_rules! interfaces {
                 Stop;
                 TargetConfiguration => model::TargetAnnouncement, TARGET, with_lengths;
                 Verdict;
+                WorldReport;
             }
             srv {
                 AddModule: AddModuleRequest = "AddModule_Request", AddModuleResponse = "AddModule_Response";
@@ -187,6 +188,7 @@ mod standard;
 mod target;
 pub mod topic;
 mod verdict;
+mod world_report;
 
 use formation_model as model;
 
@@ -214,6 +216,7 @@ pub use session::{InSession, SessionId};
 pub use standard::{Duration, Header, Time};
 pub use target::{Area, Edge, PlannerParameters, PolicyOption, Spot, TargetConfiguration};
 pub use verdict::Verdict;
+pub use world_report::WorldReport;
 
 /// Stands for "none" where an identifier is optional.
 pub const NONE: u32 = model::NO_ID;

@@ -7,7 +7,7 @@ use formation_msgs::external::tf2_msgs::TFMessage;
 use formation_msgs::external::visualization_msgs::MarkerArray;
 use formation_msgs::{
     DockingRequest, DockingResult, Eviction, Heartbeat, InterfaceType, ModuleStates,
-    OperatorCommand, Roster, SpotClaim, TargetConfiguration, Verdict, topic,
+    OperatorCommand, Roster, SpotClaim, TargetConfiguration, Verdict, WorldReport, topic,
 };
 use ros_runtime::topic::{Quality, Topic, Untyped};
 
@@ -79,6 +79,8 @@ topics! {
     COMMANDS: OperatorCommand = topic::COMMANDS, LATCHED, [TargetPublisher, Operator];
     /// The verifier's verdict.
     VERDICT: Verdict = topic::VERDICT, LATCHED, [Verifier];
+    /// What a physical world counts.
+    WORLD_REPORT: WorldReport = "world_report", LATCHED, [Module];
     /// The formation as markers; each sample is the whole picture.
     MARKERS: MarkerArray = "markers", LATCHED, [Visualiser];
     /// The poses of modules.
