@@ -14,7 +14,8 @@ status=0
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 5-40 --faults mixed || status=1
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 2-12 --faults hostile || status=1
 nice -n 5 "${CARGO_TARGET_DIR:-target}/release/formation" simulate --seeds "$seeds" --modules 2-12 --faults churn || status=1
-FORMATION_EXPLORE=large nice -n 5 cargo test --release --quiet -p formation_sim --test all -- exploration:: --nocapture || status=1
-nice -n 5 cargo test --release --quiet -p formation_sim --test all -- --ignored stores:: majority_model:: mutations:: --nocapture || status=1
+FORMATION_EXPLORE=large nice -n 5 cargo test --release --quiet -p formation_sim_with_bugs --test all -- exploration:: --nocapture || status=1
+nice -n 5 cargo test --release --quiet -p formation_sim --test all -- --ignored majority_model:: --nocapture || status=1
+nice -n 5 cargo test --release --quiet -p formation_sim_with_bugs --test all -- --ignored stores:: mutations:: --nocapture || status=1
 nice -n 5 cargo test --release --quiet -p formation_motion --test all -- --ignored motion_ --nocapture || status=1
 exit "$status"

@@ -4,9 +4,11 @@ use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
 
+#[cfg(feature = "simulator")]
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use formation_model::{MICRO_PER_UNIT, MicroUnits};
+#[cfg(feature = "simulator")]
 use formation_sim::FaultKind;
 use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::Domain;
@@ -138,6 +140,7 @@ pub enum FormationCommand {
 }
 
 /// What to import.
+#[cfg(feature = "maps")]
 #[derive(Debug, Args)]
 pub struct ImportArguments {
     /// The map: FILE.yaml of ROS 2, which names a PGM or PNG image, or FILE.map of MovingAI.
@@ -156,6 +159,28 @@ pub struct ImportArguments {
     pub unknown_is_free: bool,
 }
 
+/// The arguments of a command that this build lacks, taken as they come: the answer is about the build, whatever they are.
+#[cfg(not(all(
+    feature = "experiments",
+    feature = "maps",
+    feature = "recordings",
+    feature = "simulator"
+)))]
+#[derive(Debug, Args)]
+pub struct AnyArguments {
+    #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]
+    _ignored: Vec<std::ffi::OsString>,
+}
+
+#[cfg(not(feature = "experiments"))]
+type ExperimentsArguments = AnyArguments;
+#[cfg(not(feature = "maps"))]
+type ImportArguments = AnyArguments;
+#[cfg(not(feature = "recordings"))]
+type ReportArguments = AnyArguments;
+#[cfg(not(feature = "simulator"))]
+type SimulateArguments = AnyArguments;
+
 /// Where the manual goes.
 #[derive(Debug, Args)]
 pub struct ManualArguments {
@@ -168,6 +193,7 @@ pub struct ManualArguments {
 }
 
 /// What to draw of a recording.
+#[cfg(feature = "recordings")]
 #[derive(Debug, Args)]
 pub struct ReportArguments {
     /// The recording (MCAP), as `formation run --record` and the program `recorder` write it, or the folder of a bag.
@@ -512,6 +538,7 @@ pub struct GenerateArguments {
 }
 
 /// Reads the name of a kind of faults, and lists all names in the help.
+#[cfg(feature = "simulator")]
 fn fault_kind() -> impl TypedValueParser<Value = FaultKind> {
     let names = FaultKind::NAMED.map(|(name, _)| name);
     PossibleValuesParser::new(names).try_map(|name| name.parse::<FaultKind>())
@@ -528,6 +555,7 @@ fn field_width(text: &str) -> Result<u32, String> {
 }
 
 /// What to simulate.
+#[cfg(feature = "simulator")]
 #[derive(Debug, Args)]
 pub struct SimulateArguments {
     /// A scenario file (YAML), or - for the standard input: its modules and target in every run [default: drawn from each
@@ -551,8 +579,10 @@ pub struct SimulateArguments {
 }
 
 /// Larger clusters are possible, but one run takes minutes.
+#[cfg(feature = "simulator")]
 const SIMULATED_MODULES_MAX: usize = 200;
 
+#[cfg(feature = "simulator")]
 fn module_range(text: &str) -> Result<(usize, usize), String> {
     let (min, max) = text.split_once('-').unwrap_or((text, text));
     let bound = |text: &str| text.trim().parse::<usize>().ok();
@@ -565,6 +595,7 @@ fn module_range(text: &str) -> Result<(usize, usize), String> {
 }
 
 /// Which experiments to run, and how.
+#[cfg(feature = "experiments")]
 #[derive(Debug, Args)]
 pub struct ExperimentsArguments {
     /// The directory for the results; created if it does not exist.

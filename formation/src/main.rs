@@ -25,6 +25,7 @@ mod scenario_file;
 #[cfg(feature = "zenoh")]
 mod security;
 mod show;
+#[cfg(feature = "simulator")]
 mod simulate;
 mod table;
 mod warnings;
@@ -80,9 +81,7 @@ fn main() -> ExitCode {
         #[cfg(feature = "recordings")]
         FormationCommand::Report(arguments) => recorded::run(&arguments),
         #[cfg(not(feature = "recordings"))]
-        FormationCommand::Report(_) => Err(ros_runtime::exit::Failure::bad_input(
-            "this program was built without recordings; `cargo build --release -p formation` includes them",
-        )),
+        FormationCommand::Report(_) => Err(not_built("report", "recordings")),
         FormationCommand::Completions { shell } => completions(&mut Arguments::command(), &shell)
             .and_then(|script| console::result_line(script.trim_end())),
         FormationCommand::Manual(arguments) => manual::run(Arguments::command(), &arguments),
@@ -90,16 +89,30 @@ fn main() -> ExitCode {
         #[cfg(feature = "maps")]
         FormationCommand::Import(arguments) => import::run(&arguments),
         #[cfg(not(feature = "maps"))]
-        FormationCommand::Import(_) => Err(ros_runtime::exit::Failure::bad_input(
-            "this program was built without the reader of maps; `cargo build --release -p formation` includes it",
-        )),
+        FormationCommand::Import(_) => Err(not_built("import", "maps")),
+        #[cfg(feature = "simulator")]
         FormationCommand::Simulate(arguments) => simulate::run(&arguments),
+        #[cfg(not(feature = "simulator"))]
+        FormationCommand::Simulate(_) => Err(not_built("simulate", "simulator")),
         #[cfg(feature = "experiments")]
         FormationCommand::Experiments(arguments) => experiments::run(&arguments),
         #[cfg(not(feature = "experiments"))]
-        FormationCommand::Experiments(_) => Err(ros_runtime::exit::Failure::bad_input(
-            "this program was built without the experiments; `cargo build --release -p formation` includes them",
-        )),
+        FormationCommand::Experiments(_) => Err(not_built("experiments", "experiments")),
     };
     conclude(outcome.map(|()| STATUS_DONE))
+}
+
+/// What a command answers that needs a cargo feature which this build lacks. The features are those of a build with no options
+/// about them.
+#[cfg(not(all(
+    feature = "experiments",
+    feature = "maps",
+    feature = "recordings",
+    feature = "simulator"
+)))]
+fn not_built(command: &str, feature: &str) -> ros_runtime::exit::Failure {
+    ros_runtime::exit::Failure::bad_input(format_args!(
+        "`formation {command}` needs the cargo feature `{feature}`, which this program was built without; \
+         `cargo build --release -p formation` includes it"
+    ))
 }

@@ -34,7 +34,7 @@ planner:
   weights: {loc: 1.0, dock: 0.1, undock: 0.05}
 ";
 
-fn formation(arguments: &[&str]) -> Output {
+pub fn formation(arguments: &[&str]) -> Output {
     Command::new(env!("CARGO_BIN_EXE_formation"))
         .args(arguments)
         .stdin(Stdio::null())
@@ -42,7 +42,7 @@ fn formation(arguments: &[&str]) -> Output {
         .unwrap()
 }
 
-fn check(path: &Path) -> (Option<i32>, String, String) {
+pub fn check(path: &Path) -> (Option<i32>, String, String) {
     let output = formation(&["check", path.to_str().unwrap()]);
     (
         output.status.code(),
@@ -87,7 +87,8 @@ fn refusal(path: &Path) -> String {
         .to_owned()
 }
 
-fn refusal_of(directory: &Path, text: &str) -> String {
+/// The same of a file with this text.
+pub fn refusal_of(directory: &Path, text: &str) -> String {
     let path = directory.join("scenario.yaml");
     fs::write(&path, text).unwrap();
     refusal(&path)

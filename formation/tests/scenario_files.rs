@@ -7,38 +7,8 @@
 )]
 
 use std::fs;
-use std::path::Path;
-use std::process::{Command, Output};
 
-fn formation(arguments: &[&str]) -> Output {
-    Command::new(env!("CARGO_BIN_EXE_formation"))
-        .args(arguments)
-        .output()
-        .unwrap()
-}
-
-fn check(path: &Path) -> (Option<i32>, String, String) {
-    let output = formation(&["check", path.to_str().unwrap()]);
-    (
-        output.status.code(),
-        String::from_utf8(output.stdout).unwrap(),
-        String::from_utf8(output.stderr).unwrap(),
-    )
-}
-
-/// Checks that the text is refused with status 2 and exactly one line, and returns what follows the file's name.
-fn refusal_of(directory: &Path, text: &str) -> String {
-    let path = directory.join("scenario.yaml");
-    fs::write(&path, text).unwrap();
-    let (status, stdout, stderr) = check(&path);
-    assert_eq!((status, stdout.as_str()), (Some(2), ""), "{stderr}");
-    assert_eq!(stderr.matches('\n').count(), 1, "{stderr}");
-    let reason = stderr.strip_prefix(&format!("error: {}: ", path.display()));
-    reason
-        .unwrap_or_else(|| panic!("{stderr}"))
-        .trim_end()
-        .to_owned()
-}
+use crate::check::{check, formation, refusal_of};
 
 /// Two spots in a row, and two modules.
 const PAIR: &str = "\

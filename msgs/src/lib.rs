@@ -80,6 +80,93 @@ macro_rules! interface_types {
     };
 }
 
+/// The text of a file of the package, with the name of its interface.
+macro_rules! interface_file {
+    ($kind:literal, $name:ident) => {
+        (
+            concat!("formation_msgs/", $kind, "/", stringify!($name)),
+            include_str!(concat!("../", $kind, "/", stringify!($name), ".", $kind)),
+        )
+    };
+}
+
+macro_rules! define {
+    (
+        msg { $($message:ident $(=> $core:ty, $topic:ident $(, $with_lengths:ident)?)?;)+ }
+        srv { $($service:ident: $($part:ident = $part_name:literal),+;)+ }
+        action { $($action:ident: $($section:ident = $section_name:literal),+;)+ }
+    ) => {
+        interface_types!("formation_msgs": $($message),+);
+        interface_types!("formation_msgs": $($($part = $part_name),+),+);
+        interface_types!("formation_msgs": $($($section = $section_name),+),+);
+
+        $($(validated! { $message => $core, topic::$topic $(, $with_lengths)?; })?)+
+
+        /// The interfaces of the package: the name of each, such as `formation_msgs/msg/Spot`, and the text of its file, for
+        /// programs that compute type hashes from them.
+        pub const INTERFACES: &[(&str, &str)] = &[
+            $(interface_file!("msg", $message),)+
+            $(interface_file!("srv", $service),)+
+            $(interface_file!("action", $action),)+
+        ];
+    };
+}
+
+/// Calls a macro with the interfaces of the package: each message, with the data of the core that it becomes and its topic if it
+/// is validated; and the sections of each service and action. Whatever there is for each of them follows from this.
+#[doc(hidden)]
+#[macro_export]
+macro_rules! interfaces {
+    ($with:ident) => {
+        $with! {
+            msg {
+                Area;
+                Body;
+                CausalMark;
+                DockingRequest => (model::ModuleId, model::DockingRequest), DOCKING;
+                DockingResult => (model::ModuleId, model::DockingResult), DOCKING_RESULT;
+                Edge;
+                Epoch;
+                Eviction => model::EvictionNotice, EVICTIONS;
+                EvictionRecord;
+                Heartbeat => Vec<model::Heartbeat>, HEARTBEATS, with_lengths;
+                ModuleHeartbeat => model::Heartbeat, HEARTBEATS;
+                ModuleState => model::ModuleState, MODULE_STATES, with_lengths;
+                ModuleStates => Vec<model::ModuleState>, MODULE_STATES, with_lengths;
+                OperatorCommand => Vec<model::Message>, COMMANDS;
+                PlannerParameters;
+                PolicyOption;
+                Progress;
+                QuorumBasis;
+                Removal;
+                Roster => model::RosterMessage, ROSTER, with_lengths;
+                RosterMember;
+                Spot;
+                SpotClaim => model::SpotClaim, CLAIMS;
+                SpotSelection;
+                Stop;
+                TargetConfiguration => model::TargetAnnouncement, TARGET, with_lengths;
+                Verdict;
+                WorldReport;
+            }
+            srv {
+                AddModule: AddModuleRequest = "AddModule_Request", AddModuleResponse = "AddModule_Response";
+                QueryStatus: QueryStatusRequest = "QueryStatus_Request", QueryStatusResponse = "QueryStatus_Response";
+                RemoveModule: RemoveModuleRequest = "RemoveModule_Request", RemoveModuleResponse = "RemoveModule_Response";
+                RetireModule: RetireModuleRequest = "RetireModule_Request", RetireModuleResponse = "RetireModule_Response";
+                StopFormation: StopFormationRequest = "StopFormation_Request", StopFormationResponse = "StopFormation_Response";
+                WithdrawTarget: WithdrawTargetRequest = "WithdrawTarget_Request", WithdrawTargetResponse = "WithdrawTarget_Response";
+            }
+            action {
+                FormConfiguration:
+                    FormConfigurationGoal = "FormConfiguration_Goal",
+                    FormConfigurationResult = "FormConfiguration_Result",
+                    FormConfigurationFeedback = "FormConfiguration_Feedback";
+            }
+        }
+    };
+}
+
 mod body;
 pub mod bounds;
 mod check;
@@ -91,7 +178,6 @@ mod error;
 pub mod external;
 mod form_configuration;
 mod heartbeat;
-mod interface_files;
 mod module_state;
 mod operator;
 mod progress;
@@ -102,6 +188,7 @@ mod standard;
 mod target;
 pub mod topic;
 mod verdict;
+mod world_report;
 
 use formation_model as model;
 
@@ -116,7 +203,6 @@ pub use form_configuration::{
     FormConfigurationFeedback, FormConfigurationGoal, FormConfigurationResult,
 };
 pub use heartbeat::{Heartbeat, ModuleHeartbeat};
-pub use interface_files::INTERFACES;
 pub use module_state::{CausalMark, ModuleState, ModuleStates};
 pub use operator::{OperatorCommand, Removal, Stop};
 pub use progress::Progress;
@@ -130,6 +216,7 @@ pub use session::{InSession, SessionId};
 pub use standard::{Duration, Header, Time};
 pub use target::{Area, Edge, PlannerParameters, PolicyOption, Spot, TargetConfiguration};
 pub use verdict::Verdict;
+pub use world_report::WorldReport;
 
 /// Stands for "none" where an identifier is optional.
 pub const NONE: u32 = model::NO_ID;
@@ -154,62 +241,4 @@ pub trait InterfaceType {
 
 interface_types!("builtin_interfaces": Duration, Time);
 interface_types!("std_msgs": Header);
-interface_types!(
-    "formation_msgs":
-    Area,
-    Body,
-    CausalMark,
-    DockingRequest,
-    DockingResult,
-    Edge,
-    Epoch,
-    Eviction,
-    EvictionRecord,
-    Heartbeat,
-    ModuleHeartbeat,
-    ModuleState,
-    ModuleStates,
-    OperatorCommand,
-    PlannerParameters,
-    PolicyOption,
-    Progress,
-    QuorumBasis,
-    Removal,
-    Roster,
-    RosterMember,
-    Spot,
-    SpotClaim,
-    SpotSelection,
-    Stop,
-    TargetConfiguration,
-    Verdict,
-    AddModuleRequest = "AddModule_Request",
-    AddModuleResponse = "AddModule_Response",
-    FormConfigurationFeedback = "FormConfiguration_Feedback",
-    FormConfigurationGoal = "FormConfiguration_Goal",
-    FormConfigurationResult = "FormConfiguration_Result",
-    QueryStatusRequest = "QueryStatus_Request",
-    QueryStatusResponse = "QueryStatus_Response",
-    RemoveModuleRequest = "RemoveModule_Request",
-    RemoveModuleResponse = "RemoveModule_Response",
-    RetireModuleRequest = "RetireModule_Request",
-    RetireModuleResponse = "RetireModule_Response",
-    StopFormationRequest = "StopFormation_Request",
-    StopFormationResponse = "StopFormation_Response",
-    WithdrawTargetRequest = "WithdrawTarget_Request",
-    WithdrawTargetResponse = "WithdrawTarget_Response",
-);
-
-validated! {
-    Eviction => model::EvictionNotice, topic::EVICTIONS;
-    ModuleHeartbeat => model::Heartbeat, topic::HEARTBEATS;
-    Heartbeat => Vec<model::Heartbeat>, topic::HEARTBEATS, with_lengths;
-    ModuleState => model::ModuleState, topic::MODULE_STATES, with_lengths;
-    ModuleStates => Vec<model::ModuleState>, topic::MODULE_STATES, with_lengths;
-    OperatorCommand => Vec<model::Message>, topic::COMMANDS;
-    Roster => model::RosterMessage, topic::ROSTER, with_lengths;
-    SpotClaim => model::SpotClaim, topic::CLAIMS;
-    TargetConfiguration => model::TargetAnnouncement, topic::TARGET, with_lengths;
-    DockingRequest => (model::ModuleId, model::DockingRequest), topic::DOCKING;
-    DockingResult => (model::ModuleId, model::DockingResult), topic::DOCKING_RESULT;
-}
+interfaces!(define);

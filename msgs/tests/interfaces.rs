@@ -125,16 +125,9 @@ fn every_file_is_built_and_every_section_has_its_type() {
             let name = name.strip_prefix(&format!("formation_msgs/{kind}/"))?;
             Some(format!("{name}.{kind}"))
         });
-        assert_eq!(files, embedded.collect());
-        let built: BTreeSet<String> = include_str!("../CMakeLists.txt")
-            .lines()
-            .filter_map(|line| {
-                let path = line.trim().strip_prefix('"')?.strip_suffix('"')?;
-                path.strip_prefix(kind)?.strip_prefix('/')
-            })
-            .map(str::to_owned)
-            .collect();
-        assert_eq!(files, built);
+        assert_eq!(files, embedded.collect::<BTreeSet<String>>());
+        // CMake builds whatever lies in these folders.
+        assert!(include_str!("../CMakeLists.txt").contains(&format!(" {kind}/*.{kind}")));
         for file in files {
             let name = file.strip_suffix(&format!(".{kind}")).unwrap();
             assert_eq!(sections(kind, &file).len(), ends.len(), "{file}");

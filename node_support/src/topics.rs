@@ -1,4 +1,4 @@
-//! The topics of the formation: their names, types and quality of service, in one table.
+//! The topics of the formation: their names, types, quality of service and senders, in one table.
 
 use formation_model::ModuleId;
 use formation_msgs::external::geometry_msgs::PoseStamped;
@@ -7,9 +7,9 @@ use formation_msgs::external::tf2_msgs::TFMessage;
 use formation_msgs::external::visualization_msgs::MarkerArray;
 use formation_msgs::{
     DockingRequest, DockingResult, Eviction, Heartbeat, InterfaceType, ModuleStates,
-    OperatorCommand, Roster, SpotClaim, TargetConfiguration, Verdict, topic,
+    OperatorCommand, Roster, SpotClaim, TargetConfiguration, Verdict, WorldReport, topic,
 };
-use ros_runtime::topic::{Quality, Topic};
+use ros_runtime::topic::{Quality, Topic, Untyped};
 
 /// The last sample of every publisher reaches late subscribers.
 const LATCHED: Quality = Quality::TransientLocal { depth: 1 };
@@ -20,27 +20,74 @@ const fn topic<M: InterfaceType>(name: &'static str, quality: Quality) -> Topic<
     Topic::new(name, M::PACKAGE, M::NAME, quality)
 }
 
-/// The target that all modules are to form.
-pub const TARGET: Topic<TargetConfiguration> = topic(topic::TARGET, LATCHED);
-/// The states of the modules of a process.
-pub const MODULE_STATES: Topic<ModuleStates> = topic(topic::MODULE_STATES, LATCHED);
-/// What the convener announces.
-pub const ROSTER: Topic<Roster> = topic(topic::ROSTER, LATCHED);
-/// Evictions, for observers.
-pub const EVICTIONS: Topic<Eviction> =
-    topic(topic::EVICTIONS, Quality::TransientLocal { depth: 100 });
-/// Heartbeats of modules.
-pub const HEARTBEATS: Topic<Heartbeat> = topic(topic::HEARTBEATS, Quality::BestEffort);
-/// What operators command to all modules.
-pub const COMMANDS: Topic<OperatorCommand> = topic(topic::COMMANDS, LATCHED);
-/// The verifier's verdict.
-pub const VERDICT: Topic<Verdict> = topic(topic::VERDICT, LATCHED);
-/// The formation as markers; each sample is the whole picture.
-pub const MARKERS: Topic<MarkerArray> = topic("markers", LATCHED);
-/// The poses of modules.
-pub const TRANSFORMS: Topic<TFMessage> = topic("/tf", RELIABLE);
-/// The poses of spots.
-pub const FIXED_TRANSFORMS: Topic<TFMessage> = topic("/tf_static", LATCHED);
+/// The programs of a formation, by what they may publish.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Sender {
+    /// Hosts modules, or drives their robots.
+    Module,
+    /// The target publisher.
+    TargetPublisher,
+    /// The verifier.
+    Verifier,
+    /// Commands of an operator.
+    Operator,
+    /// The visualiser.
+    Visualiser,
+}
+
+/// A topic of the formation.
+#[derive(Debug)]
+pub struct ListedTopic {
+    /// Its name, type and quality of service.
+    pub topic: Topic<Untyped>,
+    /// Who may publish it.
+    pub senders: &'static [Sender],
+}
+
+/// Declares the topics of the formation, each with its name, quality of service and senders. Recorders record all of them, and
+/// routers over Zenoh let the senders publish them.
+macro_rules! topics {
+    ($($(#[$documentation:meta])* $constant:ident: $message:ty = $name:expr, $quality:expr, [$($sender:ident),+];)+) => {
+        $($(#[$documentation])*
+        pub const $constant: Topic<$message> = topic($name, $quality);)+
+
+        /// Every topic of the formation that is not of one module.
+        #[must_use]
+        pub fn all() -> Vec<ListedTopic> {
+            vec![$(ListedTopic {
+                topic: $constant.untyped(),
+                senders: &[$(Sender::$sender),+],
+            }),+]
+        }
+    };
+}
+
+topics! {
+    /// The target that all modules are to form.
+    TARGET: TargetConfiguration = topic::TARGET, LATCHED, [TargetPublisher];
+    /// The states of the modules of a process.
+    MODULE_STATES: ModuleStates = topic::MODULE_STATES, LATCHED, [Module];
+    /// What the convener announces.
+    ROSTER: Roster = topic::ROSTER, LATCHED, [Module];
+    /// The claims of units, as a process with few modules keeps them; [`claims`] is for any number.
+    CLAIMS: SpotClaim = topic::CLAIMS, Quality::TransientLocal { depth: CLAIMS_MIN }, [Module];
+    /// Evictions, for observers.
+    EVICTIONS: Eviction = topic::EVICTIONS, Quality::TransientLocal { depth: 100 }, [Module];
+    /// Heartbeats of modules.
+    HEARTBEATS: Heartbeat = topic::HEARTBEATS, Quality::BestEffort, [Module];
+    /// What operators command to all modules.
+    COMMANDS: OperatorCommand = topic::COMMANDS, LATCHED, [TargetPublisher, Operator];
+    /// The verifier's verdict.
+    VERDICT: Verdict = topic::VERDICT, LATCHED, [Verifier];
+    /// What a physical world counts.
+    WORLD_REPORT: WorldReport = "world_report", LATCHED, [Module];
+    /// The formation as markers; each sample is the whole picture.
+    MARKERS: MarkerArray = "markers", LATCHED, [Visualiser];
+    /// The poses of modules.
+    TRANSFORMS: TFMessage = "/tf", RELIABLE, [Visualiser];
+    /// The poses of spots.
+    FIXED_TRANSFORMS: TFMessage = "/tf_static", LATCHED, [Visualiser];
+}
 
 /// A module claims once as a singleton, or once for each smaller piece of its configuration that it leads.
 const CLAIMS_PER_MODULE: usize = 4;
@@ -66,6 +113,19 @@ fn claims_depth(modules: usize) -> usize {
 #[must_use]
 pub fn room_for_modules(modules: usize) -> usize {
     modules.max(claims_depth(modules) / CLAIMS_PER_MODULE)
+}
+
+/// The topics between a module and its driver.
+#[must_use]
+pub fn all_of_module(module: ModuleId) -> [Topic<Untyped>; 6] {
+    [
+        goal_pose(module).untyped(),
+        path(module).untyped(),
+        docking(module).untyped(),
+        driver_pose(module).untyped(),
+        driver_odometry(module).untyped(),
+        docking_result(module).untyped(),
+    ]
 }
 
 fn of_module<M: InterfaceType>(module: ModuleId, name: &'static str, quality: Quality) -> Topic<M> {
@@ -122,6 +182,16 @@ mod tests {
         assert_eq!(topic.type_name(), ("geometry_msgs", "PoseStamped"));
         assert_eq!(topic.quality(), Quality::ReliableVolatile { depth: 1 });
         assert_eq!(TARGET.path(), "target");
+    }
+
+    #[test]
+    fn the_page_of_topics_has_a_row_for_each_with_a_type_of_ours() {
+        let page = include_str!("../../docs/topics.md");
+        for ListedTopic { topic, .. } in all() {
+            let (package, type_name) = topic.type_name();
+            let row = format!("| `{}` | `{type_name}`", topic.path());
+            assert!(package != "formation_msgs" || page.contains(&row), "{row}");
+        }
     }
 
     #[test]

@@ -16,7 +16,7 @@ use ros_runtime::inputs::Inputs;
 use ros_runtime::node::Node;
 use ros_runtime::ros_context::{RosContext, RosContextError, rejoining};
 use ros_runtime::settings::Settings;
-use ros_runtime::topic::Topic;
+use ros_runtime::topic::{Topic, Untyped};
 use ros_runtime::type_hash::Interfaces;
 
 use crate::file::{RecordedTopic, RecordingFile, Written};
@@ -61,9 +61,12 @@ impl RecorderProcess {
     ) -> Result<Option<Written>, RosContextError> {
         let parameters = self.settings.declare(NODE_NAME, Vec::new())?;
         let mut ros = RosContext::join(&self.settings, NODE_NAME, parameters)?;
-        let mut inputs = subscribe(&mut ros)?;
-        for &module in &self.modules {
-            subscribe_module(&mut ros, &mut inputs, module)?;
+        let mut inputs = Inputs::default();
+        let of_formation = topics::all().into_iter().map(|listed| listed.topic);
+        let of_modules = self.modules.iter().copied();
+        let of_modules = of_modules.flat_map(topics::all_of_module);
+        for topic in of_formation.chain(of_modules) {
+            subscribe(&mut ros, &mut inputs, &topic)?;
         }
         let mut recorder = Recorder {
             queue,
@@ -84,41 +87,10 @@ impl RecorderProcess {
     }
 }
 
-/// Subscribes every topic of the formation that is not of one module.
-fn subscribe(ros: &mut RosContext) -> Result<Inputs<Item>, RosContextError> {
-    let mut inputs = Inputs::default();
-    add(ros, &mut inputs, &topics::TARGET)?;
-    add(ros, &mut inputs, &topics::MODULE_STATES)?;
-    add(ros, &mut inputs, &topics::ROSTER)?;
-    add(ros, &mut inputs, &topics::claims(1))?;
-    add(ros, &mut inputs, &topics::EVICTIONS)?;
-    add(ros, &mut inputs, &topics::HEARTBEATS)?;
-    add(ros, &mut inputs, &topics::COMMANDS)?;
-    add(ros, &mut inputs, &topics::VERDICT)?;
-    add(ros, &mut inputs, &topics::MARKERS)?;
-    add(ros, &mut inputs, &topics::TRANSFORMS)?;
-    add(ros, &mut inputs, &topics::FIXED_TRANSFORMS)?;
-    Ok(inputs)
-}
-
-/// Subscribes the topics between a module and its driver.
-fn subscribe_module(
+fn subscribe(
     ros: &mut RosContext,
     inputs: &mut Inputs<Item>,
-    module: ModuleId,
-) -> Result<(), RosContextError> {
-    add(ros, inputs, &topics::goal_pose(module))?;
-    add(ros, inputs, &topics::path(module))?;
-    add(ros, inputs, &topics::docking(module))?;
-    add(ros, inputs, &topics::driver_pose(module))?;
-    add(ros, inputs, &topics::driver_odometry(module))?;
-    add(ros, inputs, &topics::docking_result(module))
-}
-
-fn add<M: 'static>(
-    ros: &mut RosContext,
-    inputs: &mut Inputs<Item>,
-    topic: &Topic<M>,
+    topic: &Topic<Untyped>,
 ) -> Result<(), RosContextError> {
     let (package, type_name) = topic.type_name();
     let recorded = Arc::new(RecordedTopic {

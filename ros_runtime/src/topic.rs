@@ -18,6 +18,10 @@ pub struct Topic<M> {
     message: PhantomData<fn() -> M>,
 }
 
+/// Samples whose type the program does not have, or need not know.
+#[derive(Debug)]
+pub struct Untyped;
+
 /// What a topic guarantees to its subscribers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Quality {
@@ -83,6 +87,19 @@ impl<M> Topic<M> {
         Self {
             prefix: Some(prefix),
             ..self
+        }
+    }
+
+    /// The same topic, for lists of topics of several types.
+    #[must_use]
+    pub fn untyped(self) -> Topic<Untyped> {
+        Topic {
+            prefix: self.prefix,
+            name: self.name,
+            package: self.package,
+            type_name: self.type_name,
+            quality: self.quality,
+            message: PhantomData,
         }
     }
 

@@ -1,7 +1,6 @@
 //! Deliberate protocol bugs: each is found by the simulator, on the seed that is listed with it.
 //!
-//! The bugs are compiled in by this package's dev-dependency on `formation` alone, and chosen at run time here; see
-//! `core/protocol/src/mutation.rs`.
+//! `sim/with_bugs/protocol` has the agents that may have them; the protocol itself has none.
 
 #![allow(clippy::unwrap_used, reason = "a failed unwrap fails the test")]
 

@@ -1,7 +1,7 @@
 //! The normalised events of short runs, compared line by line with what is kept under `tests/transcripts`.
 //!
 //! A change of the protocol shows here as a difference to read. `FORMATION_UPDATE_TRANSCRIPTS=1` rewrites the files when the
-//! change is intended.
+//! change is intended. The copy of the protocol that may have bugs is compared as well, as it must be the same without one.
 
 #![allow(
     clippy::unwrap_used,
@@ -12,7 +12,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write as _;
 use std::fs;
-use std::path::PathBuf;
+use std::path::Path;
 use std::time::Duration;
 
 use crate::support::{Trial, drawn, in_phase, scenario};
@@ -57,10 +57,10 @@ configurations:
 ";
 
 fn compare(name: &str, events: &str) {
-    let path = PathBuf::from(env!("CARGO_MANIFEST_DIR"))
-        .join("../tests/transcripts")
-        .join(name)
-        .with_extension("txt");
+    let package = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let mut folders = package.ancestors().map(|at| at.join("tests/transcripts"));
+    let folder = folders.find(|folder| folder.is_dir()).unwrap();
+    let path = folder.join(name).with_extension("txt");
     if std::env::var_os("FORMATION_UPDATE_TRANSCRIPTS").is_some_and(|value| value == "1") {
         fs::write(&path, events).unwrap();
         return;

@@ -105,6 +105,7 @@ impl WorldProcess {
                 results: ros.publisher(&topics::docking_result(module))?,
             });
         }
+        let reports = ros.publisher(&topics::WORLD_REPORT)?;
         let mut node = WorldNode {
             module_size: module_size_of(&ros),
             frame_id,
@@ -113,6 +114,7 @@ impl WorldProcess {
             drivers,
             advanced: Instant::now(),
             notify,
+            reports,
             reported: (Instant::now(), None),
         };
         let ended = ros.run(&mut node, inputs, stop);
@@ -179,6 +181,7 @@ struct WorldNode<'a> {
     /// The time up to which the world was simulated.
     advanced: Instant,
     notify: &'a mut dyn FnMut(&WorldReport),
+    reports: PublisherQueue<formation_msgs::WorldReport>,
     /// What was reported last, and when.
     reported: (Instant, Option<WorldReport>),
 }
@@ -257,11 +260,28 @@ impl WorldNode<'_> {
         covariance
     }
 
+    fn message(&self, report: &WorldReport) -> formation_msgs::WorldReport {
+        let metres = |units| self.module_size.scale_to_metres(units);
+        formation_msgs::WorldReport {
+            header: stamp::header(self.frame_id),
+            contacts: report.contacts,
+            contacts_above_touch: report.contacts_above_touch,
+            fastest_contact: metres(report.fastest_contact),
+            deepest_overlap: metres(report.deepest_overlap),
+            wall_contacts: report.wall_contacts,
+            docking_attempts: report.docking_attempts,
+            docking_failures: report.docking_failures,
+            folds: report.folds,
+            lost_poses: report.lost_poses,
+        }
+    }
+
     /// Reports the counts, if they changed.
     fn report(&mut self) {
         let report = self.world.report();
         if self.reported.1.as_ref() != Some(&report) {
             (self.notify)(&report);
+            self.reports.publish(self.message(&report));
             self.reported = (Instant::now(), Some(report));
         }
     }

@@ -21,7 +21,6 @@ use super::asked_plan::Plans;
 use super::event::Event;
 use super::io::{Identity, Output};
 use super::memory::{KnownTarget, Memory};
-use super::mutation::Bugs;
 use super::outbox::Outbox;
 use super::pacing::EpochPacing;
 use super::parameters::AgentParameters;
@@ -55,7 +54,6 @@ pub(super) struct Context {
     pub now: Duration,
     pub own: Own,
     pub parameters: AgentParameters,
-    pub bugs: Bugs,
     pub robot: Robot,
     pub peers: Peers,
     pub bodies: Bodies,
@@ -87,7 +85,6 @@ impl Context {
                 started: now,
             },
             parameters,
-            bugs: Bugs::default(),
             robot: Robot::new(identity.pose, identity.links),
             peers: Peers::default(),
             bodies: Bodies::default(),
@@ -127,7 +124,6 @@ impl Context {
             latest_stamp: self.latest_stamp(),
             now: self.now,
             suspicion: self.parameters.suspicion,
-            bugs: self.bugs,
         }
     }
 
@@ -191,11 +187,7 @@ impl Context {
         present: &[Voter],
         target: Option<&TargetAnnouncement>,
     ) -> Option<Shortfall> {
-        if self.bugs.ignore_quorum() {
-            return None;
-        }
-        let counted = self.bugs.counted(present, || memory.quorum.bases());
-        memory.shortfall(&counted, target)
+        memory.shortfall(present, target)
     }
 
     /// Records the majority that is missing for the next epoch, and reports it if it differs.
@@ -215,11 +207,8 @@ impl Context {
     /// The spot on which the module has settled, and which it keeps, if the target of that spot has this digest.
     /// Enforces P1.
     pub fn pin_for(&self, target: impl FnOnce() -> Digest) -> Option<SpotId> {
-        if self.bugs.forget_pins() {
-            return None;
-        }
         let settled = self.robot.settled_on?;
-        (self.bugs.pin_for_any_target() || settled.target == target()).then_some(settled.spot)
+        (settled.target == target()).then_some(settled.spot)
     }
 
     /// This module as it announced itself when it froze for a plan for the target with this digest.
@@ -346,7 +335,6 @@ impl Hash for Context {
             now: _,
             own,
             parameters: _,
-            bugs: _,
             robot,
             peers,
             bodies,

@@ -116,7 +116,7 @@ impl Stage {
             return None;
         }
         let ahead = ahead_of(roster, stuck.iter().copied(), context);
-        if !ahead.is_empty() && !context.bugs.exclude_members_ahead() {
+        if !ahead.is_empty() {
             // They make progress, without this module. Were they excluded, this module would lack them for a quorum.
             return Some(EpochReason::MembersAhead(ahead));
         }
@@ -283,7 +283,7 @@ fn missing_members(roster: &Roster, context: &Context) -> Option<EpochReason> {
             silent.push(module);
         }
     }
-    if !restarted.is_empty() && !context.bugs.ignore_restarts() {
+    if !restarted.is_empty() {
         return Some(EpochReason::Restarted(restarted));
     }
     (!silent.is_empty()).then_some(EpochReason::Silent(silent))
@@ -322,9 +322,6 @@ fn live_unplanned(roster: &Roster, context: &Context) -> Vec<ModuleId> {
 /// them.
 /// Enforces E7.
 fn wanted_newcomers(roster: &Roster, others: &[ModuleId], context: &Context) -> Vec<ModuleId> {
-    if context.bugs.ignore_newcomers() {
-        return Vec::new();
-    }
     let others = others.iter().copied();
     let mut newcomers: Vec<ModuleId> = others
         .filter(|&module| context.is_active(module))

@@ -26,7 +26,6 @@ mod io;
 mod member_bodies;
 mod memory;
 mod motion;
-mod mutation;
 mod outbox;
 mod pacing;
 mod parameters;
@@ -47,7 +46,6 @@ mod succession;
 mod write_ahead;
 
 use std::collections::BTreeSet;
-#[cfg(feature = "mutations")]
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use std::sync::Arc;
 use std::time::Duration;
@@ -55,8 +53,6 @@ use std::time::Duration;
 pub use durable::DurableState;
 pub use event::{EpochReason, Event, Severity};
 pub use io::{Command, Identity, Input, Output};
-#[cfg(feature = "mutations")]
-pub use mutation::Mutation;
 pub use parameters::{AgentParameters, ParametersError};
 pub use plans::{ComputedPlan, PlanJob, SharedPlans};
 pub use quorum::Shortfall;
@@ -131,14 +127,6 @@ impl Agent {
     #[must_use]
     pub fn of_robot(mut self) -> Self {
         self.context.own.is_robot = true;
-        self
-    }
-
-    /// The same agent with a bug, for tests of what should detect it.
-    #[cfg(feature = "mutations")]
-    #[must_use]
-    pub fn mutated(mut self, mutation: Mutation) -> Self {
-        self.context.bugs.chosen = Some(mutation);
         self
     }
 
@@ -292,7 +280,6 @@ impl Agent {
 
     /// A hash of everything that its behaviour depends on; counts for reports are left out. Two agents of one module with
     /// equal hashes behave the same from now on, up to collisions of 64-bit hashes.
-    #[cfg(feature = "mutations")]
     #[must_use]
     pub fn state_hash(&self) -> u64 {
         let Self {
@@ -323,9 +310,6 @@ impl Agent {
         if !stands_back && self.context.target.is_set() {
             let had_settled = self.stage.is_settled();
             self.run_stage();
-            if self.context.robot.moving && self.context.bugs.forget_pin_before_goal() {
-                self.context.robot.settled_on = None;
-            }
             if !had_settled && self.stage.is_settled() {
                 self.adjust_links_to_neighbours();
             }
@@ -506,7 +490,7 @@ impl Agent {
         }
         // Rosters list only modules that have halted for their epoch, so the claims of other epochs concern other modules.
         if self.stage.epoch() == Some(claim.epoch)
-            && let Err(refusal) = self.stage.take_claim(claim, &self.context)
+            && let Err(refusal) = self.stage.take_claim(claim)
         {
             self.context.refuse(Some(claimant), refusal);
         }

@@ -75,9 +75,6 @@ impl Agent {
 
     /// Takes over the bodies that the store of this module holds.
     pub(super) fn restore_bodies(&mut self, stored: &[BodyReport]) {
-        if self.context.bugs.forget_stored_bodies() {
-            return;
-        }
         for report in stored {
             self.context.bodies.note(report.clone());
         }

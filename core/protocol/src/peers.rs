@@ -10,7 +10,6 @@ use formation_model::{
     Service, SourceId,
 };
 
-use super::mutation::Bugs;
 use super::peer::{KeptState, Peer};
 use super::refusal::Refusal;
 
@@ -27,15 +26,13 @@ pub(super) struct Liveness {
     pub latest_stamp: u64,
     pub now: Duration,
     pub suspicion: Duration,
-    pub bugs: Bugs,
 }
 
 impl Liveness {
     /// Whether a peer is live: its latest heartbeat is younger than `suspicion`, and it is not excluded for lack of progress.
     pub fn includes(self, peer: &Peer) -> bool {
         let is_recent = |age: Duration| age <= self.suspicion;
-        self.bugs.count_dead_as_live()
-            || (peer.excluded_until <= self.now && peer.age(self.now).is_some_and(is_recent))
+        peer.excluded_until <= self.now && peer.age(self.now).is_some_and(is_recent)
     }
 }
 
@@ -246,7 +243,7 @@ impl Peers {
             // A process that goes on under a later number is no second one.
             let goes_on = source.is_some() && source == peer.source;
             let is_free = goes_on || silence > liveness.suspicion;
-            if !liveness.bugs.ignore_restarts() && !is_free {
+            if !is_free {
                 return Err(Refusal::DuplicateModule);
             }
             self.changes += 1;
@@ -280,11 +277,7 @@ impl Peers {
             return Ok(HeartbeatNews::Old);
         }
         let age = peer.age(now);
-        let sent_at = if liveness.bugs.trust_buffered_heartbeats() {
-            now
-        } else {
-            peer.sent_at(now, heartbeat.uptime)
-        };
+        let sent_at = peer.sent_at(now, heartbeat.uptime);
         peer.note_heartbeat(heartbeat, sent_at);
         let was_live = age.is_some_and(|age| age <= liveness.suspicion);
         if !was_live || known.is_none_or(|known| known.epoch != heartbeat.epoch) {
@@ -512,7 +505,6 @@ mod tests {
             latest_stamp: 1_000,
             now: Duration::from_secs(seconds),
             suspicion: Duration::from_secs(5),
-            bugs: Bugs::default(),
         }
     }
 

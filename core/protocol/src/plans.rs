@@ -15,8 +15,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, OnceLock};
 
 use formation_model::{
-    Area, BODY_WIDTH, ClosedRoster, Decision, Digest, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan,
-    PlanningProblem, Roster, Service, blocked_spots, digest, polyline,
+    Area, BODY_WIDTH, ClosedRoster, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem,
+    Roster, Service, blocked_spots, digest, polyline,
 };
 use formation_motion::PlannedMotion;
 use formation_planner::{PlannedTurns, plan_releasing_pins};
@@ -140,7 +140,7 @@ impl ComputedPlan {
     /// Enforces T5.
     pub(super) fn for_roster(&self, roster: &Arc<ClosedRoster>) -> Arc<RosterPlan> {
         let compute = || {
-            let digest = self.digest_of(roster, self.turns.decisions());
+            let digest = digest::of_plan(roster, self.turns.decisions(), self.motion.paths());
             Arc::new(RosterPlan::of(roster, &self.plan, &self.motion, digest))
         };
         let (known, shared) = self
@@ -151,11 +151,6 @@ impl ComputedPlan {
         } else {
             compute()
         }
-    }
-
-    /// The digest of a roster with these decisions and the motion of this plan.
-    pub(super) fn digest_of(&self, roster: &Roster, decisions: &[(ModuleId, Decision)]) -> Digest {
-        digest::of_plan(roster, decisions, self.motion.paths())
     }
 
     /// Whether this is the plan of a job. After a release of pins it is also the plan for the pins that stay.

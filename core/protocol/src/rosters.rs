@@ -82,7 +82,7 @@ impl Agent {
         }
         let current = self.stage.epoch();
         let is_over = current.is_some_and(|current| epoch < current);
-        if is_over && !self.context.bugs.accept_stale_epochs() {
+        if is_over {
             return self.context.refuse(convener, Refusal::StaleEpoch);
         }
         match message {
@@ -174,13 +174,6 @@ impl Agent {
         let own = self.context.module();
         let mine = roster.member(own);
         if let Some(mine) = mine {
-            if self.context.bugs.ignore_restarts()
-                && mine.incarnation != self.context.own.run.incarnation
-            {
-                self.context.target.set(Arc::new(roster.target.clone()));
-                self.begin_turns(roster);
-                return Ok(());
-            }
             self.check_own_entry(&roster, mine, is_frozen)?;
         }
         self.check_target(&roster)?;
@@ -235,9 +228,7 @@ impl Agent {
         let mut announced = self.context.as_member(|| roster.target_digest());
         // The convener may release a pin but not invent one. After a retirement since freezing, there is no pin to
         // compare, and the service differs; that calls for another epoch, not for a refusal of this one.
-        let may_differ = mine.module.pin.is_none()
-            || self.context.bugs.pin_for_any_target()
-            || self.context.robot.service != Service::Active;
+        let may_differ = mine.module.pin.is_none() || self.context.robot.service != Service::Active;
         if may_differ {
             announced.module.pin = mine.module.pin;
         }
@@ -263,9 +254,6 @@ impl Agent {
         }
         memory.note_founders(&roster.target);
         memory.quorum.learn(bases);
-        if context.bugs.learn_unjudged() {
-            context.memory = memory.clone();
-        }
         let voters: Vec<Voter> = roster.members.iter().map(RosterMember::voter).collect();
         let shortfall = context.shortfall_of(&memory, &voters, Some(&roster.target));
         match shortfall.or_else(|| memory.quorum.lacks_room_for(&roster.quorum_basis())) {

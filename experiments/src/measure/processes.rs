@@ -38,23 +38,8 @@ pub(crate) fn measure(
     scenario: &RawScenario,
     modules_per_process: usize,
 ) -> Result<ProcessMeasurement, CellError> {
-    let directory = tempfile::tempdir().map_err(|source| CellError::Io {
-        what: "cannot make a temporary directory",
-        source,
-    })?;
-    let path = write_scenario(directory.path(), scenario)?;
-    let output = Command::new(launcher)
-        .arg("run")
-        .arg(&path)
-        .args(["--plan-only", "--json"])
-        .args(["--timeout", &TIMEOUT_S.to_string()])
-        .args(["--modules-per-process", &modules_per_process.to_string()])
-        .stdin(Stdio::null())
-        .output()
-        .map_err(|source| CellError::Io {
-            what: "cannot start `formation run`",
-            source,
-        })?;
+    let options = ["--plan-only".to_owned()];
+    let output = run(launcher, scenario, modules_per_process, TIMEOUT_S, &options)?;
     if !output.status.success() {
         return Err(CellError::Planning(reason_of(&output)));
     }
@@ -74,11 +59,36 @@ pub(crate) fn measure(
     })
 }
 
-/// Writes a scenario for the launcher, and returns the path of the file.
-pub(super) fn write_scenario(
-    directory: &Path,
+/// Runs a scenario with `formation run --json` and these options.
+pub(super) fn run(
+    launcher: &Path,
     scenario: &RawScenario,
-) -> Result<PathBuf, CellError> {
+    modules_per_process: usize,
+    timeout_s: u32,
+    options: &[String],
+) -> Result<Output, CellError> {
+    let directory = tempfile::tempdir().map_err(|source| CellError::Io {
+        what: "cannot make a temporary directory",
+        source,
+    })?;
+    let path = write_scenario(directory.path(), scenario)?;
+    Command::new(launcher)
+        .arg("run")
+        .arg(&path)
+        .arg("--json")
+        .args(["--timeout", &timeout_s.to_string()])
+        .args(["--modules-per-process", &modules_per_process.to_string()])
+        .args(options)
+        .stdin(Stdio::null())
+        .output()
+        .map_err(|source| CellError::Io {
+            what: "cannot start `formation run`",
+            source,
+        })
+}
+
+/// Writes a scenario for the launcher, and returns the path of the file.
+fn write_scenario(directory: &Path, scenario: &RawScenario) -> Result<PathBuf, CellError> {
     let path = directory.join("scenario.yaml");
     // JSON is YAML.
     let text = serde_json::to_string(scenario).map_err(io::Error::from);

@@ -1,13 +1,11 @@
 //! A formation of real processes in the physical world, by `formation run --world --json`.
 
 use std::path::Path;
-use std::process::{Command, Stdio};
 
 use formation_model::RawScenario;
 use serde::{Deserialize, Serialize};
-use tempfile::TempDir;
 
-use super::processes::{reason_of, unusable, write_scenario};
+use super::processes::{reason_of, run, unusable};
 use crate::error::CellError;
 
 /// A physical world.
@@ -74,26 +72,13 @@ pub(crate) fn measure(
     modules_per_process: usize,
     world: World,
 ) -> Result<WorldMeasurement, CellError> {
-    let directory = TempDir::new().map_err(|source| CellError::Io {
-        what: "cannot make a temporary directory",
-        source,
-    })?;
-    let path = write_scenario(directory.path(), scenario)?;
-    let output = Command::new(launcher)
-        .arg("run")
-        .arg(&path)
-        .args(["--json", "--world"])
-        .args(["--slip", &world.slip().to_string()])
-        .args(["--noise", &world.noise().to_string()])
-        .arg(format!("--world-option=--seed={}", world.seed))
-        .args(["--modules-per-process", &modules_per_process.to_string()])
-        .args(["--timeout", &TIMEOUT_S.to_string()])
-        .stdin(Stdio::null())
-        .output()
-        .map_err(|source| CellError::Io {
-            what: "cannot start `formation run`",
-            source,
-        })?;
+    let options = [
+        "--world".to_owned(),
+        format!("--slip={}", world.slip()),
+        format!("--noise={}", world.noise()),
+        format!("--world-option=--seed={}", world.seed),
+    ];
+    let output = run(launcher, scenario, modules_per_process, TIMEOUT_S, &options)?;
     let report: Report = serde_json::from_slice(&output.stdout)
         .map_err(|error| unusable(&format!("{error}; {}", reason_of(&output))))?;
     Ok(WorldMeasurement {

@@ -1,15 +1,13 @@
 //! What each role may publish, offer and call.
 
-use formation_msgs::topic;
+use formation_model::ModuleId;
+use formation_node::topics::{self, Sender};
 use ros_runtime::protection::Rights;
 
 use crate::role::Role;
 
 /// What every node publishes.
 const OF_EVERY_NODE: [&str; 3] = ["/rosout", "/parameter_events", "/diagnostics"];
-
-/// The poses that a visualiser publishes.
-const TRANSFORMS: [&str; 2] = ["/tf", "/tf_static"];
 
 /// The services of every node.
 const PARAMETER_SERVICES: [&str; 6] = [
@@ -21,41 +19,34 @@ const PARAMETER_SERVICES: [&str; 6] = [
     "*/set_parameters_atomically",
 ];
 
-/// What the module or its driver publishes under the prefix of any module.
-const OF_EACH_MODULE: [&str; 6] = [
-    topic::GOAL_POSE,
-    topic::PATH,
-    topic::DOCKING,
-    topic::POSE,
-    topic::ODOMETRY,
-    topic::DOCKING_RESULT,
-];
-
 impl Role {
-    /// The topics that it publishes besides those of every node, in the namespace of the formation.
+    fn of_sender(sender: Sender) -> Self {
+        match sender {
+            Sender::Module => Self::Module,
+            Sender::TargetPublisher => Self::Publisher,
+            Sender::Verifier => Self::Verifier,
+            Sender::Operator => Self::Operator,
+            Sender::Visualiser => Self::Observer,
+        }
+    }
+
+    /// The topics that it publishes besides those of every node; absolute, or relative to the namespace of the formation.
     fn publishes(self) -> Vec<String> {
-        let names: &[&str] = match self {
-            Self::Module => &[
-                topic::MODULE_STATES,
-                topic::ROSTER,
-                topic::CLAIMS,
-                topic::EVICTIONS,
-                topic::HEARTBEATS,
-            ],
-            Self::Publisher => &[
-                topic::TARGET,
-                topic::COMMANDS,
-                "form_configuration/_action/feedback",
-                "form_configuration/_action/status",
-            ],
-            Self::Verifier => &[topic::VERDICT],
-            Self::Operator => &[topic::COMMANDS],
-            Self::Observer => &["markers"],
-        };
-        let own = names.iter().map(|&name| name.to_owned());
-        let of_modules = OF_EACH_MODULE.map(|name| format!("module_$*/{name}"));
-        let of_modules = of_modules.into_iter().filter(|_| self == Self::Module);
-        own.chain(of_modules).collect()
+        let is_own = |sender: &Sender| Self::of_sender(*sender) == self;
+        let listed = topics::all().into_iter();
+        let listed = listed.filter(|listed| listed.senders.iter().any(is_own));
+        let mut names: Vec<String> = listed.map(|listed| listed.topic.path()).collect();
+        match self {
+            Self::Module => {
+                let of_any = topics::all_of_module(ModuleId(0));
+                names.extend(of_any.map(|topic| format!("module_$*/{}", topic.name())));
+            }
+            Self::Publisher => names.extend(
+                ["feedback", "status"].map(|part| format!("form_configuration/_action/{part}")),
+            ),
+            Self::Verifier | Self::Operator | Self::Observer => {}
+        }
+        names
     }
 
     /// The services that it offers besides those of every node.
@@ -78,19 +69,19 @@ impl Role {
     /// What it may do in the formation with this namespace. Every role may read every topic of the formation.
     pub fn rights(self, namespace: &str) -> Rights {
         let namespace = namespace.trim_end_matches('/');
-        let below = |name: &str| format!("{namespace}/{name}");
-        let absolute =
-            |names: &[&str]| -> Vec<String> { names.iter().map(|&name| name.to_owned()).collect() };
+        let below = |name: &str| match name.starts_with('/') {
+            true => name.to_owned(),
+            false => format!("{namespace}/{name}"),
+        };
         let everything = vec![below("**")];
-        let own = self.publishes();
-        let mut publish: Vec<String> = own.iter().map(|name| below(name)).collect();
-        publish.extend(absolute(&OF_EVERY_NODE));
-        if self == Self::Observer {
-            publish.extend(absolute(&TRANSFORMS));
-        }
+        let of_every_node = OF_EVERY_NODE.map(str::to_owned);
+        let mut publish: Vec<String> = self.publishes().iter().map(|name| below(name)).collect();
+        publish.extend(of_every_node.clone());
+        let absolute = topics::all().into_iter().map(|listed| listed.topic.path());
+        let absolute = absolute.filter(|name| name.starts_with('/'));
         let mut subscribe = everything.clone();
-        subscribe.extend(absolute(&OF_EVERY_NODE));
-        subscribe.extend(absolute(&TRANSFORMS));
+        subscribe.extend(of_every_node);
+        subscribe.extend(absolute);
         let services = self.serves().iter().chain(&PARAMETER_SERVICES);
         Rights {
             common_name: self.name().to_owned(),

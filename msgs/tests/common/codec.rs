@@ -3,13 +3,13 @@
 use std::fmt::Debug;
 
 use byteorder::{BigEndian, LittleEndian};
-use formation_model::{self as model, ModuleId, ModuleSize};
+use formation_model::{self as model, ModuleSize};
 use formation_msgs as wire;
 use formation_msgs::{InterfaceType, IntoCore};
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 use serde_json::Value;
-use serde_reflection::{Registry, Tracer, TracerConfig};
+use serde_reflection::{ContainerFormat, Format, Named, Registry, Tracer, TracerConfig};
 
 /// The four bytes before the value that identify its encoding.
 const ENCAPSULATION_LENGTH: usize = 4;
@@ -34,6 +34,8 @@ pub struct Codec {
     pub accept: fn(&[u8]) -> bool,
     /// What serde says about the fields.
     pub trace: fn() -> Registry,
+    /// A value in which every list has an entry, encoded.
+    pub example: fn(little_endian: bool) -> (Value, Vec<u8>),
 }
 
 impl Codec {
@@ -125,53 +127,66 @@ pub fn part<T: InterfaceType + Serialize + DeserializeOwned>() -> Codec {
         decode: decode::<T>,
         accept: |payload| read::<T>(payload).is_ok(),
         trace: trace::<T>,
+        example: example::<T>,
     }
+}
+
+fn example<T: InterfaceType + Serialize + DeserializeOwned>(
+    little_endian: bool,
+) -> (Value, Vec<u8>) {
+    let registry = trace::<T>();
+    // The registry has the names of Rust, which the last part of the type's name is.
+    let name = std::any::type_name::<T>().rsplit("::").next().unwrap();
+    let value = example_of(&Format::TypeName(name.to_owned()), &registry);
+    let typed: T = serde_json::from_value(value.clone()).unwrap();
+    (value, encode(&typed, little_endian))
+}
+
+fn example_of(format: &Format, registry: &Registry) -> Value {
+    match format {
+        Format::Bool => Value::from(true),
+        Format::U8 | Format::U32 | Format::U64 => Value::from(7),
+        Format::I32 | Format::I64 => Value::from(-7),
+        Format::F64 => Value::from(0.75),
+        Format::Str => Value::from("text"),
+        Format::Seq(element) => Value::from(vec![example_of(element, registry)]),
+        Format::TypeName(name) => match registry.get(name) {
+            Some(ContainerFormat::Struct(fields)) => {
+                let fields = fields.iter();
+                let of_field = |field: &Named<Format>| example_of(&field.value, registry);
+                Value::Object(
+                    fields
+                        .map(|field| (field.name.clone(), of_field(field)))
+                        .collect(),
+                )
+            }
+            other => panic!("{name} is {other:?}, not a struct with named fields"),
+        },
+        other => panic!("{other:?} is no type of a .msg file"),
+    }
+}
+
+macro_rules! codecs {
+    (
+        msg { $($message:ident $(=> $core:ty, $topic:ident $(, $with_lengths:ident)?)?;)+ }
+        srv { $($service:ident: $($part:ident = $part_name:literal),+;)+ }
+        action { $($action:ident: $($section:ident = $section_name:literal),+;)+ }
+    ) => {
+        vec![
+            $(codecs!(@ $message $(, $core)?),)+
+            $($(part::<wire::$part>(),)+)+
+            $($(part::<wire::$section>(),)+)+
+        ]
+    };
+    (@ $message:ident) => {
+        part::<wire::$message>()
+    };
+    (@ $message:ident, $core:ty) => {
+        codec::<wire::$message, $core>()
+    };
 }
 
 /// Every type of the package, in the order of the files' names; messages before services before actions.
 pub fn all() -> Vec<Codec> {
-    vec![
-        part::<wire::Area>(),
-        part::<wire::Body>(),
-        part::<wire::CausalMark>(),
-        codec::<wire::DockingRequest, (ModuleId, model::DockingRequest)>(),
-        codec::<wire::DockingResult, (ModuleId, model::DockingResult)>(),
-        part::<wire::Edge>(),
-        part::<wire::Epoch>(),
-        codec::<wire::Eviction, model::EvictionNotice>(),
-        part::<wire::EvictionRecord>(),
-        codec::<wire::Heartbeat, Vec<model::Heartbeat>>(),
-        codec::<wire::ModuleHeartbeat, model::Heartbeat>(),
-        codec::<wire::ModuleState, model::ModuleState>(),
-        codec::<wire::ModuleStates, Vec<model::ModuleState>>(),
-        codec::<wire::OperatorCommand, Vec<model::Message>>(),
-        part::<wire::PlannerParameters>(),
-        part::<wire::PolicyOption>(),
-        part::<wire::Progress>(),
-        part::<wire::QuorumBasis>(),
-        part::<wire::Removal>(),
-        codec::<wire::Roster, model::RosterMessage>(),
-        part::<wire::RosterMember>(),
-        part::<wire::Spot>(),
-        codec::<wire::SpotClaim, model::SpotClaim>(),
-        part::<wire::SpotSelection>(),
-        part::<wire::Stop>(),
-        codec::<wire::TargetConfiguration, model::TargetAnnouncement>(),
-        part::<wire::Verdict>(),
-        part::<wire::AddModuleRequest>(),
-        part::<wire::AddModuleResponse>(),
-        part::<wire::QueryStatusRequest>(),
-        part::<wire::QueryStatusResponse>(),
-        part::<wire::RemoveModuleRequest>(),
-        part::<wire::RemoveModuleResponse>(),
-        part::<wire::RetireModuleRequest>(),
-        part::<wire::RetireModuleResponse>(),
-        part::<wire::StopFormationRequest>(),
-        part::<wire::StopFormationResponse>(),
-        part::<wire::WithdrawTargetRequest>(),
-        part::<wire::WithdrawTargetResponse>(),
-        part::<wire::FormConfigurationGoal>(),
-        part::<wire::FormConfigurationResult>(),
-        part::<wire::FormConfigurationFeedback>(),
-    ]
+    formation_msgs::interfaces!(codecs)
 }

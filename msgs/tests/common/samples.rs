@@ -11,7 +11,7 @@ use proptest::test_runner::{Config, TestRunner};
 use serde::Serialize;
 use serde_json::Value;
 
-use super::codec::{encode, full_name};
+use super::codec::{self, encode, full_name};
 use super::core_values;
 
 /// The size of the modules in samples.
@@ -44,6 +44,25 @@ impl Collection {
     fn add_all<T: InterfaceType + Serialize>(&mut self, values: &[T]) {
         for value in values {
             self.add(value);
+        }
+    }
+
+    /// Adds an example of each type that has no sample.
+    fn add_examples(&mut self) {
+        for codec in codec::all() {
+            let type_name = codec.full_name();
+            if self.0.iter().any(|sample| sample.type_name == type_name) {
+                continue;
+            }
+            for little_endian in [true, false] {
+                let (value, bytes) = (codec.example)(little_endian);
+                let type_name = type_name.clone();
+                self.0.push(Sample {
+                    type_name,
+                    value,
+                    bytes,
+                });
+            }
         }
     }
 
@@ -295,6 +314,7 @@ pub fn samples(count: usize) -> Vec<Sample> {
         samples.add_action(&mut runner, target, verdict, progress.clone());
         samples.add_services(&mut runner, progress);
     }
+    samples.add_examples();
     samples.0
 }
 

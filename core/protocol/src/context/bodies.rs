@@ -313,9 +313,6 @@ impl Context {
 
     /// The reports on modules that are not among these members (ascending), for their roster of this epoch.
     pub fn bodies_outside(&self, members: &[RosterMember], epoch: Epoch) -> Vec<BodyReport> {
-        if self.bugs.ignore_bodies() {
-            return Vec::new();
-        }
         let bodies = self.bodies.outside(members).into_iter();
         bodies
             .map(|report| self.listed_in_roster(report, epoch))
@@ -367,7 +364,7 @@ impl Context {
         let blocking = newly_blocked.iter().map(|blocked| blocked.module);
         let displaced = displaced.iter().map(|body| body.module);
         let modules: BTreeSet<ModuleId> = blocking.chain(displaced).collect();
-        if modules.is_empty() || self.bugs.ignore_bodies() {
+        if modules.is_empty() {
             self.bodies.contested = None;
             return Ok(());
         }
@@ -379,7 +376,7 @@ impl Context {
     /// session may move at any time, whatever a roster says.
     fn displaced(&self, roster: &Roster, known: &[BodyReport]) -> Vec<BodyReport> {
         let is_straight = roster.target.parameters.motion == MotionMode::Straight;
-        if is_straight || self.bugs.ignore_displaced_bodies() {
+        if is_straight {
             return Vec::new();
         }
         let others = &self.bodies.of_other_sessions;
@@ -468,9 +465,6 @@ impl Context {
         is_to_fill: impl Fn(SpotId, &Self) -> bool,
         is_in_the_way: impl Fn(&BodyReport, &Self) -> bool,
     ) -> Option<EpochReason> {
-        if self.bugs.ignore_bodies() {
-            return None;
-        }
         let comparison = self.compare_bodies(roster);
         // A body that moved is that of a live module, which rosters may have left out for lack of an agreement.
         let is_reason =

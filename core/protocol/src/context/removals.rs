@@ -117,10 +117,6 @@ impl Context {
     /// Handles a report of somebody that a body was taken away.
     /// Enforces B5.
     pub fn handle_removal_report(&mut self, run: ModuleRun) {
-        if self.bugs.trust_removals() {
-            self.bodies.note(removed(run, None));
-            return self.peers.exclude(run.module, Duration::MAX);
-        }
         if run.module == self.module() || !self.is_known_run(run) {
             return self.refuse(Some(run.module), Refusal::RemovalOfUnknownRun);
         }
@@ -181,21 +177,17 @@ impl Context {
         let peer = self.peers.get(run.module);
         let peer = peer.filter(|peer| peer.incarnation <= run.incarnation);
         peer.is_some_and(|peer| self.now <= peer.last_seen() + self.parameters.suspicion)
-            && !self.bugs.trust_removals()
     }
 
     /// Whether this run of this module has listened for `suspicion`.
     fn has_listened(&self) -> bool {
-        self.now >= self.own.started + self.parameters.suspicion || self.bugs.trust_removals()
+        self.now >= self.own.started + self.parameters.suspicion
     }
 
     /// A heartbeat of this run came, also if it was refused for a later one: what was reported before it was sent is dropped, and so is a
     /// removal that has taken effect.
     /// Enforces B5.
     pub fn note_heard(&mut self, run: ModuleRun) {
-        if self.bugs.trust_removals() {
-            return;
-        }
         let peer = self.peers.get(run.module);
         let peer = peer.filter(|peer| peer.incarnation == run.incarnation);
         let sent_at = peer.map_or(self.now, |peer| peer.last_seen());

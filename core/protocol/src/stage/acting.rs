@@ -84,11 +84,6 @@ impl Acting {
         context
             .peers
             .note_same_digest(now, stuck, &held.roster_plan.members);
-        // Where rosters without an agreement count, that bug alone splits no formation.
-        if context.bugs.exclude_members_ahead() {
-            let members = &held.roster_plan.members;
-            context.peers.forget_disagreement(members);
-        }
         let basis = held.roster.quorum_basis();
         context.memory.quorum.note_agreed(epoch, &basis);
         context.memory.mismatches = 0;
@@ -229,7 +224,7 @@ impl Acting {
     /// Enforces A4.
     pub fn repeated_goal(&self, context: &Context) -> Option<MotionGoal> {
         let moves = matches!(self.task, Task::Moving { held: None, .. });
-        let may_move = || context.bugs.ignore_lapses() || self.held.lagging(context).is_empty();
+        let may_move = || self.held.lagging(context).is_empty();
         if moves && !context.stop.stopped && may_move() {
             self.goal()
         } else {
@@ -278,7 +273,7 @@ impl Acting {
             return Continuation::Wait;
         }
         // A module that the roster left out stops within the lease, since the members no longer show its epoch.
-        let first_motion = self.agreed_at + context.bugs.lease_wait(context.parameters.lease);
+        let first_motion = self.agreed_at + context.parameters.lease;
         if context.now < first_motion {
             context.wake_at(first_motion);
             return Continuation::Wait;
@@ -341,9 +336,7 @@ impl Acting {
                 Continuation::Wait
             }
             Task::Waiting => {
-                let earlier = to_act
-                    .filter(|&(step, _)| step < self.held.step_of_unit(place.unit))
-                    .filter(|_| !context.bugs.ignore_acting_order());
+                let earlier = to_act.filter(|&(step, _)| step < self.held.step_of_unit(place.unit));
                 if let Some((_, unsettled)) = earlier {
                     if self.reported != unsettled {
                         self.reported.clone_from(&unsettled);
@@ -451,7 +444,7 @@ impl Acting {
         context: &mut Context,
     ) {
         let stopped = context.stop.stopped;
-        if stopped || !lagging.is_empty() && !context.bugs.ignore_lapses() {
+        if stopped || !lagging.is_empty() {
             if held.is_none() {
                 let held = Some(context.now);
                 self.task = Task::Moving { since, held };

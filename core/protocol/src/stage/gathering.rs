@@ -264,7 +264,7 @@ impl Gathering {
             }
             return self.wait_for_others(&announcement, context);
         };
-        if self.target != digest::of_target(&announcement) && !context.bugs.pin_for_any_target() {
+        if self.target != digest::of_target(&announcement) {
             // Another target was announced since. The members froze with pins for the former one, and have to announce
             // their pins for the new one.
             let next = Self::convene(context, &announcement, EpochReason::NewTarget);

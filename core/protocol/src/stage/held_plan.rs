@@ -307,7 +307,7 @@ impl HeldPlan {
         limit: Duration,
     ) -> bool {
         peer.is_some_and(|peer| {
-            let is_member = peer.incarnation == incarnation || context.bugs.ignore_restarts();
+            let is_member = peer.incarnation == incarnation;
             let shows = peer.heartbeat.is_some_and(|heartbeat| {
                 heartbeat.epoch == Some(self.epoch()) && heartbeat.digest == Some(self.digest)
             });
@@ -327,16 +327,13 @@ impl HeldPlan {
             let (peer, lease) = (context.peers.get(module), context.parameters.lease);
             Some(!self.is_shown_by(incarnation, peer, context, lease))
         };
-        !context.bugs.skip_digest_barrier() && self.waits_for.and_then(lags).unwrap_or(false)
+        self.waits_for.and_then(lags).unwrap_or(false)
     }
 
     /// The members that forbid every motion: those whose latest heartbeat does not show this plan or exceeds the lease, and those
     /// whose motion failed since the roster was made, which stand in the way of the plan.
     /// Enforces A3.
     pub(super) fn lagging(&self, context: &Context) -> Vec<ModuleId> {
-        if context.bugs.skip_digest_barrier() {
-            return Vec::new();
-        }
         let lease = context.parameters.lease;
         self.members_that(context, |module, incarnation, peer| {
             !self.is_shown_by(incarnation, peer, context, lease) || self.has_failed(module, peer)

@@ -181,10 +181,10 @@ impl Stage {
     }
 
     /// Takes a claim of the present epoch.
-    pub fn take_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
+    pub fn take_claim(&mut self, claim: Arc<SpotClaim>) -> Result<(), Refusal> {
         match self {
             Self::Gathering(gathering) => gathering.claims.keep(claim),
-            Self::Planning(planning) => planning.take_claim(claim, context),
+            Self::Planning(planning) => planning.take_claim(claim),
             _ => Err(Refusal::StaleEpoch),
         }
     }

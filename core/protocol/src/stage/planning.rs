@@ -4,7 +4,6 @@
 //! A claim shows what its claimant decides after the turns before it, which it has computed itself. So it does not wait for
 //! the claims of those turns, and the messages of all turns travel at the same time.
 
-use std::collections::BTreeMap;
 use std::hash::{Hash, Hasher};
 use std::sync::Arc;
 use std::time::Duration;
@@ -17,7 +16,6 @@ use formation_planner::{ClaimRefused, PlannedTurns};
 
 use super::super::context::Context;
 use super::super::event::Event;
-use super::super::mutation::Bugs;
 use super::super::plans::{ComputedPlan, PlanJob, obstacles};
 use super::super::refusal::Refusal;
 use super::claims::EarlyClaims;
@@ -35,8 +33,6 @@ pub(crate) struct Planning {
     /// By turn, whether a right claim has come; empty until the plan is computed.
     is_claimed: Vec<bool>,
     early_claims: EarlyClaims,
-    /// The decisions by turn, where a bug lets them differ from the plan; by arrival, where it lets them be recorded so.
-    deviating: BTreeMap<u32, (ModuleId, Decision)>,
     began: Duration,
     /// When the last turn was applied, the plan was computed, or the claimant was last seen to compute its own.
     progress_at: Duration,
@@ -63,7 +59,7 @@ impl Planning {
         context.memory.number_was_met |=
             expected.is_some_and(|expected| members >= expected as usize);
         let problem = roster.problem().ok().flatten();
-        let Some(problem) = problem.and_then(|problem| context.bugs.planned(problem)) else {
+        let Some(problem) = problem else {
             context.refuse(Some(epoch.convener), Refusal::BadRoster);
             return None;
         };
@@ -75,7 +71,6 @@ impl Planning {
             roster,
             is_claimed: Vec::new(),
             early_claims: EarlyClaims::default(),
-            deviating: BTreeMap::new(),
             began: context.now,
             progress_at: context.now,
             reported_overdue: false,
@@ -109,7 +104,7 @@ impl Planning {
 
     /// Judges a claim of a member, or keeps it until the plan is computed.
     /// Enforces T3.
-    pub fn take_claim(&mut self, claim: Arc<SpotClaim>, context: &Context) -> Result<(), Refusal> {
+    pub fn take_claim(&mut self, claim: Arc<SpotClaim>) -> Result<(), Refusal> {
         let member = self.roster.member(claim.claimant);
         if member.is_none_or(|member| member.incarnation != claim.incarnation) {
             return Err(Refusal::UnknownModule);
@@ -117,16 +112,11 @@ impl Planning {
         if claim.turn < self.applied {
             return Err(Refusal::StaleEpoch);
         }
-        if context.bugs.record_claims_out_of_turn() {
-            let place = u32::try_from(self.deviating.len()).unwrap_or(u32::MAX);
-            let recorded = (claim.claimant, claim.decision.clone());
-            self.deviating.insert(place, recorded);
-        }
         let Some(planned) = &self.planned else {
             return self.early_claims.keep(claim);
         };
-        judge(planned.turns(), &claim, context.bugs)?;
-        self.note_claimed(&claim, context.bugs);
+        judge(planned.turns(), &claim)?;
+        self.note_claimed(&claim);
         Ok(())
     }
 
@@ -170,8 +160,8 @@ impl Planning {
     fn judge_early_claims(&mut self, planned: &ComputedPlan, context: &mut Context) {
         self.is_claimed = vec![false; planned.turns().decisions().len()];
         for claim in std::mem::take(&mut self.early_claims).in_turn() {
-            match judge(planned.turns(), &claim, context.bugs) {
-                Ok(()) => self.note_claimed(&claim, context.bugs),
+            match judge(planned.turns(), &claim) {
+                Ok(()) => self.note_claimed(&claim),
                 Err(refusal) => context.refuse(Some(claim.claimant), refusal),
             }
         }
@@ -211,21 +201,14 @@ impl Planning {
     }
 
     /// Records a right claim. Its decision needs no place, as the plan contains it.
-    fn note_claimed(&mut self, claim: &SpotClaim, bugs: Bugs) {
+    fn note_claimed(&mut self, claim: &SpotClaim) {
         self.is_claimed[claim.turn as usize] = true;
-        if bugs.accept_any_decision() {
-            let recorded = (claim.claimant, claim.decision.clone());
-            self.deviating.entry(claim.turn).or_insert(recorded);
-        }
     }
 
     /// Applies the decision of the present turn.
     fn apply(&mut self, claimant: ModuleId, decision: &Decision, context: &mut Context) {
         if claimant != context.module() {
             report_own_eviction(decision, context);
-        } else if context.bugs.accept_any_decision() {
-            let recorded = (claimant, decision.clone());
-            self.deviating.insert(self.applied, recorded);
         }
         self.applied += 1;
         self.progress_at = context.now;
@@ -234,14 +217,7 @@ impl Planning {
     fn finish(self, planned: &ComputedPlan, context: &mut Context) -> Stage {
         let epoch = self.roster.epoch;
         let roster_plan = planned.for_roster(&self.roster);
-        let bugs = context.bugs;
-        let may_deviate = bugs.accept_any_decision() || bugs.record_claims_out_of_turn();
-        let digest = bugs.shown(if may_deviate {
-            let decisions: Vec<_> = self.deviating.into_values().collect();
-            planned.digest_of(&self.roster, &decisions)
-        } else {
-            roster_plan.digest
-        });
+        let digest = roster_plan.digest;
         let turns = self.applied;
         context.emit(Event::Planned {
             epoch,
@@ -264,10 +240,9 @@ impl Planning {
 
 /// Judges a claim: it must come from the module whose turn it is, and equal this replica's own recomputation.
 /// Enforces T2.
-fn judge(planned: &PlannedTurns, claim: &SpotClaim, bugs: Bugs) -> Result<(), Refusal> {
+fn judge(planned: &PlannedTurns, claim: &SpotClaim) -> Result<(), Refusal> {
     match planned.check(claim.turn, claim.claimant, &claim.decision) {
         Ok(()) => Ok(()),
-        Err(ClaimRefused::DifferentDecision { .. }) if bugs.accept_any_decision() => Ok(()),
         Err(ClaimRefused::DifferentDecision { .. }) => Err(Refusal::DifferentDecision),
         Err(_) => Err(Refusal::WrongClaimant),
     }
@@ -360,12 +335,12 @@ mod tests {
         assert_eq!(context.outbox.refusals.total(), 1, "the early wrong one");
 
         for claim in &wrong[1..] {
-            let refusal = planning.take_claim(Arc::clone(claim), &context);
+            let refusal = planning.take_claim(Arc::clone(claim));
             assert_eq!(refusal, Err(Refusal::DifferentDecision));
         }
         let applied = planning.applied();
         for claim in late[1..].iter().rev() {
-            assert_eq!(planning.take_claim(Arc::clone(claim), &context), Ok(()));
+            assert_eq!(planning.take_claim(Arc::clone(claim)), Ok(()));
         }
         let Transition::Stay(Stage::Planning(mut planning)) = planning.step(&mut context) else {
             panic!("one claim is missing");
@@ -376,7 +351,7 @@ mod tests {
             "it waits for the turn of {:?}",
             late[0]
         );
-        assert_eq!(planning.take_claim(Arc::clone(&late[0]), &context), Ok(()));
+        assert_eq!(planning.take_claim(Arc::clone(&late[0])), Ok(()));
         let Transition::Enter(Stage::Agreeing(agreeing)) = planning.step(&mut context) else {
             panic!("each turn is claimed");
         };

@@ -129,7 +129,7 @@ impl Acting {
         };
         let step = self.steps_done + 1;
         let done = |module| self.done_by(module, context);
-        let is_free = context.bugs.skip_waits() || route.awaited(step, done).is_empty();
+        let is_free = route.awaited(step, done).is_empty();
         if !is_free {
             if self.task == Task::Pausing && context.robot.is_at_rest() {
                 self.publish_stop(context);

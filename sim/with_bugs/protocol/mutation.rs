@@ -1,9 +1,4 @@
-//! Deliberate protocol bugs, by which the simulator shows that it would find real ones.
-//!
-//! Without the cargo feature `mutations`, which only the tests of `formation_sim` enable, no agent can have one: every
-//! predicate of [`Bugs`] is then a constant, and the compiler removes the branches that ask. Building the tests of the
-//! whole workspace enables the feature for all crates at once, as cargo unifies features; even then nothing changes unless
-//! a test calls `Agent::mutated`, which no program does.
+//! The deliberate bugs. `bugs.patch` has the places where agents ask whether they have one.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
@@ -11,6 +6,8 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{Digest, PlanningProblem, QuorumBasis, Voter};
+
+use super::refusal::Refusal;
 
 /// One bug.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -84,23 +81,15 @@ pub enum Mutation {
     TrustRemovals,
 }
 
-/// The bug that an agent has, if any; none outside of tests.
+/// The bug that an agent has, if any.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash)]
 pub(super) struct Bugs {
-    #[cfg(feature = "mutations")]
     pub(super) chosen: Option<Mutation>,
 }
 
 impl Bugs {
-    #[cfg(feature = "mutations")]
-    fn has(self, mutation: Mutation) -> bool {
+    pub(super) fn has(self, mutation: Mutation) -> bool {
         self.chosen == Some(mutation)
-    }
-
-    /// Never, in what is shipped.
-    #[cfg(not(feature = "mutations"))]
-    const fn has(self, _mutation: Mutation) -> bool {
-        false
     }
 
     /// The time from agreement to the first motion.
@@ -159,39 +148,16 @@ impl Bugs {
             digest
         }
     }
-}
 
-macro_rules! predicates {
-    ($($predicate:ident: $mutation:ident,)*) => {
-        impl Bugs {
-            $(pub(super) fn $predicate(self) -> bool {
-                self.has(Mutation::$mutation)
-            })*
+    /// The judgement of a claim.
+    pub(super) fn accepted(self, judgement: Result<(), Refusal>) -> Result<(), Refusal> {
+        if self.has(Mutation::AcceptWithoutRecomputation) {
+            judgement.or_else(|refusal| match refusal {
+                Refusal::DifferentDecision => Ok(()),
+                _ => Err(refusal),
+            })
+        } else {
+            judgement
         }
-    };
-}
-
-// What the agent does if it has the bug.
-predicates! {
-    accept_stale_epochs: AcceptStaleEpoch,
-    skip_digest_barrier: SkipDigestBarrier,
-    ignore_lapses: IgnoreLapse,
-    ignore_restarts: DropIncarnationCheck,
-    accept_any_decision: AcceptWithoutRecomputation,
-    record_claims_out_of_turn: ApplyOutOfTurn,
-    ignore_quorum: IgnoreQuorum,
-    ignore_acting_order: MoveOutOfOrder,
-    skip_waits: SkipWaits,
-    forget_pins: ForgetPins,
-    pin_for_any_target: PinForAnyTarget,
-    count_dead_as_live: CountDeadAsAlive,
-    trust_buffered_heartbeats: TrustBufferedHeartbeats,
-    ignore_newcomers: IgnoreNewcomers,
-    learn_unjudged: LearnUnjudged,
-    ignore_bodies: IgnoreBodies,
-    ignore_displaced_bodies: IgnoreDisplacedBodies,
-    exclude_members_ahead: ExcludeMembersAhead,
-    forget_pin_before_goal: ForgetPinBeforeGoal,
-    forget_stored_bodies: ForgetStoredBodies,
-    trust_removals: TrustRemovals,
+    }
 }
