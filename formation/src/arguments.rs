@@ -1,5 +1,16 @@
 //! The command line.
 
+#[cfg(feature = "maps")]
+mod import;
+mod manual;
+#[cfg(not(all(
+    feature = "experiments",
+    feature = "maps",
+    feature = "recordings",
+    feature = "simulator"
+)))]
+mod not_built;
+
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
 use std::time::Duration;
@@ -13,6 +24,8 @@ use formation_sim::FaultKind;
 use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::Domain;
 use ros_runtime::middleware::Middleware;
+
+pub use manual::ManualArguments;
 
 /// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
 /// them changes; and each of them handles every message.
@@ -139,58 +152,24 @@ pub enum FormationCommand {
     Experiments(ExperimentsArguments),
 }
 
-/// What to import.
-#[cfg(feature = "maps")]
-#[derive(Debug, Args)]
-pub struct ImportArguments {
-    /// The map: FILE.yaml of ROS 2, which names a PGM or PNG image, or FILE.map of MovingAI.
-    pub map: PathBuf,
-    /// The size of a module in metres, which is a unit of the scenario; without meaning for FILE.map, where a character is a cell.
-    #[arg(long, value_name = "METRES", default_value_t = 1.0)]
-    pub module_size: f64,
-    /// Print a whole scenario: a connected target of N spots, and N single modules, on random free cells of the largest part.
-    #[arg(long, value_name = "N")]
-    pub modules: Option<usize>,
-    /// The seed of the random numbers.
-    #[arg(long, value_name = "X", default_value_t = 0, requires = "modules")]
-    pub seed: u64,
-    /// Leave cells open of which the map does not know whether they are occupied.
-    #[arg(long)]
-    pub unknown_is_free: bool,
-}
-
-/// The arguments of a command that this build lacks, taken as they come: the answer is about the build, whatever they are.
 #[cfg(not(all(
     feature = "experiments",
     feature = "maps",
     feature = "recordings",
     feature = "simulator"
 )))]
-#[derive(Debug, Args)]
-pub struct AnyArguments {
-    #[arg(hide = true, allow_hyphen_values = true, trailing_var_arg = true)]
-    _ignored: Vec<std::ffi::OsString>,
-}
+use not_built::AnyArguments;
 
 #[cfg(not(feature = "experiments"))]
 type ExperimentsArguments = AnyArguments;
+#[cfg(feature = "maps")]
+pub use import::ImportArguments;
 #[cfg(not(feature = "maps"))]
 type ImportArguments = AnyArguments;
 #[cfg(not(feature = "recordings"))]
 type ReportArguments = AnyArguments;
 #[cfg(not(feature = "simulator"))]
 type SimulateArguments = AnyArguments;
-
-/// Where the manual goes.
-#[derive(Debug, Args)]
-pub struct ManualArguments {
-    /// Write the pages, formation.1 and one for each command, into this directory.
-    #[arg(value_name = "DIR", required_unless_present = "markdown")]
-    pub directory: Option<PathBuf>,
-    /// Print one page of Markdown instead.
-    #[arg(long, conflicts_with = "directory")]
-    pub markdown: bool,
-}
 
 /// What to draw of a recording.
 #[cfg(feature = "recordings")]

@@ -3,6 +3,7 @@
 //!
 //! Raw input becomes a validated type here, and nowhere else.
 
+mod area;
 mod area_union;
 pub mod blocked_spots;
 pub mod body;
@@ -38,6 +39,7 @@ mod topology;
 pub mod turning;
 mod yaml;
 
+pub use area::*;
 pub use body::{BlockedSpot, BodyReport, Whereabouts};
 pub use closed_roster::ClosedRoster;
 pub use cut_nodes::cut_nodes;

@@ -1,7 +1,7 @@
 //! What each role may publish, offer and call.
 
 use formation_model::ModuleId;
-use formation_node::topics::{self, Sender};
+use formation_node_support::topics::{self, Sender};
 use ros_runtime::protection::Rights;
 
 use crate::role::Role;
