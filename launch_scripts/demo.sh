@@ -64,7 +64,7 @@ esac
 
 target="${CARGO_TARGET_DIR:-$repository/target}"
 if [ ! -x "$target/release/formation" ]; then
-    echo "Building in $target; the first time, this takes about four minutes on two cores." >&2
+    echo "Building in $target; the first time, this takes about three minutes on two cores." >&2
 fi
 cargo build --release --locked --manifest-path "$repository/Cargo.toml" --target-dir "$target" \
     --no-default-features "${features[@]}" -p formation -p module_agent -p leader_agent -p target_publisher -p verifier

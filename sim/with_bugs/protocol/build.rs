@@ -2,13 +2,22 @@
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
+use std::process::ExitCode;
 use std::{env, fs, io};
 
 const PROTOCOL: &str = "../../../core/protocol/src";
 const PATCH: &str = "bugs.patch";
 const MUTATIONS: &str = "mutation.rs";
 
-fn main() -> Result<(), Box<dyn Error>> {
+fn main() -> ExitCode {
+    let outcome = spoil();
+    if let Err(error) = &outcome {
+        eprintln!("error: {error}");
+    }
+    ExitCode::from(u8::from(outcome.is_err()))
+}
+
+fn spoil() -> Result<(), Box<dyn Error>> {
     for input in [PROTOCOL, PATCH, MUTATIONS] {
         println!("cargo:rerun-if-changed={input}");
     }
