@@ -305,6 +305,38 @@ fn docked_modules_keep_their_places_from_step_to_step_unless_they_fold() {
     assert!(!on_paths(&over).broken().is_empty());
 }
 
+/// Shows V5. Halted in mid-step they are off their places in both directions, and come back in one after the other.
+#[test]
+fn docked_modules_may_come_nearer_to_their_places_and_not_farther_from_them() {
+    let along = [
+        (1_010, 3, Moving),
+        (1_210, 13, Moving),
+        (1_410, 20, Moving),
+        (1_610, 30, Standing),
+    ];
+    let halted_off = |y: i64| {
+        let mut moments = pair(along);
+        for moment in moments
+            .iter_mut()
+            .filter(|one| one.0 == 2 && one.1 <= 1_010)
+        {
+            (moment.2, moment.3) = (3, y);
+        }
+        on_paths(&moments).dock(&[(1, 2)])
+    };
+    halted_off(12).assert_broken(&[]);
+    let mut farther = halted_off(10);
+    for state in &mut farther.states {
+        if state.module == ModuleId(2) && state.steps_done >= Some(1) {
+            state.pose.y = MicroUnits(1_400_000);
+        }
+    }
+    assert!(matches!(
+        farther.broken()[..],
+        [Violation::BlockTorn { step: 1, .. }]
+    ));
+}
+
 #[test]
 fn a_module_that_begins_a_step_before_its_partner_has_done_the_one_before_is_found() {
     let late = [
