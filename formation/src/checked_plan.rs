@@ -21,6 +21,7 @@ use crate::console;
 use crate::motion::{self, MotionSummary};
 use crate::progress::PlanProgress;
 use crate::scenario_file::named;
+use crate::spread::WithoutSpread;
 use crate::table::aligned;
 
 /// A plan that the verifier's checks have passed, except that the policy `paper` may leave a hole.
@@ -59,6 +60,9 @@ pub struct PlanReport {
     pub statistics: Statistics,
     /// How long the allocation took.
     pub planning_us: u64,
+    /// What the parameter `spread` gives up; `formation plan` alone prints it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_spread: Option<WithoutSpread>,
     /// Whether all spots are filled that the modules suffice for; `formation plan` alone prints it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub complete: Option<bool>,
@@ -179,6 +183,7 @@ impl CheckedPlan {
         PlanReport {
             statistics: self.statistics.clone(),
             planning_us: self.planning_us,
+            without_spread: None,
             complete: None,
             turns: None,
             motion: None,
@@ -247,8 +252,8 @@ impl CheckedPlan {
         }
     }
 
-    /// The plan as a table, and its sums.
-    pub fn text(&self, name: &str) -> String {
+    /// The plan as a table, its sums, and how they compare with those of a plan without spread.
+    pub fn text(&self, name: &str, without_spread: Option<&WithoutSpread>) -> String {
         let mut parts = Vec::new();
         if !name.is_empty() {
             parts.push(one_line(name));
@@ -275,6 +280,10 @@ impl CheckedPlan {
             "total utility {:.3}, total distance {:.3} units",
             statistics.total_utility, statistics.total_distance
         ));
+        if let Some(plain) = without_spread {
+            let spread = self.problem.parameters().spread;
+            parts.push(plain.text(spread, &self.outcome));
+        }
         // The other policies ignore that modules are docked.
         let policy = self.problem.parameters().policy;
         let places_blocks = matches!(policy, Policy::Exact | Policy::Paper);

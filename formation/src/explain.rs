@@ -16,7 +16,7 @@ use crate::{check, console, scenario_file};
 /// The text shows this many other spots.
 const ALTERNATIVES_MAX: usize = 5;
 
-/// The object that `--json` prints. Utilities are those of the paper; the alternatives begin with the best.
+/// The object that `--json` prints. Utilities are those by which spots are chosen; the alternatives begin with the best.
 #[derive(Debug, Serialize)]
 struct ExplanationReport {
     module: ModuleId,

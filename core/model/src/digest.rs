@@ -60,6 +60,7 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
         parameters.weights.dock(),
         parameters.weights.undock(),
         parameters.cut_price.per_cut(),
+        parameters.spread.per_unit(),
     ] {
         canonical.signed(weight.0);
     }

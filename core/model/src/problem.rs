@@ -6,7 +6,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::{
-    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
+    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Spread, Target,
     Topology,
 };
 
@@ -124,6 +124,14 @@ impl PlanningProblem {
         for module in &mut problem.modules {
             module.pin = module.pin.filter(|pin| !released.contains(pin));
         }
+        problem
+    }
+
+    /// The same problem with another spread.
+    #[must_use]
+    pub fn with_spread(&self, spread: Spread) -> Self {
+        let mut problem = self.clone();
+        problem.parameters.spread = spread;
         problem
     }
 

@@ -1,8 +1,10 @@
 //! The utility of a spot for a module: the value of the spot less the cost of taking it.
 //!
-//! The paper, section "Configuration Formation as Utility Maximization Problem", with one difference: a kept link costs
-//! nothing at either end, while the paper charges its undocking and docking.
+//! The paper, section "Configuration Formation as Utility Maximization Problem", with two differences: a kept link costs
+//! nothing at either end, while the paper charges its undocking and docking; and the choice of spots adds the square of
+//! the distance ([`DistanceCost`]).
 
+use crate::value::distance_cost::DistanceCost;
 use crate::value::{betweenness, share_of_shortest_paths};
 use formation_model::{
     MICRO_PER_UNIT, MicroUnits, PlanningProblem, Policy, Pose, SpotValue, Target, Weights,
@@ -13,6 +15,7 @@ use formation_model::{
 #[derive(Clone, Debug)]
 pub struct Utilities {
     weights: Weights,
+    distance_cost: DistanceCost,
     module_poses: Vec<Pose>,
     /// For each module, the cost of undocking all of its links.
     undocking: Vec<MicroUnits>,
@@ -43,6 +46,7 @@ impl Utilities {
             .collect();
         Self {
             weights,
+            distance_cost: DistanceCost::of_problem(problem),
             module_poses: modules.clone().map(|module| module.pose).collect(),
             undocking: modules
                 .map(|module| weights.undock().times(module.links.len()))
@@ -58,10 +62,23 @@ impl Utilities {
         self.values[spot]
     }
 
-    /// The utility of a module for a spot, `U_a(s) = Val(s) - cost(a, s)`, with every link end charged.
+    /// The utility of a module for a spot, `U_a(s) = Val(s) - cost(a, s)`, with every link end charged. It decides the
+    /// choice of spots, so its cost has the parameter `spread`.
     pub fn of(&self, module: usize, spot: usize) -> MicroUnits {
         let travel = MicroUnits(self.travel_cost(module, &self.spot_poses[spot]));
         self.net_values[spot] - travel - self.undocking[module]
+    }
+
+    /// The same with the plain distance: the paper's utility, of which totals are the sum.
+    pub fn plain(&self, module: usize, spot: usize) -> MicroUnits {
+        let distance = self.distance(module, spot);
+        let travel = self.distance_cost.plain().of(distance);
+        self.net_values[spot] - travel - self.undocking[module]
+    }
+
+    /// The distance of a module to a spot.
+    pub(crate) fn distance(&self, module: usize, spot: usize) -> MicroUnits {
+        self.module_poses[module].distance_to(&self.spot_poses[spot])
     }
 
     /// The utility of a module for every spot.
@@ -75,7 +92,7 @@ impl Utilities {
     #[inline]
     pub(crate) fn travel_cost(&self, module: usize, to: &Pose) -> i64 {
         let distance = self.module_poses[module].distance_to(to);
-        distance.scaled_by(self.weights.loc()).0
+        self.distance_cost.of(distance).0
     }
 
     /// The value of a spot less the cost of docking all of its links.
