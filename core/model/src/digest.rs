@@ -144,6 +144,11 @@ pub fn of_problem(problem: &PlanningProblem) -> Digest {
         canonical.identifier(Some(module.id.0));
         put_placement(&mut canonical, module);
     }
+    for Area { low, high } in problem.bodies() {
+        for coordinate in [low.0, low.1, high.0, high.1] {
+            canonical.signed(coordinate.0);
+        }
+    }
     canonical.finish()
 }
 

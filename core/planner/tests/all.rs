@@ -19,3 +19,4 @@ mod spread;
 mod support;
 mod theorems;
 mod verified_plans;
+mod walls;

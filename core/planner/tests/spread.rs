@@ -116,7 +116,6 @@ fn the_sum_of_distances_grows_by_less_than_a_thousandth_and_the_longest_way_shri
         totals[1]
     );
     assert!(longest[0] < longest[1], "{longest:?}");
-    println!("total distance and longest, with and without: {totals:?} {longest:?}");
 }
 
 /// The greater the spread, the smaller the sum of squares.

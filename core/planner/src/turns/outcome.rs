@@ -23,6 +23,8 @@ pub struct PlanOutcome {
     pub trimmed_spots: Vec<SpotId>,
     /// The modules without a spot, ascending.
     pub unassigned: Vec<ModuleId>,
+    /// Those of them that walls leave no way to the target.
+    pub cut_off: Vec<ModuleId>,
     /// The sum of the placed modules' utilities at plain distances, the savings of kept links and the rewards of blocks.
     pub total_utility: MicroUnits,
     /// The sum of the distances of all placed modules to their spots.
@@ -101,6 +103,7 @@ impl Planning {
             open_spots: spots.filter(|spot| !taken.contains(spot)).collect(),
             plan,
             decisions,
+            cut_off: self.cut_off(),
             unassigned,
             total_utility,
             total_distance,
@@ -108,6 +111,14 @@ impl Planning {
             proven: self.proven,
             auction: self.central.as_ref().and_then(|central| central.auction),
         }
+    }
+
+    fn cut_off(&self) -> Vec<ModuleId> {
+        let modules = self.problem().modules().iter().enumerate();
+        modules
+            .filter(|&(position, _)| self.problem().is_cut_off(position))
+            .map(|(_, module)| module.id)
+            .collect()
     }
 
     /// The plan as far as it is decided, without an acting order.

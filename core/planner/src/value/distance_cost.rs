@@ -24,7 +24,9 @@ impl DistanceCost {
     /// The cost of the problem's parameters. Where the longest possible distance would cost more than the greatest plain
     /// cost of any problem, the spread counts less, so that no sum leaves its range (see [`formation_model::WEIGHT_LIMIT`]); with `loc` up
     /// to 1 and the default spread this begins at distances of half a million units.
-    pub(crate) fn of_problem(problem: &PlanningProblem) -> Self {
+    ///
+    /// `detour` is the longest detour in units.
+    pub(crate) fn of_problem(problem: &PlanningProblem, detour: u64) -> Self {
         let spots = problem.target().spots().iter().map(|spot| spot.pose);
         let modules = problem.modules().iter().map(|module| module.pose);
         let poses = spots.chain(modules);
@@ -36,7 +38,9 @@ impl DistanceCost {
             }
         }
         let sides = [high[0] - low[0], high[1] - low[1]].map(i64::unsigned_abs);
-        Self::new(problem.parameters(), sides[0].saturating_add(sides[1]))
+        let detour = detour.saturating_mul(MICRO_PER_UNIT.unsigned_abs());
+        let longest = sides[0].saturating_add(sides[1]).saturating_add(detour);
+        Self::new(problem.parameters(), longest)
     }
 
     fn new(parameters: &PlannerParameters, longest: u64) -> Self {

@@ -1,6 +1,7 @@
 //! The value of a spot and the cost of taking it (paper, "Configuration Formation as Utility Maximization Problem").
 
 mod centrality;
+mod detours;
 mod distance_cost;
 mod path_shares;
 mod utility;
