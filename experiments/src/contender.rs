@@ -1,6 +1,6 @@
 //! The planners that are compared.
 
-use formation_model::{CutPrice, PaperBundle, PlannerParameters, Policy, TurnOrder};
+use formation_model::{CutPrice, PaperBundle, PlannerParameters, Policy, Spread, TurnOrder};
 use serde::{Deserialize, Serialize};
 
 /// A planner and its parameters.
@@ -32,7 +32,7 @@ pub(crate) const WITH_SIZE_FIRST: [Contender; 4] =
 pub(crate) const WITH_AUCTION: [Contender; 3] = [PaperPolicy, Ours, Auction];
 
 impl Contender {
-    /// The planner's parameters; all others have their defaults.
+    /// The planner's parameters; all others have their defaults. Distances count as in the paper, without a spread.
     #[must_use]
     pub fn parameters(self) -> PlannerParameters {
         let (policy, order) = match self {
@@ -53,6 +53,7 @@ impl Contender {
             policy,
             order,
             cut_price,
+            spread: Spread::ZERO,
             ..PlannerParameters::default()
         }
     }

@@ -21,9 +21,10 @@ use crate::console;
 use crate::motion::{self, MotionSummary};
 use crate::progress::PlanProgress;
 use crate::scenario_file::named;
+use crate::spread::WithoutSpread;
 use crate::table::aligned;
 
-/// A plan that the verifier's checks have passed, except that the policy `paper` may leave a hole.
+/// A plan that the verifier's checks have passed, except that the policy `paper`, and walls round modules, may leave a hole.
 pub struct CheckedPlan {
     /// What was planned for.
     pub problem: Arc<PlanningProblem>,
@@ -35,7 +36,7 @@ pub struct CheckedPlan {
     pub motion: PlannedMotion,
     /// How long the allocation took, without acting order and statistics.
     pub planning_us: u64,
-    /// What is wrong with the spots that are filled: too few, or apart. Only the policy `paper` leaves such a hole.
+    /// What is wrong with the spots that are filled: too few, or apart. Only the policy `paper` leaves such a hole, and walls round modules.
     hole: Option<String>,
 }
 
@@ -59,6 +60,11 @@ pub struct PlanReport {
     pub statistics: Statistics,
     /// How long the allocation took.
     pub planning_us: u64,
+    /// The modules to which walls leave no way to the target.
+    pub cut_off: Vec<ModuleId>,
+    /// What the parameter `spread` gives up; `formation plan` alone prints it.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub without_spread: Option<WithoutSpread>,
     /// Whether all spots are filled that the modules suffice for; `formation plan` alone prints it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub complete: Option<bool>,
@@ -150,9 +156,18 @@ impl CheckedPlan {
             [] => String::new(),
             open => format!("; left open: {}", listed_in_full(open.iter().copied())),
         };
-        Some(format!(
-            "the plan has a hole, as the policy `paper` may leave one: {hole}{open}"
-        ))
+        let reason = match self.cut_off_text() {
+            Some(cut_off) => format!("{cut_off}; "),
+            None => "as the policy `paper` may leave one: ".to_owned(),
+        };
+        Some(format!("the plan has a hole, {reason}{hole}{open}"))
+    }
+
+    /// The modules to which walls leave no way.
+    fn cut_off_text(&self) -> Option<String> {
+        let cut_off = &self.outcome.cut_off;
+        let listed = || listed_in_full(cut_off.iter().copied());
+        (!cut_off.is_empty()).then(|| format!("no way leads to the target from {}", listed()))
     }
 
     /// All turns with their decisions.
@@ -179,6 +194,8 @@ impl CheckedPlan {
         PlanReport {
             statistics: self.statistics.clone(),
             planning_us: self.planning_us,
+            cut_off: self.outcome.cut_off.clone(),
+            without_spread: None,
             complete: None,
             turns: None,
             motion: None,
@@ -238,6 +255,14 @@ impl CheckedPlan {
     /// # Errors
     /// Names the unit and its spots, and the reason.
     pub fn refuse_without_motion(&self, path: &Path) -> Result<(), Failure> {
+        if self.statistics.assignments.is_empty()
+            && let Some(cut_off) = self.cut_off_text()
+        {
+            return Err(Failure::bad_input(format_args!(
+                "{}: no module would move: {cut_off}",
+                named(path)
+            )));
+        }
         match &self.motion {
             PlannedMotion::Refused(error) => Err(Failure::bad_input(format_args!(
                 "{}: no module would move: {error}",
@@ -247,8 +272,8 @@ impl CheckedPlan {
         }
     }
 
-    /// The plan as a table, and its sums.
-    pub fn text(&self, name: &str) -> String {
+    /// The plan as a table, its sums, and how they compare with those of a plan without spread.
+    pub fn text(&self, name: &str, without_spread: Option<&WithoutSpread>) -> String {
         let mut parts = Vec::new();
         if !name.is_empty() {
             parts.push(one_line(name));
@@ -259,6 +284,7 @@ impl CheckedPlan {
             let unassigned = listed_in_full(statistics.unassigned.iter().copied());
             parts.push(format!("without a spot: {unassigned}"));
         }
+        parts.extend(self.cut_off_text());
         if !statistics.open_spots.is_empty() {
             let open = listed_in_full(statistics.open_spots.iter().copied());
             parts.push(format!("left open: {open}"));
@@ -275,6 +301,10 @@ impl CheckedPlan {
             "total utility {:.3}, total distance {:.3} units",
             statistics.total_utility, statistics.total_distance
         ));
+        if let Some(plain) = without_spread {
+            let spread = self.problem.parameters().spread;
+            parts.push(plain.text(spread, &self.outcome));
+        }
         // The other policies ignore that modules are docked.
         let policy = self.problem.parameters().policy;
         let places_blocks = matches!(policy, Policy::Exact | Policy::Paper);

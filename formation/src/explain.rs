@@ -4,7 +4,7 @@ use std::path::Path;
 
 use formation_event_log::SceneChange;
 use formation_model::text::{counted, joined};
-use formation_model::{ModuleId, SpotId};
+use formation_model::{MicroUnits, ModuleId, SpotId};
 use formation_planner::{ConcernedTurn, Explanation, TurnOutcome};
 use ros_runtime::exit::Failure;
 use serde::Serialize;
@@ -16,13 +16,18 @@ use crate::{check, console, scenario_file};
 /// The text shows this many other spots.
 const ALTERNATIVES_MAX: usize = 5;
 
-/// The object that `--json` prints. Utilities are those of the paper; the alternatives begin with the best.
+/// The object that `--json` prints. Utilities are those by which spots are chosen; the alternatives begin with the best.
 #[derive(Debug, Serialize)]
 struct ExplanationReport {
     module: ModuleId,
     /// The configuration that it belongs to.
     configuration: Option<u32>,
     spot: Option<SpotId>,
+    /// Whether walls leave the module no way to the target.
+    cut_off: bool,
+    /// By how much its way is longer than the straight one, and what is in that one's way.
+    detour: f64,
+    barrier: Option<String>,
     /// Whether the plan fills all spots that the modules suffice for.
     complete: bool,
     /// Whether each placement of a configuration is proven to be the best.
@@ -46,6 +51,8 @@ struct TurnReport {
 #[derive(Debug, Serialize)]
 struct AlternativeReport {
     spot: SpotId,
+    detour: f64,
+    barrier: Option<String>,
     utility: f64,
     holder: Option<ModuleId>,
     holder_utility: Option<f64>,
@@ -85,6 +92,8 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
     let others = explanation.alternatives.iter();
     let alternatives = others.map(|one| AlternativeReport {
         spot: one.spot,
+        detour: one.detour.to_units(),
+        barrier: one.barrier.map(|barrier| barrier.to_string()),
         utility: one.utility.to_units(),
         holder: one.holder.map(|(holder, _)| holder),
         holder_utility: one.holder.map(|(_, utility)| utility.to_units()),
@@ -94,6 +103,9 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
         module,
         configuration: configuration.map(|configuration| configuration.0),
         spot: explanation.spot,
+        cut_off: explanation.cut_off,
+        detour: explanation.detour.to_units(),
+        barrier: explanation.barrier.map(|barrier| barrier.to_string()),
         complete: plan.is_complete(),
         proven: plan.statistics.proven,
         open_spots: plan.statistics.open_spots.clone(),
@@ -117,8 +129,15 @@ fn text(explanation: &Explanation) -> String {
     let module = explanation.module;
     let mut lines = vec![match explanation.spot {
         Some(spot) => format!("{module} gets {spot}."),
+        None if explanation.cut_off => {
+            let barrier = explanation.barrier;
+            let barrier =
+                barrier.map_or_else(String::new, |barrier| format!(": {barrier} is in between"));
+            format!("{module} gets no spot: no way leads from it to the target{barrier}.")
+        }
         None => format!("{module} gets no spot."),
     }];
+    lines.extend(detours(explanation));
     for turn in &explanation.turns {
         let meaning = match turn.outcome {
             TurnOutcome::Takes { spot } => format!("{module} gets {spot}"),
@@ -174,6 +193,27 @@ fn text(explanation: &Explanation) -> String {
     }
     lines.push("Utilities and losses leave out what links save that stay docked.".to_owned());
     lines.join("\n")
+}
+
+/// The detours to its spot and to those shown, each with what is in the way.
+fn detours(explanation: &Explanation) -> Vec<String> {
+    let own = explanation
+        .spot
+        .map(|spot| (spot, explanation.detour, explanation.barrier));
+    let shown = explanation.alternatives.iter().take(ALTERNATIVES_MAX);
+    let others = shown.map(|one| (one.spot, one.detour, one.barrier));
+    let ways = own.into_iter().chain(others);
+    let detours = ways.filter(|&(_, detour, _)| detour > MicroUnits::ZERO);
+    detours
+        .map(|(spot, detour, barrier)| {
+            let barrier =
+                barrier.map_or_else(|| "what stands there".to_owned(), |one| one.to_string());
+            format!(
+                "  The way to {spot} leads round {barrier}, a detour of {} units.",
+                detour.to_units()
+            )
+        })
+        .collect()
 }
 
 fn rounded(number: f64) -> String {

@@ -27,6 +27,7 @@ mod security;
 mod show;
 #[cfg(feature = "simulator")]
 mod simulate;
+mod spread;
 mod table;
 mod warnings;
 

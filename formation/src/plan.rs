@@ -9,6 +9,7 @@ use crate::arguments::SPEED_UNITS_PER_S;
 use crate::checked_plan::{CheckedPlan, PlanReport};
 use crate::motion::{self, MotionSummary};
 use crate::report::ReportDirectory;
+use crate::spread::WithoutSpread;
 use crate::{check, console, scenario_file};
 
 /// Plans a scenario file and prints the plan.
@@ -22,20 +23,22 @@ pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure
     let report = report.map(ReportDirectory::create).transpose()?;
     let plan = CheckedPlan::of(&scenario)?;
     plan.warn(path);
+    let without_spread = WithoutSpread::of(&plan.problem);
     if let Some(directory) = report {
-        write_report(&directory, &plan, scenario.name())?;
+        write_report(&directory, &plan, scenario.name(), without_spread)?;
     }
     if json {
-        console::result_json(&with_motion(&plan))?;
+        console::result_json(&whole_report(&plan, without_spread))?;
     } else {
-        console::result_text(&plan.text(scenario.name()))?;
+        console::result_text(&plan.text(scenario.name(), without_spread.as_ref()))?;
     }
     plan.refuse_hole(path)
 }
 
 /// The object that `--json` prints.
-fn with_motion(plan: &CheckedPlan) -> PlanReport {
+fn whole_report(plan: &CheckedPlan, without_spread: Option<WithoutSpread>) -> PlanReport {
     PlanReport {
+        without_spread,
         complete: Some(plan.is_complete()),
         turns: Some(plan.turns()),
         motion: Some(MotionSummary::of(&plan.motion)),
@@ -47,6 +50,7 @@ fn write_report(
     directory: &ReportDirectory,
     plan: &CheckedPlan,
     name: &str,
+    without_spread: Option<WithoutSpread>,
 ) -> Result<(), Failure> {
     let course = plan.course();
     let subject = plan.subject(name, &course);
@@ -67,6 +71,6 @@ fn write_report(
         facts: plan.facts(),
         notes,
     };
-    directory.write_json(&with_motion(plan))?;
+    directory.write_json(&whole_report(plan, without_spread))?;
     directory.write_pictures(&subject, &course, &summary)
 }

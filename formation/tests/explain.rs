@@ -121,3 +121,46 @@ fn no_module_both_takes_a_spot_and_is_left_over() {
     }
     assert!(leaving > 0);
 }
+
+/// Two rooms without a door, the target in the left one; module 2 stands right behind the wall.
+const ROOMS: &str = "
+target: {spots: [{id: 1, x: 3, y: 0}, {id: 2, x: 3, y: 1}], edges: [[1, 2]]}
+singletons: [{id: 1, x: 2, y: 0}, {id: 2, x: 5, y: 1}, {id: 3, x: -4, y: 1}]
+obstacles: [{x: 4, y: 0, width: 1, height: 9}]
+arena: {x: 1.5, y: 0, width: 14, height: 9}
+";
+
+#[test]
+fn the_wall_is_named_that_cuts_a_module_off() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("rooms.yaml");
+    std::fs::write(&path, ROOMS).unwrap();
+    let run = |arguments: &[&str]| {
+        let program = env!("CARGO_BIN_EXE_formation");
+        let mut command = Command::new(program);
+        command.arg(arguments[0]).arg(&path).args(&arguments[1..]);
+        let output = command.output().unwrap();
+        let errors = String::from_utf8_lossy(&output.stderr);
+        assert!(output.status.success(), "{errors}");
+        String::from_utf8(output.stdout).unwrap()
+    };
+    let text = run(&["explain", "--module", "2"]);
+    let expected = "module 2 gets no spot: no way leads from it to the target: the obstacle around x 4, y 0 is in between.";
+    assert!(text.starts_with(expected), "{text}");
+    let explained: Value =
+        serde_json::from_str(&run(&["explain", "--module", "2", "--json"])).unwrap();
+    assert_eq!(explained["cut_off"], true);
+    assert_eq!(explained["barrier"], "the obstacle around x 4, y 0");
+    let planned: Value = serde_json::from_str(&run(&["plan", "--json"])).unwrap();
+    assert_eq!(planned["cut_off"], serde_json::json!([2]));
+    assert_eq!(planned["complete"], true);
+    let text = run(&["plan"]);
+    assert!(
+        text.contains("no way leads to the target from module 2"),
+        "{text}"
+    );
+    assert!(
+        text.contains("spread 0.001: the longest distance is"),
+        "{text}"
+    );
+}

@@ -77,8 +77,11 @@ fn the_json_has_every_promised_key() {
     ] {
         assert!(report[count].is_u64(), "{count}");
     }
-    for sum in ["total_utility", "total_distance"] {
+    for sum in ["total_utility", "total_distance", "longest_distance"] {
         assert!(report[sum].is_f64(), "{sum}");
+    }
+    for sum in ["utility", "distance", "longest"] {
+        assert!(report["without_spread"][sum].is_f64(), "{sum}");
     }
     for count in ["samples", "deliveries", "pairs"] {
         assert!(report["messages"][count].is_u64(), "messages.{count}");
@@ -343,7 +346,8 @@ fn the_papers_counterexamples_are_planned_and_shown() {
 fn the_page_of_a_plan_that_no_module_can_carry_out_says_so() {
     let directory = tempfile::tempdir().unwrap();
     let file = directory.path().join("walled.yaml");
-    let wall = "obstacles: [{x: 2.5, y: 0, width: 1, height: 9}]\narena: {x: 2, y: 0, width: 9, height: 9}\n";
+    // The wall reaches under the module.
+    let wall = "obstacles: [{x: 0.8, y: 0, width: 1, height: 1}]\narena: {x: 2, y: 0, width: 9, height: 9}\n";
     let modules =
         "target: {spots: [{id: 1, x: 5, y: 0}], edges: []}\nsingletons: [{id: 1, x: 0, y: 0}]\n";
     fs::write(&file, format!("{modules}{wall}")).unwrap();

@@ -2,7 +2,7 @@
 
 use formation_model::{
     self as model, CutPriceError, MICRO_PER_UNIT, ModuleId, ModuleSize, NO_ID, OptionRefused,
-    ProblemError, QuantiseError, SpotId, WeightsError,
+    ProblemError, QuantiseError, SpotId, SpreadError, WeightsError,
 };
 use thiserror::Error;
 
@@ -145,6 +145,9 @@ pub enum Fault {
     /// The price of cuts is wrong.
     #[error(transparent)]
     CutPrice(#[from] CutPriceError),
+    /// The spread is wrong.
+    #[error(transparent)]
+    Spread(#[from] SpreadError),
     /// The members of a roster do not fit its target or each other.
     #[error(transparent)]
     Problem(#[from] ProblemError),

@@ -7,8 +7,8 @@ use std::sync::Arc;
 
 use formation_model::{
     self as model, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea, RawSpot,
-    RawSurroundings, RawTarget, Surroundings, Target, TargetAnnouncement, TurnOrder, Weights,
-    WeightsError,
+    RawSurroundings, RawTarget, Spread, Surroundings, Target, TargetAnnouncement, TurnOrder,
+    Weights, WeightsError,
 };
 use serde::{Deserialize, Serialize};
 
@@ -60,6 +60,7 @@ pub struct PlannerParameters {
     pub weight_dock: f64,
     pub weight_undock: f64,
     pub cut_price: f64,
+    pub spread: f64,
     pub keep_all_spots: bool,
     pub policy_options: Vec<PolicyOption>,
     pub motion: u8,
@@ -147,6 +148,7 @@ impl From<&model::PlannerParameters> for PlannerParameters {
             weight_dock: parameters.weights.dock().to_units(),
             weight_undock: parameters.weights.undock().to_units(),
             cut_price: parameters.cut_price.per_cut().to_units(),
+            spread: parameters.spread.per_unit().to_units(),
             keep_all_spots: parameters.keep_all_spots,
             policy_options: options_to_wire(parameters),
             motion: motion_to_wire(parameters.motion),
@@ -228,6 +230,8 @@ impl PlannerParameters {
                 })?,
             cut_price: CutPrice::from_units(self.cut_price)
                 .map_err(|error| FieldError::new("cut_price", error))?,
+            spread: Spread::from_units(self.spread)
+                .map_err(|error| FieldError::new("spread", error))?,
             keep_all_spots: self.keep_all_spots,
             motion: motion_from_wire(self.motion)?,
         })

@@ -305,6 +305,10 @@ fn targets() {
             "target: body_width: must lie between 0.1 units and 1, the pitch of the lattice, got 1.1";
         target => target.planner.cut_price = -1.0,
             "target: planner.cut_price: must not be negative, got -1.000000";
+        target => target.planner.spread = 1.5,
+            "target: planner.spread: must lie between 0 and 1, got 1.5";
+        target => target.planner.spread = f64::NAN,
+            "target: planner.spread: must lie between 0 and 1, got NaN";
     );
     let withdrawn = wire::TargetConfiguration {
         withdrawn: true,
@@ -365,7 +369,7 @@ fn rosters() {
     };
     refusals!(plan, model::RosterMessage:
         roster => roster.protocol_version = 1,
-            "roster: protocol_version: is 1, but this program speaks version 5; run the same build everywhere";
+            "roster: protocol_version: is 1, but this program speaks version 6; run the same build everywhere";
         roster => roster.lease.sec = -1, "roster: lease: needs sec >= 0 and nanosec < 10^9";
         roster => roster.quorum_bases[1].stores = vec![0],
             "roster: quorum_bases[1].stores: must have as many entries as module_ids";
@@ -581,7 +585,7 @@ fn commands() {
     };
     refusals!(valid, Vec<model::Message>:
         sample => sample.protocol_version = 1,
-            "commands: protocol_version: is 1, but this program speaks version 5; run the same build everywhere";
+            "commands: protocol_version: is 1, but this program speaks version 6; run the same build everywhere";
         sample => sample.removals[1].incarnation = 0,
             "commands: removals[1].incarnation: 0 names no run; give the incarnation that heartbeats or a roster showed";
         sample => sample.removals[1].module_id = 4, "commands: removals[1]: module 4 is listed twice";

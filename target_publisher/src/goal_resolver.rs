@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use formation_model::{MODULES_MAX, ModuleSize, TargetAnnouncement};
+use formation_model::{FreeCells, MODULES_MAX, ModuleSize, TargetAnnouncement};
 use formation_msgs::{FormConfigurationGoal, IntoCore};
 use formation_node_support::scenario::read_scenario;
 use formation_planner::PlanSize;
@@ -126,6 +126,8 @@ pub(crate) fn refuse_long_plans(announcement: &TargetAnnouncement) -> Result<(),
         modules,
         // How the modules are docked is not known, and single ones take longer, except on large targets with cycles.
         configured: 0,
+        // Nor is where they stand.
+        cells: FreeCells::around(target, &[], &[]).map_or(0, |cells| cells.count()),
     };
     size.check().map_err(|refused| refused.to_string())
 }

@@ -230,7 +230,7 @@ fn target_sample(revision: u64) -> Value {
         "edges": edges,
         "planner": {
             "policy": "exact", "order": 0, "d_max": -1, "exact_finish": false, "weight_loc": 1.0,
-            "weight_dock": 0.1, "weight_undock": 0.05, "cut_price": 1.0, "keep_all_spots": false,
+            "weight_dock": 0.1, "weight_undock": 0.05, "cut_price": 1.0, "spread": 0.001, "keep_all_spots": false,
         },
     })
 }

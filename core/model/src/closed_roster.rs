@@ -3,7 +3,9 @@
 use std::ops::Deref;
 use std::sync::{Arc, OnceLock};
 
-use crate::{Digest, PlanningProblem, ProblemError, Roster, RosterMember, SpotId, digest};
+use crate::{
+    Digest, PlanningProblem, ProblemError, Roster, RosterMember, SpotId, digest, standing_bodies,
+};
 
 /// A roster that its convener has closed.
 ///
@@ -76,5 +78,5 @@ fn problem_of(roster: &Roster) -> Result<Option<Arc<PlanningProblem>>, ProblemEr
     });
     let modules = modules.collect();
     let problem = PlanningProblem::new(target, roster.target.parameters, modules)?;
-    Ok(Some(Arc::new(problem)))
+    Ok(Some(Arc::new(problem.with_bodies(standing_bodies(roster)))))
 }

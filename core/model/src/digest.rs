@@ -60,6 +60,7 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
         parameters.weights.dock(),
         parameters.weights.undock(),
         parameters.cut_price.per_cut(),
+        parameters.spread.per_unit(),
     ] {
         canonical.signed(weight.0);
     }
@@ -142,6 +143,11 @@ pub fn of_problem(problem: &PlanningProblem) -> Digest {
     for module in problem.modules() {
         canonical.identifier(Some(module.id.0));
         put_placement(&mut canonical, module);
+    }
+    for Area { low, high } in problem.bodies() {
+        for coordinate in [low.0, low.1, high.0, high.1] {
+            canonical.signed(coordinate.0);
+        }
     }
     canonical.finish()
 }

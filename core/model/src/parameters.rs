@@ -255,6 +255,66 @@ pub enum CutPriceError {
     Negative(MicroUnits),
 }
 
+/// The weight of the square of a distance, per unit, in the choice of spots: the choice counts a distance `d` as
+/// `d + spread * d^2`; from 0 to 1.
+///
+/// Sums of plain distances leave open who goes where along a line, and a little noise then sends modules past each other.
+/// The square decides for equally long ways. Like the price of cuts, it enters no total. At zero the plain distance decides.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, Serialize, Deserialize)]
+#[serde(try_from = "f64", into = "f64")]
+pub struct Spread(MicroUnits);
+
+/// The greatest spread.
+const SPREAD_MAX: f64 = 1.0;
+
+impl Spread {
+    /// The plain distance decides, as in the paper.
+    pub const ZERO: Self = Self(MicroUnits::ZERO);
+
+    /// Validates and quantises a spread.
+    ///
+    /// # Errors
+    /// Refuses what does not lie between 0 and 1.
+    pub fn from_units(spread: f64) -> Result<Self, SpreadError> {
+        if (0.0..=SPREAD_MAX).contains(&spread)
+            && let Ok(spread) = MicroUnits::from_units(spread)
+        {
+            return Ok(Self(spread));
+        }
+        Err(SpreadError(spread))
+    }
+
+    /// The weight per unit of distance.
+    pub fn per_unit(&self) -> MicroUnits {
+        self.0
+    }
+}
+
+impl Default for Spread {
+    fn default() -> Self {
+        Self(MicroUnits(1_000))
+    }
+}
+
+impl TryFrom<f64> for Spread {
+    type Error = FieldError;
+
+    fn try_from(spread: f64) -> Result<Self, FieldError> {
+        Self::from_units(spread).map_err(|error| FieldError::new("spread", error))
+    }
+}
+
+impl From<Spread> for f64 {
+    fn from(spread: Spread) -> Self {
+        spread.0.to_units()
+    }
+}
+
+/// A spread that was refused.
+#[derive(Clone, Copy, Debug, PartialEq, Error)]
+#[error("must lie between 0 and {SPREAD_MAX}, got {0}")]
+pub struct SpreadError(f64);
+
 /// All choices of the user about planning, as they stand in a scenario file; every replica holds the same.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Hash, Serialize, Deserialize)]
 #[serde(try_from = "RawPlannerParameters")]
@@ -276,6 +336,8 @@ pub struct PlannerParameters {
     pub weights: Weights,
     /// The price of each cut when a configuration chooses its spots. Only for the policy `exact`.
     pub cut_price: CutPrice,
+    /// The weight of the square of a distance in the choice of spots. The policy `paper` ignores it.
+    pub spread: Spread,
     /// Keep every spot even when there are fewer modules than spots, instead of trimming the target. The policy `paper`
     /// never trims.
     pub keep_all_spots: bool,
@@ -292,6 +354,15 @@ impl PlannerParameters {
             paper: bundle.options(),
             d_max: Some(bundle.d_max()),
             ..Self::default()
+        }
+    }
+
+    /// The spread of the policy: the paper's knows none.
+    #[must_use]
+    pub fn spread_in_use(&self) -> Spread {
+        match self.policy {
+            Policy::Paper => Spread::ZERO,
+            Policy::Exact | Policy::Auction | Policy::Hungarian => self.spread,
         }
     }
 
@@ -316,6 +387,7 @@ struct RawPlannerParameters {
     exact_finish: bool,
     weights: Weights,
     cut_price: CutPrice,
+    spread: Spread,
     keep_all_spots: bool,
     motion: MotionMode,
 }
@@ -343,6 +415,7 @@ impl TryFrom<RawPlannerParameters> for PlannerParameters {
             exact_finish: raw.exact_finish,
             weights: raw.weights,
             cut_price: raw.cut_price,
+            spread: raw.spread,
             keep_all_spots: raw.keep_all_spots,
             motion: raw.motion,
         })
@@ -364,6 +437,18 @@ mod tests {
             Weights::from_units(1.0, f64::NAN, 0.0),
             Err(WeightsError::Weight { name: "dock", .. })
         ));
+    }
+
+    #[test]
+    fn a_spread_lies_between_zero_and_one() {
+        assert_eq!(Spread::from_units(0.001), Ok(Spread::default()));
+        assert_eq!(Spread::from_units(0.0), Ok(Spread::ZERO));
+        assert!(Spread::from_units(1.0).is_ok());
+        for spread in [-0.001, 1.001, f64::NAN, f64::INFINITY] {
+            let refused = Spread::from_units(spread).unwrap_err().to_string();
+            let expected = format!("must lie between 0 and 1, got {spread}");
+            assert_eq!(refused, expected);
+        }
     }
 
     #[test]

@@ -6,26 +6,9 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::{
-    ConfigurationId, MODULES_MAX, ModuleId, NO_ID, PlannerParameters, Pose, SpotId, Target,
-    Topology,
+    Area, CELL_UNREACHED, FreeCells, MODULES_MAX, ModuleId, NO_ID, PlannerParameters,
+    PlanningModule, SpotId, Spread, Target, Topology,
 };
-
-/// The data about one module on which planning depends.
-#[derive(Clone, Debug, PartialEq, Eq, Hash)]
-pub struct PlanningModule {
-    /// The module.
-    pub id: ModuleId,
-    /// Its pose.
-    pub pose: Pose,
-    /// The modules to which it is docked. A link counts only if both ends name it.
-    pub links: BTreeSet<ModuleId>,
-    /// The initial configuration to which it belongs. Reports show it; planning goes by the links.
-    pub configuration: Option<ConfigurationId>,
-    /// The module that it names as its leader.
-    pub leader: Option<ModuleId>,
-    /// The spot on which it has settled already and stays.
-    pub pin: Option<SpotId>,
-}
 
 /// A connected group of docked modules, found from their links.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -42,6 +25,10 @@ pub struct PlanningProblem {
     target: Arc<Target>,
     parameters: PlannerParameters,
     modules: Vec<PlanningModule>,
+    /// What the bodies of modules cover that take no part.
+    bodies: Vec<Area>,
+    /// Whether no way leads from each module to the target; empty if one leads from all.
+    cut_off: Vec<bool>,
 }
 
 /// Why an input cannot be planned for.
@@ -111,11 +98,22 @@ impl PlanningProblem {
                 .links
                 .retain(|&other| other != id && named.contains(&(id, other)));
         }
+        let cut_off = cut_off(&target, &modules, &[]);
         Ok(Self {
             target,
             parameters,
             modules,
+            bodies: Vec::new(),
+            cut_off,
         })
+    }
+
+    /// The same problem where bodies of modules that take no part stand in the way.
+    #[must_use]
+    pub fn with_bodies(mut self, bodies: Vec<Area>) -> Self {
+        self.cut_off = cut_off(&self.target, &self.modules, &bodies);
+        self.bodies = bodies;
+        self
     }
 
     /// The same problem without the pins to some spots.
@@ -125,6 +123,43 @@ impl PlanningProblem {
             module.pin = module.pin.filter(|pin| !released.contains(pin));
         }
         problem
+    }
+
+    /// The same problem with another spread.
+    #[must_use]
+    pub fn with_spread(&self, spread: Spread) -> Self {
+        let mut problem = self.clone();
+        problem.parameters.spread = spread;
+        problem
+    }
+
+    /// What the bodies of modules cover that take no part.
+    pub fn bodies(&self) -> &[Area] {
+        &self.bodies
+    }
+
+    /// The cells through which ways lead; `None` if no obstacle, wall, body or settled module is in the way of any, or if the
+    /// target is off a lattice.
+    #[must_use]
+    pub fn free_cells(&self) -> Option<FreeCells> {
+        FreeCells::around(&self.target, &self.modules, &self.bodies)
+    }
+
+    /// Whether obstacles, walls and bodies leave the module at this position no way to the target. It is no candidate for
+    /// any spot.
+    pub fn is_cut_off(&self, position: usize) -> bool {
+        self.cut_off.get(position).copied().unwrap_or_default()
+    }
+
+    /// The number of modules that are candidates.
+    pub fn candidate_count(&self) -> usize {
+        let cut_off = self.cut_off.iter().filter(|&&is_cut_off| is_cut_off);
+        self.modules.len() - cut_off.count()
+    }
+
+    /// The number of spots that the candidates can fill.
+    pub fn fillable_count(&self) -> usize {
+        self.candidate_count().min(self.target.spots().len())
     }
 
     /// The target to form.
@@ -167,12 +202,12 @@ impl PlanningProblem {
 
     /// The configurations of two or more modules that are free to move, in ascending order of their lowest module.
     ///
-    /// Pinned modules take no part. The leader is the member that the members name, if they name exactly one of
+    /// Pinned modules, and those without a way to the target, take no part. The leader is the member that the members name, if they name exactly one of
     /// themselves; otherwise the member nearest the target's centre, the lowest of equals.
     pub fn configurations(&self) -> Vec<Configuration> {
-        let components = self
-            .links()
-            .components_within(|position| self.modules[position].pin.is_none());
+        let components = self.links().components_within(|position| {
+            self.modules[position].pin.is_none() && !self.is_cut_off(position)
+        });
         components
             .into_iter()
             .filter(|members| members.len() > 1)
@@ -204,4 +239,27 @@ impl PlanningProblem {
             .min_by_key(|member| (member.pose.distance_to(&centre), member.id))
             .map(|member| member.id)
     }
+}
+
+/// Whether obstacles, walls and bodies leave each module no way to the target; empty if there are none of them. All spots
+/// are connected by steps, so a module that reaches one reaches all.
+fn cut_off(target: &Target, modules: &[PlanningModule], bodies: &[Area]) -> Vec<bool> {
+    if target.surroundings().is_open() && bodies.is_empty() {
+        return Vec::new();
+    }
+    let Some(cells) = FreeCells::around(target, modules, bodies) else {
+        return Vec::new();
+    };
+    let starts: Vec<Option<usize>> = modules
+        .iter()
+        .map(|module| match module.pin {
+            Some(_) => None,
+            None => cells.start(&module.pose),
+        })
+        .collect();
+    let wanted: Vec<usize> = starts.iter().copied().flatten().collect();
+    let (mut steps, mut queue) = (Vec::new(), Vec::new());
+    cells.search(cells.spots()[0], &wanted, &mut steps, &mut queue);
+    let is_cut_off = |start: Option<usize>| start.is_some_and(|cell| steps[cell] == CELL_UNREACHED);
+    starts.into_iter().map(is_cut_off).collect()
 }

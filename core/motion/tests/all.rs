@@ -11,4 +11,5 @@ mod motion_paths;
 mod motion_starts;
 mod motion_stops;
 mod obstacles;
+mod rows;
 mod support;

@@ -2,9 +2,10 @@
 
 use serde::Serialize;
 
+use super::barrier::Barrier;
 use super::turns::PlanOutcome;
 use super::value::Utilities;
-use formation_model::{Decision, MicroUnits, ModuleId, PlanningProblem, SpotId};
+use formation_model::{Decision, FreeCells, MicroUnits, ModuleId, PlanningProblem, SpotId};
 
 /// Why a module got its spot, or none.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -13,9 +14,15 @@ pub struct Explanation {
     pub module: ModuleId,
     /// The spot that the plan gives it.
     pub spot: Option<SpotId>,
+    /// Whether walls leave it no way to the target, so that it is no candidate.
+    pub cut_off: bool,
+    /// By how much its way to its spot is longer than the straight one.
+    pub detour: MicroUnits,
+    /// What is in its way to its spot, if it makes a detour; to the first spot, if the module is cut off.
+    pub barrier: Option<Barrier>,
     /// The turns that concerned it, in their order.
     pub turns: Vec<ConcernedTurn>,
-    /// What each spot of the formed target would have been worth to it, the best first; without its own.
+    /// What each spot of the formed target would have been worth to it, the best first; without its own. None if it is cut off.
     pub alternatives: Vec<Alternative>,
 }
 
@@ -59,6 +66,10 @@ pub enum TurnOutcome {
 pub struct Alternative {
     /// The spot.
     pub spot: SpotId,
+    /// By how much the module's way to it is longer than the straight one.
+    pub detour: MicroUnits,
+    /// What is in the way, if there is a detour.
+    pub barrier: Option<Barrier>,
     /// Its utility for the module, every link end charged.
     pub utility: MicroUnits,
     /// The module that the plan gives it to, and its utility for that one.
@@ -82,11 +93,24 @@ impl Explanation {
                 outcome: concern(module, turn.modules.contains(&module), decision)?,
             })
         });
+        let (ways, cut_off) = (Ways::new(problem, outcome), problem.is_cut_off(position));
+        let (detour, barrier) = match spot.and_then(|spot| outcome.target.position_of(spot)) {
+            Some(own) => ways.way(position, own),
+            None if cut_off => (MicroUnits::ZERO, ways.barrier(position, 0)),
+            None => (MicroUnits::ZERO, None),
+        };
+        let alternatives = match cut_off {
+            true => Vec::new(),
+            false => alternatives(&ways, position, spot),
+        };
         Some(Self {
             module,
             spot,
+            cut_off,
+            detour,
+            barrier,
             turns: turns.collect(),
-            alternatives: alternatives(problem, outcome, position, spot),
+            alternatives,
         })
     }
 }
@@ -110,14 +134,46 @@ fn concern(module: ModuleId, is_of_unit: bool, decision: &Decision) -> Option<Tu
     }
 }
 
-fn alternatives(
-    problem: &PlanningProblem,
-    outcome: &PlanOutcome,
-    module: usize,
-    own: Option<SpotId>,
-) -> Vec<Alternative> {
+/// The ways of all modules to the spots of the formed target.
+struct Ways<'a> {
+    problem: &'a PlanningProblem,
+    outcome: &'a PlanOutcome,
+    utilities: Utilities,
+    cells: Option<FreeCells>,
+}
+
+impl<'a> Ways<'a> {
+    fn new(problem: &'a PlanningProblem, outcome: &'a PlanOutcome) -> Self {
+        Self {
+            problem,
+            outcome,
+            utilities: Utilities::new(problem, &outcome.target),
+            cells: problem.free_cells(),
+        }
+    }
+
+    /// The detour of a module to a spot, and what is in the way if there is one.
+    fn way(&self, module: usize, spot: usize) -> (MicroUnits, Option<Barrier>) {
+        let detour = self.utilities.detour(module, spot);
+        let barrier = (detour > MicroUnits::ZERO).then(|| self.barrier(module, spot));
+        (detour, barrier.flatten())
+    }
+
+    fn barrier(&self, module: usize, spot: usize) -> Option<Barrier> {
+        let spot = self.outcome.target.spots().get(spot)?;
+        let position = self.problem.target().position_of(spot.id)?;
+        Barrier::between(self.problem, self.cells.as_ref()?, module, position)
+    }
+}
+
+fn alternatives(ways: &Ways, module: usize, own: Option<SpotId>) -> Vec<Alternative> {
+    let Ways {
+        problem,
+        outcome,
+        utilities,
+        ..
+    } = ways;
     let target = &outcome.target;
-    let utilities = Utilities::new(problem, target);
     let held = outcome.plan.assignments.iter();
     let holders = held.filter_map(|(&holder, &spot)| Some((target.position_of(spot)?, holder)));
     let mut holder_of = vec![None; target.spots().len()];
@@ -137,8 +193,11 @@ fn alternatives(
             let exchanged = holder.map(|(_, holder)| on_own(holder));
             let before = on_own(module) + now.unwrap_or_default();
             let after = utility + exchanged.unwrap_or_default();
+            let (detour, barrier) = ways.way(module, position);
             Alternative {
                 spot: spot.id,
+                detour,
+                barrier,
                 utility,
                 holder: holder.map(|(holder, _)| holder).zip(now),
                 loss: before - after,

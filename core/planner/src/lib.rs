@@ -5,6 +5,7 @@
 
 mod assembly;
 pub mod assignment;
+mod barrier;
 pub mod baseline;
 mod cost;
 mod explanation;
@@ -16,6 +17,7 @@ mod statistics;
 mod turns;
 mod value;
 
+pub use barrier::Barrier;
 pub use cost::{PLAN_TIME_MAX, PlanSize, PlanTooLong};
 pub use explanation::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};

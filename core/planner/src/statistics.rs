@@ -70,6 +70,8 @@ pub struct Statistics {
     pub total_utility: f64,
     /// The sum of the distances of all placed modules to their spots.
     pub total_distance: f64,
+    /// The longest of these distances.
+    pub longest_distance: f64,
     /// Whether every block took the best place that exists.
     pub proven: bool,
     /// The spots in the order in which they are filled.
@@ -105,6 +107,7 @@ impl Statistics {
             changes: Changes::of(problem, outcome),
             total_utility: outcome.total_utility.to_units(),
             total_distance: outcome.total_distance.to_units(),
+            longest_distance: outcome.longest_distance.to_units(),
             proven: outcome.proven,
             assembly_order: plan.assembly.spots().collect(),
             warnings: plan

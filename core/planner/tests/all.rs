@@ -15,6 +15,8 @@ mod paper;
 mod planning;
 mod properties;
 mod scenario_text;
+mod spread;
 mod support;
 mod theorems;
 mod verified_plans;
+mod walls;

@@ -9,8 +9,8 @@ use std::sync::Arc;
 use formation_generate::{GeneratorParameters, Grouping, generate};
 use formation_model::{
     COORDINATE_LIMIT_UNITS, CutPrice, MODULES_MAX, MicroUnits, MotionMode, PaperOptions,
-    PlannerParameters, PlanningProblem, Policy, ProblemError, RawScenario, Scenario, TurnOrder,
-    WEIGHT_LIMIT, Weights,
+    PlannerParameters, PlanningProblem, Policy, ProblemError, RawScenario, Scenario, Spread,
+    TurnOrder, WEIGHT_LIMIT, Weights,
 };
 use formation_planner::{Planning, Statistics, plan};
 use formation_verify::check_plan;
@@ -69,6 +69,7 @@ fn the_longest_distances_at_the_greatest_weights_are_planned_and_verified() {
                         exact_finish: true,
                         weights: heaviest(),
                         cut_price: CutPrice::from_units(WEIGHT_LIMIT).unwrap(),
+                        spread: Spread::from_units(1.0).unwrap(),
                         keep_all_spots: false,
                         motion: MotionMode::Auto,
                     };
@@ -173,6 +174,12 @@ fn what_is_beyond_the_limits_is_refused_by_name() {
     let refused = Scenario::from_yaml(expensive).unwrap_err().to_string();
     assert!(
         refused.contains("cut_price") && refused.contains("+-100"),
+        "{refused}"
+    );
+    let wide = "target: {spots: [{id: 1, x: 0, y: 0}]}\nplanner: {spread: 1.1}";
+    let refused = Scenario::from_yaml(wide).unwrap_err().to_string();
+    assert!(
+        refused.contains("spread: must lie between 0 and 1, got 1.1"),
         "{refused}"
     );
     let refused = Weights::from_units(WEIGHT_LIMIT + 1.0, 1.0, 0.5).unwrap_err();

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use formation_generate::Grouping;
-use formation_model::{CutPrice, MicroUnits, ModuleId, PlannerParameters, Topology};
+use formation_model::{CutPrice, MicroUnits, ModuleId, PlannerParameters, Spread, Topology};
 use formation_planner::placement::{MatchingInput, common_subtree};
 use formation_planner::{Planning, betweenness, plan};
 use formation_verify::check_plan;
@@ -167,6 +167,7 @@ fn every_turn_of_a_configuration_equals_brute_force() {
         let parameters = PlannerParameters {
             keep_all_spots: numbers.chance(50),
             cut_price: CutPrice::from_units([0.0, 1.0, 1.0, 20.0][numbers.below(4)]).unwrap(),
+            spread: Spread::from_units([0.0, 0.001, 0.1][numbers.below(3)]).unwrap(),
             ..PlannerParameters::default()
         };
         let grouping = if numbers.chance(50) {
@@ -434,6 +435,8 @@ fn bounded_chains_with_an_exact_finish_equal_the_hungarian_method() {
             d_max: Some(u32::try_from(numbers.below(4)).unwrap()),
             exact_finish: true,
             keep_all_spots: numbers.chance(50),
+            // Totals are at plain distances, which these plans are compared by.
+            spread: Spread::ZERO,
             ..PlannerParameters::default()
         };
         let problem = problem(modules, spots, grouping, seed, parameters);

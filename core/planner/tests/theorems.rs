@@ -8,7 +8,7 @@ use std::sync::Arc;
 use formation_generate::Grouping;
 use formation_model::{
     AssemblyWarning, ModuleId, PaperBundle, PlannerParameters, PlanningProblem, Policy, Scenario,
-    SpotId, Target, TurnOrder,
+    SpotId, Spread, Target, TurnOrder,
 };
 use formation_planner::{PlanOutcome, Planning, plan};
 
@@ -23,9 +23,11 @@ const GROUPINGS: [Grouping; 4] = [
     Grouping::Configurations(10),
 ];
 
+/// Without a spread, as the theorems are about plain distances.
 fn following(policy: Policy) -> PlannerParameters {
     PlannerParameters {
         policy,
+        spread: Spread::ZERO,
         ..PlannerParameters::default()
     }
 }

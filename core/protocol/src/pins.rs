@@ -40,7 +40,10 @@ pub(super) fn release(
         // There are too many members; each of them refuses the roster.
         return Some(());
     };
-    let planned = context.plan(PlanJob::release(Arc::new(problem), obstacles))?;
+    let planned = context.plan(PlanJob::release(
+        Arc::new(problem.with_bodies(obstacles.clone())),
+        obstacles,
+    ))?;
     let kept: BTreeSet<SpotId> = planned
         .turns()
         .problem()

@@ -14,10 +14,7 @@
 use std::collections::{BTreeMap, VecDeque};
 use std::sync::{Arc, OnceLock};
 
-use formation_model::{
-    Area, BODY_WIDTH, ClosedRoster, MICRO_PER_UNIT, MicroUnits, ModuleId, Plan, PlanningProblem,
-    Roster, Service, blocked_spots, digest, polyline,
-};
+use formation_model::{Area, ClosedRoster, ModuleId, Plan, PlanningProblem, digest};
 use formation_motion::PlannedMotion;
 use formation_planner::{PlannedTurns, plan_releasing_pins};
 
@@ -25,12 +22,6 @@ use super::roster_plan::RosterPlan;
 
 /// The number of plans that are kept for other agents and for the next epoch.
 const PLANS_KEPT: usize = 3;
-
-/// A longer path of a body stands for the rectangles around its lines: 1,000 units.
-const PATH_SAMPLED_MAX: MicroUnits = MicroUnits(1_000 * MICRO_PER_UNIT);
-
-/// When there are as many obstacles, the paths of further bodies do, too.
-const AREAS_SAMPLED_MAX: usize = 1 << 17;
 
 /// A plan that an agent needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,32 +42,6 @@ pub struct ComputedPlan {
     plan: Arc<Plan>,
     /// What follows with the first roster that it was computed for.
     for_roster: OnceLock<(Arc<ClosedRoster>, Arc<RosterPlan>)>,
-}
-
-/// The bodies that stand in the way: those of the members that take no part in the plan, and those of absent modules.
-pub(super) fn obstacles(roster: &Roster) -> Vec<Area> {
-    let target = roster.target.target.as_ref();
-    let width = target.map_or(BODY_WIDTH, |target| target.surroundings().body_width());
-    let members = roster.members.iter();
-    let aside = members.filter(|member| member.service != Service::Active);
-    let aside = aside.map(|member| member.module.pose);
-    let bodies = roster.bodies.iter();
-    let absent = bodies.filter(|body| !blocked_spots::lists(&roster.members, body.module));
-    let spacing = MicroUnits(MICRO_PER_UNIT / 2);
-    let mut areas: Vec<Area> = aside.map(|pose| Area::of_body(&pose, width)).collect();
-    for body in absent {
-        let path = body.whereabouts.poses();
-        // What a report says cannot make a plan take more memory than there is.
-        let is_sampled =
-            polyline::length(path) <= PATH_SAMPLED_MAX && areas.len() < AREAS_SAMPLED_MAX;
-        let lines = polyline::lines(path);
-        if is_sampled {
-            areas.extend(lines.flat_map(|ends| Area::along_line(ends, width, spacing)));
-        } else {
-            areas.extend(lines.map(|ends| Area::around_line(ends, width)));
-        }
-    }
-    areas
 }
 
 impl PlanJob {
@@ -223,8 +188,8 @@ pub(super) mod tests {
     use crate::AgentParameters;
     use formation_generate::{GeneratorParameters, Grouping, generate};
     use formation_model::{
-        BodyReport, Epoch, Incarnation, Polyline, Pose, RosterMember, Scenario, TargetAnnouncement,
-        Whereabouts,
+        BodyReport, Epoch, Incarnation, Polyline, Pose, Roster, RosterMember, Scenario, Service,
+        TargetAnnouncement, Whereabouts, standing_bodies,
     };
 
     pub(crate) fn problem(seed: u64) -> Arc<PlanningProblem> {
@@ -273,7 +238,7 @@ pub(super) mod tests {
                 sequence: 1,
                 whereabouts: Whereabouts::OnTheWay(Polyline::try_from(path).unwrap()),
             }];
-            obstacles(&roster).len()
+            standing_bodies(&roster).len()
         };
         // 14.1 units long; a body each half unit, and at both ends.
         assert_eq!(of_path(&[0.0, 10.0]), 30);

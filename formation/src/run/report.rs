@@ -205,7 +205,7 @@ impl RunReport {
             if self.may_differ() {
                 lines.push(self.placement_text());
             } else if self.differences().is_empty() {
-                lines.push(plan.text(name));
+                lines.push(plan.text(name, None));
             }
         }
         let timings: Vec<String> = [

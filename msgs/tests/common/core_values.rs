@@ -10,8 +10,9 @@ use formation_model::{
     EvictionNotice, EvictionRecord, Heartbeat, Incarnation, MicroUnits, ModuleId, ModulePhase,
     ModuleRun, ModuleState, MotionMode, PaperBundle, PaperOptions, PlannerParameters,
     PlanningModule, Policy, Polyline, Pose, QuorumBasis, RawSpot, RawTarget, Roster, RosterMember,
-    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Stop, StoreId, TURNS_MAX,
-    Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights, Whereabouts,
+    RosterMessage, SenderTime, Service, SpotClaim, SpotId, SpotSelection, Spread, Stop, StoreId,
+    TURNS_MAX, Target, TargetAnnouncement, Timing, TurnOrder, Voter, VoterMemory, Weights,
+    Whereabouts,
 };
 use proptest::collection::{btree_set, vec};
 use proptest::option;
@@ -132,7 +133,7 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
         option::of(0..=i32::MAX.unsigned_abs()),
         any::<bool>(),
         weights(),
-        0..=100_000_000_i64,
+        (0..=100_000_000_i64, 0..=1_000_000_i64),
         (
             any::<bool>(),
             select(vec![
@@ -150,7 +151,7 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
                 d_max,
                 exact_finish,
                 weights,
-                cut_price,
+                (cut_price, spread),
                 (keep_all_spots, motion, paper),
             )| {
                 PlannerParameters {
@@ -165,6 +166,7 @@ fn parameters() -> impl Strategy<Value = PlannerParameters> {
                     exact_finish,
                     weights,
                     cut_price: CutPrice::from_units(MicroUnits(cut_price).to_units()).unwrap(),
+                    spread: Spread::from_units(MicroUnits(spread).to_units()).unwrap(),
                     keep_all_spots,
                     motion,
                 }

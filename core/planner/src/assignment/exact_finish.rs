@@ -53,7 +53,10 @@ struct Chain {
 /// An optimal assignment of the modules that are not in blocks to the spots that no block holds.
 fn optimum(instance: &Instance, table: &SpotTable) -> SpotTable {
     let mut best = Allocation::new(instance.module_count(), table.holders().len());
-    let mut is_fixed = vec![false; instance.module_count()];
+    let modules = 0..instance.module_count();
+    let mut is_fixed: Vec<bool> = modules
+        .map(|one| instance.problem.is_cut_off(one))
+        .collect();
     for (spot, &holder) in table.holders().iter().enumerate() {
         match holder {
             Holder::Fixed(module) => {

@@ -132,8 +132,10 @@ impl Outlook {
 
 fn costs_to_leaf(instance: &Instance, module: usize, leaf: usize) -> [i64; LEAF_SIZE] {
     std::array::from_fn(|index| {
-        let pose = instance.spot_tree.pose_at(leaf * LEAF_SIZE + index);
-        instance.utilities.travel_cost(module, pose)
+        // An empty place stands for some spot, which keeps its cost small.
+        let spot = instance.spot_tree.spot_at(leaf * LEAF_SIZE + index);
+        let spot = spot.unwrap_or_default();
+        instance.utilities.travel_cost(module, spot)
     })
 }
 
@@ -256,8 +258,8 @@ impl Frontier {
             let kept = travel_costs.get(leaf);
             let cost = kept.map_or_else(
                 || {
-                    let pose = instance.spot_tree.pose_at(place);
-                    instance.utilities.travel_cost(module, pose)
+                    let spot = instance.spot_tree.spot_at(place).unwrap_or_default();
+                    instance.utilities.travel_cost(module, spot)
                 },
                 |costs| i64::from(costs[index]),
             );

@@ -22,8 +22,6 @@ pub(crate) struct SpotTree {
     spots: Vec<usize>,
     /// The place of each spot.
     places: Vec<usize>,
-    /// The pose of the spot at each place.
-    poses: Vec<Pose>,
     pub(super) leaf_boxes: Vec<PositionBox>,
     pub(super) branch_boxes: Vec<PositionBox>,
 }
@@ -114,17 +112,6 @@ impl SpotTree {
                 })
                 .collect(),
             leaf_boxes,
-            poses: spots
-                .iter()
-                // An empty place gets the pose of some spot, which keeps the costs computed for it small.
-                .map(|&spot| {
-                    poses
-                        .get(spot)
-                        .or(poses.first())
-                        .copied()
-                        .unwrap_or_default()
-                })
-                .collect(),
             places,
             spots,
         }
@@ -145,11 +132,6 @@ impl SpotTree {
     /// The spot at a place; `None` at an empty one.
     pub(super) fn spot_at(&self, place: usize) -> Option<usize> {
         Some(self.spots[place]).filter(|&spot| spot != NO_SPOT)
-    }
-
-    /// The pose of the spot at a place; of some other spot at an empty place.
-    pub(super) fn pose_at(&self, place: usize) -> &Pose {
-        &self.poses[place]
     }
 
     pub(super) fn place_of(&self, spot: usize) -> usize {

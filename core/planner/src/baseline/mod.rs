@@ -33,7 +33,7 @@ pub(crate) fn assign_centrally(
     }
     let module_count = instance.problem.modules().len();
     let modules: Vec<usize> = (0..module_count)
-        .filter(|&module| table.spot_of(module).is_none())
+        .filter(|&module| table.spot_of(module).is_none() && !instance.problem.is_cut_off(module))
         .collect();
     let spots: Vec<usize> = table.free_spots().collect();
     let utilities: Vec<Vec<i64>> = modules

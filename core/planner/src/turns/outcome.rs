@@ -23,10 +23,14 @@ pub struct PlanOutcome {
     pub trimmed_spots: Vec<SpotId>,
     /// The modules without a spot, ascending.
     pub unassigned: Vec<ModuleId>,
-    /// The sum of the placed modules' utilities, the savings of kept links and the rewards of blocks.
+    /// Those of them that walls leave no way to the target.
+    pub cut_off: Vec<ModuleId>,
+    /// The sum of the placed modules' utilities at plain distances, the savings of kept links and the rewards of blocks.
     pub total_utility: MicroUnits,
     /// The sum of the distances of all placed modules to their spots.
     pub total_distance: MicroUnits,
+    /// The longest of these distances.
+    pub longest_distance: MicroUnits,
     /// Whether every block took the best place that exists; `false` when a search ended at its budget.
     pub proven: bool,
     /// The messages of the auction before the first turn; `None` under every other policy.
@@ -72,11 +76,14 @@ impl Planning {
         let (target, utilities) = (&self.instance.target, &self.instance.utilities);
         let mut total_utility = utilities.kept_link().times(plan.kept_links.len());
         let mut total_distance = MicroUnits::ZERO;
+        let mut longest_distance = MicroUnits::ZERO;
         let mut unassigned = Vec::new();
         for (module, member) in self.problem().modules().iter().enumerate() {
             if let Some(spot) = self.allocation.table.spot_of(module) {
-                total_utility += utilities.of(module, spot);
-                total_distance += member.pose.distance_to(&target.spots()[spot].pose);
+                let distance = utilities.distance(module, spot);
+                total_utility += utilities.plain(module, spot);
+                total_distance += distance;
+                longest_distance = longest_distance.max(distance);
             } else {
                 unassigned.push(member.id);
             }
@@ -96,12 +103,22 @@ impl Planning {
             open_spots: spots.filter(|spot| !taken.contains(spot)).collect(),
             plan,
             decisions,
+            cut_off: self.cut_off(),
             unassigned,
             total_utility,
             total_distance,
+            longest_distance,
             proven: self.proven,
             auction: self.central.as_ref().and_then(|central| central.auction),
         }
+    }
+
+    fn cut_off(&self) -> Vec<ModuleId> {
+        let modules = self.problem().modules().iter().enumerate();
+        modules
+            .filter(|&(position, _)| self.problem().is_cut_off(position))
+            .map(|(_, module)| module.id)
+            .collect()
     }
 
     /// The plan as far as it is decided, without an acting order.

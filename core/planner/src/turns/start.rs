@@ -11,13 +11,15 @@ use crate::placement::SearchBudget;
 use formation_model::{PlanningProblem, Policy, SpotId, Target, TurnOrder};
 
 impl Planning {
-    /// Starts to plan. With fewer modules than spots, the target is trimmed first, unless the parameters forbid it or the policy is the
+    /// Starts to plan. With fewer candidates than spots, the target is trimmed first, unless the parameters forbid it or the policy is the
     /// paper's, which does not trim.
     pub fn new(problem: Arc<PlanningProblem>) -> Self {
         let mut budget = SearchBudget::of_plan();
         let full = Arc::clone(problem.target());
         let order = problem.parameters().order;
-        if !problem.parameters().trims_target() || problem.modules().len() >= full.spots().len() {
+        let candidates = problem.candidate_count();
+        let is_trimmed = candidates > 0 && candidates < full.spots().len();
+        if !problem.parameters().trims_target() || !is_trimmed {
             return Self::for_target(problem, full, order, &[], budget);
         }
         let half = budget.half();
@@ -116,7 +118,7 @@ fn initial_units(instance: &Instance, allocation: &Allocation) -> Vec<Unit> {
         Policy::Auction | Policy::Hungarian => Vec::new(),
     };
     let mut is_single: Vec<bool> = (0..instance.module_count())
-        .map(|module| allocation.table.spot_of(module).is_none())
+        .map(|module| allocation.table.spot_of(module).is_none() && !problem.is_cut_off(module))
         .collect();
     let mut units = Vec::new();
     for configuration in configurations {

@@ -31,7 +31,7 @@ pub(super) struct Trimmed {
 pub(super) fn trim(instance: &Instance, holding_sizes: &[usize]) -> Trimmed {
     let target = &instance.target;
     let topology = target.topology();
-    let module_count = instance.module_count();
+    let module_count = instance.problem.candidate_count();
     let modules = instance.problem.modules().iter();
     let pins: Vec<usize> = modules
         .filter_map(|module| target.position_of(module.pin?))

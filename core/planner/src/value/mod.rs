@@ -1,6 +1,8 @@
 //! The value of a spot and the cost of taking it (paper, "Configuration Formation as Utility Maximization Problem").
 
 mod centrality;
+mod detours;
+mod distance_cost;
 mod path_shares;
 mod utility;
 

@@ -1,8 +1,11 @@
 //! The utility of a spot for a module: the value of the spot less the cost of taking it.
 //!
-//! The paper, section "Configuration Formation as Utility Maximization Problem", with one difference: a kept link costs
-//! nothing at either end, while the paper charges its undocking and docking.
+//! The paper, section "Configuration Formation as Utility Maximization Problem", with two differences: a kept link costs
+//! nothing at either end, while the paper charges its undocking and docking; and the choice of spots adds detours round
+//! walls ([`Detours`]) and the square of the distance ([`DistanceCost`]).
 
+use crate::value::detours::Detours;
+use crate::value::distance_cost::DistanceCost;
 use crate::value::{betweenness, share_of_shortest_paths};
 use formation_model::{
     MICRO_PER_UNIT, MicroUnits, PlanningProblem, Policy, Pose, SpotValue, Target, Weights,
@@ -13,6 +16,9 @@ use formation_model::{
 #[derive(Clone, Debug)]
 pub struct Utilities {
     weights: Weights,
+    distance_cost: DistanceCost,
+    /// `None` if all ways are straight.
+    detours: Option<Detours>,
     module_poses: Vec<Pose>,
     /// For each module, the cost of undocking all of its links.
     undocking: Vec<MicroUnits>,
@@ -29,6 +35,7 @@ impl Utilities {
         let topology = target.topology();
         let modules = problem.modules().iter();
         let parameters = problem.parameters();
+        let detours = Detours::of(problem, target);
         let is_as_printed =
             parameters.policy == Policy::Paper && parameters.paper.val == SpotValue::RatioOfSums;
         let values = if is_as_printed {
@@ -43,6 +50,11 @@ impl Utilities {
             .collect();
         Self {
             weights,
+            distance_cost: DistanceCost::of_problem(
+                problem,
+                detours.as_ref().map_or(0, Detours::longest),
+            ),
+            detours,
             module_poses: modules.clone().map(|module| module.pose).collect(),
             undocking: modules
                 .map(|module| weights.undock().times(module.links.len()))
@@ -58,10 +70,23 @@ impl Utilities {
         self.values[spot]
     }
 
-    /// The utility of a module for a spot, `U_a(s) = Val(s) - cost(a, s)`, with every link end charged.
+    /// The utility of a module for a spot, `U_a(s) = Val(s) - cost(a, s)`, with every link end charged. It decides the
+    /// choice of spots, so its cost has detours and the parameter `spread`.
     pub fn of(&self, module: usize, spot: usize) -> MicroUnits {
-        let travel = MicroUnits(self.travel_cost(module, &self.spot_poses[spot]));
+        let travel = MicroUnits(self.travel_cost(module, spot));
         self.net_values[spot] - travel - self.undocking[module]
+    }
+
+    /// The same with the plain distance: the paper's utility, of which totals are the sum.
+    pub fn plain(&self, module: usize, spot: usize) -> MicroUnits {
+        let distance = self.distance(module, spot);
+        let travel = self.distance_cost.plain().of(distance);
+        self.net_values[spot] - travel - self.undocking[module]
+    }
+
+    /// The straight distance of a module to a spot.
+    pub(crate) fn distance(&self, module: usize, spot: usize) -> MicroUnits {
+        self.module_poses[module].distance_to(&self.spot_poses[spot])
     }
 
     /// The utility of a module for every spot.
@@ -71,11 +96,26 @@ impl Utilities {
             .collect()
     }
 
-    /// The cost of a module's path to a pose.
+    /// By how much the way of a module to a spot is longer than the straight one, because of walls.
     #[inline]
-    pub(crate) fn travel_cost(&self, module: usize, to: &Pose) -> i64 {
+    pub fn detour(&self, module: usize, spot: usize) -> MicroUnits {
+        let detours = self.detours.as_ref();
+        let units = detours.map_or(0, |detours| detours.units(module, spot));
+        MicroUnits(units * MICRO_PER_UNIT)
+    }
+
+    /// The cost of a module's way to a spot.
+    #[inline]
+    pub(crate) fn travel_cost(&self, module: usize, spot: usize) -> i64 {
+        let way = self.distance(module, spot) + self.detour(module, spot);
+        self.distance_cost.of(way).0
+    }
+
+    /// The least cost of a module's way to a pose: that of the straight one.
+    #[inline]
+    pub(crate) fn least_travel_cost(&self, module: usize, to: &Pose) -> i64 {
         let distance = self.module_poses[module].distance_to(to);
-        distance.scaled_by(self.weights.loc()).0
+        self.distance_cost.of(distance).0
     }
 
     /// The value of a spot less the cost of docking all of its links.

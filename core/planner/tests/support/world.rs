@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use formation_model::{
     CutPrice, MicroUnits, ModuleId, PlannerParameters, PlanningModule, PlanningProblem, Pose,
-    RawSpot, RawTarget, SpotId, Target, TurnOrder,
+    RawSpot, RawTarget, SpotId, Spread, Target, TurnOrder,
 };
 use proptest::prelude::*;
 
@@ -30,6 +30,8 @@ pub struct World {
     pub exact_finish: bool,
     /// In whole units.
     pub cut_price: u8,
+    /// In thousandths.
+    pub spread: u16,
     pub keep_all_spots: bool,
 }
 
@@ -45,6 +47,7 @@ pub fn worlds(extra_max: usize) -> impl Strategy<Value = World> {
             proptest::option::weighted(0.3, 0..4_u32),
             any::<bool>(),
             prop_oneof![Just(1), Just(0), Just(20)],
+            prop_oneof![Just(1), Just(0), Just(1_000)],
         ),
     )
         .prop_map(
@@ -54,7 +57,7 @@ pub fn worlds(extra_max: usize) -> impl Strategy<Value = World> {
                 (singletons, pinned),
                 grid,
                 (size_first, keep_all_spots),
-                (d_max, exact_finish, cut_price),
+                (d_max, exact_finish, cut_price, spread),
             )| World {
                 seed,
                 spots,
@@ -71,6 +74,7 @@ pub fn worlds(extra_max: usize) -> impl Strategy<Value = World> {
                 d_max,
                 exact_finish,
                 cut_price,
+                spread,
                 keep_all_spots,
             },
         )
@@ -113,6 +117,7 @@ impl World {
             d_max: self.d_max,
             exact_finish: self.exact_finish,
             cut_price: CutPrice::from_units(f64::from(self.cut_price)).unwrap(),
+            spread: Spread::from_units(f64::from(self.spread) / 1_000.0).unwrap(),
             keep_all_spots: self.keep_all_spots,
             ..PlannerParameters::default()
         }

@@ -7,13 +7,13 @@ use std::time::Duration;
 use formation_model::{
     ClosedRoster, Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
     PlanningModule, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, Voter,
-    digest,
+    digest, standing_bodies,
 };
 
 use super::super::context::Context;
 use super::super::event::{EpochReason, Event};
 use super::super::pins;
-use super::super::plans::obstacles;
+
 use super::claims::EarlyClaims;
 use super::planning::Planning;
 use super::{Stage, Transition};
@@ -271,7 +271,7 @@ impl Gathering {
             return Transition::Enter(Stage::Gathering(next));
         }
         let parameters = announcement.parameters;
-        let obstacles = obstacles(&roster);
+        let obstacles = standing_bodies(&roster);
         let released = pins::release(&mut roster.members, &open, parameters, obstacles, context);
         if released.is_none() {
             if let Part::Convener(collection) = &mut self.role {

@@ -10,13 +10,14 @@ use std::time::Duration;
 
 use formation_model::{
     ClosedRoster, Decision, Epoch, EvictionNotice, Message, ModuleId, ModulePhase, SpotClaim,
+    standing_bodies,
 };
 use formation_motion::PlannedMotion;
 use formation_planner::{ClaimRefused, PlannedTurns};
 
 use super::super::context::Context;
 use super::super::event::Event;
-use super::super::plans::{ComputedPlan, PlanJob, obstacles};
+use super::super::plans::{ComputedPlan, PlanJob};
 use super::super::refusal::Refusal;
 use super::claims::EarlyClaims;
 use super::{Agreeing, HeldPlan, Stage, Transition, hash_roster};
@@ -65,7 +66,7 @@ impl Planning {
         };
         context.emit(Event::PlanningBegun { epoch, members });
         Some(Self {
-            job: PlanJob::plan(problem, obstacles(&roster)),
+            job: PlanJob::plan(problem, standing_bodies(&roster)),
             planned: None,
             applied: 0,
             roster,

@@ -247,7 +247,7 @@ impl<'a> Acts<'a> {
     fn all_have_moved(&self) -> bool {
         let holders = replay_claims(self.planned).replay.spots;
         let problem = self.planned.problem;
-        let to_fill = problem.modules().len().min(problem.target().spots().len());
+        let to_fill = problem.fillable_count();
         let mut modules = holders.keys();
         holders.len() == to_fill
             && modules.all(|&module| self.is_pinned(module) || self.moved.contains_key(&module))

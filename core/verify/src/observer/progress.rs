@@ -34,12 +34,11 @@ impl Observer {
         };
         let end = EndState::new(&self.received, planned);
         let missing = end.missing();
-        let (modules, target) = (planned.problem.modules(), planned.problem.target());
         progress.epoch = Some(planned.epoch);
         progress.planned = end.claimed.replay.spots.len();
         progress.agreed = end.agreed();
         progress.settled = end.assignments().len();
-        progress.to_fill = modules.len().min(target.spots().len());
+        progress.to_fill = planned.problem.fillable_count();
         progress.stage = if self.received.is_outdated(planned.roster) {
             without_plan
         } else if missing.is_empty() {

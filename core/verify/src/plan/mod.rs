@@ -11,7 +11,7 @@ use formation_model::{Decision, ModuleId, Plan, PlanningProblem, Policy, SpotId}
 /// Checks that a plan keeps every guarantee that does not depend on the policy:
 ///
 /// 1. There are at most two turns for each module.
-/// 2. Exactly `min(|A|, |S|)` spots are filled, each by one module. With too few modules they are connected, unless
+/// 2. Exactly `min(|A|, |S|)` spots are filled, each by one module, where A are the modules that walls do not cut off. With too few modules they are connected, unless
 ///    the target is not trimmed (`keep_all_spots`, or the policy `paper`) or pinned
 ///    modules are too far apart. The policy `paper` promises neither.
 /// 3. No member of a configuration is evicted, and no pinned module leaves its spot.
@@ -98,10 +98,16 @@ fn check_assignment(
 }
 
 /// What is wrong with the spots that a plan fills: too few of them, or in several parts that could be joined. `check_plan`
-/// reports the same, except under the policy `paper`, which promises neither.
+/// reports the same, except under the policy `paper`, which promises neither, and except for spots that stay open because
+/// walls cut modules off.
 pub fn hole_of(problem: &PlanningProblem, plan: &Plan) -> Vec<Violation> {
-    let filled = plan.assignments.values().copied().collect();
+    let filled: BTreeSet<SpotId> = plan.assignments.values().copied().collect();
     let mut violations = Vec::new();
+    let expected = problem.modules().len().min(problem.target().spots().len());
+    if problem.fillable_count() < expected {
+        let filled = filled.len();
+        violations.push(Violation::WrongCount { filled, expected });
+    }
     check_filled(problem, &filled, &mut violations);
     violations
 }
@@ -112,7 +118,7 @@ pub(super) fn check_filled(
     filled: &BTreeSet<SpotId>,
     violations: &mut Vec<Violation>,
 ) {
-    let expected = problem.modules().len().min(problem.target().spots().len());
+    let expected = problem.fillable_count();
     if filled.len() != expected {
         violations.push(Violation::WrongCount {
             filled: filled.len(),
