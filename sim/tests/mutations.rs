@@ -22,7 +22,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
     (
         Mutation::DropIncarnationCheck,
-        152,
+        117,
         ViolationKind::NotWhereFrozen,
     ),
     (
@@ -36,7 +36,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 15] = [
     (Mutation::ForgetPins, 0, ViolationKind::PinForgotten),
     (
         Mutation::EvictConfigurationMember,
-        2,
+        1,
         ViolationKind::ConfigurationMemberEvicted,
     ),
     (Mutation::CountDeadAsAlive, 2, ViolationKind::NoEnd),
