@@ -12,3 +12,4 @@ mod motion_starts;
 mod motion_stops;
 mod obstacles;
 mod support;
+mod walled;

@@ -4,7 +4,6 @@ use super::docking::Docking;
 use super::field::{Failure, Field, Stop, Timing};
 use super::improve::improve;
 use super::lattice::{Arena, Site, Time};
-use super::order::Order;
 use super::result::MotionParameters;
 use super::units::Unit;
 use formation_model::Variant;
@@ -14,7 +13,8 @@ pub(super) struct Ground<'a> {
     pub arena: &'a Arena,
     pub units: &'a [Unit],
     pub ready: &'a [Time],
-    pub order: &'a Order,
+    /// Units by position, in the order in which they fill their spots.
+    pub filling: &'a [usize],
     /// The lowest and the highest column and row of the target.
     pub target: (Site, Site),
     pub parameters: &'a MotionParameters,
@@ -100,7 +100,7 @@ impl<'a> Ground<'a> {
 
     fn docking(&self, is_eager: bool) -> Docking<'_> {
         Docking {
-            order: self.order,
+            filling: self.filling,
             target: self.target,
             is_eager,
         }
@@ -111,7 +111,7 @@ impl<'a> Ground<'a> {
         let outcome = self.docking(variant == Variant::Eager).run(&mut field);
         if outcome.is_ok() {
             // A plan that the budget leaves half improved is a plan.
-            match improve(&mut field, self.order, self.parameters.improvement_passes) {
+            match improve(&mut field, self.filling, self.parameters.improvement_passes) {
                 Ok(()) | Err(Stop::Budget | Stop::Failure(_)) => {}
             }
         }
