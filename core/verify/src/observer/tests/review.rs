@@ -351,7 +351,8 @@ fn a_target_that_is_announced_again_changes_nothing_unless_it_was_withdrawn() {
 /// A formation that was cut off from the publisher while the target was withdrawn and announced again never hears of the
 /// withdrawal, and goes on by the roster that it has.
 #[test]
-fn a_formation_that_missed_the_withdrawal_of_its_target_counts_once_all_have_shown_that_they_stay() {
+fn a_formation_that_missed_the_withdrawal_of_its_target_counts_once_all_have_shown_that_they_stay()
+{
     let parameters = ObserverParameters {
         silence: at(5),
         ..patient()
@@ -361,9 +362,17 @@ fn a_formation_that_missed_the_withdrawal_of_its_target_counts_once_all_have_sho
     observer.handle(at(1), &announced(4, |target| target.target = None));
     observer.handle(at(2), &announced(5, |_| ()));
     beat(&mut observer, at(7), 1..=5);
-    assert_eq!(observer.current_epoch(), None, "it may be on its way to them");
+    assert_eq!(
+        observer.current_epoch(),
+        None,
+        "it may be on its way to them"
+    );
     beat(&mut observer, at(8), 1..=4);
-    assert_eq!(observer.current_epoch(), None, "one may not have heard of it");
+    assert_eq!(
+        observer.current_epoch(),
+        None,
+        "one may not have heard of it"
+    );
     beat(&mut observer, at(8), 5..=5);
     assert_eq!(observer.current_epoch(), Some(EPOCH));
     assert_eq!(outcome(observer.review(at(8))), Some(Outcome::Complete));
