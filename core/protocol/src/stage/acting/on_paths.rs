@@ -106,9 +106,14 @@ impl Acting {
                 }
                 Progress::Wait
             }
-            Task::Waiting | Task::Pausing | Task::Spare | Task::Settled | Task::Failed => {
+            Task::Pausing => {
+                // Between two steps it stands until agreement is back.
+                if context.body.is_at_rest() {
+                    self.publish_stop(context);
+                }
                 Progress::Wait
             }
+            Task::Waiting | Task::Spare | Task::Settled | Task::Failed => Progress::Wait,
         }
     }
 
