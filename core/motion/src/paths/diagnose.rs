@@ -25,12 +25,12 @@ impl Workshop<'_> {
     pub fn check_ways(&self) -> Result<(), MotionError> {
         let modules = self.request.problem.modules();
         let mut taken = self.arena.closed.clone();
-        let open = Regions::new(&self.arena, taken.clone());
+        let open = Regions::new(&self.arena, &taken);
         let pinned = (0..modules.len()).filter(|&module| modules[module].pin.is_some());
         for cell in pinned.filter_map(|module| self.arena.cell(self.starts[module])) {
             taken[cell] = true;
         }
-        let past_pinned = Regions::new(&self.arena, taken);
+        let past_pinned = Regions::new(&self.arena, &taken);
         for (module, member) in modules.iter().enumerate() {
             let ends = [
                 Some(self.starts[module]),

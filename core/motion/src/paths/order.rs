@@ -87,7 +87,7 @@ impl<'a> Rest<'a> {
         for cell in (0..formation.units.len()).flat_map(|unit| formation.goal_cells(unit)) {
             taken[cell] = true;
         }
-        let regions = Regions::new(arena, taken);
+        let regions = Regions::new(arena, &taken);
         Self {
             formation,
             outside: regions.largest(),

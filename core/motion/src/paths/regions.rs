@@ -14,7 +14,7 @@ pub(super) struct Regions<'a> {
 }
 
 impl<'a> Regions<'a> {
-    pub fn new(arena: &'a Arena, taken: Vec<bool>) -> Self {
+    pub fn new(arena: &'a Arena, taken: &[bool]) -> Self {
         let mut regions = Self {
             arena,
             towards: (0..taken.len()).collect(),

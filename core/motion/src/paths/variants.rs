@@ -70,7 +70,9 @@ impl<'a> Ground<'a> {
                         best = Some((field, Variant::Serial));
                         break;
                     }
-                    Err(Stop::Failure(failure)) => failed = Some((field, failure)),
+                    Err(Stop::Failure(failure)) => {
+                        failed.get_or_insert((field, failure));
+                    }
                     Err(Stop::Budget) => {}
                 }
             }
