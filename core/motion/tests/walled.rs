@@ -1,5 +1,7 @@
 //! Between walls: whatever connected target lies in a connected free region, single modules form it.
 
+#![allow(clippy::cast_possible_truncation, reason = "maps are small")]
+
 use std::sync::Arc;
 
 use formation_model::{ModuleId, MotionPlan, PlanningProblem, SpotId};

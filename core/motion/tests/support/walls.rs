@@ -1,5 +1,14 @@
 //! Scenarios between walls, drawn as maps, and generated mazes and rooms.
 
+#![allow(
+    clippy::unwrap_used,
+    clippy::cast_possible_truncation,
+    clippy::cast_possible_wrap,
+    clippy::cast_precision_loss,
+    clippy::cast_sign_loss,
+    reason = "maps are small, and a failure in a helper fails the test that calls it"
+)]
+
 use std::collections::{BTreeMap, BTreeSet, VecDeque};
 use std::sync::Arc;
 
