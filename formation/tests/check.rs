@@ -200,7 +200,7 @@ fn bad_scenarios_are_refused_in_one_line_that_names_the_place() {
         (
             "name: small",
             "arena: {x: 3.5, y: 2.5, width: 8, height: 6}\nobstacles: [{x: 3.5, y: 2.5, width: 8, height: 2}]",
-            "no module would move: module 4 cannot reach spot 4: obstacles close the path",
+            "no module would move: module 1 cannot reach spot 2: obstacles close the path",
         ),
         (
             "x: 1.0, y: 5.0",

@@ -32,12 +32,13 @@ pub(super) type Failed<'a> = (Field<'a>, Failure);
 
 impl<'a> Ground<'a> {
     /// Plans lazily and, for few units, eagerly; the plan that ends earlier is chosen, then the one of fewer steps.
-    /// When the budget is spent before there is a plan, the serial variant follows.
+    /// When there is no plan, the serial variant follows: lazily if the budget was spent, and eagerly.
     pub fn solve(&self) -> Result<Solution<'a>, Box<Failed<'a>>> {
         let mut spent = 0;
         let mut best: Option<(Field<'a>, Variant)> = None;
         let mut failed = None;
-        let mut is_cut = false;
+        // Lazily and eagerly.
+        let mut has_failed = [false; 2];
         let movers = self.units.iter().filter(|unit| !unit.pinned).count();
         let eager = (movers <= self.parameters.eager_units_max).then_some(Variant::Eager);
         for variant in std::iter::once(Variant::Lazy).chain(eager) {
@@ -52,16 +53,17 @@ impl<'a> Ground<'a> {
                         best = Some((field, variant));
                     }
                 }
-                Err(Stop::Budget) => is_cut = true,
+                Err(Stop::Budget) => {}
                 Err(Stop::Failure(failure)) => {
-                    if failed.is_none() {
-                        failed = Some((field, failure));
-                    }
+                    has_failed[usize::from(variant == Variant::Eager)] = true;
+                    failed.get_or_insert((field, failure));
                 }
             }
         }
-        if best.is_none() && (is_cut || failed.is_none()) {
-            for is_eager in [false, true] {
+        if best.is_none() {
+            // Where units cannot make way, other times do not help.
+            let untried = [false, true].into_iter();
+            for is_eager in untried.filter(|&is_eager| !has_failed[usize::from(is_eager)]) {
                 let mut field = self.field(Timing::Serial, 0);
                 let outcome = self.docking(is_eager).run(&mut field);
                 spent += field.expansions();
