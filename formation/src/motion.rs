@@ -1,7 +1,7 @@
 //! The motion of a plan as `formation plan` prints it.
 
 use formation_model::text::counted;
-use formation_model::{ModuleId, ModuleMotion, MotionPlan, OrderKind, UnitMotion, Variant};
+use formation_model::{ModuleId, ModuleMotion, MotionPlan, UnitMotion, Variant};
 use formation_motion::PlannedMotion;
 use formation_verifier_lines::NOT_COLLISION_FREE;
 use serde::Serialize;
@@ -30,11 +30,11 @@ pub struct Paths {
     collision_free: bool,
     /// When the last step ends.
     makespan: u32,
-    /// No plan with this order of docking ends earlier.
+    /// No plan ends earlier: the most steps that any unit needs.
     bound: u32,
-    /// The most steps that any unit needs.
+    /// The same as `bound`, for programs that read this key.
     longest_path: u32,
-    /// `edges` or `adjacency`: next to what each unit docks.
+    /// `edges`: each unit docks along an edge of the target. For programs that read this key.
     order: &'static str,
     /// `lazy`, `eager` or `serial`.
     variant: &'static str,
@@ -103,11 +103,10 @@ pub fn line(motion: &PlannedMotion) -> String {
         PlannedMotion::Paths(plan) => {
             let steps: usize = plan.units.iter().map(|unit| unit.steps.len()).sum();
             format!(
-                "motion: paths, {} until the last module docks (bound {}), {} in all, longest path {}",
+                "motion: paths, {} until the last module arrives (bound {}), {} in all",
                 counted(plan.makespan as usize, "step"),
                 plan.bound,
                 counted(steps, "step"),
-                plan.longest_path
             )
         }
         PlannedMotion::Straight(_) => format!("motion: straight lines, {NOT_COLLISION_FREE}"),
@@ -125,11 +124,8 @@ impl Paths {
             collision_free: true,
             makespan: plan.makespan,
             bound: plan.bound,
-            longest_path: plan.longest_path,
-            order: match plan.order {
-                OrderKind::Edges => "edges",
-                OrderKind::Adjacency => "adjacency",
-            },
+            longest_path: plan.bound,
+            order: "edges",
             variant: match plan.variant {
                 Variant::Lazy => "lazy",
                 Variant::Eager => "eager",

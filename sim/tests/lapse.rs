@@ -3,7 +3,7 @@
 use std::sync::Arc;
 use std::time::Duration;
 
-use formation_model::{Message, ModuleId, TargetAnnouncement};
+use formation_model::{DriveState, Message, ModuleId, ModuleState, Pose, TargetAnnouncement};
 use formation_motion::MotionReport;
 use formation_protocol::{Agent, AgentParameters, Input, Output};
 
@@ -21,6 +21,10 @@ struct Pair {
     /// When each sent its latest heartbeat.
     heartbeats: [Duration; 2],
     moving: [bool; 2],
+    /// The latest goal of each.
+    goals: [Option<Pose>; 2],
+    /// The latest state of each.
+    states: [Option<ModuleState>; 2],
 }
 
 impl Pair {
@@ -31,6 +35,8 @@ impl Pair {
             now: Duration::ZERO,
             heartbeats: [Duration::ZERO; 2],
             moving: [false; 2],
+            goals: [None; 2],
+            states: [None, None],
         };
         let target = Arc::new(TargetAnnouncement {
             expected_modules: Some(2),
@@ -53,12 +59,17 @@ impl Pair {
         while let Some(output) = self.agents[index].poll_output() {
             match output {
                 Output::Publish(said) => {
-                    if let Message::Heartbeat(_) = said {
-                        self.heartbeats[index] = self.now;
+                    match &said {
+                        Message::Heartbeat(_) => self.heartbeats[index] = self.now,
+                        Message::ModuleState(state) => self.states[index] = Some((**state).clone()),
+                        _ => {}
                     }
                     self.pass(1 - index, message(said), awake);
                 }
-                Output::Move(_) => self.moving[index] = true,
+                Output::Move(goal) => {
+                    self.moving[index] = true;
+                    self.goals[index] = Some(goal.pose);
+                }
                 Output::Halt => {
                     self.moving[index] = false;
                     let pose = self.agents[index].pose();
@@ -100,4 +111,21 @@ fn a_moving_module_halts_as_soon_as_another_is_silent_for_longer_than_the_lease(
     assert!(pair.now > lapse, "agreement held until {lapse:?}");
     let margin = Duration::from_millis(1);
     assert!(pair.now <= lapse + margin, "{:?}, {lapse:?}", pair.now);
+}
+
+/// Observers take a module to move straight on from one of its states to the next, so where it waits for agreement between
+/// two steps has to be among them.
+#[test]
+fn a_module_that_ends_a_step_without_agreement_publishes_where_it_stands() {
+    let mut pair = Pair::new();
+    pair.until(&[0, 1], |pair| pair.moving.contains(&true));
+    let mover = pair.moving.iter().position(|&moves| moves).unwrap();
+    let goal = pair.goals[mover].unwrap();
+    pair.now =
+        pair.heartbeats[1 - mover] + AgentParameters::default().lease + Duration::from_millis(1);
+    let arrived = MotionReport::Arrived { goal, pose: goal };
+    pair.pass(mover, Input::Motion(arrived), &[mover]);
+    let state = pair.states[mover].clone().unwrap();
+    assert_eq!((state.steps_done, state.pose), (Some(1), goal));
+    assert_ne!(state.drive, DriveState::Moving);
 }

@@ -252,7 +252,16 @@ fn a_retired_module_that_cannot_make_room_blocks_its_spot() {
 
 /// Six modules on paths to six spots, one of which has been on its way for a second.
 fn on_the_way(module: ModuleId, coasting: Option<Duration>) -> Trial {
-    let starts = (1..7).map(|id| format!("{{id: {id}, x: {}, y: 6}}", 2 * id));
+    on_the_way_from(|id| 2 * id, module, coasting)
+}
+
+/// The same for modules that start in these columns.
+fn on_the_way_from(
+    column: impl Fn(u32) -> u32,
+    module: ModuleId,
+    coasting: Option<Duration>,
+) -> Trial {
+    let starts = (1..7).map(|id| format!("{{id: {id}, x: {}, y: 6}}", column(id)));
     let starts: Vec<String> = starts.collect();
     let starts = starts.join(", ");
     let text = format!(
@@ -459,7 +468,8 @@ fn a_settled_module_that_retires_and_rejoins_freezes_with_its_spot() {
 #[test]
 fn a_module_that_never_freezes_in_a_later_epoch_is_not_waited_for() {
     let silent = ModuleId(3);
-    let mut trial = on_the_way(silent, COASTING);
+    // The rest of each path blocks no other's spot.
+    let mut trial = on_the_way_from(|id| id - 1, silent, COASTING);
     let others = [2, 4, 5, 6].map(ModuleId);
     let links = others.iter().map(|&other| (ModuleId(1), other));
     trial.cluster.sever(&links.collect());

@@ -3,15 +3,6 @@
 use crate::turning::rotated;
 use crate::{MicroUnits, ModuleId, Pose, SpotId};
 
-/// By which neighbourhood each unit docks to a placed one.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum OrderKind {
-    /// Each unit docks along an edge of the target.
-    Edges,
-    /// Each unit docks to a unit on an adjacent cell; no order by edges leaves every unit a corridor.
-    Adjacency,
-}
-
 /// Which variant of the planner found the paths.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Variant {
@@ -103,9 +94,9 @@ pub struct UnitMotion {
     pub joint_steps: u32,
     /// The leads of the units that are docked to it at the start.
     pub joint_with: Vec<ModuleId>,
-    /// The lead of the unit that it docks to.
+    /// The lead of the unit that it docks to, along an edge of the target.
     pub parent: Option<ModuleId>,
-    /// When it docks in plan time; none without a spot.
+    /// When it and all that dock before it on the way from the first unit have arrived, in plan time; none without a spot.
     pub docked_at: Option<u32>,
     /// The fewest steps that could bring it to its spots.
     pub shortest: u32,
@@ -153,18 +144,14 @@ fn arc(from: Pose, centre: Pose) -> Vec<Pose> {
 pub struct MotionPlan {
     /// The pinned units, the others in the order in which they dock, then those without a spot.
     pub units: Vec<UnitMotion>,
-    /// Which neighbourhood the order of docking follows.
-    pub order: OrderKind,
     /// Blocks of the plan that move as single modules, because they do not get in as one body.
     pub taken_apart: Vec<Vec<ModuleId>>,
     /// Which variant found the paths.
     pub variant: Variant,
     /// When the last step ends in plan time.
     pub makespan: u32,
-    /// No plan with this order ends earlier: the greatest of the longest shortest path and the chain of dockings.
+    /// No plan ends earlier: the most steps that any unit needs.
     pub bound: u32,
-    /// The most steps that any unit needs.
-    pub longest_path: u32,
     /// The number of search nodes.
     pub expansions: u64,
 }

@@ -1,6 +1,6 @@
 //! How good paths are and how long the core needs for them: `cargo bench -p formation_motion --bench motion`.
 //!
-//! Prints a table: how many instances are solved; makespan over bound; how many times earlier the last module docks than if
+//! Prints a table: how many instances are solved; makespan over bound; how many times earlier the last module arrives than if
 //! the units moved one after another along the same paths; and the processor time of a plan. `FORMATION_BENCH_SEEDS` sets the
 //! number of seeds of each size, [`SEEDS`] by default; sizes from [`FEW_FROM`] modules on have a tenth of them.
 

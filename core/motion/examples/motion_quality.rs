@@ -12,7 +12,7 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_generate::{Apart, GeneratorParameters, Grouping, generate, set_apart};
-use formation_model::{MotionPlan, OrderKind, PlanningProblem, Scenario, Variant};
+use formation_model::{MotionPlan, PlanningProblem, Scenario, Variant};
 use formation_motion::paths::{MotionParameters, MotionRequest, plan_motion};
 use formation_planner::{PlanOutcome, plan};
 
@@ -153,10 +153,9 @@ fn main() -> Result<(), Failure> {
     let instances: u64 = arguments.next().map_or(Ok(50), |given| given.parse())?;
     let names: Vec<String> = arguments.collect();
     println!(
-        "setting           solved  makespan/bound       /longest path  steps/     CPU ms           faster      order by   \
-         taken  lazy eager  waits/module\n\
-         \x20                         median   p95  max    median  p95   shortest   median    max    than serial  adjacency  \
-         apart       serial mean max"
+        "setting           solved  makespan/bound       steps/     CPU ms           faster       taken  lazy eager  \
+         waits/module\n\
+         \x20                         median   p95  max   shortest   median    max    than serial  apart       serial mean max"
     );
     for setting in &SETTINGS {
         if names.is_empty() || names.iter().any(|name| setting.name == name) {
@@ -180,11 +179,9 @@ fn instance(setting: &Setting, seed: u64) -> Result<(Arc<PlanningProblem>, PlanO
 struct Totals {
     solved: usize,
     by_bound: Vec<f64>,
-    by_path: Vec<f64>,
     steps: (f64, f64),
     milliseconds: Vec<f64>,
     faster: Vec<f64>,
-    adjacency: usize,
     taken_apart: usize,
     blocks: usize,
     variants: [usize; 3],
@@ -233,8 +230,6 @@ impl Totals {
         let makespan = f64::from(motion.makespan);
         self.by_bound
             .push(makespan / f64::from(motion.bound.max(1)));
-        self.by_path
-            .push(makespan / f64::from(motion.longest_path.max(1)));
         let steps = motion.units.iter().map(|unit| unit.steps.len());
         self.steps.0 += steps.sum::<usize>() as f64;
         let shortest = motion.units.iter().map(|unit| f64::from(unit.shortest));
@@ -242,7 +237,6 @@ impl Totals {
         self.milliseconds.push(elapsed.as_secs_f64() * 1.0e3);
         self.faster
             .push(serial(problem, outcome) / makespan.max(1.0));
-        self.adjacency += usize::from(motion.order == OrderKind::Adjacency);
         self.taken_apart += motion.taken_apart.len();
         self.variants[match motion.variant {
             Variant::Lazy => 0,
@@ -258,29 +252,20 @@ impl Totals {
 
     #[expect(clippy::cast_precision_loss, reason = "for people")]
     fn print(mut self, setting: &Setting, instances: u64) {
-        for list in [
-            &mut self.by_bound,
-            &mut self.by_path,
-            &mut self.milliseconds,
-            &mut self.faster,
-        ] {
+        for list in [&mut self.by_bound, &mut self.milliseconds, &mut self.faster] {
             list.sort_by(f64::total_cmp);
         }
         println!(
-            "{:17} {:3}/{instances:<3}  {:5.2}  {:5.2} {:5.2}  {:5.2}  {:5.2}  {:5.2}  {:9.1} {:9.1}  {:7.1}  {:7}  {:4}/{:<5} {}/{}/{}  \
-             {:5.1} {}",
+            "{:17} {:3}/{instances:<3}  {:5.2}  {:5.2} {:5.2}  {:5.2}  {:9.1} {:9.1}  {:7.1}  {:4}/{:<5} {}/{}/{}  {:5.1} {}",
             setting.name,
             self.solved,
             quantile(&self.by_bound, 50),
             quantile(&self.by_bound, 95),
             quantile(&self.by_bound, 100),
-            quantile(&self.by_path, 50),
-            quantile(&self.by_path, 95),
             self.steps.0 / self.steps.1,
             quantile(&self.milliseconds, 50),
             quantile(&self.milliseconds, 100),
             quantile(&self.faster, 50),
-            self.adjacency,
             self.taken_apart,
             self.blocks,
             self.variants[0],

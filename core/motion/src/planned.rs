@@ -19,7 +19,7 @@ pub enum PlannedMotion {
 }
 
 impl PlannedMotion {
-    /// Plans the motion, and gives the plan the acting order that the motion has.
+    /// Plans the motion, and gives the plan the units that the motion has.
     ///
     /// Bodies of modules that take no part stand on `obstacles`.
     /// Enforces X7.
@@ -104,7 +104,7 @@ fn reordered(problem: &PlanningProblem, mut plan: Plan, motion: &MotionPlan) -> 
     };
     let units = motion.units.iter().filter_map(unit_of).collect();
     plan.assembly.units = units;
-    // The others judge the order that this one replaces.
+    // The others warn of straight lines: along paths no spot is walled in.
     plan.assembly
         .warnings
         .retain(|warning| matches!(warning, AssemblyWarning::Disconnected(_)));

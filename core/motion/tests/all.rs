@@ -13,3 +13,4 @@ mod motion_stops;
 mod obstacles;
 mod rows;
 mod support;
+mod walled;

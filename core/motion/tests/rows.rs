@@ -24,7 +24,7 @@ fn shifted(count: u32, shift: u32) -> (u32, u32) {
     let problem = Arc::new(scenario.problem().clone());
     let outcome = plan(Arc::clone(&problem));
     let motion = motion(&problem, &outcome, &[], MotionParameters::default()).unwrap();
-    (motion.makespan, motion.longest_path)
+    (motion.makespan, motion.bound)
 }
 
 #[test]

@@ -4,7 +4,7 @@ use super::lattice::{Site, Time};
 use super::order::Formation;
 use super::output::Draft;
 use super::rectangle::bounds;
-use super::result::MotionError;
+use super::result::{MotionError, Obstruction};
 use super::variants::Ground;
 use super::workshop::{Crew, Workshop};
 use formation_model::MotionPlan;
@@ -31,6 +31,7 @@ impl Workshop<'_> {
         } else {
             bounds(&taken)
         };
+        self.check_ways()?;
         let ready = self.ready();
         let mut spent = 0;
         let mut attempt = 0;
@@ -62,15 +63,14 @@ impl Workshop<'_> {
             arena: &self.arena,
             units: &crew.units,
             ranks: &crew.ranks,
-            by_edges: &crew.by_edges,
             target,
         };
-        let order = match formation.order() {
-            Ok(order) => order,
+        let filling = match formation.filling_order() {
+            Ok(filling) => filling,
             Err(stuck) => {
-                let block = stuck
-                    .block
-                    .ok_or_else(|| self.walled_in(&crew.units[stuck.unit]))?;
+                let block = stuck.block.ok_or_else(|| {
+                    self.unreachable_for(&crew.units[stuck.unit], Obstruction::Full)
+                })?;
                 return Ok(Attempt::Blamed(vec![block]));
             }
         };
@@ -80,7 +80,7 @@ impl Workshop<'_> {
             arena: &self.arena,
             units: &crew.units,
             ready,
-            order: &order,
+            filling: &filling,
             target,
             parameters: &parameters,
         };
@@ -88,7 +88,7 @@ impl Workshop<'_> {
             Ok(solution) => {
                 let draft = Draft {
                     workshop: self,
-                    order: &order,
+                    crew,
                     solution: &solution,
                     spent: *spent,
                 };

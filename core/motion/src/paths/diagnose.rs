@@ -2,9 +2,10 @@
 
 use std::collections::BTreeSet;
 
-use super::field::{Failure, Field, NO_UNIT};
+use super::field::{Failure, Field};
+use super::regions::Regions;
 use super::result::{MotionError, Obstruction};
-use super::units::{Node, Unit};
+use super::units::Unit;
 use super::workshop::Workshop;
 use formation_model::{ModuleId, SpotId};
 
@@ -13,62 +14,69 @@ impl Workshop<'_> {
     pub fn unreachable(&self, field: &Field, failure: &Failure) -> MotionError {
         let unit = &field.units[failure.unit];
         let reason = match failure.in_the_way {
-            Some(other) => self.no_room(field, unit, other),
-            None => self.no_route(field, failure.unit),
+            Some(other) => Obstruction::NoPassing(self.ids_of(&field.units[other])),
+            // By `check_ways` there is a way; only a unit that turns needs more than that.
+            None => Obstruction::NoTurn,
         };
         self.unreachable_for(unit, reason)
     }
 
-    /// The error for a unit that no order leaves a corridor.
-    pub fn walled_in(&self, unit: &Unit) -> MotionError {
-        let own = self.cells_at(unit, unit.goal);
-        let reachable = self
-            .arena
-            .flood(own.clone(), &mut self.arena.closed.clone());
-        let mut starts = unit.cells(&self.arena, unit.start);
-        let reason = if starts.all(|cell| reachable.contains(&cell)) {
-            Obstruction::WalledIn(self.spots_around(&own, |cell| !own.contains(&cell)))
-        } else {
-            Obstruction::Obstacles
-        };
-        self.unreachable_for(unit, reason)
+    /// Each module can get to its spot past obstacles and pinned modules, if nothing else is in the way.
+    pub fn check_ways(&self) -> Result<(), MotionError> {
+        let modules = self.request.problem.modules();
+        let mut taken = self.arena.closed.clone();
+        let open = Regions::new(&self.arena, &taken);
+        let pinned = (0..modules.len()).filter(|&module| modules[module].pin.is_some());
+        for cell in pinned.filter_map(|module| self.arena.cell(self.starts[module])) {
+            taken[cell] = true;
+        }
+        let past_pinned = Regions::new(&self.arena, &taken);
+        for (module, member) in modules.iter().enumerate() {
+            let ends = [
+                Some(self.starts[module]),
+                self.spot_of[module].map(|spot| self.spots[spot]),
+            ];
+            let [Some(start), Some(goal)] = ends.map(|site| self.arena.cell(site?)) else {
+                continue;
+            };
+            if member.pin.is_some() || past_pinned.joins(start, goal) {
+                continue;
+            }
+            let reason = if open.joins(start, goal) {
+                Obstruction::WalledIn(self.walls_between(&past_pinned, start, goal))
+            } else {
+                Obstruction::Obstacles
+            };
+            let spots = self.request.problem.target().spots();
+            return Err(MotionError::Unreachable {
+                modules: vec![member.id],
+                spots: self.spot_of[module]
+                    .map(|spot| spots[spot].id)
+                    .into_iter()
+                    .collect(),
+                reason,
+            });
+        }
+        Ok(())
     }
 
-    /// There is no route: docked units or obstacles surround the unit, or its spots.
-    fn no_route(&self, field: &Field, unit: usize) -> Obstruction {
-        let goal = self.cells_at(&field.units[unit], field.units[unit].goal);
-        let regions = [field.cells(unit), goal]
-            .map(|cells| self.arena.flood(cells, &mut field.solid.clone()));
+    /// The spots of pinned modules around the smaller one of the regions of two cells.
+    fn walls_between(&self, past_pinned: &Regions, start: usize, goal: usize) -> Vec<SpotId> {
+        let regions =
+            [start, goal].map(|cell| self.arena.flood(vec![cell], &mut past_pinned.taken.clone()));
         let [near_start, near_goal] = &regions;
         let smaller = if near_start.len() < near_goal.len() {
             near_start
         } else {
             near_goal
         };
-        let is_docked = |cell: usize| field.solid[cell] && !self.arena.closed[cell];
-        let walls = self.spots_around(smaller, is_docked);
-        if walls.is_empty() {
-            Obstruction::Obstacles
-        } else {
-            Obstruction::WalledIn(walls)
-        }
+        self.spots_around(smaller, |cell| {
+            past_pinned.taken[cell] && !self.arena.closed[cell]
+        })
     }
 
-    /// There is a route, but another unit cannot make way.
-    fn no_room(&self, field: &Field, unit: &Unit, other: usize) -> Obstruction {
-        let cells = field.cells(other);
-        let needed = cells.len() + self.cells_at(unit, unit.goal).len();
-        let around = self.arena.flood(cells, &mut field.solid.clone());
-        let free = around
-            .iter()
-            .filter(|&&cell| field.standing[cell] == NO_UNIT);
-        Obstruction::NoRoom {
-            modules: self.ids_of(&field.units[other]),
-            missing: needed.saturating_sub(free.count()).max(1),
-        }
-    }
-
-    fn unreachable_for(&self, unit: &Unit, reason: Obstruction) -> MotionError {
+    /// The error for a unit.
+    pub fn unreachable_for(&self, unit: &Unit, reason: Obstruction) -> MotionError {
         let spots = self.request.problem.target().spots();
         MotionError::Unreachable {
             modules: self.ids_of(unit),
@@ -83,10 +91,6 @@ impl Workshop<'_> {
             .iter()
             .map(|&module| modules[module].id)
             .collect()
-    }
-
-    fn cells_at(&self, unit: &Unit, node: Option<Node>) -> Vec<usize> {
-        node.map_or_else(Vec::new, |node| unit.cells(&self.arena, node).collect())
     }
 
     /// The spots on those neighbours of some cells that are walls, ascending.

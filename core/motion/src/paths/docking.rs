@@ -1,9 +1,9 @@
-//! Prioritised planning with make-way: unit by unit in the order of docking.
+//! Prioritised planning with make-way: unit by unit in the order of filling.
 
 use super::field::{Failure, Field, NO_UNIT, Stop};
 use super::lattice::Site;
 use super::make_way::Bans;
-use super::order::Order;
+use super::parts::Parts;
 use super::route::STEP;
 use super::units::Node;
 
@@ -14,7 +14,8 @@ const ROUNDS_MAX: usize = 400;
 
 /// How the units of a formation are brought to their spots.
 pub(super) struct Docking<'a> {
-    pub order: &'a Order,
+    /// Units by position, in the order in which they fill their spots.
+    pub filling: &'a [usize],
     /// The lowest and the highest column and row of the target.
     pub target: (Site, Site),
     /// Whether the target's box is emptied first.
@@ -27,25 +28,22 @@ impl Docking<'_> {
         if self.is_eager {
             self.empty_box(field)?;
         }
-        for &unit in &self.order.sequence {
-            if !field.units[unit].pinned {
-                self.dock(field, unit)?;
-            }
+        for &unit in self.filling {
+            self.fill(field, unit)?;
         }
         Ok(())
     }
 
-    /// The cells of the target's box and one around it.
-    fn box_cells(&self, field: &Field) -> Vec<usize> {
+    /// The lowest and the highest column and row of the target's box and one around it.
+    fn box_area(&self) -> (Site, Site) {
         let (low, high) = self.target;
-        let area = ((low.0 - 1, low.1 - 1), (high.0 + 1, high.1 + 1));
-        field.arena.cells_between(area)
+        ((low.0 - 1, low.1 - 1), (high.0 + 1, high.1 + 1))
     }
 
     fn bans(&self, field: &Field) -> Bans {
         let mut cells = vec![false; field.arena.area()];
         if self.is_eager {
-            for cell in self.box_cells(field) {
+            for cell in field.arena.cells_between(self.box_area()) {
                 cells[cell] = true;
             }
         }
@@ -58,7 +56,7 @@ impl Docking<'_> {
     /// Moves all units out of the target's box, outermost first.
     fn empty_box(&self, field: &mut Field) -> Result<(), Stop> {
         let bans = self.bans(field);
-        let cells = self.box_cells(field);
+        let cells = field.arena.cells_between(self.box_area());
         let (low, high) = self.target;
         let depth = |cell: usize| {
             let (x, y) = field.arena.site(cell);
@@ -87,34 +85,38 @@ impl Docking<'_> {
         Ok(())
     }
 
-    fn dock(&self, field: &mut Field, unit: usize) -> Result<(), Stop> {
+    /// Brings a unit to its spots. Before, those make way that stand on its path, and those whom it would cut off from their spots
+    /// go to the side on which these are.
+    fn fill(&self, field: &mut Field, unit: usize) -> Result<(), Stop> {
         let Some(goal) = field.units[unit].goal else {
             return Ok(());
         };
-        let parent = self.order.parents[unit].and_then(|parent| field.docked[parent]);
-        let parent = parent.unwrap_or_default();
-        let pockets = self.pockets(field, unit, goal);
+        let parts = Parts::of(field, unit, goal, self.box_area());
         let mut blamed = None;
         for _ in 0..ROUNDS_MAX {
             let Some(route) = route_to(field, unit, goal)? else {
                 break;
             };
-            let mut kept_free = field.way(unit, &route);
-            kept_free.extend(&pockets);
-            let Some(other) = field.first_other(unit, &kept_free) else {
-                if !field.move_to(unit, goal, parent)? {
+            let way = field.way(unit, &route);
+            let on_the_way = field.first_other(unit, &way);
+            let other = on_the_way.or_else(|| parts.first_cut_off(field, unit));
+            let Some(other) = other else {
+                if !field.move_to(unit, goal)? {
                     break;
                 }
-                let time = field.since(unit).max(parent);
-                field.settle(unit, time);
+                field.settle(unit);
                 return Ok(());
             };
             let mut bans = self.bans(field);
             bans.units.push(unit);
-            for cell in kept_free {
+            for cell in way {
                 bans.cells[cell] = true;
             }
+            parts.ban_other_sides(field, other, &mut bans.cells);
             blamed = Some(other);
+            if on_the_way.is_none() && field.relocate(other, &bans)? {
+                continue;
+            }
             let pushed = field.units[unit].is_simple().then_some(unit);
             if !field.make_way(other, &bans, pushed)? {
                 break;
@@ -125,40 +127,10 @@ impl Docking<'_> {
             in_the_way: blamed,
         }))
     }
-
-    /// The cells of the target's box that a unit cuts off from its border when it docks, in ascending order.
-    fn pockets(&self, field: &Field, unit: usize, goal: Node) -> Vec<usize> {
-        let cells = self.box_cells(field);
-        let mut is_shut = vec![true; field.arena.area()];
-        for &cell in &cells {
-            is_shut[cell] = field.solid[cell];
-        }
-        let mut was_shut = is_shut.clone();
-        for cell in field.units[unit].cells(field.arena, goal) {
-            is_shut[cell] = true;
-        }
-        let (low, high) = self.target;
-        let is_border = |cell: usize| {
-            let (x, y) = field.arena.site(cell);
-            x < low.0 || x > high.0 || y < low.1 || y > high.1
-        };
-        for shut in [&mut is_shut, &mut was_shut] {
-            let border = cells.iter().copied();
-            let border = border.filter(|&cell| is_border(cell) && !shut[cell]);
-            field.arena.flood(border.collect(), shut);
-        }
-        // Of those that were cut off before, none is needed by others.
-        let is_newly_cut_off = |&cell: &usize| was_shut[cell] && !is_shut[cell];
-        cells.into_iter().filter(is_newly_cut_off).collect()
-    }
 }
 
 /// The cheapest route of a unit to its spots past docked units; passing the places of others is possible but costly.
-pub(super) fn route_to(
-    field: &mut Field,
-    unit: usize,
-    goal: Node,
-) -> Result<Option<Vec<Node>>, Stop> {
+fn route_to(field: &mut Field, unit: usize, goal: Node) -> Result<Option<Vec<Node>>, Stop> {
     let (arena, body) = (field.arena, &field.units[unit]);
     let errand = field.errand(unit, true);
     let (standing, solid) = (&field.standing, &field.solid);

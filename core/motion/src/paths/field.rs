@@ -43,10 +43,8 @@ pub(super) struct Field<'a> {
     pub paths: Vec<Vec<Entry>>,
     /// Which unit's last place each cell belongs to.
     pub standing: Vec<usize>,
-    /// Cells of docked units, and closed ones.
+    /// Cells of units that rest for good, and closed ones.
     pub solid: Vec<bool>,
-    /// When each unit docks; none before it does.
-    pub docked: Vec<Option<Time>>,
     pub sipp: Sipp,
     pub routes: Routes,
     timing: Timing,
@@ -70,7 +68,6 @@ impl<'a> Field<'a> {
             paths: vec![Vec::new(); units.len()],
             standing: vec![NO_UNIT; arena.area()],
             solid: arena.closed.clone(),
-            docked: vec![None; units.len()],
             sipp: Sipp::new(nodes),
             routes: Routes::new(nodes),
             timing,
@@ -87,7 +84,7 @@ impl<'a> Field<'a> {
                 field.table.hold(cell, visit);
             }
             if unit.pinned {
-                field.settle(index, 0);
+                field.settle(index);
             }
         }
         field
@@ -142,16 +139,15 @@ impl<'a> Field<'a> {
         standing.find(|&other| other != NO_UNIT && other != unit)
     }
 
-    /// Docks a unit where it stands.
-    pub fn settle(&mut self, unit: usize, time: Time) {
-        self.docked[unit] = Some(time);
+    /// A unit rests where it stands for good.
+    pub fn settle(&mut self, unit: usize) {
         for cell in self.cells(unit) {
             self.solid[cell] = true;
         }
     }
 
-    /// Moves a unit to a node where it can stay, the last step not before a time; `false` if it cannot get there.
-    pub fn move_to(&mut self, unit: usize, goal: Node, dock_after: Time) -> Result<bool, Stop> {
+    /// Moves a unit to a node where it can stay; `false` if it cannot get there.
+    pub fn move_to(&mut self, unit: usize, goal: Node) -> Result<bool, Stop> {
         let path = match self.timing {
             Timing::SafeIntervals => {
                 let query = Query {
@@ -159,12 +155,11 @@ impl<'a> Field<'a> {
                     from: self.place(unit),
                     since: self.since(unit),
                     goal,
-                    dock_after,
                     latest: FOREVER - 1,
                 };
                 self.sipp.path(self.arena, self.units, &self.table, &query)
             }
-            Timing::Serial => self.serial_path(unit, goal, dock_after),
+            Timing::Serial => self.serial_path(unit, goal),
         };
         self.check_budget()?;
         let Some(path) = path else { return Ok(false) };
@@ -183,7 +178,7 @@ impl<'a> Field<'a> {
     }
 
     /// The shortest route past all last places, each step after all holds of its cells by others.
-    fn serial_path(&mut self, unit: usize, goal: Node, dock_after: Time) -> Option<Vec<Entry>> {
+    fn serial_path(&mut self, unit: usize, goal: Node) -> Option<Vec<Entry>> {
         let (arena, body) = (self.arena, &self.units[unit]);
         let errand = self.errand(unit, true);
         let mut time = self.since(unit);
@@ -201,10 +196,7 @@ impl<'a> Field<'a> {
             let free = body
                 .cells(arena, node)
                 .map(|cell| self.table.free_from(cell, unit));
-            let mut begin = free.max().unwrap_or_default().max(time);
-            if node == goal {
-                begin = begin.max(dock_after);
-            }
+            let begin = free.max().unwrap_or_default().max(time);
             path.push(Entry { node, begin });
             time = begin + 1;
         }

@@ -35,7 +35,7 @@ impl Field<'_> {
         if is_single && self.shift_chain(unit, bans)? {
             return Ok(true);
         }
-        if self.relocate(unit, bans, 0)? {
+        if self.relocate(unit, bans)? {
             return Ok(true);
         }
         let Some(pushed) = pushed.filter(|_| is_single) else {
@@ -64,7 +64,7 @@ impl Field<'_> {
         for &cell in route.iter().rev() {
             let single = self.standing[cell];
             if single != NO_UNIT && cell != hole {
-                if !self.move_to(single, hole, 0)? {
+                if !self.move_to(single, hole)? {
                     return Ok(false);
                 }
                 hole = cell;
@@ -73,8 +73,13 @@ impl Field<'_> {
         Ok(true)
     }
 
-    /// Moves a unit in its present layout to free cells that are not banned, after those in its way made way.
-    fn relocate(&mut self, unit: usize, bans: &Bans, depth: usize) -> Result<bool, Stop> {
+    /// Moves a unit in its present layout to free cells that are not banned, after those in its way made way; `false` if it
+    /// cannot.
+    pub fn relocate(&mut self, unit: usize, bans: &Bans) -> Result<bool, Stop> {
+        self.relocate_within(unit, bans, 0)
+    }
+
+    fn relocate_within(&mut self, unit: usize, bans: &Bans, depth: usize) -> Result<bool, Stop> {
         let (arena, body, from) = (self.arena, &self.units[unit], self.place(unit));
         let errand = self.errand(unit, false);
         let (standing, solid) = (&self.standing, &self.solid);
@@ -100,11 +105,11 @@ impl Field<'_> {
         }
         for _ in 0..ROUNDS_MAX {
             let Some(other) = self.first_other(unit, &way) else {
-                return self.move_to(unit, goal, 0);
+                return self.move_to(unit, goal);
             };
             let is_single = self.units[other].is_simple();
             let makes_way = (is_single && self.shift_chain(other, &bans)?)
-                || (depth + 1 < DEPTH_MAX && self.relocate(other, &bans, depth + 1)?);
+                || (depth + 1 < DEPTH_MAX && self.relocate_within(other, &bans, depth + 1)?);
             if !makes_way {
                 return Ok(false);
             }

@@ -6,9 +6,10 @@
 //!
 //! [`plan_motion`] brings all modules from their real poses onto the lattice (`start`, `regroup`), orders the units by taking the
 //! finished formation apart (`order`), and plans them one after another in that order (`docking`): units in the way
-//! make way (`make_way`), and each move is timed between the reservations of the others (`sipp`, `table`). Then each
-//! path is improved with all others fixed (`improve`). What is executed is not the times but the waits (`waits`):
-//! a step begins when the units that hold its cells before have left them, so that no delay leads to contact.
+//! make way (`make_way`), those that a unit would cut off from their spots change sides before (`parts`), and each move is timed
+//! between the reservations of the others (`sipp`, `table`). Then each path is improved with all others fixed (`improve`). What
+//! is executed is not the times but the waits (`waits`): a step begins when the units that hold its cells before have left them,
+//! so that no delay leads to contact. Units dock once they rest on their spots, in the acting order of the plan.
 //!
 //! All decisions are made on whole numbers and the budget counts search nodes, so all replicas find the same plan.
 
@@ -23,7 +24,9 @@ mod lattice;
 mod make_way;
 mod order;
 mod output;
+mod parts;
 mod rectangle;
+mod regions;
 mod regroup;
 mod result;
 mod route;

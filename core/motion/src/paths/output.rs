@@ -3,12 +3,11 @@
 use super::field::Field;
 use super::group::{Group, Phase};
 use super::lattice::{Lattice, Time};
-use super::order::Order;
 use super::route::{Errand, Routes, STEP};
 use super::units::{Node, Unit, node_count, split};
 use super::variants::Solution;
 use super::waits::{Graph, UnitWait};
-use super::workshop::Workshop;
+use super::workshop::{Crew, Workshop};
 use formation_model::turning::{Point, angle_of, quarters, shortest};
 use formation_model::{
     MICRO_PER_UNIT, MicroUnits, ModuleId, ModuleMotion, MotionPlan, Pose, Step, StepKind,
@@ -18,7 +17,7 @@ use formation_model::{
 /// A solution and what it was made from.
 pub(super) struct Draft<'a> {
     pub workshop: &'a Workshop<'a>,
-    pub order: &'a Order,
+    pub crew: &'a Crew,
     pub solution: &'a Solution<'a>,
     /// Search nodes of failed tries.
     pub spent: u64,
@@ -35,7 +34,6 @@ impl Draft<'_> {
             .collect();
         let graph = Graph {
             field,
-            order: self.order,
             groups: &self.workshop.groups,
             group_of: &group_of,
             aligners: &self.workshop.aligners,
@@ -43,33 +41,34 @@ impl Draft<'_> {
         let waits = graph.waits();
         let shortest = self.shortest();
         let surplus = (0..field.units.len()).filter(|&unit| field.units[unit].goal.is_none());
-        let sequence = self.order.sequence.iter().copied().chain(surplus);
+        let sequence = self.crew.docking.iter().copied().chain(surplus);
+        let docked = self.docked();
         let units = sequence
-            .map(|unit| self.unit_motion(unit, &waits[unit], shortest[unit], &group_of))
+            .map(|unit| UnitMotion {
+                docked_at: docked[unit],
+                ..self.unit_motion(unit, &waits[unit], shortest[unit], &group_of)
+            })
             .collect();
-        let chains = self.chains(&shortest);
-        let (longest, chain) = (shortest.iter().copied().max(), chains.iter().copied().max());
         MotionPlan {
             units,
-            order: self.order.kind,
             taken_apart: Vec::new(),
             variant: self.solution.variant,
             makespan: field.cost().0,
-            bound: longest.max(chain).unwrap_or_default(),
-            longest_path: longest.unwrap_or_default(),
+            bound: shortest.iter().copied().max().unwrap_or_default(),
             expansions: self.spent + self.solution.expansions,
         }
     }
 
-    /// The earliest time at which each unit could dock if only its parent mattered.
-    fn chains(&self, shortest: &[Time]) -> Vec<Time> {
-        let mut earliest = vec![0; shortest.len()];
-        for &unit in &self.order.sequence {
-            let step = Time::from(shortest[unit] > 0);
-            let parent = self.order.parents[unit].map_or(0, |parent| earliest[parent] + step);
-            earliest[unit] = shortest[unit].max(parent);
+    /// When each unit docks: when it and the unit to which it docks have arrived, and that one has docked.
+    fn docked(&self) -> Vec<Option<Time>> {
+        let field = &self.solution.field;
+        let mut docked = vec![None; field.units.len()];
+        for &unit in &self.crew.docking {
+            let arrived = (!field.units[unit].pinned).then(|| field.since(unit));
+            let parent = self.crew.parents[unit].and_then(|parent| docked[parent]);
+            docked[unit] = arrived.max(parent).or(Some(0));
         }
-        earliest
+        docked
     }
 
     /// For each unit the steps to its spots if there were only obstacles and pinned modules.
@@ -139,8 +138,8 @@ impl Draft<'_> {
                 .collect(),
             joint_steps: u32::try_from(group.steps.len()).unwrap_or(u32::MAX),
             joint_with: others.map(|other| self.lead(other)).collect(),
-            parent: self.order.parents[unit].map(|parent| self.lead(parent)),
-            docked_at: field.docked[unit],
+            parent: self.crew.parents[unit].map(|parent| self.lead(parent)),
+            docked_at: None,
             shortest,
         }
     }

@@ -171,24 +171,21 @@ pub const FIELD_CELLS_MAX: u64 = 4_000_000;
 /// Why a unit cannot get to its spots.
 #[derive(Clone, Debug, PartialEq, Eq, Error)]
 pub enum Obstruction {
-    /// Units on these spots surround it or its spots.
+    /// Pinned modules on these spots surround it or its spots.
     #[error("walled in by {}", spots_listed(.0))]
     WalledIn(Vec<SpotId>),
     /// Obstacles or walls close the way.
     #[error("obstacles close the path")]
     Obstacles,
-    /// Units on the path have no free cell to move to.
-    #[error(
-        "no room: {} missing for {} to make way",
-        cells(*missing),
-        listed(modules)
-    )]
-    NoRoom {
-        /// The modules that would have to make way.
-        modules: Vec<ModuleId>,
-        /// How many free cells are missing.
-        missing: usize,
-    },
+    /// These modules are on each path and cannot make way.
+    #[error("no way past {}", listed(.0))]
+    NoPassing(Vec<ModuleId>),
+    /// The unit has to turn, and no place on its path has room for that.
+    #[error("no room to turn on the path")]
+    NoTurn,
+    /// Spots that are taken fill all that is free there, so no module can move.
+    #[error("the spots leave no cell free")]
+    Full,
 }
 
 /// The first faults. Where there are more, the modules that all faults name are counted: each of a crowd is too close to many.
@@ -212,13 +209,6 @@ fn spots_listed(spots: &[SpotId]) -> String {
     match spots {
         [spot] => spot.to_string(),
         spots => format!("spots {}", listed(spots.iter().map(|spot| spot.0))),
-    }
-}
-
-fn cells(count: usize) -> String {
-    match count {
-        1 => "1 free cell is".to_owned(),
-        count => format!("{count} free cells are"),
     }
 }
 

@@ -26,8 +26,6 @@ pub(super) struct Query {
     pub from: Node,
     pub since: Time,
     pub goal: Node,
-    /// The last step begins no earlier than this.
-    pub dock_after: Time,
     /// The last step ends no later than this.
     pub latest: Time,
 }
@@ -100,7 +98,7 @@ impl Sipp {
 
     /// The path that ends earliest, then the one of fewest steps; none if there is none within the latest end.
     ///
-    /// Where the unit is at its goal already and may stay, the path is empty, whenever its parent docks.
+    /// Where the unit is at its goal already and may stay, the path is empty.
     pub fn path(
         &mut self,
         arena: &Arena,
@@ -197,20 +195,16 @@ impl Sipp {
             let is_new = interval.expanded > begin + 1
                 && !(interval.best.0 <= begin + 1 && interval.best.1 <= steps);
             if node == query.goal && interval.until == FOREVER {
-                let last = begin.max(query.dock_after);
-                if last < until && last < query.latest {
+                if begin < query.latest {
                     let record = self.records.len();
                     self.records.push(Record {
-                        entry: Entry { node, begin: last },
+                        entry: Entry { node, begin },
                         parent: state.record,
                     });
-                    let key = (last + 1, steps, Reverse(steps), node, NONE, record);
+                    let key = (begin + 1, steps, Reverse(steps), node, NONE, record);
                     self.open.push(Reverse(key));
                 }
-                // Before its parent docks, a unit may pass its goal but not stay there.
-                if last == begin {
-                    continue;
-                }
+                continue;
             }
             if is_new {
                 self.intervals[index].best = (begin + 1, steps);
@@ -226,7 +220,7 @@ impl Sipp {
     fn push(&mut self, scene: Scene, record: Record, interval: usize, (time, steps): (Time, u32)) {
         let (query, node) = (scene.query, record.entry.node);
         let rest = scene.unit.distance(scene.arena, node, query.goal);
-        let end = (time + rest).max(query.dock_after.saturating_add(1));
+        let end = time + rest;
         if end > query.latest {
             return;
         }

@@ -4,7 +4,6 @@ use super::docking::Docking;
 use super::field::{Failure, Field, Stop, Timing};
 use super::improve::improve;
 use super::lattice::{Arena, Site, Time};
-use super::order::Order;
 use super::result::MotionParameters;
 use super::units::Unit;
 use formation_model::Variant;
@@ -14,7 +13,8 @@ pub(super) struct Ground<'a> {
     pub arena: &'a Arena,
     pub units: &'a [Unit],
     pub ready: &'a [Time],
-    pub order: &'a Order,
+    /// Units by position, in the order in which they fill their spots.
+    pub filling: &'a [usize],
     /// The lowest and the highest column and row of the target.
     pub target: (Site, Site),
     pub parameters: &'a MotionParameters,
@@ -32,12 +32,13 @@ pub(super) type Failed<'a> = (Field<'a>, Failure);
 
 impl<'a> Ground<'a> {
     /// Plans lazily and, for few units, eagerly; the plan that ends earlier is chosen, then the one of fewer steps.
-    /// When the budget is spent before there is a plan, the serial variant follows.
+    /// When there is no plan, the serial variant follows: lazily if the budget was spent, and eagerly.
     pub fn solve(&self) -> Result<Solution<'a>, Box<Failed<'a>>> {
         let mut spent = 0;
         let mut best: Option<(Field<'a>, Variant)> = None;
         let mut failed = None;
-        let mut is_cut = false;
+        // Lazily and eagerly.
+        let mut has_failed = [false; 2];
         let movers = self.units.iter().filter(|unit| !unit.pinned).count();
         let eager = (movers <= self.parameters.eager_units_max).then_some(Variant::Eager);
         for variant in std::iter::once(Variant::Lazy).chain(eager) {
@@ -52,16 +53,17 @@ impl<'a> Ground<'a> {
                         best = Some((field, variant));
                     }
                 }
-                Err(Stop::Budget) => is_cut = true,
+                Err(Stop::Budget) => {}
                 Err(Stop::Failure(failure)) => {
-                    if failed.is_none() {
-                        failed = Some((field, failure));
-                    }
+                    has_failed[usize::from(variant == Variant::Eager)] = true;
+                    failed.get_or_insert((field, failure));
                 }
             }
         }
-        if best.is_none() && (is_cut || failed.is_none()) {
-            for is_eager in [false, true] {
+        if best.is_none() {
+            // Where units cannot make way, other times do not help.
+            let untried = [false, true].into_iter();
+            for is_eager in untried.filter(|&is_eager| !has_failed[usize::from(is_eager)]) {
                 let mut field = self.field(Timing::Serial, 0);
                 let outcome = self.docking(is_eager).run(&mut field);
                 spent += field.expansions();
@@ -70,7 +72,9 @@ impl<'a> Ground<'a> {
                         best = Some((field, Variant::Serial));
                         break;
                     }
-                    Err(Stop::Failure(failure)) => failed = Some((field, failure)),
+                    Err(Stop::Failure(failure)) => {
+                        failed.get_or_insert((field, failure));
+                    }
                     Err(Stop::Budget) => {}
                 }
             }
@@ -100,7 +104,7 @@ impl<'a> Ground<'a> {
 
     fn docking(&self, is_eager: bool) -> Docking<'_> {
         Docking {
-            order: self.order,
+            filling: self.filling,
             target: self.target,
             is_eager,
         }
@@ -111,7 +115,7 @@ impl<'a> Ground<'a> {
         let outcome = self.docking(variant == Variant::Eager).run(&mut field);
         if outcome.is_ok() {
             // A plan that the budget leaves half improved is a plan.
-            match improve(&mut field, self.order, self.parameters.improvement_passes) {
+            match improve(&mut field, self.filling, self.parameters.improvement_passes) {
                 Ok(()) | Err(Stop::Budget | Stop::Failure(_)) => {}
             }
         }

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use super::field::Field;
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Time};
-use super::order::Order;
 use super::units::Unit;
 
 /// A wait between units by position: the step that waits, the other unit, and how many steps it must have done.
@@ -32,7 +31,6 @@ pub(super) fn aligners(groups: &[Group], lattice: &Lattice, arena: &Arena) -> Ve
 /// What the waits are drawn from.
 pub(super) struct Graph<'a> {
     pub field: &'a Field<'a>,
-    pub order: &'a Order,
     pub groups: &'a [Group],
     /// The group of each unit.
     pub group_of: &'a [usize],
@@ -58,9 +56,6 @@ impl Graph<'_> {
         }
         for cell in 0..self.field.arena.area() {
             self.cell_waits(cell, &speaker, &mut waits);
-        }
-        for (unit, waits) in waits.iter_mut().enumerate() {
-            self.docking_waits(unit, waits);
         }
         waits.into_iter().map(without_implied).collect()
     }
@@ -111,36 +106,6 @@ impl Graph<'_> {
                 && group != self.group_of[visit.unit]
             {
                 waits[visit.unit].push((step, unit, self.joint(unit)));
-            }
-        }
-    }
-
-    /// The last step waits until the parent has docked.
-    fn docking_waits(&self, unit: usize, waits: &mut Vec<UnitWait>) {
-        let field = self.field;
-        let steps = |unit: usize| {
-            self.joint(unit) + u32::try_from(field.paths[unit].len()).unwrap_or(u32::MAX)
-        };
-        let Some(last) = field.paths[unit].last() else {
-            return;
-        };
-        let docked = |unit: Option<usize>| unit.and_then(|unit| field.docked[unit]);
-        let mut above = self.order.parents[unit];
-        // A unit that stood on its spots before its parent docked does not wait.
-        if last.begin < docked(above).unwrap_or_default() {
-            return;
-        }
-        while let Some(parent) = above {
-            if steps(parent) > 0 {
-                waits.push((steps(unit), parent, steps(parent)));
-            }
-            above = self.order.parents[parent];
-            // The last step of a unit that waited for its own parent implies all that is above.
-            let waited = field.paths[parent]
-                .last()
-                .is_some_and(|last| last.begin >= docked(above).unwrap_or_default());
-            if waited {
-                break;
             }
         }
     }

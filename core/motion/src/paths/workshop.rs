@@ -61,8 +61,10 @@ pub(super) struct Crew {
     pub units: Vec<Unit>,
     /// The place of each unit in the acting order; units without a spot have none.
     pub ranks: Vec<Option<usize>>,
-    /// The units that share an edge of the target with each unit, ascending.
-    pub by_edges: Vec<Vec<usize>>,
+    /// Units with spots by position, in the order in which they dock: the acting order.
+    pub docking: Vec<usize>,
+    /// The unit to which each unit docks: of those next to it in the target, the first that docks before it.
+    pub parents: Vec<Option<usize>>,
 }
 
 impl<'a> Workshop<'a> {
@@ -203,20 +205,26 @@ impl<'a> Workshop<'a> {
                 unit_at[spot] = index;
             }
         }
+        let ranks = self.ranks(&units);
+        let first = |unit: usize| (!units[unit].pinned, ranks[unit], unit);
+        let mut docking: Vec<usize> = (0..units.len())
+            .filter(|&unit| ranks[unit].is_some())
+            .collect();
+        docking.sort_unstable_by_key(|&unit| first(unit));
         let topology = problem.target().topology();
-        let by_edges = units.iter().enumerate().map(|(index, unit)| {
+        let parents = units.iter().enumerate().map(|(index, unit)| {
             let next = self
                 .spots_of(unit)
                 .flat_map(|spot| topology.neighbours(spot));
-            let others: BTreeSet<usize> = next
-                .map(|&next| unit_at[next])
-                .filter(|&other| other != NO_UNIT && other != index)
-                .collect();
-            others.into_iter().collect()
+            next.map(|&next| unit_at[next])
+                .filter(|&other| other != NO_UNIT && first(other) < first(index))
+                .filter(|_| !unit.pinned)
+                .min_by_key(|&other| first(other))
         });
         Crew {
-            by_edges: by_edges.collect(),
-            ranks: self.ranks(&units),
+            parents: parents.collect(),
+            docking,
+            ranks,
             units,
         }
     }

@@ -12,5 +12,6 @@ pub mod motion;
 #[path = "../../../planner/tests/support/numbers.rs"]
 mod numbers;
 pub mod stops;
+pub mod walls;
 
 pub use numbers::Numbers;

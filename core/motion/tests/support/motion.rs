@@ -1,12 +1,11 @@
 //! Motion plans of generated problems, executed by their waits.
 
-use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use formation_generate::{Apart, GeneratorParameters, Grouping, generate, set_apart};
 use formation_model::{
-    Area, MicroUnits, ModuleId, MotionPlan, OrderKind, PlanningProblem, Pose, Scenario, SpotId,
-    StepKind, UnitMotion, Wait,
+    Area, MicroUnits, ModuleId, MotionPlan, PlanningProblem, Scenario, SpotId, StepKind,
+    UnitMotion, Wait,
 };
 use formation_motion::paths::{MotionError, MotionParameters, MotionRequest, plan_motion};
 use formation_planner::PlanOutcome;
@@ -87,40 +86,12 @@ pub fn run_with_bodies(
                         plan.makespan
                     );
                 }
-                assert_docking(plan, &execution.times);
                 found.extend(contacts(plan, &execution, width));
             }
             Err(stuck) => panic!("deadlock of {stuck:?}"),
         }
     }
     found
-}
-
-/// The last step of a unit begins after its parent has docked, unless it stood on its spots before in the plan too.
-fn assert_docking(plan: &MotionPlan, times: &[Vec<(f64, f64)>]) {
-    let mut docked: BTreeMap<ModuleId, (f64, u32)> = BTreeMap::new();
-    for (unit, times) in plan.units.iter().zip(times) {
-        let Some(planned) = unit.docked_at else {
-            continue;
-        };
-        let (parent, parent_planned) = unit.parent.map_or((0.0, 0), |parent| docked[&parent]);
-        let moves = unit
-            .steps
-            .last()
-            .filter(|step| matches!(step.kind, StepKind::Move | StepKind::Fold { .. }));
-        if let (Some(step), Some(&(begin, _))) = (moves, times.last())
-            && step.begin >= parent_planned
-        {
-            assert!(
-                begin >= parent - 1.0e-9,
-                "{} docks before {:?}",
-                unit.lead,
-                unit.parent
-            );
-        }
-        let arrived = times.last().map_or(0.0, |&(_, end)| end);
-        docked.insert(unit.lead, (arrived.max(parent), planned));
-    }
 }
 
 /// All modules end on their spots, next to their parents, and blocks that do not fold stay rigid.
@@ -135,7 +106,6 @@ pub fn assert_sound_within(
     outcome: &PlanOutcome,
     plan: &MotionPlan,
 ) {
-    let mut ends = BTreeMap::new();
     for unit in &plan.units {
         for module in &unit.modules {
             assert_eq!(module.waypoints.len(), unit.steps.len() + 1);
@@ -152,7 +122,6 @@ pub fn assert_sound_within(
                     module.module
                 );
             }
-            ends.insert(module.module, last);
         }
         for (index, step) in unit.steps.iter().enumerate() {
             if !matches!(step.kind, StepKind::Move | StepKind::Shift) {
@@ -190,15 +159,10 @@ pub fn assert_sound_within(
             assert!(step[0].begin < step[1].begin);
         }
     }
-    assert_next_to_parents(off, problem, plan, &ends);
+    assert_next_to_parents(problem, plan);
 }
 
-fn assert_next_to_parents(
-    off: f64,
-    problem: &PlanningProblem,
-    plan: &MotionPlan,
-    ends: &BTreeMap<ModuleId, Pose>,
-) {
+fn assert_next_to_parents(problem: &PlanningProblem, plan: &MotionPlan) {
     let modules = |lead: ModuleId| -> &UnitMotion {
         plan.units.iter().find(|unit| unit.lead == lead).unwrap()
     };
@@ -210,22 +174,11 @@ fn assert_next_to_parents(
                 .iter()
                 .map(move |other| (one, other))
         });
-        let docks = pairs.into_iter().any(|(one, other)| match plan.order {
-            OrderKind::Adjacency => {
-                let distance = ends[&one.module]
-                    .distance_to(&ends[&other.module])
-                    .to_units();
-                (distance - 1.0).abs() < 0.01 + 3.0 * off
-            }
-            OrderKind::Edges => {
-                let position =
-                    |spot: Option<SpotId>| problem.target().position_of(spot.unwrap()).unwrap();
-                problem
-                    .target()
-                    .topology()
-                    .has_edge(position(one.spot), position(other.spot))
-            }
-        });
+        let position = |spot: Option<SpotId>| problem.target().position_of(spot.unwrap()).unwrap();
+        let topology = problem.target().topology();
+        let docks = pairs
+            .into_iter()
+            .any(|(one, other)| topology.has_edge(position(one.spot), position(other.spot)));
         assert!(docks, "{} is not next to {parent}", unit.lead);
     }
 }

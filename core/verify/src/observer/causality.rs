@@ -11,10 +11,7 @@ use super::claims::replay_claims;
 use super::record::{Act, PlannedEpoch};
 use crate::Violation;
 use crate::plan::filled_parts;
-use formation_model::{Digest, MicroUnits, ModuleId, RosterMember, Spot, SpotId};
-
-/// Spots that are no further apart are side by side on the lattice.
-const SIDE_BY_SIDE: MicroUnits = MicroUnits(1_010_000);
+use formation_model::{Digest, MicroUnits, ModuleId, RosterMember, SpotId};
 
 /// The acts of the members of one epoch.
 pub(super) struct Acts<'a> {
@@ -327,25 +324,11 @@ impl<'a> Acts<'a> {
         modules.filter_map(|module| self.moved.get(module)?.named?.2)
     }
 
-    /// The spots next to a spot: along edges of the target, or along paths side by side with it.
-    fn adjacent_to(&self, spot: SpotId) -> Vec<SpotId> {
-        let target = self.planned.problem.target();
-        if !self.on_paths {
-            return target.neighbours_of(spot).collect();
-        }
-        let Some(place) = target.spot(spot) else {
-            return Vec::new();
-        };
-        let spots = target.spots().iter();
-        let is_near = |other: &&Spot| other.pose.distance_to(&place.pose) <= SIDE_BY_SIDE;
-        spots.filter(is_near).map(|other| other.id).collect()
-    }
-
     /// Whether a module adjacent to one of the unit's spots is in its causal past.
     fn has_placed_neighbour(&self, unit: &Unit, holders: &BTreeMap<SpotId, ModuleId>) -> bool {
         let adjacent: BTreeSet<ModuleId> = self
             .spots_of(unit)
-            .flat_map(|spot| self.adjacent_to(spot))
+            .flat_map(|spot| self.planned.problem.target().neighbours_of(spot))
             .filter_map(|spot| holders.get(&spot).copied())
             .collect();
         let is_first_hand =

@@ -106,9 +106,14 @@ impl Acting {
                 }
                 Continuation::Wait
             }
-            Task::Waiting | Task::Pausing | Task::Spare | Task::Settled | Task::Failed => {
+            Task::Pausing => {
+                // Between two steps it stands until agreement is back.
+                if context.robot.is_at_rest() {
+                    self.publish_stop(context);
+                }
                 Continuation::Wait
             }
+            Task::Waiting | Task::Spare | Task::Settled | Task::Failed => Continuation::Wait,
         }
     }
 
