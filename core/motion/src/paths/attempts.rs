@@ -1,12 +1,12 @@
 //! Attempts to plan: order and paths of the units; blocks that do not get in are taken apart.
 
 use super::lattice::{Site, Time};
+use super::lattice_request::{Crew, LatticeRequest};
 use super::order::Formation;
 use super::output::Draft;
 use super::rectangle::bounds;
 use super::result::{MotionError, Obstruction};
 use super::variants::Ground;
-use super::workshop::{Crew, Workshop};
 use formation_model::MotionPlan;
 
 /// After this many tries to plan with blocks, all are taken apart.
@@ -19,7 +19,7 @@ enum Attempt {
     Blamed(Vec<usize>),
 }
 
-impl Workshop<'_> {
+impl LatticeRequest<'_> {
     /// Plans; takes blocks apart until all units get to their spots.
     pub fn plan(&self) -> Result<MotionPlan, MotionError> {
         let blocks = &self.request.plan.blocks;
@@ -87,7 +87,7 @@ impl Workshop<'_> {
         match ground.solve() {
             Ok(solution) => {
                 let draft = Draft {
-                    workshop: self,
+                    request: self,
                     crew,
                     solution: &solution,
                     spent: *spent,
@@ -95,10 +95,10 @@ impl Workshop<'_> {
                 Ok(Attempt::Solved(Box::new(draft.plan())))
             }
             Err(failed) => {
-                let (field, failure) = *failed;
-                *spent += field.expansions();
+                let (schedule, failure) = *failed;
+                *spent += schedule.expansions();
                 if crew.units.iter().all(|unit| !unit.is_block()) {
-                    return Err(self.unreachable(&field, &failure));
+                    return Err(self.unreachable(&schedule, &failure));
                 }
                 let units = [Some(failure.unit), failure.in_the_way]
                     .into_iter()

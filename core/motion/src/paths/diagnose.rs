@@ -2,19 +2,19 @@
 
 use std::collections::BTreeSet;
 
-use super::field::{Failure, Field};
+use super::lattice_request::LatticeRequest;
 use super::regions::Regions;
 use super::result::{MotionError, Obstruction};
+use super::schedule::{Failure, Schedule};
 use super::units::Unit;
-use super::workshop::Workshop;
 use formation_model::{ModuleId, SpotId};
 
-impl Workshop<'_> {
+impl LatticeRequest<'_> {
     /// The error for a failure, from the plan at the time of the failure.
-    pub fn unreachable(&self, field: &Field, failure: &Failure) -> MotionError {
-        let unit = &field.units[failure.unit];
+    pub fn unreachable(&self, schedule: &Schedule, failure: &Failure) -> MotionError {
+        let unit = &schedule.units[failure.unit];
         let reason = match failure.in_the_way {
-            Some(other) => Obstruction::NoPassing(self.ids_of(&field.units[other])),
+            Some(other) => Obstruction::NoPassing(self.ids_of(&schedule.units[other])),
             // By `check_ways` there is a way; only a unit that turns needs more than that.
             None => Obstruction::NoTurn,
         };

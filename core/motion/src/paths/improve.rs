@@ -1,17 +1,17 @@
 //! Improvement: each unit's path is planned again from its start, with all others fixed.
 
-use super::field::{Field, Stop};
+use super::schedule::{Schedule, Stop};
 use super::sipp::Query;
 
 /// Plans each path again in the order of filling, at most `passes` times, until nothing gets better.
-pub(super) fn improve(field: &mut Field, filling: &[usize], passes: u32) -> Result<(), Stop> {
-    let surplus = (0..field.units.len())
-        .filter(|&unit| field.units[unit].goal.is_none() && !field.units[unit].pinned);
+pub(super) fn improve(schedule: &mut Schedule, filling: &[usize], passes: u32) -> Result<(), Stop> {
+    let surplus = (0..schedule.units.len())
+        .filter(|&unit| schedule.units[unit].goal.is_none() && !schedule.units[unit].pinned);
     let sequence: Vec<usize> = filling.iter().copied().chain(surplus).collect();
     for _ in 0..passes {
         let mut is_better = false;
         for &unit in &sequence {
-            is_better |= improve_one(field, unit)?;
+            is_better |= improve_one(schedule, unit)?;
         }
         if !is_better {
             break;
@@ -20,11 +20,11 @@ pub(super) fn improve(field: &mut Field, filling: &[usize], passes: u32) -> Resu
     Ok(())
 }
 
-fn improve_one(field: &mut Field, unit: usize) -> Result<bool, Stop> {
-    let (arrival, goal) = (field.since(unit), field.place(unit));
-    let body = &field.units[unit];
-    let shortest = body.distance(field.arena, body.start, goal);
-    if field.paths[unit].len() == shortest as usize && arrival <= body.ready + shortest {
+fn improve_one(schedule: &mut Schedule, unit: usize) -> Result<bool, Stop> {
+    let (arrival, goal) = (schedule.since(unit), schedule.place(unit));
+    let body = &schedule.units[unit];
+    let shortest = body.distance(schedule.arena, body.start, goal);
+    if schedule.paths[unit].len() == shortest as usize && arrival <= body.ready + shortest {
         return Ok(false);
     }
     let query = Query {
@@ -34,16 +34,16 @@ fn improve_one(field: &mut Field, unit: usize) -> Result<bool, Stop> {
         goal,
         latest: arrival,
     };
-    let old = field.take_out(unit);
-    let found = field
+    let old = schedule.take_out(unit);
+    let found = schedule
         .sipp
-        .path(field.arena, field.units, &field.table, &query);
+        .path(schedule.arena, schedule.units, &schedule.table, &query);
     let new = found.filter(|path| {
         let end = path.last().map_or(query.since, |entry| entry.begin + 1);
         (end, path.len()) < (arrival, old.len())
     });
     let is_better = new.is_some();
-    field.put_in(unit, new.unwrap_or(old));
-    field.check_budget()?;
+    schedule.put_in(unit, new.unwrap_or(old));
+    schedule.check_budget()?;
     Ok(is_better)
 }

@@ -1,6 +1,6 @@
 //! Making way: a unit that stands where another has to pass is shifted or moved off.
 
-use super::field::{Field, NO_UNIT, Stop};
+use super::schedule::{NO_UNIT, Schedule, Stop};
 use super::units::Node;
 
 /// What standing singles add to the cost of a chain through their cells.
@@ -21,7 +21,7 @@ pub(super) struct Bans {
     pub units: Vec<usize>,
 }
 
-impl Field<'_> {
+impl Schedule<'_> {
     /// Gets a unit off the banned cells, or nearer to it; `false` if it cannot.
     ///
     /// `pushed` is the banned unit that may be shifted too if there is no other way.

@@ -16,11 +16,11 @@
 mod attempts;
 mod diagnose;
 mod docking;
-mod field;
 mod fit;
 mod group;
 mod improve;
 mod lattice;
+mod lattice_request;
 mod make_way;
 mod order;
 mod output;
@@ -30,6 +30,7 @@ mod regions;
 mod regroup;
 mod result;
 mod route;
+mod schedule;
 mod shape;
 mod sipp;
 mod start;
@@ -37,7 +38,6 @@ mod table;
 mod units;
 mod variants;
 mod waits;
-mod workshop;
 
 pub use result::{
     FIELD_CELLS_MAX, MotionError, MotionParameters, MotionRequest, Obstruction, StartFault,
@@ -45,14 +45,14 @@ pub use result::{
 
 use formation_model::{MotionPlan, Polyline, Pose};
 
-use workshop::Workshop;
+use lattice_request::LatticeRequest;
 
 /// Paths and waits for all units of a plan.
 ///
 /// # Errors
 /// Names what is wrong with the target or the starts, or the unit that cannot get to its spots and why.
 pub fn plan_motion(request: &MotionRequest) -> Result<MotionPlan, MotionError> {
-    let motion = Workshop::new(request)?.plan()?;
+    let motion = LatticeRequest::new(request)?.plan()?;
     for unit in &motion.units {
         for module in &unit.modules {
             // Messages carry where a silent module may be: its path from where it was last seen.

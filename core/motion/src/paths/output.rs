@@ -1,13 +1,13 @@
 //! The motion plan in the terms of modules, spots and poses.
 
-use super::field::Field;
 use super::group::{Group, Phase};
 use super::lattice::{Lattice, Time};
+use super::lattice_request::{Crew, LatticeRequest};
 use super::route::{Errand, Routes, STEP};
+use super::schedule::Schedule;
 use super::units::{Node, Unit, node_count, split};
 use super::variants::Solution;
 use super::waits::{Graph, UnitWait};
-use super::workshop::{Crew, Workshop};
 use formation_model::turning::{Point, angle_of, quarters, shortest};
 use formation_model::{
     MICRO_PER_UNIT, MicroUnits, ModuleId, ModuleMotion, MotionPlan, Pose, Step, StepKind,
@@ -16,7 +16,7 @@ use formation_model::{
 
 /// A solution and what it was made from.
 pub(super) struct Draft<'a> {
-    pub workshop: &'a Workshop<'a>,
+    pub request: &'a LatticeRequest<'a>,
     pub crew: &'a Crew,
     pub solution: &'a Solution<'a>,
     /// Search nodes of failed tries.
@@ -26,21 +26,21 @@ pub(super) struct Draft<'a> {
 impl Draft<'_> {
     /// The motion plan, as yet without the blocks that were taken apart.
     pub fn plan(&self) -> MotionPlan {
-        let field = &self.solution.field;
-        let group_of: Vec<usize> = field
+        let schedule = &self.solution.schedule;
+        let group_of: Vec<usize> = schedule
             .units
             .iter()
-            .map(|unit| self.workshop.group_of[unit.modules[0]])
+            .map(|unit| self.request.group_of[unit.modules[0]])
             .collect();
         let graph = Graph {
-            field,
-            groups: &self.workshop.groups,
+            schedule,
+            groups: &self.request.groups,
             group_of: &group_of,
-            aligners: &self.workshop.aligners,
+            aligners: &self.request.aligners,
         };
         let waits = graph.waits();
         let shortest = self.shortest();
-        let surplus = (0..field.units.len()).filter(|&unit| field.units[unit].goal.is_none());
+        let surplus = (0..schedule.units.len()).filter(|&unit| schedule.units[unit].goal.is_none());
         let sequence = self.crew.docking.iter().copied().chain(surplus);
         let docked = self.docked();
         let units = sequence
@@ -53,7 +53,7 @@ impl Draft<'_> {
             units,
             taken_apart: Vec::new(),
             variant: self.solution.variant,
-            makespan: field.cost().0,
+            makespan: schedule.cost().0,
             bound: shortest.iter().copied().max().unwrap_or_default(),
             expansions: self.spent + self.solution.expansions,
         }
@@ -61,10 +61,10 @@ impl Draft<'_> {
 
     /// When each unit docks: when it and the unit to which it docks have arrived, and that one has docked.
     fn docked(&self) -> Vec<Option<Time>> {
-        let field = &self.solution.field;
-        let mut docked = vec![None; field.units.len()];
+        let schedule = &self.solution.schedule;
+        let mut docked = vec![None; schedule.units.len()];
         for &unit in &self.crew.docking {
-            let arrived = (!field.units[unit].pinned).then(|| field.since(unit));
+            let arrived = (!schedule.units[unit].pinned).then(|| schedule.since(unit));
             let parent = self.crew.parents[unit].and_then(|parent| docked[parent]);
             docked[unit] = arrived.max(parent).or(Some(0));
         }
@@ -73,15 +73,15 @@ impl Draft<'_> {
 
     /// For each unit the steps to its spots if there were only obstacles and pinned modules.
     fn shortest(&self) -> Vec<Time> {
-        let field = &self.solution.field;
-        let arena = &self.workshop.arena;
+        let schedule = &self.solution.schedule;
+        let arena = &self.request.arena;
         let mut solid = arena.closed.clone();
-        for unit in field.units.iter().filter(|unit| unit.pinned) {
+        for unit in schedule.units.iter().filter(|unit| unit.pinned) {
             for cell in unit.cells(arena, unit.start) {
                 solid[cell] = true;
             }
         }
-        let mut routes = Routes::new(node_count(field.units, arena));
+        let mut routes = Routes::new(node_count(schedule.units, arena));
         let mut steps = |unit: &Unit| {
             let goal = unit.goal.filter(|_| !unit.pinned)?;
             let errand = Errand {
@@ -95,11 +95,11 @@ impl Draft<'_> {
             let route = routes.find(&errand, cost, rest, |node| node == goal)?;
             Time::try_from(route.len() - 1).ok()
         };
-        field
+        schedule
             .units
             .iter()
             .map(|unit| {
-                let group = &self.workshop.groups[self.workshop.group_of[unit.modules[0]]];
+                let group = &self.request.groups[self.request.group_of[unit.modules[0]]];
                 let aligned = Time::try_from(group.steps.len()).unwrap_or_default();
                 steps(unit).map_or(0, |steps| steps + aligned)
             })
@@ -107,8 +107,8 @@ impl Draft<'_> {
     }
 
     fn lead(&self, unit: usize) -> ModuleId {
-        let module = self.solution.field.units[unit].modules[0];
-        self.workshop.request.problem.modules()[module].id
+        let module = self.solution.schedule.units[unit].modules[0];
+        self.request.request.problem.modules()[module].id
     }
 
     fn unit_motion(
@@ -118,16 +118,16 @@ impl Draft<'_> {
         shortest: Time,
         group_of: &[usize],
     ) -> UnitMotion {
-        let field = &self.solution.field;
-        let group = &self.workshop.groups[group_of[unit]];
-        let body = &field.units[unit];
+        let schedule = &self.solution.schedule;
+        let group = &self.request.groups[group_of[unit]];
+        let body = &schedule.units[unit];
         let others =
             (0..group_of.len()).filter(|&other| other != unit && group_of[other] == group_of[unit]);
         let modules = (0..body.modules.len()).map(|member| self.module_motion(unit, member, group));
         UnitMotion {
             lead: self.lead(unit),
             modules: modules.collect(),
-            steps: steps(field, unit, group, &self.workshop.lattice),
+            steps: steps(schedule, unit, group, &self.request.lattice),
             waits: waits
                 .iter()
                 .map(|&(step, other, steps_done)| Wait {
@@ -145,13 +145,13 @@ impl Draft<'_> {
     }
 
     fn module_motion(&self, unit: usize, member: usize, group: &Group) -> ModuleMotion {
-        let workshop = self.workshop;
-        let field = &self.solution.field;
-        let body = &field.units[unit];
+        let request = self.request;
+        let schedule = &self.solution.schedule;
+        let body = &schedule.units[unit];
         let module = body.modules[member];
-        let start = workshop.request.problem.modules()[module].pose;
+        let start = request.request.problem.modules()[module].pose;
         let spot =
-            workshop.spot_of[module].map(|spot| workshop.request.problem.target().spots()[spot]);
+            request.spot_of[module].map(|spot| request.request.problem.target().spots()[spot]);
         let heading = group.heading(start.theta.0);
         let goal = spot.map_or(heading, |spot| {
             shortest(angle_of(quarters(spot.pose.theta.0)))
@@ -169,10 +169,10 @@ impl Draft<'_> {
             pose: pose(group.position_after(in_group, step.phase), heading),
             time: step.begin + 1,
         }));
-        waypoints.extend(field.paths[unit].iter().map(|entry| Waypoint {
+        waypoints.extend(schedule.paths[unit].iter().map(|entry| Waypoint {
             pose: pose_at(
-                &workshop.lattice,
-                field,
+                &request.lattice,
+                schedule,
                 body,
                 entry.node,
                 member,
@@ -185,7 +185,7 @@ impl Draft<'_> {
             last.pose = spot.pose;
         }
         ModuleMotion {
-            module: workshop.request.problem.modules()[module].id,
+            module: request.request.problem.modules()[module].id,
             spot: spot.map(|spot| spot.id),
             waypoints,
         }
@@ -203,19 +203,19 @@ fn pose((x, y): Point, theta: i64) -> Pose {
 /// The pose of a member at a node; at a disc half-way between its two layouts.
 fn pose_at(
     lattice: &Lattice,
-    field: &Field,
+    schedule: &Schedule,
     body: &Unit,
     node: Node,
     member: usize,
     (heading, goal): (i64, i64),
 ) -> Pose {
-    let (layout, cell) = split(field.arena, node);
-    let (x, y) = field.arena.site(cell);
+    let (layout, cell) = split(schedule.arena, node);
+    let (x, y) = schedule.arena.site(cell);
     let at = |layout: usize| {
         let (right, up) = body.layouts[layout].sites[member];
         lattice.point((x + right, y + up))
     };
-    if body.is_disc(field.arena, node) {
+    if body.is_disc(schedule.arena, node) {
         let (from, to) = (at(0), at(body.layouts.len() - 1));
         let middle = (from.0.midpoint(to.0), from.1.midpoint(to.1));
         return pose(middle, shortest(heading + shortest(goal - heading) / 2));
@@ -224,8 +224,8 @@ fn pose_at(
 }
 
 /// The steps of a unit.
-fn steps(field: &Field, unit: usize, group: &Group, lattice: &Lattice) -> Vec<Step> {
-    let body = &field.units[unit];
+fn steps(schedule: &Schedule, unit: usize, group: &Group, lattice: &Lattice) -> Vec<Step> {
+    let body = &schedule.units[unit];
     let mut steps: Vec<Step> = group
         .steps
         .iter()
@@ -242,16 +242,16 @@ fn steps(field: &Field, unit: usize, group: &Group, lattice: &Lattice) -> Vec<St
         })
         .collect();
     let mut before = body.start;
-    for entry in &field.paths[unit] {
+    for entry in &schedule.paths[unit] {
         let folds = [before, entry.node]
             .into_iter()
-            .find(|&node| body.is_disc(field.arena, node));
+            .find(|&node| body.is_disc(schedule.arena, node));
         let kind = match folds {
             Some(node) => {
-                let (_, cell) = split(field.arena, node);
+                let (_, cell) = split(schedule.arena, node);
                 let quarters = i128::from(body.disc) * i128::from(MICRO_PER_UNIT / 2).pow(2);
                 StepKind::Fold {
-                    centre: pose(lattice.point(field.arena.site(cell)), 0),
+                    centre: pose(lattice.point(schedule.arena.site(cell)), 0),
                     radius: MicroUnits(i64::try_from(quarters.isqrt()).unwrap_or(i64::MAX)),
                 }
             }

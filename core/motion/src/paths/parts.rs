@@ -1,7 +1,7 @@
 //! The parts into which a unit on its spots divides what is free.
 
-use super::field::{Field, NO_UNIT};
 use super::lattice::Site;
+use super::schedule::{NO_UNIT, Schedule};
 use super::units::Node;
 
 /// No part.
@@ -19,20 +19,20 @@ pub(super) struct Parts {
 
 impl Parts {
     /// The parts when a unit rests at its goal. Pockets are those within `area` if there are parts that reach beyond it.
-    pub fn of(field: &Field, unit: usize, goal: Node, area: (Site, Site)) -> Self {
-        let arena = field.arena;
+    pub fn of(schedule: &Schedule, unit: usize, goal: Node, area: (Site, Site)) -> Self {
+        let arena = schedule.arena;
         let mut parts = Self {
             of_cell: vec![NONE; arena.area()],
             is_pocket: vec![false],
             cells: Vec::new(),
         };
-        let own: Vec<usize> = field.units[unit].cells(arena, goal).collect();
+        let own: Vec<usize> = schedule.units[unit].cells(arena, goal).collect();
         if let [cell] = own[..]
-            && !may_divide(field, cell)
+            && !may_divide(schedule, cell)
         {
             return parts;
         }
-        let mut is_shut = field.solid.clone();
+        let mut is_shut = schedule.solid.clone();
         for &cell in &own {
             is_shut[cell] = true;
         }
@@ -63,9 +63,9 @@ impl Parts {
     }
 
     /// The part in which a unit has to be: that of its spots. None if it has none, or they are elsewhere.
-    fn side_of(&self, field: &Field, unit: usize) -> Option<usize> {
-        let body = &field.units[unit];
-        let mut cells = body.cells(field.arena, body.goal?);
+    fn side_of(&self, schedule: &Schedule, unit: usize) -> Option<usize> {
+        let body = &schedule.units[unit];
+        let mut cells = body.cells(schedule.arena, body.goal?);
         cells
             .next()
             .map(|cell| self.of_cell[cell])
@@ -82,21 +82,24 @@ impl Parts {
     }
 
     /// The first other unit, by cell, that is cut off from its spots.
-    pub fn first_cut_off(&self, field: &Field, unit: usize) -> Option<usize> {
+    pub fn first_cut_off(&self, schedule: &Schedule, unit: usize) -> Option<usize> {
         let is_cut_off = |&(cell, other): &(usize, usize)| {
             other != NO_UNIT
                 && other != unit
-                && !field.solid[cell]
-                && !self.may_rest(self.side_of(field, other), cell)
+                && !schedule.solid[cell]
+                && !self.may_rest(self.side_of(schedule, other), cell)
         };
-        let standing = self.cells.iter().map(|&cell| (cell, field.standing[cell]));
+        let standing = self
+            .cells
+            .iter()
+            .map(|&cell| (cell, schedule.standing[cell]));
         let mut cut_off = standing.filter(is_cut_off);
         cut_off.next().map(|(_, other)| other)
     }
 
     /// Bans the cells on which a unit would be cut off from its spots.
-    pub fn ban_other_sides(&self, field: &Field, unit: usize, bans: &mut [bool]) {
-        let side = self.side_of(field, unit);
+    pub fn ban_other_sides(&self, schedule: &Schedule, unit: usize, bans: &mut [bool]) {
+        let side = self.side_of(schedule, unit);
         for &cell in &self.cells {
             bans[cell] |= !self.may_rest(side, cell);
         }
@@ -104,8 +107,8 @@ impl Parts {
 }
 
 /// Whether the free ones of a cell's neighbours are not connected by the eight cells around it.
-fn may_divide(field: &Field, cell: usize) -> bool {
-    let [right, up, left, down] = field.arena.steps;
+fn may_divide(schedule: &Schedule, cell: usize) -> bool {
+    let [right, up, left, down] = schedule.arena.steps;
     let around = [
         right,
         right + up,
@@ -116,7 +119,7 @@ fn may_divide(field: &Field, cell: usize) -> bool {
         down,
         down + right,
     ];
-    let is_free = |index: usize| !field.solid[cell.wrapping_add_signed(around[index % 8])];
+    let is_free = |index: usize| !schedule.solid[cell.wrapping_add_signed(around[index % 8])];
     // A neighbour begins a run of free cells if the next one anticlockwise, or the corner between the two, is not free.
     let begins = |index: &usize| is_free(*index) && !(is_free(index + 1) && is_free(index + 2));
     (0..8).step_by(2).filter(begins).count() > 1

@@ -118,7 +118,7 @@ pub enum MotionError {
     #[error("{0} lies on an obstacle or beyond the walls")]
     CoveredSpot(SpotId),
     /// The modules and spots are too far apart to search the cells between them.
-    #[error("the field of {0} cells is larger than {FIELD_CELLS_MAX}")]
+    #[error("the schedule of {0} cells is larger than {FIELD_CELLS_MAX}")]
     FieldTooLarge(u64),
     /// The path of a module has more corners than a message holds.
     #[error("the path of {0} has more than {POLYLINE_POSES_MAX} corners")]

@@ -1,10 +1,10 @@
 //! The variants of the planner and the choice between them.
 
 use super::docking::Docking;
-use super::field::{Failure, Field, Stop, Timing};
 use super::improve::improve;
 use super::lattice::{Arena, Site, Time};
 use super::result::MotionParameters;
+use super::schedule::{Failure, Schedule, Scheduling, Stop};
 use super::units::Unit;
 use formation_model::Variant;
 
@@ -22,41 +22,41 @@ pub(super) struct Ground<'a> {
 
 /// The paths that were chosen.
 pub(super) struct Solution<'a> {
-    pub field: Field<'a>,
+    pub schedule: Schedule<'a>,
     pub variant: Variant,
     pub expansions: u64,
 }
 
 /// A failure with the plan at its time.
-pub(super) type Failed<'a> = (Field<'a>, Failure);
+pub(super) type Failed<'a> = (Schedule<'a>, Failure);
 
 impl<'a> Ground<'a> {
     /// Plans lazily and, for few units, eagerly; the plan that ends earlier is chosen, then the one of fewer steps.
     /// When there is no plan, the serial variant follows: lazily if the budget was spent, and eagerly.
     pub fn solve(&self) -> Result<Solution<'a>, Box<Failed<'a>>> {
         let mut spent = 0;
-        let mut best: Option<(Field<'a>, Variant)> = None;
+        let mut best: Option<(Schedule<'a>, Variant)> = None;
         let mut failed = None;
         // Lazily and eagerly.
         let mut has_failed = [false; 2];
         let movers = self.units.iter().filter(|unit| !unit.pinned).count();
         let eager = (movers <= self.parameters.eager_units_max).then_some(Variant::Eager);
         for variant in std::iter::once(Variant::Lazy).chain(eager) {
-            let (field, outcome) = self.attempt(variant, spent);
-            spent += field.expansions();
+            let (schedule, outcome) = self.attempt(variant, spent);
+            spent += schedule.expansions();
             match outcome {
                 Ok(()) => {
                     if best
                         .as_ref()
-                        .is_none_or(|(other, _)| field.cost() < other.cost())
+                        .is_none_or(|(other, _)| schedule.cost() < other.cost())
                     {
-                        best = Some((field, variant));
+                        best = Some((schedule, variant));
                     }
                 }
                 Err(Stop::Budget) => {}
                 Err(Stop::Failure(failure)) => {
                     has_failed[usize::from(variant == Variant::Eager)] = true;
-                    failed.get_or_insert((field, failure));
+                    failed.get_or_insert((schedule, failure));
                 }
             }
         }
@@ -64,24 +64,24 @@ impl<'a> Ground<'a> {
             // Where units cannot make way, other times do not help.
             let untried = [false, true].into_iter();
             for is_eager in untried.filter(|&is_eager| !has_failed[usize::from(is_eager)]) {
-                let mut field = self.field(Timing::Serial, 0);
-                let outcome = self.docking(is_eager).run(&mut field);
-                spent += field.expansions();
+                let mut schedule = self.schedule(Scheduling::Serial, 0);
+                let outcome = self.docking(is_eager).run(&mut schedule);
+                spent += schedule.expansions();
                 match outcome {
                     Ok(()) => {
-                        best = Some((field, Variant::Serial));
+                        best = Some((schedule, Variant::Serial));
                         break;
                     }
                     Err(Stop::Failure(failure)) => {
-                        failed.get_or_insert((field, failure));
+                        failed.get_or_insert((schedule, failure));
                     }
                     Err(Stop::Budget) => {}
                 }
             }
         }
         match (best, failed) {
-            (Some((field, variant)), _) => Ok(Solution {
-                field,
+            (Some((schedule, variant)), _) => Ok(Solution {
+                schedule,
                 variant,
                 expansions: spent,
             }),
@@ -92,14 +92,14 @@ impl<'a> Ground<'a> {
                     unit: 0,
                     in_the_way: None,
                 };
-                Err(Box::new((self.field(Timing::Serial, 0), failure)))
+                Err(Box::new((self.schedule(Scheduling::Serial, 0), failure)))
             }
         }
     }
 
-    fn field(&self, timing: Timing, spent: u64) -> Field<'a> {
+    fn schedule(&self, timing: Scheduling, spent: u64) -> Schedule<'a> {
         let left = self.parameters.expansions_max.saturating_sub(spent);
-        Field::new(self.arena, self.units, self.ready, timing, left)
+        Schedule::new(self.arena, self.units, self.ready, timing, left)
     }
 
     fn docking(&self, is_eager: bool) -> Docking<'_> {
@@ -110,15 +110,19 @@ impl<'a> Ground<'a> {
         }
     }
 
-    fn attempt(&self, variant: Variant, spent: u64) -> (Field<'a>, Result<(), Stop>) {
-        let mut field = self.field(Timing::SafeIntervals, spent);
-        let outcome = self.docking(variant == Variant::Eager).run(&mut field);
+    fn attempt(&self, variant: Variant, spent: u64) -> (Schedule<'a>, Result<(), Stop>) {
+        let mut schedule = self.schedule(Scheduling::SafeIntervals, spent);
+        let outcome = self.docking(variant == Variant::Eager).run(&mut schedule);
         if outcome.is_ok() {
             // A plan that the budget leaves half improved is a plan.
-            match improve(&mut field, self.filling, self.parameters.improvement_passes) {
+            match improve(
+                &mut schedule,
+                self.filling,
+                self.parameters.improvement_passes,
+            ) {
                 Ok(()) | Err(Stop::Budget | Stop::Failure(_)) => {}
             }
         }
-        (field, outcome)
+        (schedule, outcome)
     }
 }

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use super::field::Field;
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Time};
+use super::schedule::Schedule;
 use super::units::Unit;
 
 /// A wait between units by position: the step that waits, the other unit, and how many steps it must have done.
@@ -30,7 +30,7 @@ pub(super) fn aligners(groups: &[Group], lattice: &Lattice, arena: &Arena) -> Ve
 
 /// What the waits are drawn from.
 pub(super) struct Graph<'a> {
-    pub field: &'a Field<'a>,
+    pub schedule: &'a Schedule<'a>,
     pub groups: &'a [Group],
     /// The group of each unit.
     pub group_of: &'a [usize],
@@ -40,7 +40,7 @@ pub(super) struct Graph<'a> {
 impl Graph<'_> {
     /// The waits of each unit, ascending by step, without those that earlier ones imply.
     pub fn waits(&self) -> Vec<Vec<UnitWait>> {
-        let count = self.field.units.len();
+        let count = self.schedule.units.len();
         let mut waits: Vec<Vec<UnitWait>> = vec![Vec::new(); count];
         let mut speaker = vec![None; self.groups.len()];
         for unit in (0..count).rev() {
@@ -54,7 +54,7 @@ impl Graph<'_> {
                 );
             }
         }
-        for cell in 0..self.field.arena.area() {
+        for cell in 0..self.schedule.arena.area() {
             self.cell_waits(cell, &speaker, &mut waits);
         }
         waits.into_iter().map(without_implied).collect()
@@ -67,7 +67,7 @@ impl Graph<'_> {
 
     /// The number of the step that begins at a time.
     fn step_at(&self, unit: usize, begin: Time) -> Option<u32> {
-        let path = &self.field.paths[unit];
+        let path = &self.schedule.paths[unit];
         let index = path
             .binary_search_by_key(&begin, |entry| entry.begin)
             .ok()?;
@@ -75,7 +75,7 @@ impl Graph<'_> {
     }
 
     fn cell_waits(&self, cell: usize, speaker: &[Option<usize>], waits: &mut [Vec<UnitWait>]) {
-        let visits = self.field.table.visits(cell);
+        let visits = self.schedule.table.visits(cell);
         for pair in visits.windows(2) {
             let (before, after) = (&pair[0], &pair[1]);
             if before.unit == after.unit {
@@ -90,13 +90,13 @@ impl Graph<'_> {
             }
         }
         let starts_here = |unit: &Unit| {
-            unit.cells(self.field.arena, unit.start)
+            unit.cells(self.schedule.arena, unit.start)
                 .any(|at| at == cell)
         };
         let entering = visits
             .iter()
             .enumerate()
-            .find(|(index, visit)| *index > 0 || !starts_here(&self.field.units[visit.unit]));
+            .find(|(index, visit)| *index > 0 || !starts_here(&self.schedule.units[visit.unit]));
         let Some((_, visit)) = entering else { return };
         let Some(step) = self.step_at(visit.unit, visit.from) else {
             return;

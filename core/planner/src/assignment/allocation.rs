@@ -18,7 +18,7 @@ pub(crate) enum Holder {
 
 /// One step of a chain: a module leaves its spot, if it holds one, for another.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) struct Step {
+pub(crate) struct Reassignment {
     /// The module that moves.
     pub(crate) module: usize,
     /// The spot that it takes; `None` leaves it without a spot.
@@ -39,7 +39,7 @@ pub(crate) struct Displacement {
 }
 
 /// The evictions that a chain makes, in its order. The last step of a ring makes none, as its spot has been left.
-pub(crate) fn displacements_of(chain: &[Step]) -> impl Iterator<Item = Displacement> + '_ {
+pub(crate) fn displacements_of(chain: &[Reassignment]) -> impl Iterator<Item = Displacement> + '_ {
     chain.windows(2).filter_map(|pair| {
         Some(Displacement {
             evicted: pair[1].module,
@@ -128,7 +128,7 @@ impl SpotTable {
 
     /// Carries out the steps of chains. All modules leave their spots before the first takes its new one, since a chain
     /// may be a ring.
-    pub(crate) fn carry_out<'a>(&mut self, steps: impl Iterator<Item = &'a Step> + Clone) {
+    pub(crate) fn carry_out<'a>(&mut self, steps: impl Iterator<Item = &'a Reassignment> + Clone) {
         for step in steps.clone() {
             self.release(step.module);
         }

@@ -1,6 +1,6 @@
 //! Chain eviction with a bound on the number of evictions, where potentials do not help.
 
-use crate::assignment::allocation::{Holder, SpotTable, Step};
+use crate::assignment::allocation::{Holder, Reassignment, SpotTable};
 use crate::assignment::best_of_spots::{BestOfSpots, Prospect};
 use crate::assignment::instance::Instance;
 
@@ -22,7 +22,7 @@ pub(super) fn best_chain(
     table: &SpotTable,
     module: usize,
     d_max: u32,
-) -> Vec<Step> {
+) -> Vec<Reassignment> {
     let ground = Ground::new(instance, table);
     let (mut best, mut best_end) = ground.exit(module);
     let mut best_spots: Vec<usize> = Vec::new();
@@ -182,11 +182,11 @@ impl<'a> Ground<'a> {
     }
 
     /// The steps of a chain that evicts the holders of `spots` and ends at `end`.
-    fn chain(&self, module: usize, spots: &[usize], end: Option<usize>) -> Vec<Step> {
+    fn chain(&self, module: usize, spots: &[usize], end: Option<usize>) -> Vec<Reassignment> {
         let mut chain = Vec::with_capacity(spots.len() + 1);
         let mut mover = module;
         for &spot in spots {
-            chain.push(Step {
+            chain.push(Reassignment {
                 module: mover,
                 to: Some(spot),
             });
@@ -195,7 +195,7 @@ impl<'a> Ground<'a> {
             }
         }
         if !chain.is_empty() || end.is_some() {
-            chain.push(Step {
+            chain.push(Reassignment {
                 module: mover,
                 to: end,
             });

@@ -8,7 +8,9 @@
 //! A. Volgenant, "A shortest augmenting path algorithm for dense and sparse linear assignment problems", Computing 38,
 //! 1987).
 
-use crate::assignment::allocation::{Allocation, Displacement, Holder, Step, displacements_of};
+use crate::assignment::allocation::{
+    Allocation, Displacement, Holder, Reassignment, displacements_of,
+};
 use crate::assignment::bounded_eviction;
 use crate::assignment::frontier::{Frontier, Mover};
 use crate::assignment::instance::Instance;
@@ -71,7 +73,7 @@ impl ChainSearch {
         allocation: &mut Allocation,
         module: usize,
         limit: u32,
-    ) -> Vec<Step> {
+    ) -> Vec<Reassignment> {
         if !allocation.cut_short {
             let path = self.shortest_path(instance, allocation, module);
             if path.evictions <= limit {
@@ -169,7 +171,7 @@ impl ChainSearch {
         allocation: &mut Allocation,
         source: usize,
         end: End,
-    ) -> Vec<Step> {
+    ) -> Vec<Reassignment> {
         let table = &mut allocation.table;
         let mut chain = Vec::new();
         let mut spot = match end {
@@ -179,7 +181,7 @@ impl ChainSearch {
                     return chain;
                 };
                 table.release(module);
-                chain.push(Step { module, to: None });
+                chain.push(Reassignment { module, to: None });
                 spot
             }
         };
@@ -188,7 +190,7 @@ impl ChainSearch {
             let left = table.spot_of(module);
             table.release(module);
             table.give(spot, Holder::Singleton(module));
-            chain.push(Step {
+            chain.push(Reassignment {
                 module,
                 to: Some(spot),
             });

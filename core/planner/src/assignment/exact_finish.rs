@@ -8,7 +8,7 @@
 //! decision, which is claimed, checked and applied like any other.
 
 use crate::assignment::allocation::{
-    Allocation, Displacement, Holder, SpotTable, Step, displacements_of,
+    Allocation, Displacement, Holder, Reassignment, SpotTable, displacements_of,
 };
 use crate::assignment::eviction::ChainSearch;
 use crate::assignment::instance::Instance;
@@ -47,7 +47,7 @@ pub(crate) fn finish(
 struct Chain {
     /// The module that it begins with, if that module had no spot.
     entering: Option<usize>,
-    steps: Vec<Step>,
+    steps: Vec<Reassignment>,
 }
 
 /// An optimal assignment of the modules that are not in blocks to the spots that no block holds.
@@ -98,12 +98,12 @@ fn improving_chains(instance: &Instance, now: &SpotTable, wanted: &SpotTable) ->
     let mut visited = vec![false; instance.module_count()];
     let mut chains = Vec::new();
     for start in enters.chain(leaves_a_hole).chain(modules.clone()) {
-        let mut steps: Vec<Step> = Vec::new();
+        let mut steps: Vec<Reassignment> = Vec::new();
         let mut next = Some(start).filter(|&module| moves(module));
         while let Some(module) = next.filter(|&module| !visited[module]) {
             visited[module] = true;
             let to = wanted.spot_of(module);
-            steps.push(Step { module, to });
+            steps.push(Reassignment { module, to });
             next = to.and_then(|spot| singleton_on(now, spot));
         }
         let gain: i64 = steps

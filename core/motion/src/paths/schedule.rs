@@ -28,14 +28,14 @@ pub(super) struct Failure {
 
 /// How the times of a move are found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Timing {
+pub(super) enum Scheduling {
     /// Between the holds of other units.
     SafeIntervals,
     /// After all holds of other units.
     Serial,
 }
 
-pub(super) struct Field<'a> {
+pub(super) struct Schedule<'a> {
     pub arena: &'a Arena,
     pub units: &'a [Unit],
     pub table: Table,
@@ -47,21 +47,21 @@ pub(super) struct Field<'a> {
     pub solid: Vec<bool>,
     pub sipp: Sipp,
     pub routes: Routes,
-    timing: Timing,
+    timing: Scheduling,
     expansions_max: u64,
 }
 
-impl<'a> Field<'a> {
+impl<'a> Schedule<'a> {
     /// All units on their starts, the pinned ones docked. `ready` gives for each cell when a step into it may begin.
     pub fn new(
         arena: &'a Arena,
         units: &'a [Unit],
         ready: &[Time],
-        timing: Timing,
+        timing: Scheduling,
         expansions_max: u64,
     ) -> Self {
         let nodes = node_count(units, arena);
-        let mut field = Self {
+        let mut schedule = Self {
             arena,
             units,
             table: Table::new(ready.to_vec()),
@@ -75,19 +75,19 @@ impl<'a> Field<'a> {
         };
         for (index, unit) in units.iter().enumerate() {
             for cell in unit.cells(arena, unit.start) {
-                field.standing[cell] = index;
+                schedule.standing[cell] = index;
                 let visit = Visit {
                     from: 0,
                     until: FOREVER,
                     unit: index,
                 };
-                field.table.hold(cell, visit);
+                schedule.table.hold(cell, visit);
             }
             if unit.pinned {
-                field.settle(index);
+                schedule.settle(index);
             }
         }
-        field
+        schedule
     }
 
     /// How many search nodes were expanded.
@@ -97,7 +97,7 @@ impl<'a> Field<'a> {
 
     pub fn check_budget(&self) -> Result<(), Stop> {
         // The serial variant is the last resort and cheap; it has no budget of its own.
-        if self.timing == Timing::SafeIntervals && self.expansions() > self.expansions_max {
+        if self.timing == Scheduling::SafeIntervals && self.expansions() > self.expansions_max {
             return Err(Stop::Budget);
         }
         Ok(())
@@ -149,7 +149,7 @@ impl<'a> Field<'a> {
     /// Moves a unit to a node where it can stay; `false` if it cannot get there.
     pub fn move_to(&mut self, unit: usize, goal: Node) -> Result<bool, Stop> {
         let path = match self.timing {
-            Timing::SafeIntervals => {
+            Scheduling::SafeIntervals => {
                 let query = Query {
                     unit,
                     from: self.place(unit),
@@ -159,7 +159,7 @@ impl<'a> Field<'a> {
                 };
                 self.sipp.path(self.arena, self.units, &self.table, &query)
             }
-            Timing::Serial => self.serial_path(unit, goal),
+            Scheduling::Serial => self.serial_path(unit, goal),
         };
         self.check_budget()?;
         let Some(path) = path else { return Ok(false) };

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeSet;
 
-use super::field::NO_UNIT;
 use super::group::{Group, Phase};
 use super::lattice::{Arena, Lattice, Site, Time};
 use super::rectangle::{Rectangle, bounds};
 use super::result::{MotionError, MotionRequest, StartFault};
+use super::schedule::NO_UNIT;
 use super::shape::Shape;
 use super::start::align;
 use super::units::Unit;
@@ -39,7 +39,7 @@ fn corners_near(sites: &[Site], lattice: &Lattice, surroundings: &Surroundings) 
 const BLOCK_MARGIN: i64 = 8;
 
 /// All that does not depend on which blocks are taken apart.
-pub(super) struct Workshop<'a> {
+pub(super) struct LatticeRequest<'a> {
     pub request: &'a MotionRequest<'a>,
     pub lattice: Lattice,
     /// The cell of each spot.
@@ -67,7 +67,7 @@ pub(super) struct Crew {
     pub parents: Vec<Option<usize>>,
 }
 
-impl<'a> Workshop<'a> {
+impl<'a> LatticeRequest<'a> {
     /// Checks target and starts.
     pub fn new(request: &'a MotionRequest<'a>) -> Result<Self, MotionError> {
         let problem = request.problem;
@@ -116,7 +116,7 @@ impl<'a> Workshop<'a> {
             BLOCK_MARGIN
         };
         let arena = Arena::around(&lattice, &all, margin, request.obstacles, request.walls)?;
-        let workshop = Self {
+        let request = Self {
             request,
             aligners: aligners(&groups, &lattice, &arena),
             lattice,
@@ -127,8 +127,8 @@ impl<'a> Workshop<'a> {
             starts,
             arena,
         };
-        workshop.check_cover()?;
-        Ok(workshop)
+        request.check_cover()?;
+        Ok(request)
     }
 
     fn is_closed(&self, site: Site) -> bool {
