@@ -58,10 +58,10 @@ pub fn launcher(directory: &Path, script: &str) -> PathBuf {
 
 pub const REPORT: &str = r#"
 grep -q '"spots"' "$2" || exit 2
-case "$1 $3 $4" in
-"run --plan-only --json")
+case "$1 $3 $*" in
+"run --json "*" --plan-only")
     echo '{"verdict": "AGREED", "planning_ms": 12, "discovery_ms": 34, "planning_us": 56, "more": 1}' ;;
-"run --json --world")
+"run --json "*" --world"*)
     echo '{"verdict": "COMPLETE", "acting_ms": 4000, "assignments": [1, 2], "open_spots": [],
         "world": {"contacts": 1, "contacts_above_touch": 0, "more": 1}}' ;;
 *)
