@@ -292,7 +292,7 @@ fn targets() {
         target => target.module_size = f64::NAN,
             "target: module_size: is NaN m, but the modules of this node measure 1 m; give all nodes the same";
         target => target.obstacles = vec![area(0.0, 0.0)],
-            "target: obstacles[0]: spot 1 lies on it";
+            "target: obstacles: spot 1 lies on the one around x 0, y 0";
         target => target.obstacles = vec![area(f64::NAN, 9.0)],
             "target: obstacles[0].x: must be a finite number, got NaN";
         target => target.obstacles = vec![area(9.0, 9.0); bounds::OBSTACLES_MAX + 1],

@@ -147,10 +147,19 @@ impl Monitor {
             let members = roster.members.iter();
             members.filter(|member| member.service == Service::Active)
         };
+        let problem = roster.problem().ok().flatten();
+        // One that walls and bodies cut off from the target stays, and those that are docked to it have no configuration with it.
+        let is_candidate = |member: &&RosterMember| {
+            let problem = problem.as_ref();
+            problem.is_none_or(|problem| {
+                let position = problem.position_of(member.module.id);
+                position.is_none_or(|position| !problem.is_cut_off(position))
+            })
+        };
         let known = KnownRoster {
             members: members.clone().map(|member| member.module.id).collect(),
             active: active().map(RosterMember::voter).collect(),
-            fixed: fixed(&active().collect::<Vec<_>>()),
+            fixed: fixed(&active().filter(is_candidate).collect::<Vec<_>>()),
             seen: members
                 .clone()
                 .flat_map(|member| cluster.seen_by(member.run()))
