@@ -6,7 +6,7 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::{
-    Area, CELL_UNREACHED, FreeCells, MODULES_MAX, ModuleId, NO_ID, PlannerParameters,
+    Area, CELL_UNREACHED, FreeCells, MODULES_MAX, ModuleId, MotionMode, NO_ID, PlannerParameters,
     PlanningModule, SpotId, Spread, Target, Topology,
 };
 
@@ -98,7 +98,7 @@ impl PlanningProblem {
                 .links
                 .retain(|&other| other != id && named.contains(&(id, other)));
         }
-        let cut_off = cut_off(&target, &modules, &[]);
+        let cut_off = cut_off(&target, parameters.motion, &modules, &[]);
         Ok(Self {
             target,
             parameters,
@@ -111,7 +111,7 @@ impl PlanningProblem {
     /// The same problem where bodies of modules that take no part stand in the way.
     #[must_use]
     pub fn with_bodies(mut self, bodies: Vec<Area>) -> Self {
-        self.cut_off = cut_off(&self.target, &self.modules, &bodies);
+        self.cut_off = cut_off(&self.target, self.parameters.motion, &self.modules, &bodies);
         self.bodies = bodies;
         self
     }
@@ -241,10 +241,16 @@ impl PlanningProblem {
     }
 }
 
-/// Whether obstacles, walls and bodies leave each module no way to the target; empty if there are none of them. All spots
-/// are connected by steps, so a module that reaches one reaches all.
-fn cut_off(target: &Target, modules: &[PlanningModule], bodies: &[Area]) -> Vec<bool> {
-    if target.surroundings().is_open() && bodies.is_empty() {
+/// Whether obstacles, walls and bodies leave each module no way to the target; empty if there are none of them, or if modules may
+/// move in straight lines where there are no paths. All spots are connected by steps, so a module that reaches one reaches all.
+fn cut_off(
+    target: &Target,
+    motion: MotionMode,
+    modules: &[PlanningModule],
+    bodies: &[Area],
+) -> Vec<bool> {
+    let is_open = target.surroundings().is_open();
+    if is_open && (bodies.is_empty() || motion != MotionMode::Paths) {
         return Vec::new();
     }
     let Some(cells) = FreeCells::around(target, modules, bodies) else {
