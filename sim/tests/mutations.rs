@@ -22,7 +22,7 @@ const FOUND: [(Mutation, u64, ViolationKind); 14] = [
     (Mutation::IgnoreLapse, 74, ViolationKind::TwoPlansInMotion),
     (
         Mutation::DropIncarnationCheck,
-        117,
+        175,
         ViolationKind::NotWhereFrozen,
     ),
     (

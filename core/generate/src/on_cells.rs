@@ -124,12 +124,12 @@ mod tests {
             let raw = on_cells(&free, 10, seed).unwrap();
             let singles = raw.singletons.clone();
             assert!(singles.iter().all(|module| module.x < 5.0));
-            let taken: BTreeSet<(i64, i64)> = raw
+            let taken: BTreeSet<String> = raw
                 .target
                 .spots
                 .iter()
                 .chain(&singles)
-                .map(|place| (place.x.round() as i64, place.y.round() as i64))
+                .map(|place| format!("{} {}", place.x, place.y))
                 .collect();
             assert_eq!(taken.len(), 20, "no two on one cell");
             Scenario::try_from(raw).unwrap();

@@ -85,7 +85,7 @@ impl Grid {
                     if last.y == y
                         && last.x.checked_add_unsigned(last.length as u64) == Some(x) =>
                 {
-                    last.length += 1
+                    last.length += 1;
                 }
                 _ => runs.push(Run { x, y, length: 1 }),
             }
