@@ -12,7 +12,7 @@ use formation_model::{
 };
 use serde::{Deserialize, Serialize};
 
-use crate::bounds::{MODULES_MAX, POLICY_OPTIONS_MAX};
+use crate::bounds::{MODULES_MAX, OBSTACLES_MAX, POLICY_OPTIONS_MAX};
 use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
 use crate::error::Fault;
 use crate::standard::Header;
@@ -362,6 +362,7 @@ impl TargetConfiguration {
     }
 
     fn validated_target(&self, size: ModuleSize) -> Checked<Target> {
+        check::count("obstacles", self.obstacles.len(), OBSTACLES_MAX)?;
         let in_units = |&Spot { id, x, y, theta }: &Spot| RawSpot {
             id,
             x: size.scale_to_units(x),

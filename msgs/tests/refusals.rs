@@ -296,7 +296,7 @@ fn targets() {
         target => target.obstacles = vec![area(f64::NAN, 9.0)],
             "target: obstacles[0].x: must be a finite number, got NaN";
         target => target.obstacles = vec![area(9.0, 9.0); bounds::OBSTACLES_MAX + 1],
-            "target: obstacles: 1001 entries; at most 1000 are supported";
+            "target: obstacles: 2001 entries, at most 2000 are allowed";
         target => target.arena = area(0.0, 0.0),
             "target: arena: spot 2 is beyond it";
         target => { target.arena = area(0.0, 0.0); target.planner.motion = wire::PlannerParameters::MOTION_STRAIGHT; },
