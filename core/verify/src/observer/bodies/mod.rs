@@ -432,10 +432,15 @@ impl Bodies {
         }
         let was = before.placed.sees(&other_before.placed);
         let is = end.placed.sees(&other.placed);
-        // After a halt in mid-step, the first steps bring members back to their places, one direction after the other.
-        let farther = is.off_docked(self.width()) - was.off_docked(self.width());
-        let off = was.deviation(&is, self.width()).min(farther);
-        if off <= (1.0 - self.width()).max(2.0 * self.position_tolerance) {
+        let tolerance = (1.0 - self.width()).max(2.0 * self.position_tolerance);
+        // Halted in mid-step or in a fold they are no rigid body: the first steps bring each to a place of its own.
+        if was.off_docked(self.width()) > tolerance {
+            return None;
+        }
+        let off = was
+            .deviation(&is, self.width())
+            .min(is.off_docked(self.width()));
+        if off <= tolerance {
             return None;
         }
         let (first, second) = in_order(module, partner);
