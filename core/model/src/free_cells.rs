@@ -121,6 +121,16 @@ impl FreeCells {
         free.min().map(|(_, cell)| cell)
     }
 
+    /// Where each module sets off that is to move; `None` for those that have settled.
+    #[must_use]
+    pub fn starts(&self, modules: &[PlanningModule]) -> Vec<Option<usize>> {
+        let starts = modules.iter().map(|module| match module.pin {
+            Some(_) => None,
+            None => self.start(&module.pose),
+        });
+        starts.collect()
+    }
+
     /// The number of steps from a cell to all others, [`CELL_UNREACHED`] where none lead; the search ends early once it has
     /// reached all of `wanted`. `steps` and `queue` are buffers.
     pub fn search(

@@ -256,13 +256,7 @@ fn cut_off(
     let Some(cells) = FreeCells::around(target, modules, bodies) else {
         return Vec::new();
     };
-    let starts: Vec<Option<usize>> = modules
-        .iter()
-        .map(|module| match module.pin {
-            Some(_) => None,
-            None => cells.start(&module.pose),
-        })
-        .collect();
+    let starts = cells.starts(modules);
     let wanted: Vec<usize> = starts.iter().copied().flatten().collect();
     let (mut steps, mut queue) = (Vec::new(), Vec::new());
     cells.search(cells.spots()[0], &wanted, &mut steps, &mut queue);

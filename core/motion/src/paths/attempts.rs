@@ -87,7 +87,7 @@ impl LatticeRequest<'_> {
         match ground.solve() {
             Ok(solution) => {
                 let draft = Draft {
-                    request: self,
+                    on_lattice: self,
                     crew,
                     solution: &solution,
                     spent: *spent,

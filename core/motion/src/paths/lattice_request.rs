@@ -116,7 +116,7 @@ impl<'a> LatticeRequest<'a> {
             BLOCK_MARGIN
         };
         let arena = Arena::around(&lattice, &all, margin, request.obstacles, request.walls)?;
-        let request = Self {
+        let on_lattice = Self {
             request,
             aligners: aligners(&groups, &lattice, &arena),
             lattice,
@@ -127,8 +127,8 @@ impl<'a> LatticeRequest<'a> {
             starts,
             arena,
         };
-        request.check_cover()?;
-        Ok(request)
+        on_lattice.check_cover()?;
+        Ok(on_lattice)
     }
 
     fn is_closed(&self, site: Site) -> bool {

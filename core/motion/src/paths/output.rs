@@ -16,7 +16,7 @@ use formation_model::{
 
 /// A solution and what it was made from.
 pub(super) struct Draft<'a> {
-    pub request: &'a LatticeRequest<'a>,
+    pub on_lattice: &'a LatticeRequest<'a>,
     pub crew: &'a Crew,
     pub solution: &'a Solution<'a>,
     /// Search nodes of failed tries.
@@ -30,13 +30,13 @@ impl Draft<'_> {
         let group_of: Vec<usize> = schedule
             .units
             .iter()
-            .map(|unit| self.request.group_of[unit.modules[0]])
+            .map(|unit| self.on_lattice.group_of[unit.modules[0]])
             .collect();
         let graph = Graph {
             schedule,
-            groups: &self.request.groups,
+            groups: &self.on_lattice.groups,
             group_of: &group_of,
-            aligners: &self.request.aligners,
+            aligners: &self.on_lattice.aligners,
         };
         let waits = graph.waits();
         let shortest = self.shortest();
@@ -74,7 +74,7 @@ impl Draft<'_> {
     /// For each unit the steps to its spots if there were only obstacles and pinned modules.
     fn shortest(&self) -> Vec<Time> {
         let schedule = &self.solution.schedule;
-        let arena = &self.request.arena;
+        let arena = &self.on_lattice.arena;
         let mut solid = arena.closed.clone();
         for unit in schedule.units.iter().filter(|unit| unit.pinned) {
             for cell in unit.cells(arena, unit.start) {
@@ -99,7 +99,7 @@ impl Draft<'_> {
             .units
             .iter()
             .map(|unit| {
-                let group = &self.request.groups[self.request.group_of[unit.modules[0]]];
+                let group = &self.on_lattice.groups[self.on_lattice.group_of[unit.modules[0]]];
                 let aligned = Time::try_from(group.steps.len()).unwrap_or_default();
                 steps(unit).map_or(0, |steps| steps + aligned)
             })
@@ -108,7 +108,7 @@ impl Draft<'_> {
 
     fn lead(&self, unit: usize) -> ModuleId {
         let module = self.solution.schedule.units[unit].modules[0];
-        self.request.request.problem.modules()[module].id
+        self.on_lattice.request.problem.modules()[module].id
     }
 
     fn unit_motion(
@@ -119,7 +119,7 @@ impl Draft<'_> {
         group_of: &[usize],
     ) -> UnitMotion {
         let schedule = &self.solution.schedule;
-        let group = &self.request.groups[group_of[unit]];
+        let group = &self.on_lattice.groups[group_of[unit]];
         let body = &schedule.units[unit];
         let others =
             (0..group_of.len()).filter(|&other| other != unit && group_of[other] == group_of[unit]);
@@ -127,7 +127,7 @@ impl Draft<'_> {
         UnitMotion {
             lead: self.lead(unit),
             modules: modules.collect(),
-            steps: steps(schedule, unit, group, &self.request.lattice),
+            steps: steps(schedule, unit, group, &self.on_lattice.lattice),
             waits: waits
                 .iter()
                 .map(|&(step, other, steps_done)| Wait {
@@ -145,13 +145,13 @@ impl Draft<'_> {
     }
 
     fn module_motion(&self, unit: usize, member: usize, group: &Group) -> ModuleMotion {
-        let request = self.request;
+        let on_lattice = self.on_lattice;
         let schedule = &self.solution.schedule;
         let body = &schedule.units[unit];
         let module = body.modules[member];
-        let start = request.request.problem.modules()[module].pose;
-        let spot =
-            request.spot_of[module].map(|spot| request.request.problem.target().spots()[spot]);
+        let start = on_lattice.request.problem.modules()[module].pose;
+        let spot = on_lattice.spot_of[module]
+            .map(|spot| on_lattice.request.problem.target().spots()[spot]);
         let heading = group.heading(start.theta.0);
         let goal = spot.map_or(heading, |spot| {
             shortest(angle_of(quarters(spot.pose.theta.0)))
@@ -171,7 +171,7 @@ impl Draft<'_> {
         }));
         waypoints.extend(schedule.paths[unit].iter().map(|entry| Waypoint {
             pose: pose_at(
-                &request.lattice,
+                &on_lattice.lattice,
                 schedule,
                 body,
                 entry.node,
@@ -185,7 +185,7 @@ impl Draft<'_> {
             last.pose = spot.pose;
         }
         ModuleMotion {
-            module: request.request.problem.modules()[module].id,
+            module: on_lattice.request.problem.modules()[module].id,
             spot: spot.map(|spot| spot.id),
             waypoints,
         }

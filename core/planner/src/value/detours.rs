@@ -44,16 +44,9 @@ impl Detours {
             })
             .collect();
         let past_settled = cells.without(settled.into_iter());
-        let starts: Vec<Option<usize>> = modules
-            .iter()
-            .map(|module| match module.pin {
-                Some(_) => None,
-                None => past_settled.start(&module.pose),
-            })
-            .collect();
         let mut table = Table {
             detours: vec![u32::MAX; modules.len() * spots.len()],
-            starts,
+            starts: past_settled.starts(modules),
             goals,
         };
         table.fill(&past_settled);
