@@ -74,8 +74,10 @@ impl RecorderProcess {
             has_failed: false,
         };
         let ended = ros.run(&mut recorder, inputs, stop);
-        if let Err(RosContextError::NotReceiving) = ended {
-            return Err(RosContextError::NotReceiving);
+        if let Err(error) = &ended
+            && error.ends_with_rejoining()
+        {
+            return ended.map(|()| None);
         }
         // Before the context is dropped: to leave the graph may take longer than the process has.
         let written = queue.finish().map_err(|error| self.failed(&error))?;

@@ -15,6 +15,7 @@ use rustdds::{DomainParticipant, DomainParticipantBuilder, QosPolicies, RTPSEnti
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
+use crate::addresses::AddressWatch;
 use crate::arguments::NodeIdentity;
 use crate::dds_deadlock::DeadlockWatchdog;
 use crate::dds_liveness::LivenessWatchdog;
@@ -45,6 +46,7 @@ pub(crate) struct DdsGraph {
     pub(crate) participant: DomainParticipant,
     pub(crate) matched_readers: MatchedReaders,
     liveness: LivenessWatchdog,
+    addresses: AddressWatch,
     deadlock: DeadlockWatchdog,
     pub(crate) service_mapping: ServiceMapping,
 }
@@ -65,6 +67,10 @@ impl DdsGraph {
             .map_err(|error| bad_name(&identity.fully_qualified(), &error))?;
         let domain = environment.domain.number();
         let failed = |what: &str, reason: &dyn ToString| library_error(what, domain, reason);
+        for sentence in environment.without_effect_over_dds() {
+            tracing::warn!("{sentence}");
+        }
+        let addresses = AddressWatch::before_participant(environment.range);
         let liveness = LivenessWatchdog::before_participant();
         let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads))
             .map_err(|error| failed("watch the DDS library", &error))?;
@@ -96,6 +102,7 @@ impl DdsGraph {
             matched_readers: MatchedReaders::of(&participant),
             participant,
             liveness,
+            addresses,
             deadlock,
             service_mapping,
         })
@@ -106,12 +113,15 @@ impl DdsGraph {
         participant_of(self.participant.guid().prefix.as_ref())
     }
 
-    /// Fails once the DDS library has stopped receiving; only a new participant receives again.
-    pub(crate) fn check_liveness(&self) -> Result<(), RosContextError> {
-        if self.liveness.is_alive() {
-            Ok(())
-        } else {
-            Err(RosContextError::NotReceiving)
+    /// Fails once the DDS library has stopped receiving, or does not receive at an address of this machine; only a new
+    /// participant receives there.
+    pub(crate) fn check_reception(&self) -> Result<(), RosContextError> {
+        if !self.liveness.is_alive() {
+            return Err(RosContextError::NotReceiving);
+        }
+        match self.addresses.unreached() {
+            Some(addresses) => Err(RosContextError::NewAddresses(addresses)),
+            None => Ok(()),
         }
     }
 

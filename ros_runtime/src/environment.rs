@@ -4,6 +4,7 @@ use std::fmt;
 use std::str::FromStr;
 
 use crate::arguments::Namespace;
+use crate::middleware::RMW_ZENOH;
 use crate::words::{Words, by_words};
 
 /// The greatest domain whose ports fit into 16 bits.
@@ -101,6 +102,10 @@ pub struct Environment {
     pub domain: Domain,
     /// How far it looks for others.
     pub range: DiscoveryRange,
+    /// Whether `ROS_STATIC_PEERS` is set, which the DDS library has no use for.
+    pub names_static_peers: bool,
+    /// Whether `ROS_DISCOVERY_SERVER` is set, which the DDS library has no use for.
+    pub names_discovery_server: bool,
 }
 
 impl Environment {
@@ -125,7 +130,27 @@ impl Environment {
             None if localhost_only(set(LOCALHOST_ONLY).as_deref())? => DiscoveryRange::Localhost,
             None => parsed(RANGE, set(RANGE))?.unwrap_or_default(),
         };
-        Ok(Self { domain, range })
+        Ok(Self {
+            domain,
+            range,
+            names_static_peers: set(STATIC_PEERS).is_some(),
+            names_discovery_server: set(DISCOVERY_SERVER).is_some(),
+        })
+    }
+
+    /// What the environment asks for and DDS does not do here, a sentence each.
+    pub fn without_effect_over_dds(&self) -> impl Iterator<Item = String> + use<> {
+        let asked = [
+            (self.names_static_peers, STATIC_PEERS),
+            (self.names_discovery_server, DISCOVERY_SERVER),
+        ];
+        let asked = asked.into_iter().filter(|(is_set, _)| *is_set);
+        asked.map(|(_, variable)| {
+            format!(
+                "{variable} has no effect: over DDS this program finds others by multicast alone; where that does not pass, \
+                 use Zenoh with a router (RMW_IMPLEMENTATION={RMW_ZENOH})"
+            )
+        })
     }
 }
 
@@ -141,6 +166,8 @@ pub fn namespace(variable: impl Fn(&str) -> Option<String>) -> Result<Option<Nam
 const NAMESPACE: &str = "ROS_NAMESPACE";
 const RANGE: &str = "ROS_AUTOMATIC_DISCOVERY_RANGE";
 const LOCALHOST_ONLY: &str = "ROS_LOCALHOST_ONLY";
+const STATIC_PEERS: &str = "ROS_STATIC_PEERS";
+const DISCOVERY_SERVER: &str = "ROS_DISCOVERY_SERVER";
 
 /// What the command line sets instead of the environment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -199,6 +226,20 @@ mod tests {
         assert_eq!(resolved(Overrides::default(), &[]), default);
         let empty = [("ROS_DOMAIN_ID", ""), (RANGE, " "), (LOCALHOST_ONLY, "")];
         assert_eq!(resolved(Overrides::default(), &empty), default);
+    }
+
+    #[test]
+    fn what_is_asked_for_in_vain_is_named_with_what_works_instead() {
+        let without_effect = |name: &str, value: &str| {
+            let variable = |asked: &str| (asked == name).then(|| value.to_owned());
+            let environment = Environment::resolve(Overrides::default(), variable).unwrap();
+            environment.without_effect_over_dds().collect::<Vec<_>>()
+        };
+        for name in [STATIC_PEERS, DISCOVERY_SERVER] {
+            let [said] = <[String; 1]>::try_from(without_effect(name, "10.2.0.2")).unwrap();
+            assert!(said.starts_with(name) && said.contains(RMW_ZENOH), "{said}");
+            assert_eq!(without_effect(name, " "), Vec::<String>::new());
+        }
     }
 
     /// What `strtoul` with base 0 makes of them.

@@ -73,11 +73,11 @@ impl Graph {
     /// Takes in what happened in the graph; to be called between the inputs of the event loop.
     ///
     /// # Errors
-    /// The middleware no longer receives.
+    /// The middleware no longer receives, or not at all addresses of this machine.
     pub(crate) fn attend(&mut self) -> Result<(), RosContextError> {
         match self {
             Self::Dds(graph) => {
-                graph.check_liveness()?;
+                graph.check_reception()?;
                 graph.matched_readers.update();
                 Ok(())
             }

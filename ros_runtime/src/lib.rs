@@ -6,10 +6,12 @@
 //! of all nodes, which calls the process's [`node::Node`], and serves its parameters, `/rosout` and
 //! `/diagnostics`.
 //!
-//! Two watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, and
+//! Three watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, `addresses` that it
+//! does not listen at all addresses of the machine, and
 //! `dds_deadlock` that it has locked itself up.
 
 pub mod action;
+mod addresses;
 pub mod arguments;
 pub mod cdr;
 mod dds_action;

@@ -215,7 +215,8 @@ impl RosContext {
     }
 }
 
-/// Takes part in the graph, and again with a new context whenever the DDS library no longer receives.
+/// Takes part in the graph, and again with a new context whenever the DDS library no longer receives, or not at all addresses
+/// of this machine.
 ///
 /// # Errors
 /// The graph could not be joined, or the node could not go on.
@@ -224,7 +225,9 @@ pub fn rejoining<T>(
 ) -> Result<T, RosContextError> {
     loop {
         match take_part() {
-            Err(error @ RosContextError::NotReceiving) => tracing::warn!("{error}; rejoining"),
+            Err(error) if error.ends_with_rejoining() => {
+                tracing::warn!("{error}; joining the ROS 2 graph again");
+            }
             end => return end,
         }
     }

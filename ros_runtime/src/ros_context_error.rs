@@ -20,6 +20,17 @@ pub enum RosContextError {
         "the DDS library no longer receives, as happens when a process is stopped and continues"
     )]
     NotReceiving,
+    /// The machine got addresses after the DDS library had read them, which it does once.
+    #[error("this machine is now reached at {0}, where the DDS library does not listen yet")]
+    NewAddresses(String),
+}
+
+impl RosContextError {
+    /// Whether the process receives again once it has joined the graph anew.
+    #[must_use]
+    pub fn ends_with_rejoining(&self) -> bool {
+        matches!(self, Self::NotReceiving | Self::NewAddresses(_))
+    }
 }
 
 impl From<ParameterError> for RosContextError {
@@ -32,9 +43,9 @@ impl From<RosContextError> for Failure {
     fn from(error: RosContextError) -> Self {
         match error {
             RosContextError::BadInput(_) => Self::BadInput(error.into()),
-            RosContextError::Failed(_) | RosContextError::NotReceiving => {
-                Self::Failed(error.into())
-            }
+            RosContextError::Failed(_)
+            | RosContextError::NotReceiving
+            | RosContextError::NewAddresses(_) => Self::Failed(error.into()),
         }
     }
 }

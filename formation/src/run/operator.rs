@@ -24,7 +24,7 @@ pub fn removal(modules: &[u32]) -> Vec<String> {
 /// Says why the command was not given, or not taken.
 pub fn give(network: &FormationSelector, order: &[String]) -> Result<(), Failure> {
     let mut command = Programs::next_to_launcher()?.command("target_publisher");
-    let Environment { domain, range } = environment_of_runs(network.domain)?;
+    let Environment { domain, range, .. } = environment_of_runs(network.domain)?;
     let status = command
         .args(["--domain", &domain.to_string()])
         .args(["--discovery-range", &range.to_string()])

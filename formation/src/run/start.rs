@@ -209,7 +209,7 @@ impl Start<'_> {
 
     /// Starts what drives the modules, with the environment variables that set the domain and the discovery range of any ROS 2 node.
     fn driver(&self, supervisor: &mut Supervisor, driver: &str) -> Result<(), Failure> {
-        let Environment { domain, range } = self.environment;
+        let Environment { domain, range, .. } = self.environment;
         let mut command = Command::new("sh");
         command
             // The shell is replaced by what it runs, so that the driver itself receives the signal to end.
