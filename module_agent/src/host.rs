@@ -9,13 +9,13 @@ use std::time::Duration;
 
 use formation_model::{
     DockingAction, EvictionNotice, Heartbeat, Message, ModuleId, ModulePhase, ModuleState, Pose,
-    RosterMessage, Service, SourceId, SpotClaim,
+    RosterMessage, Service, SourceId, SpotClaim, StoreId,
 };
 use formation_motion::DriveCommand;
 use formation_node_support::{stamp, topics};
 use formation_protocol::{
-    Agent, AgentParameters, Command, ComputedPlan, Event, Identity, Input, Output, PlanJob,
-    RefusalCounts, Severity, SharedPlans,
+    Agent, AgentParameters, Command, ComputedPlan, DurableState, Event, Identity, Input, Output,
+    PlanJob, RefusalCounts, Severity, SharedPlans,
 };
 use ros_runtime::diagnostics::Report;
 use ros_runtime::topic_statistics::is_logged;
@@ -23,7 +23,7 @@ use ros_runtime::topic_statistics::is_logged;
 use crate::arguments::{DriveMode, Motion};
 use crate::drive::Drive;
 use crate::drivers::DriverMessage;
-use crate::journal::{Journal, WriteJob};
+use crate::journal::{Journal, KeptMemory, WriteJob};
 use crate::module_diagnostics::ModuleDiagnostics;
 use handled_states::HandledStates;
 pub(crate) use removals::REMOVE_MODULE;
@@ -97,14 +97,18 @@ pub(crate) struct Host {
 
 impl Host {
     /// Hosts an agent for each module, started at time zero in or out of service; `source` is the participant that
-    /// publishes for them. With a journal, each continues from what its store holds.
+    /// publishes for them. Each continues from what `memory` has of it.
     pub(crate) fn new(
         source: SourceId,
         modules: impl IntoIterator<Item = (Identity, Service)>,
         parameters: AgentParameters,
         motion: &Motion,
-        journal: Option<Journal>,
+        memory: KeptMemory,
     ) -> Self {
+        let (journal, mut earlier) = match memory {
+            KeptMemory::File(journal) => (Some(journal), BTreeMap::new()),
+            KeptMemory::Process(earlier) => (None, earlier),
+        };
         let mut host = Self {
             source,
             parameters,
@@ -119,13 +123,20 @@ impl Host {
             evictions: Vec::new(),
         };
         for (identity, service) in modules {
-            host.push(Duration::ZERO, identity, service);
+            let earlier = earlier.remove(&identity.module);
+            host.push(Duration::ZERO, identity, service, earlier);
         }
         host.room = topics::room_for_modules(host.modules.len());
         host
     }
 
-    fn push(&mut self, now: Duration, identity: Identity, service: Service) {
+    fn push(
+        &mut self,
+        now: Duration,
+        identity: Identity,
+        service: Service,
+        earlier: Option<DurableState>,
+    ) {
         let mut agent = Agent::new(identity.clone(), self.parameters, now)
             .in_service(service)
             .started_at(stamp::incarnation().0)
@@ -136,6 +147,8 @@ impl Host {
         }
         if let Some(journal) = &self.journal {
             agent = agent.restored(journal.state_of(identity.module));
+        } else if let Some(earlier) = earlier {
+            agent = agent.restored(Some(earlier));
         }
         self.modules.push(Hosted {
             drive: Drive::new(&identity, &self.motion, self.parameters.lease),
@@ -175,7 +188,7 @@ impl Host {
         }
         let missed = self.latched_snapshot(identity.module);
         let index = self.modules.len();
-        self.push(now, identity, Service::Active);
+        self.push(now, identity, Service::Active, None);
         self.pass_messages(index, now, missed);
         Ok(())
     }
@@ -226,8 +239,11 @@ impl Host {
     /// The hosted modules as they are now, for a host that takes them over.
     pub(crate) fn modules(&self) -> Vec<(Identity, Service)> {
         let modules = self.modules.iter().map(|hosted| {
+            let incarnation = hosted.agent.run().incarnation;
+            let store = hosted.identity.store;
             let identity = Identity {
-                incarnation: hosted.agent.run().incarnation,
+                incarnation,
+                store: store.or_else(|| StoreId::of_process(incarnation)),
                 pose: hosted.agent.pose(),
                 links: hosted.agent.links().clone(),
                 ..hosted.identity.clone()
@@ -328,9 +344,14 @@ impl Host {
         }
     }
 
-    /// Takes the journal, for a host that takes the modules over.
-    pub(crate) fn take_journal(&mut self) -> Option<Journal> {
-        self.journal.take()
+    /// What the modules agreed on, for a host that takes them over.
+    pub(crate) fn into_memory(mut self) -> KeptMemory {
+        if let Some(journal) = self.journal.take() {
+            return KeptMemory::File(journal);
+        }
+        let modules = self.modules.iter_mut();
+        let memories = modules.map(|hosted| (hosted.identity.module, hosted.agent.memory()));
+        KeptMemory::Process(memories.collect())
     }
 
     /// When [`Self::advance`] is due next.

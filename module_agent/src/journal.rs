@@ -1,6 +1,6 @@
 //! What the modules of a process gave to the store, and what waits until the store holds it.
 
-use std::collections::VecDeque;
+use std::collections::{BTreeMap, VecDeque};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -32,6 +32,20 @@ impl WriteJob {
     pub(crate) fn run(&self, store: &Store) -> Result<u64, String> {
         store.write(self.number, &self.contents)?;
         Ok(self.number)
+    }
+}
+
+/// What the modules of a process agreed on in earlier runs.
+pub(crate) enum KeptMemory {
+    /// A file holds it, so that it outlives the process.
+    File(Journal),
+    /// The process alone has it: that of each module which was hosted before.
+    Process(BTreeMap<ModuleId, DurableState>),
+}
+
+impl Default for KeptMemory {
+    fn default() -> Self {
+        Self::Process(BTreeMap::new())
     }
 }
 

@@ -139,6 +139,7 @@ mod tests {
 
     use super::*;
     use crate::arguments::{DriveMode, Motion};
+    use crate::journal::KeptMemory;
 
     const NOW: Duration = Duration::from_secs(1);
     const METRE: ModuleSize = ModuleSize::METRE;
@@ -148,7 +149,13 @@ mod tests {
         let identity = single_module(ModuleId(4), Pose::default());
         let modules = [(identity, InService::Active)];
         let parameters = AgentParameters::default();
-        let mut host = Host::new(SourceId(1), modules, parameters, motion, None);
+        let mut host = Host::new(
+            SourceId(1),
+            modules,
+            parameters,
+            motion,
+            KeptMemory::default(),
+        );
         host.advance(NOW);
         host
     }
@@ -255,7 +262,13 @@ mod tests {
 
         let parameters = AgentParameters::default();
         let motion = Motion::default();
-        let mut next = Host::new(SourceId(1), host.modules(), parameters, &motion, None);
+        let mut next = Host::new(
+            SourceId(1),
+            host.modules(),
+            parameters,
+            &motion,
+            KeptMemory::default(),
+        );
         assert_eq!(service_of(&next, 4), Some(InService::Retired));
         let answer = retire(&mut next, NOW, ask(4, true)).unwrap();
         assert!(answer.contains("takes part again"), "{answer}");

@@ -34,7 +34,7 @@ use serde::Serialize;
 use crate::arguments::{AgentTiming, DriveMode, HostedModules, Motion, StoreOptions};
 use crate::drivers::{self, DriverMessage, DriverPublishers};
 use crate::host::{Host, Outgoing, REMOVE_MODULE};
-use crate::journal::{Journal, WriteJob};
+use crate::journal::{Journal, KeptMemory, WriteJob};
 use crate::membership::{ADD_MODULE, MembershipRequest, RETIRE_MODULE};
 use crate::worker::Worker;
 
@@ -56,8 +56,8 @@ pub struct ModuleProcess {
 impl ModuleProcess {
     /// Hosts the modules until `stop` yields, then leaves the graph.
     ///
-    /// When the DDS library no longer receives, the modules restart where they stand, as if the process had; those that
-    /// were added and those out of service as well.
+    /// When the DDS library no longer receives, or not at all addresses, the modules begin new runs where they stand, with
+    /// all that they know; those that were added and those out of service as well.
     ///
     /// # Errors
     /// The ROS 2 graph could not be joined, no driver sent a pose, or the store cannot be used.
@@ -67,8 +67,8 @@ impl ModuleProcess {
         let name = node_name(&ids);
         let active = |module: &Identity| (module.clone(), Service::Active);
         let mut modules = hosted.map(active).collect();
-        let mut journal = None;
-        rejoining(|| self.take_part(&name, &mut modules, &mut journal, stop))
+        let mut memory = KeptMemory::default();
+        rejoining(|| self.take_part(&name, &mut modules, &mut memory, stop))
     }
 
     /// Takes part with these modules until `stop` yields or the library no longer receives, and leaves them as they are
@@ -77,7 +77,7 @@ impl ModuleProcess {
         &self,
         name: &str,
         modules: &mut Vec<(Identity, Service)>,
-        journal: &mut Option<Journal>,
+        memory: &mut KeptMemory,
         stop: &Receiver<()>,
     ) -> Result<(), RosContextError> {
         let mut declarations = self.timing.declarations();
@@ -96,7 +96,7 @@ impl ModuleProcess {
                 .check_for_robots()
                 .map_err(RosContextError::BadInput)?;
         }
-        self.begin_runs(name, parameters.values(), modules, journal)?;
+        self.begin_runs(name, parameters.values(), modules, memory)?;
         let mut ros = RosContext::join(&self.settings, name, parameters)?;
         let mut inputs = Inputs::default();
         let mut drivers = None;
@@ -113,7 +113,11 @@ impl ModuleProcess {
             drivers = Some(publishers);
         }
         add_topics_and_services(&mut inputs, &mut ros, modules.len())?;
-        let workers = Workers::start(&mut inputs, journal.as_ref())?;
+        let journal = match memory {
+            KeptMemory::File(journal) => Some(&*journal),
+            KeptMemory::Process(_) => None,
+        };
+        let workers = Workers::start(&mut inputs, journal)?;
         let source = source_id(ros.participant());
         let publishers = Publishers {
             states: ros.publisher(&topics::MODULE_STATES)?,
@@ -129,7 +133,7 @@ impl ModuleProcess {
             start,
             clock_zero: stamp::since_1970(start),
             publishers,
-            host: Host::new(source, starting, timing.0, &motion, journal.take()),
+            host: Host::new(source, starting, timing.0, &motion, std::mem::take(memory)),
             workers,
             removals: Requests::default(),
             failure: None,
@@ -142,8 +146,8 @@ impl ModuleProcess {
                 tracing::info!(module = module.0, "refused: {refusals}");
             }
         }
-        *journal = node.host.take_journal();
         *modules = node.host.modules();
+        *memory = node.host.into_memory();
         for (identity, _) in modules {
             let next = Incarnation(identity.incarnation.0.saturating_add(1));
             identity.incarnation = stamp::incarnation().max(next);
@@ -157,21 +161,21 @@ impl ModuleProcess {
         name: &str,
         values: &Values,
         modules: &mut Vec<(Identity, Service)>,
-        journal: &mut Option<Journal>,
+        memory: &mut KeptMemory,
     ) -> Result<(), RosContextError> {
         let Some(directory) = self.memory.clone().read(values)?.state_dir else {
             return Ok(());
         };
-        let opened = match journal {
-            Some(opened) => opened,
-            none => {
-                let session = NodeParameters::default().read(values)?.session;
-                let session = session.unwrap_or_default();
-                let opened = Journal::open(Path::new(&directory), name, session, modules);
-                none.insert(opened.map_err(RosContextError::BadInput)?)
-            }
-        };
-        opened.begin(modules).map_err(RosContextError::Failed)
+        if let KeptMemory::Process(_) = memory {
+            let session = NodeParameters::default().read(values)?.session;
+            let session = session.unwrap_or_default();
+            let opened = Journal::open(Path::new(&directory), name, session, modules);
+            *memory = KeptMemory::File(opened.map_err(RosContextError::BadInput)?);
+        }
+        if let KeptMemory::File(journal) = memory {
+            journal.begin(modules).map_err(RosContextError::Failed)?;
+        }
+        Ok(())
     }
 }
 

@@ -339,7 +339,10 @@ impl Fleet {
     /// Whether a module's process had to join the graph again after a time.
     fn joins_again(&self, module: u32, since: Instant) -> bool {
         let log = self.agent(module).log_since(0);
-        let reasons = ["locked itself up; restarting", "; joining the ROS 2 graph again"];
+        let reasons = [
+            "locked itself up; restarting",
+            "; joining the ROS 2 graph again",
+        ];
         let mut lines = log.iter().filter(|line| line.at >= since);
         lines.any(|line| reasons.iter().any(|reason| line.text.contains(reason)))
     }

@@ -206,6 +206,35 @@ impl Network {
         &self.sides[number]
     }
 
+    /// Takes the address of a side away, as before its network is up.
+    pub fn take_address(&self, number: usize) {
+        self.sides[number].ip("address flush dev eth0").unwrap();
+    }
+
+    /// Gives a side an address that ends in this number.
+    pub fn give_address(&self, number: usize, last: u8) {
+        let give = format!("address add 10.77.0.{last}/24 dev eth0");
+        self.sides[number].ip(&give).unwrap();
+    }
+
+    /// Gives a side a second interface, with an address that ends in this number and with nobody behind it.
+    pub fn give_interface(&self, number: usize, last: u8) {
+        let side = &self.sides[number];
+        side.ip("link add eth1 type veth peer name nobody").unwrap();
+        side.ip(&format!("address add 10.78.0.{last}/24 dev eth1"))
+            .unwrap();
+        side.ip("link set nobody up").unwrap();
+        side.ip("link set eth1 up").unwrap();
+    }
+
+    /// Takes the link of a side down, or up again.
+    pub fn set_link(&self, number: usize, is_up: bool) {
+        let state = if is_up { "up" } else { "down" };
+        self.sides[number]
+            .ip(&format!("link set eth0 {state}"))
+            .unwrap();
+    }
+
     /// Nothing passes between side 1 and the others any more; within each, all goes on.
     pub fn cut(&self) {
         self.hub.ip("link set port1 nomaster").unwrap();

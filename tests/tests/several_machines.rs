@@ -57,6 +57,122 @@ fn four_machines_form_over_dds_on_one_subnet() {
     });
 }
 
+/// The log line of a process that joins the graph again, and at which address.
+const REJOINS: &str = "this machine is now reached at ";
+
+/// Two machines with five modules each, the target publisher and the verifier on the second one; what happens to the network of
+/// the first is up to the test.
+struct TwoMachines {
+    network: Network,
+    domain: Domain,
+    /// A process of modules on the first machine, and one on the second.
+    agents: [Running; 2],
+    _publisher: Running,
+    verifier: Running,
+}
+
+impl TwoMachines {
+    /// Starts all of it, after `before` has set the network up; `None` where no namespaces can be made.
+    fn start(before: impl FnOnce(&Network)) -> Option<Self> {
+        let domain = Domain::for_processes(5);
+        let network = Network::with_sides(2)?;
+        before(&network);
+        let scenario = scenario_path(SCENARIO);
+        let of_scenario = ["--scenario", scenario.to_str().unwrap()];
+        let start = |side, program: &str, more: &[&str]| {
+            let arguments = [&of_scenario[..], more].concat();
+            Running::start_within(network.side(side), program, &domain, &arguments)
+        };
+        let verifier = start(1, "verifier", &["--json", "--time-limit-s", "80"]);
+        let agents = [(0, "1-5"), (1, "6-10")]
+            .map(|(side, modules)| start(side, "module_agent", &["--modules", modules]));
+        let _publisher = start(1, "target_publisher", &[]);
+        Some(Self {
+            agents,
+            _publisher,
+            verifier,
+            network,
+            domain,
+        })
+    }
+
+    /// Waits until a process of modules, the first or the second, logs this.
+    fn await_log(&self, agent: usize, text: &str) {
+        let logged = self.agents[agent].wait_for_log(0, text, PATIENCE);
+        assert!(logged.is_some(), "no `{text}` in domain {}", &*self.domain);
+    }
+
+    fn assert_complete(self) {
+        let verdict = self.verifier.finish(PATIENCE).last_json();
+        assert_eq!(verdict["verdict"]["outcome"], "COMPLETE", "{verdict}");
+    }
+}
+
+#[test]
+fn a_machine_whose_network_comes_up_late_takes_part() {
+    let Some(machines) = TwoMachines::start(|network| network.take_address(0)) else {
+        return;
+    };
+    machines.await_log(0, "joined the ROS 2 graph");
+    machines.await_log(1, "joined the ROS 2 graph");
+    machines.network.give_address(0, 1);
+    machines.await_log(0, &format!("{REJOINS}10.77.0.1 on eth0"));
+    machines.assert_complete();
+}
+
+#[test]
+fn a_machine_whose_address_changes_on_the_way_takes_part_again_with_what_it_knows() {
+    let Some(machines) = TwoMachines::start(|_| ()) else {
+        return;
+    };
+    machines.await_log(0, "moving to");
+    machines.network.take_address(0);
+    machines.network.give_address(0, 7);
+    machines.await_log(0, "the address 10.77.0.1 on eth0 of this machine is gone");
+    machines.await_log(0, &format!("{REJOINS}10.77.0.7 on eth0"));
+    machines.assert_complete();
+}
+
+#[test]
+fn a_second_interface_that_appears_on_the_way_is_used_as_well() {
+    let Some(machines) = TwoMachines::start(|_| ()) else {
+        return;
+    };
+    machines.await_log(0, "moving to");
+    machines.network.give_interface(0, 1);
+    machines.await_log(0, &format!("{REJOINS}10.78.0.1 on eth1"));
+    machines.assert_complete();
+}
+
+#[test]
+fn all_halt_while_a_link_is_down_and_go_on_when_it_is_back() {
+    let Some(machines) = TwoMachines::start(|_| ()) else {
+        return;
+    };
+    machines.await_log(0, "moving to");
+    machines.network.set_link(0, false);
+    for agent in [0, 1] {
+        machines.await_log(agent, "halted: agreement of modules");
+    }
+    machines.await_log(1, "waiting for a quorum");
+    machines.network.set_link(0, true);
+    machines.assert_complete();
+}
+
+/// Longer than the DDS participants remember each other.
+#[test]
+#[ignore = "takes two minutes"]
+fn a_link_may_be_down_for_longer_than_dds_remembers_participants() {
+    let Some(machines) = TwoMachines::start(|_| ()) else {
+        return;
+    };
+    machines.await_log(0, "moving to");
+    machines.network.set_link(0, false);
+    std::thread::sleep(Duration::from_secs(60));
+    machines.network.set_link(0, true);
+    machines.assert_complete();
+}
+
 #[cfg(feature = "zenoh")]
 #[test]
 fn four_machines_form_over_zenoh_with_two_routers() {

@@ -85,15 +85,40 @@ impl ModuleId {
     }
 }
 
-/// A durable store of one module, drawn at random when the store is created empty.
+/// What holds the memory of one module beyond the run that began it.
+///
+/// An odd number is that of a file, drawn at random when the file is created. An even one is twice the incarnation of the run
+/// with which a process began, and names the memory that this process hands on from run to run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(transparent)]
 pub struct StoreId(pub NonZeroU64);
 
+impl StoreId {
+    /// The memory of a process that began with this run; `None` for an incarnation that no clock shows.
+    #[must_use]
+    pub fn of_process(first: Incarnation) -> Option<Self> {
+        first.0.checked_mul(2).and_then(NonZeroU64::new).map(Self)
+    }
+
+    /// Whether it is a file, so that a restart of the process finds it again.
+    #[must_use]
+    pub fn outlives_process(self) -> bool {
+        self.0.get() % 2 == 1
+    }
+
+    fn memory(self) -> VoterMemory {
+        if self.outlives_process() {
+            VoterMemory::Stored(self)
+        } else {
+            VoterMemory::Volatile(Incarnation(self.0.get() / 2))
+        }
+    }
+}
+
 /// What a module has of the agreements in which it took part.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 pub enum VoterMemory {
-    /// What the run of its process holds: it ends with the process.
+    /// What its process holds, which began with this run: it ends with the process.
     Volatile(Incarnation),
     /// What its store holds: it outlives the process.
     Stored(StoreId),
@@ -114,7 +139,7 @@ impl Voter {
     pub fn new(run: ModuleRun, store: Option<StoreId>) -> Self {
         Self {
             module: run.module,
-            memory: store.map_or(VoterMemory::Volatile(run.incarnation), VoterMemory::Stored),
+            memory: store.map_or(VoterMemory::Volatile(run.incarnation), StoreId::memory),
         }
     }
 }

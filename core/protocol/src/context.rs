@@ -95,7 +95,7 @@ impl Context {
             pacing: EpochPacing::new(now + parameters.suspicion, parameters.epoch_interval),
             plans: Plans::default(),
             shortfall: None,
-            outbox: Outbox::new(now, identity.store.is_some()),
+            outbox: Outbox::new(now, identity.store.is_some_and(StoreId::outlives_process)),
         }
     }
 

@@ -19,7 +19,7 @@ pub struct Identity {
     pub module: ModuleId,
     /// This run of its process.
     pub incarnation: Incarnation,
-    /// Its store, if what it agrees on outlives its process.
+    /// What holds its memory, if that is a file, or if an earlier run of the process began it.
     pub store: Option<StoreId>,
     /// Its pose at the start.
     pub pose: Pose,

@@ -98,7 +98,7 @@ pub(super) struct WriteAheadLog {
 #[derive(Clone, Debug, Default)]
 pub(super) struct Outbox {
     outputs: VecDeque<Output>,
-    has_store: bool,
+    pub has_store: bool,
     pub durable: WriteAheadLog,
     pub refusals: RefusalCounts,
     wake: Option<Duration>,

@@ -11,7 +11,8 @@ use super::robot::SettledOn;
 use super::stage::Stage;
 
 impl Agent {
-    /// The same agent with a store, which holds what an earlier run wrote, if any did.
+    /// The same agent with a store, which holds what an earlier run wrote, if any did; or with the memory of an earlier run of
+    /// the same process.
     ///
     /// A pin is kept only if the module still stands where it stood: a robot may have been moved while it was off.
     /// Enforces Q9, H3.
@@ -45,6 +46,13 @@ impl Agent {
             self.context.outbox.durable.given = Some(self.sync_key());
         }
         self
+    }
+
+    /// What a later run of the same process goes on from.
+    #[must_use]
+    pub fn memory(&mut self) -> DurableState {
+        let key = self.sync_key();
+        self.durable_state(&key)
     }
 
     /// What the store has to hold now.
@@ -100,7 +108,7 @@ impl Agent {
 
     /// Lets the outputs of the input that was handled wait for the store, if they depend on something new.
     pub(super) fn write_ahead(&mut self) {
-        if self.context.own.store.is_none() {
+        if !self.context.outbox.has_store {
             return;
         }
         let key = self.sync_key();

@@ -71,6 +71,7 @@ mod tests {
 
     use super::*;
     use crate::arguments::{Motion, single_module};
+    use crate::journal::KeptMemory;
 
     const SECOND: Duration = Duration::from_secs(1);
 
@@ -97,7 +98,13 @@ mod tests {
         let modules = [(single_module(ModuleId(4), pose), Service::Active)];
         let parameters = AgentParameters::default();
         let motion = Motion::default();
-        let mut host = Host::new(SourceId(1), modules, parameters, &motion, None);
+        let mut host = Host::new(
+            SourceId(1),
+            modules,
+            parameters,
+            &motion,
+            KeptMemory::default(),
+        );
         host.take_message(SourceId(2), heartbeat(5, 1));
         host.advance(SECOND);
         let answer = Rc::new(RefCell::new(None));

@@ -58,7 +58,7 @@ fn host_with(scenario: &str, modules: &[u32], stores: Option<&Path>) -> (Host, M
         identities,
         AgentParameters::default(),
         &motion,
-        journal,
+        journal.map_or_else(KeptMemory::default, KeptMemory::File),
     );
     let target = Message::Target(Arc::new(TargetAnnouncement {
         expected_modules: Some(3),
@@ -69,8 +69,13 @@ fn host_with(scenario: &str, modules: &[u32], stores: Option<&Path>) -> (Host, M
 
 /// The samples that the processes publish until `limit`; each process receives those of the others.
 fn run(hosts: &mut [Host], limit: Duration) -> Vec<Outgoing> {
+    run_between(hosts, Duration::ZERO, limit)
+}
+
+/// The same from a later moment on.
+fn run_between(hosts: &mut [Host], begin: Duration, limit: Duration) -> Vec<Outgoing> {
     let mut said = Vec::new();
-    let mut now = Duration::ZERO;
+    let mut now = begin;
     while now < limit {
         for speaker in 0..hosts.len() {
             hosts[speaker].advance(now);
@@ -502,7 +507,9 @@ fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
     // The thread that wrote for the first host has not finished, and must not undo what the second one writes.
     let late = host.next_write().unwrap();
     let mut modules = host.modules();
-    let mut journal = host.take_journal().unwrap();
+    let KeptMemory::File(mut journal) = host.into_memory() else {
+        panic!("it has a store");
+    };
     modules[0].0.incarnation.0 += 5;
     journal.begin(&modules).unwrap();
     late.run(&journal.store()).unwrap();
@@ -512,7 +519,7 @@ fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
         modules.clone(),
         parameters,
         &motion,
-        Some(journal),
+        KeptMemory::File(journal),
     );
     assert_eq!(next.modules(), modules);
     assert_eq!(modules[0].1, Service::Retired);
@@ -521,6 +528,37 @@ fn a_host_that_takes_over_in_the_same_process_continues_from_the_store() {
     let (identity, service) = again.modules().pop().unwrap();
     assert_eq!(service, Service::Retired);
     assert!(identity.incarnation > modules[0].0.incarnation);
+}
+
+/// As a process does whose machine gets another address: the other participant sends as the next runs of the modules.
+#[test]
+fn a_majority_that_joins_the_graph_again_still_counts_without_a_file() {
+    let (mut first, target) = host(&[4, 5]);
+    first.take_message(TARGET_PUBLISHER, target.clone());
+    let (mut second, _) = host(&[17]);
+    second.take_message(TARGET_PUBLISHER, target.clone());
+    let mut hosts = vec![first, second];
+    let (rejoins, end) = (Duration::from_secs(30), Duration::from_secs(90));
+    run(&mut hosts, rejoins);
+    assert_eq!(phase_of(&hosts[1], 17), Some(ModulePhase::Settled));
+
+    let left = hosts.remove(0);
+    let mut modules = left.modules();
+    let before = modules[0].0.voter();
+    for (identity, _) in &mut modules {
+        identity.incarnation.0 += 5;
+    }
+    assert_eq!(modules[0].0.voter(), before, "the memory is the same");
+    let (parameters, motion) = (AgentParameters::default(), Motion::default());
+    let memory = left.into_memory();
+    let mut again = Host::new(SourceId(200), modules, parameters, &motion, memory);
+    again.take_message(TARGET_PUBLISHER, target);
+    hosts.push(again);
+    run_between(&mut hosts, rejoins, end);
+    for (host, module) in [(0, 17), (1, 4), (1, 5)] {
+        let phase = phase_of(&hosts[host], module);
+        assert_eq!(phase, Some(ModulePhase::Settled), "module {module}");
+    }
 }
 
 #[test]

@@ -203,5 +203,5 @@ impl Cluster {
 
 /// The store of a module. It is never lost, so its identifier may follow from the module's.
 fn store_of(module: ModuleId) -> Option<StoreId> {
-    NonZeroU64::new(1 + u64::from(module.0)).map(StoreId)
+    NonZeroU64::new(1 + 2 * u64::from(module.0)).map(StoreId)
 }
