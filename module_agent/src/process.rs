@@ -68,7 +68,9 @@ impl ModuleProcess {
         let active = |module: &Identity| (module.clone(), Service::Active);
         let mut modules = hosted.map(active).collect();
         let mut memory = KeptMemory::default();
-        rejoining(|| self.take_part(&name, &mut modules, &mut memory, stop))
+        // When the machine started, by its wall clock as it is now, which may be set later: observers compare times of runs.
+        let started = stamp::since_1970(Duration::ZERO);
+        rejoining(|| self.take_part(&name, started, &mut modules, &mut memory, stop))
     }
 
     /// Takes part with these modules until `stop` yields or the library no longer receives, and leaves them as they are
@@ -76,6 +78,7 @@ impl ModuleProcess {
     fn take_part(
         &self,
         name: &str,
+        started: Duration,
         modules: &mut Vec<(Identity, Service)>,
         memory: &mut KeptMemory,
         stop: &Receiver<()>,
@@ -131,7 +134,7 @@ impl ModuleProcess {
         let start = since_boot();
         let mut node = ModuleNode {
             start,
-            clock_zero: stamp::since_1970(start),
+            clock_zero: started + start,
             publishers,
             host: Host::new(source, starting, timing.0, &motion, std::mem::take(memory)),
             workers,

@@ -30,6 +30,7 @@ use crate::service_mapping::ServiceMapping;
 use crate::stamp::nanoseconds_since_epoch;
 use crate::subscription::{ParticipantId, Taken};
 use crate::topic::Topic;
+use crate::wall_clock::WallClockWatch;
 
 /// A process's place in the ROS 2 graph over DDS.
 ///
@@ -47,6 +48,7 @@ pub(crate) struct DdsGraph {
     pub(crate) matched_readers: MatchedReaders,
     liveness: LivenessWatchdog,
     addresses: AddressWatch,
+    wall_clock: WallClockWatch,
     deadlock: DeadlockWatchdog,
     pub(crate) service_mapping: ServiceMapping,
 }
@@ -71,6 +73,7 @@ impl DdsGraph {
             tracing::warn!("{sentence}");
         }
         let addresses = AddressWatch::before_participant(environment.range);
+        let wall_clock = WallClockWatch::before_participant();
         let liveness = LivenessWatchdog::before_participant();
         let deadlock = DeadlockWatchdog::start(Arc::clone(&liveness.threads))
             .map_err(|error| failed("watch the DDS library", &error))?;
@@ -103,6 +106,7 @@ impl DdsGraph {
             participant,
             liveness,
             addresses,
+            wall_clock,
             deadlock,
             service_mapping,
         })
@@ -113,11 +117,14 @@ impl DdsGraph {
         participant_of(self.participant.guid().prefix.as_ref())
     }
 
-    /// Fails once the DDS library has stopped receiving, or does not receive at an address of this machine; only a new
-    /// participant receives there.
+    /// Fails once the DDS library has stopped receiving, does not receive at an address of this machine, or gives out no
+    /// heartbeats as the clock was set back; only a new participant receives them.
     pub(crate) fn check_reception(&self) -> Result<(), RosContextError> {
         if !self.liveness.is_alive() {
             return Err(RosContextError::NotReceiving);
+        }
+        if let Some(step) = self.wall_clock.set_back_by() {
+            return Err(RosContextError::ClockSetBack(step));
         }
         match self.addresses.unreached() {
             Some(addresses) => Err(RosContextError::NewAddresses(addresses)),

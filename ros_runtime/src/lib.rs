@@ -6,8 +6,8 @@
 //! of all nodes, which calls the process's [`node::Node`], and serves its parameters, `/rosout` and
 //! `/diagnostics`.
 //!
-//! Three watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, `addresses` that it
-//! does not listen at all addresses of the machine, and
+//! Four watchdogs guard against faults of the DDS library: `dds_liveness` finds that it no longer receives, `addresses` that it
+//! does not listen at all addresses of the machine, `wall_clock` that it reads no heartbeats as the clock was set back, and
 //! `dds_deadlock` that it has locked itself up.
 
 pub mod action;
@@ -48,6 +48,7 @@ pub mod terminal;
 pub mod topic;
 pub mod topic_statistics;
 pub mod type_hash;
+mod wall_clock;
 pub mod words;
 #[cfg(feature = "zenoh")]
 mod zenoh_graph;

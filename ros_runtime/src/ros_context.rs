@@ -215,8 +215,8 @@ impl RosContext {
     }
 }
 
-/// Takes part in the graph, and again with a new context whenever the DDS library no longer receives, or not at all addresses
-/// of this machine.
+/// Takes part in the graph, and again with a new context whenever the DDS library no longer receives all that it is
+/// to.
 ///
 /// # Errors
 /// The graph could not be joined, or the node could not go on.

@@ -1,5 +1,7 @@
 //! Why a process could not join the ROS 2 graph, or had to leave it.
 
+use std::time::Duration;
+
 use ros2_client::Name;
 use thiserror::Error;
 
@@ -23,13 +25,23 @@ pub enum RosContextError {
     /// The machine got addresses after the DDS library had read them, which it does once.
     #[error("this machine is now reached at {0}, where the DDS library does not listen yet")]
     NewAddresses(String),
+    /// The wall clock of this machine was set back by this much, and the library reads no best-effort samples until it is
+    /// there again.
+    #[error(
+        "the clock of this machine was set back by {:.1} s, and the DDS library would read no heartbeat for as long",
+        .0.as_secs_f64()
+    )]
+    ClockSetBack(Duration),
 }
 
 impl RosContextError {
     /// Whether the process receives again once it has joined the graph anew.
     #[must_use]
     pub fn ends_with_rejoining(&self) -> bool {
-        matches!(self, Self::NotReceiving | Self::NewAddresses(_))
+        matches!(
+            self,
+            Self::NotReceiving | Self::NewAddresses(_) | Self::ClockSetBack(_)
+        )
     }
 }
 
@@ -45,7 +57,8 @@ impl From<RosContextError> for Failure {
             RosContextError::BadInput(_) => Self::BadInput(error.into()),
             RosContextError::Failed(_)
             | RosContextError::NotReceiving
-            | RosContextError::NewAddresses(_) => Self::Failed(error.into()),
+            | RosContextError::NewAddresses(_)
+            | RosContextError::ClockSetBack(_) => Self::Failed(error.into()),
         }
     }
 }
