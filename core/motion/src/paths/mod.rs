@@ -34,6 +34,7 @@ mod schedule;
 mod shape;
 mod sipp;
 mod start;
+mod swap;
 mod table;
 mod units;
 mod variants;
@@ -46,6 +47,7 @@ pub use result::{
 use formation_model::{MotionPlan, Polyline, Pose};
 
 use lattice_request::LatticeRequest;
+pub(crate) use swap::plan_with_swaps;
 
 /// Paths and waits for all units of a plan.
 ///
