@@ -500,9 +500,10 @@ pub fn claim() -> impl Strategy<Value = SpotClaim> {
         btree_set(module_id(), 5),
         vec(eviction_record(), 0..4),
         module_ids(),
+        btree_set((spot_id(), module_id()), 0..2),
     )
         .prop_map(
-            |((epoch, turn, claimant, incarnation), spots, modules, evictions, detached)| {
+            |((epoch, turn, claimant, incarnation), spots, modules, evictions, detached, swaps)| {
                 SpotClaim {
                     epoch,
                     turn,
@@ -516,6 +517,10 @@ pub fn claim() -> impl Strategy<Value = SpotClaim> {
                             .collect(),
                         evictions,
                         detached,
+                        swaps: swaps
+                            .into_iter()
+                            .map(|(spot, module)| SpotSelection { spot, module })
+                            .collect(),
                     },
                 }
             },
