@@ -5,9 +5,7 @@ use formation_model::{
     Policy, SpotId, UnitMotion,
 };
 
-use super::paths::{
-    MotionError, MotionParameters, MotionRequest, plan_motion, plan_with_swaps,
-};
+use super::paths::{MotionError, MotionParameters, MotionRequest, plan_motion, plan_with_swaps};
 
 /// How the modules of a plan move. It follows from the problem, the plan and the obstacles alone.
 #[derive(Clone, Debug, PartialEq, Eq)]

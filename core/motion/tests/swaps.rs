@@ -12,7 +12,9 @@ use crate::support::motion::{assert_sound, run, waits_of};
 use crate::support::walls::Field;
 
 /// The motion of a problem and the spots that change hands for it, without contact in any execution.
-fn planned(problem: &Arc<PlanningProblem>) -> Result<(MotionPlan, Vec<SpotSelection>), MotionError> {
+fn planned(
+    problem: &Arc<PlanningProblem>,
+) -> Result<(MotionPlan, Vec<SpotSelection>), MotionError> {
     let mut outcome = plan(Arc::clone(problem));
     let (motion, plan) = PlannedMotion::of(problem, outcome.plan, &[]);
     let motion = match motion {
@@ -57,7 +59,10 @@ fn explore() {
                     }
                 }
             }
-            println!("{percent} {fill}: as claimed {good}, swapped {swapped}, refused {}, slowest {slow:?}", bad.len());
+            println!(
+                "{percent} {fill}: as claimed {good}, swapped {swapped}, refused {}, slowest {slow:?}",
+                bad.len()
+            );
             for bad in bad.iter().take(4) {
                 println!("   {bad}");
             }

@@ -37,6 +37,7 @@ mod start;
 mod swap;
 mod table;
 mod units;
+mod unlabelled;
 mod variants;
 mod waits;
 

@@ -11,12 +11,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use formation_baselines::hungarian;
-use formation_model::{ActingUnit, ModuleId, MotionPlan, Plan, PlanningProblem, SpotId, SpotSelection};
+use formation_model::{
+    ActingUnit, ModuleId, MotionPlan, Plan, PlanningProblem, SpotId, SpotSelection,
+};
 
 use super::lattice::{Site, Time};
 use super::lattice_request::LatticeRequest;
 use super::plan_motion;
 use super::result::MotionRequest;
+use super::unlabelled::Filling;
 
 /// The most cells that the searches for ways visit.
 const VISITS_MAX: usize = 200_000_000;
@@ -30,6 +33,17 @@ const STEP: i64 = 1 << 24;
 /// The utility of spots that a unit cannot take; more than the longest way costs.
 const NEVER: i64 = -(1 << 50);
 
+/// Ways to choose new holders, in the order in which they are tried.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+enum Choice {
+    /// By the ways of blocks and single modules.
+    Whole,
+    /// By the ways of single modules; all blocks are taken apart.
+    Apart,
+    /// Single modules fill the spots one after another.
+    Filled,
+}
+
 /// A unit with the spots that it was claimed, by positions; a spare module has none.
 #[derive(Clone, Debug)]
 struct Claim {
@@ -41,13 +55,14 @@ struct Claim {
 pub(crate) fn plan_with_swaps(request: &MotionRequest) -> Option<(MotionPlan, Plan)> {
     let swap = Swap::new(request)?;
     let claimed = request.plan;
-    let whole = (!claimed.blocks.is_empty()).then_some(true);
-    for keeps_blocks in whole.into_iter().chain([false]) {
-        let Some(holders) = swap.holders(keeps_blocks) else {
+    let mut tried = vec![claimed.assignments.clone()];
+    for choice in [Choice::Whole, Choice::Apart, Choice::Filled] {
+        let keeps_blocks = choice == Choice::Whole;
+        let Some(holders) = swap.chosen(choice) else {
             continue;
         };
         let plan = with_holders(request.problem, claimed, &holders, keeps_blocks);
-        if plan.swaps.is_empty() && plan.blocks == claimed.blocks {
+        if tried.contains(&plan.assignments) {
             continue;
         }
         let swapped = MotionRequest {
@@ -60,6 +75,7 @@ pub(crate) fn plan_with_swaps(request: &MotionRequest) -> Option<(MotionPlan, Pl
             }
             return Some((motion, plan));
         }
+        tried.push(plan.assignments);
     }
     None
 }
@@ -67,6 +83,8 @@ pub(crate) fn plan_with_swaps(request: &MotionRequest) -> Option<(MotionPlan, Pl
 /// What the choice of new holders needs.
 struct Swap<'a> {
     on_lattice: LatticeRequest<'a>,
+    /// Cells that no module may enter; pinned modules close theirs.
+    closed: Vec<bool>,
     /// The cells from the start of each module to each spot that is taken; `None` where no way leads.
     ways: BTreeMap<usize, Vec<Option<Time>>>,
 }
@@ -79,6 +97,7 @@ impl<'a> Swap<'a> {
             return None;
         }
         let mut swap = Self {
+            closed: on_lattice.arena.closed.clone(),
             on_lattice,
             ways: BTreeMap::new(),
         };
@@ -91,7 +110,7 @@ impl<'a> Swap<'a> {
         problem.modules()[module].pin.is_some()
     }
 
-    /// Measures all ways; pinned modules close their cells.
+    /// Measures all ways.
     fn measure(&mut self) {
         let LatticeRequest {
             arena,
@@ -100,25 +119,25 @@ impl<'a> Swap<'a> {
             spot_of,
             ..
         } = &self.on_lattice;
-        let mut closed = arena.closed.clone();
-        for module in (0..starts.len()).filter(|&module| self.is_pinned(module)) {
-            if let Some(cell) = arena.cell(starts[module]) {
-                closed[cell] = true;
-            }
+        let pinned = (0..starts.len()).filter(|&module| self.is_pinned(module));
+        let pinned = pinned.filter_map(|module| arena.cell(starts[module]));
+        let pinned: Vec<usize> = pinned.collect();
+        for cell in pinned {
+            self.closed[cell] = true;
         }
         let cells: Vec<usize> = starts.iter().filter_map(|&site| arena.cell(site)).collect();
         let taken = (0..starts.len()).filter(|&module| !self.is_pinned(module));
         let taken: Vec<usize> = taken.filter_map(|module| spot_of[module]).collect();
         for spot in taken {
             let mut steps: Vec<Option<Time>> = vec![None; arena.area()];
-            let first = arena.cell(spots[spot]).filter(|&cell| !closed[cell]);
+            let first = arena.cell(spots[spot]).filter(|&cell| !self.closed[cell]);
             let mut found: Vec<usize> = first.into_iter().collect();
             first.inspect(|&cell| steps[cell] = Some(0));
             let mut next = 0;
             while let Some(&cell) = found.get(next) {
                 next += 1;
                 for neighbour in arena.neighbours(cell) {
-                    if !closed[neighbour] && steps[neighbour].is_none() {
+                    if !self.closed[neighbour] && steps[neighbour].is_none() {
                         steps[neighbour] = steps[cell].map(|so_far| so_far + 1);
                         found.push(neighbour);
                     }
@@ -148,7 +167,9 @@ impl<'a> Swap<'a> {
         groups.retain(|modules| !modules.iter().any(|&module| self.is_pinned(module)));
         let spots_of = |modules: &[usize]| -> Vec<usize> {
             let spots = modules.iter();
-            spots.filter_map(|&module| self.on_lattice.spot_of[module]).collect()
+            spots
+                .filter_map(|&module| self.on_lattice.spot_of[module])
+                .collect()
         };
         let claims = groups.into_iter().map(|modules| Claim {
             spots: spots_of(&modules),
@@ -158,6 +179,31 @@ impl<'a> Swap<'a> {
     }
 
     /// The new holder of each spot whose holder may change; `None` if not all spots can be held.
+    fn chosen(&self, choice: Choice) -> Option<BTreeMap<usize, usize>> {
+        match choice {
+            Choice::Whole => self.holders(true),
+            Choice::Apart => self.holders(false),
+            Choice::Filled => {
+                let LatticeRequest {
+                    arena,
+                    starts,
+                    spots,
+                    ..
+                } = &self.on_lattice;
+                let (mut modules, mut places) = (BTreeMap::new(), BTreeMap::new());
+                for claim in self.claims(false) {
+                    let standing = claim.modules.iter();
+                    modules
+                        .extend(standing.filter_map(|&one| Some((arena.cell(starts[one])?, one))));
+                    let taken = claim.spots.iter();
+                    places.extend(taken.filter_map(|&spot| Some((arena.cell(spots[spot])?, spot))));
+                }
+                Filling::new(arena, &self.closed, modules, places).holders()
+            }
+        }
+    }
+
+    /// The same, where the sum of all ways is least.
     fn holders(&self, keeps_blocks: bool) -> Option<BTreeMap<usize, usize>> {
         let mut by_size: BTreeMap<usize, Vec<Claim>> = BTreeMap::new();
         for claim in self.claims(keeps_blocks) {
@@ -199,7 +245,13 @@ impl<'a> Swap<'a> {
     /// Which module of a unit takes which spot of a place, if the unit fits there and keeps the same links: as it stands at the
     /// start, or as it was to stand on its own spots.
     fn fitted(&self, unit: &Claim, place: &Claim) -> Option<Vec<(usize, usize)>> {
-        let pairs = |spots: &[usize]| unit.modules.iter().copied().zip(spots.iter().copied()).collect();
+        let pairs = |spots: &[usize]| {
+            unit.modules
+                .iter()
+                .copied()
+                .zip(spots.iter().copied())
+                .collect()
+        };
         if unit.modules == place.modules || unit.modules.len() == 1 {
             return Some(pairs(&place.spots));
         }
@@ -207,7 +259,9 @@ impl<'a> Swap<'a> {
         let at_start = unit.modules.iter().map(|&module| starts[module]);
         let at_goal = unit.spots.iter().map(|&spot| spots[spot]);
         let layouts: [Vec<Site>; 2] = [at_start.collect(), at_goal.collect()];
-        let fitting = layouts.iter().filter_map(|layout| self.laid(layout, &place.spots));
+        let fitting = layouts
+            .iter()
+            .filter_map(|layout| self.laid(layout, &place.spots));
         let mut keeping = fitting.filter(|spots| self.keeps_links(unit, spots));
         keeping.next().map(|spots| pairs(&spots))
     }
@@ -250,16 +304,30 @@ fn with_holders(
 ) -> Plan {
     let spots = problem.target().spots();
     let modules = problem.modules();
-    let held = claimed.assignments.iter().map(|(&module, &spot)| (spot, module));
+    let held = claimed
+        .assignments
+        .iter()
+        .map(|(&module, &spot)| (spot, module));
     let before: BTreeMap<SpotId, ModuleId> = held.collect();
     let mut after = before.clone();
     let new = holders.iter();
     after.extend(new.map(|(&spot, &module)| (spots[spot].id, modules[module].id)));
-    let swaps = after.iter().filter(|&(spot, module)| before.get(spot) != Some(module));
-    let swaps = swaps.map(|(&spot, &module)| SpotSelection { spot, module }).collect();
+    let swaps = after
+        .iter()
+        .filter(|&(spot, module)| before.get(spot) != Some(module));
+    let swaps = swaps
+        .map(|(&spot, &module)| SpotSelection { spot, module })
+        .collect();
     let mut plan = Plan {
-        assignments: after.iter().map(|(&spot, &module)| (module, spot)).collect(),
-        blocks: if keeps_blocks { claimed.blocks.clone() } else { Vec::new() },
+        assignments: after
+            .iter()
+            .map(|(&spot, &module)| (module, spot))
+            .collect(),
+        blocks: if keeps_blocks {
+            claimed.blocks.clone()
+        } else {
+            Vec::new()
+        },
         kept_links: BTreeSet::new(),
         assembly: claimed.assembly.clone(),
         swaps,
@@ -274,13 +342,15 @@ fn with_holders(
             true => vec![placements],
             false => placements.into_iter().map(|one| vec![one]).collect(),
         };
-        plan.assembly.units.extend(parts.into_iter().filter_map(|placements| {
-            Some(ActingUnit {
-                lead: placements.iter().map(|&(module, _)| module).min()?,
-                placements,
-                pinned: unit.pinned,
-            })
-        }));
+        plan.assembly
+            .units
+            .extend(parts.into_iter().filter_map(|placements| {
+                Some(ActingUnit {
+                    lead: placements.iter().map(|&(module, _)| module).min()?,
+                    placements,
+                    pinned: unit.pinned,
+                })
+            }));
     }
     plan
 }

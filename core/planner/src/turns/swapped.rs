@@ -26,6 +26,8 @@ pub struct Swapped {
     pub utility: MicroUnits,
     /// By how much the total distance rose.
     pub distance: MicroUnits,
+    /// The longest distance before the swap.
+    pub claimed_longest: MicroUnits,
 }
 
 impl Swapped {
@@ -61,6 +63,7 @@ impl PlanOutcome {
             modules: swapped.collect(),
             utility: before.utility - after.utility,
             distance: after.distance - before.distance,
+            claimed_longest: before.longest,
         });
         self.unassigned = modules().filter(|module| !assignments.contains_key(module)).collect();
         self.total_utility = after.utility;
