@@ -390,7 +390,9 @@ impl CheckedPlan {
     pub fn planning_facts(&self) -> Vec<Fact> {
         let statistics = &self.statistics;
         let messages = &statistics.messages;
-        let swapped = self.swapped().map(|swapped| Fact::new("swapped after the claims", swapped.text()));
+        let swapped = self
+            .swapped()
+            .map(|swapped| Fact::new("swapped after the claims", swapped.text()));
         let facts = [
             Fact::new("turns", self.outcome.decisions.len()),
             Fact::new("evictions", statistics.changes.evictions),

@@ -114,7 +114,9 @@ impl From<&model::SpotClaim> for SpotClaim {
         let decision = &claim.decision;
         let pairs = |pairs: &[model::SpotSelection]| {
             let pairs = pairs.iter();
-            pairs.map(|pair| SpotSelection::new(pair.spot, pair.module)).collect()
+            pairs
+                .map(|pair| SpotSelection::new(pair.spot, pair.module))
+                .collect()
         };
         Self {
             protocol_version: PROTOCOL_VERSION,

@@ -188,7 +188,11 @@ fn write_decision(out: &mut impl Write, claimant: ModuleId, decision: &Decision)
     match decision.swaps.len() {
         0 => Ok(()),
         1..=EVICTIONS_MAX => {
-            let mut swaps: Vec<_> = decision.swaps.iter().map(|pair| (pair.module, pair.spot)).collect();
+            let mut swaps: Vec<_> = decision
+                .swaps
+                .iter()
+                .map(|pair| (pair.module, pair.spot))
+                .collect();
             swaps.sort_unstable();
             out.write_str("; then ")?;
             write_takers(out, &swaps, ["swaps to", "swap to"])

@@ -112,7 +112,10 @@ impl Explanation {
             detour,
             barrier,
             turns: turns.collect(),
-            swapped: outcome.swapped.as_ref().and_then(|swapped| swapped.of(module)),
+            swapped: outcome
+                .swapped
+                .as_ref()
+                .and_then(|swapped| swapped.of(module)),
             alternatives,
         })
     }

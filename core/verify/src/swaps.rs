@@ -14,8 +14,14 @@ impl Replay {
             return;
         }
         self.swapped = true;
-        let wrong = swaps.iter().filter(|&one| !self.may_swap(problem, swaps, one));
-        let wrong = wrong.map(|&SpotSelection { spot, module }| Violation::WrongSwap { turn, spot, module });
+        let wrong = swaps
+            .iter()
+            .filter(|&one| !self.may_swap(problem, swaps, one));
+        let wrong = wrong.map(|&SpotSelection { spot, module }| Violation::WrongSwap {
+            turn,
+            spot,
+            module,
+        });
         let wrong: Vec<Violation> = wrong.collect();
         if !wrong.is_empty() {
             self.violations.extend(wrong);
@@ -38,14 +44,19 @@ impl Replay {
         swaps: &[SpotSelection],
         one: &SpotSelection,
     ) -> bool {
-        let is_pinned = |module: ModuleId| problem.module(module).is_none_or(|one| one.pin.is_some());
+        let is_pinned =
+            |module: ModuleId| problem.module(module).is_none_or(|one| one.pin.is_some());
         let holder = self.holders.get(&one.spot);
         let left = self.spots.get(&one.module);
         problem.parameters().policy != Policy::Paper
             && !is_pinned(one.module)
             && holder.is_some_and(|&holder| !is_pinned(holder) && holder != one.module)
             && left.is_none_or(|left| swaps.iter().any(|other| other.spot == *left))
-            && swaps.iter().filter(|other| other.module == one.module).count() == 1
+            && swaps
+                .iter()
+                .filter(|other| other.module == one.module)
+                .count()
+                == 1
             && swaps.iter().filter(|other| other.spot == one.spot).count() == 1
     }
 }

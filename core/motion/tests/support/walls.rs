@@ -75,6 +75,29 @@ impl Field {
         Self::grid(count, 2, percent, numbers)
     }
 
+    /// One lane, with modules on its first cells and spots on its last ones.
+    pub fn lane(lane: &[Cell], count: usize) -> Self {
+        let low = lane
+            .iter()
+            .fold((0, 0), |low, cell| (low.0.min(cell.0), low.1.min(cell.1)));
+        let lane: Vec<Cell> = lane
+            .iter()
+            .map(|cell| (cell.0 - low.0, cell.1 - low.1))
+            .collect();
+        let mut field = Self {
+            width: lane.iter().map(|cell| cell.0 + 1).max().unwrap(),
+            height: lane.iter().map(|cell| cell.1 + 1).max().unwrap(),
+            spots: (1..)
+                .zip(lane[lane.len() - count..].iter().copied())
+                .collect(),
+            starts: (1..).zip(lane[..count].iter().copied()).collect(),
+            ..Self::default()
+        };
+        let cells = (0..field.width).flat_map(|x| (0..field.height).map(move |y| (x, y)));
+        field.walls = cells.filter(|cell| !lane.contains(cell)).collect();
+        field
+    }
+
     /// Puts the modules on the cells nearest to a random one.
     pub fn started_together(mut self, count: usize, numbers: &mut Numbers) -> Self {
         let cells = (0..self.width).flat_map(|x| (0..self.height).map(move |y| (x, y)));

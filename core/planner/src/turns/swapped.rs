@@ -58,14 +58,17 @@ impl PlanOutcome {
         });
         let swapped = swapped.filter(|one| one.claimed != one.spot);
         let utilities = Utilities::new(problem, &self.target);
-        let [before, after] = [&claimed, &self.plan].map(|plan| totals(problem, &utilities, self, plan));
+        let [before, after] =
+            [&claimed, &self.plan].map(|plan| totals(problem, &utilities, self, plan));
         self.swapped = Some(Swapped {
             modules: swapped.collect(),
             utility: before.utility - after.utility,
             distance: after.distance - before.distance,
             claimed_longest: before.longest,
         });
-        self.unassigned = modules().filter(|module| !assignments.contains_key(module)).collect();
+        self.unassigned = modules()
+            .filter(|module| !assignments.contains_key(module))
+            .collect();
         self.total_utility = after.utility;
         self.total_distance = after.distance;
         self.longest_distance = after.longest;
@@ -95,14 +98,19 @@ fn totals(
     outcome: &PlanOutcome,
     plan: &Plan,
 ) -> Totals {
-    let blocks = plan.blocks.iter().map(|block| utilities.retention_reward(block.len()));
+    let blocks = plan
+        .blocks
+        .iter()
+        .map(|block| utilities.retention_reward(block.len()));
     let mut totals = Totals {
         utility: utilities.kept_link().times(plan.kept_links.len()) + blocks.sum(),
         distance: MicroUnits::ZERO,
         longest: MicroUnits::ZERO,
     };
     for (&module, &spot) in &plan.assignments {
-        let ends = problem.position_of(module).zip(outcome.target.position_of(spot));
+        let ends = problem
+            .position_of(module)
+            .zip(outcome.target.position_of(spot));
         let Some((module, spot)) = ends else { continue };
         let distance = utilities.distance(module, spot);
         totals.utility += utilities.plain(module, spot);
