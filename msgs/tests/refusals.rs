@@ -491,7 +491,6 @@ fn claims() {
             "claims: detached[1]: module 7 must stand after module 6, the list ascends";
         claim => claim.detached = (0..=10_000).collect(),
             "claims: detached: 10001 entries, at most 10000 are allowed";
-        claim => claim.swaps[1].module_id = 4, "claims: swaps[1]: module 4 is listed twice";
         claim => claim.swaps = vec![selection(1, 1); bounds::SPOTS_MAX + 1],
             "claims: swaps: 10001 entries, at most 10000 are allowed";
     );

@@ -6,7 +6,7 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use formation_model::PlanningProblem;
-use formation_sim::{CampaignParameters, Ending, FaultKind, run_seed};
+use formation_sim::{CampaignParameters, Ending, FaultKind, ViolationKind, run_seed};
 
 use crate::support::{run_all, scenario};
 
@@ -62,21 +62,17 @@ fn a_row_passes_a_bent_lane_after_a_swap() {
     assert!(claims.count() > 0, "{transcript}");
 }
 
-/// Whatever fails, nobody contradicts the swap. A body that is left behind may close the lane.
+/// Whatever fails, nobody contradicts the swap. A body that is left behind closes the lane, so that spots stay open.
 #[test]
 fn faults_contradict_no_swap() {
     for faults in [FaultKind::Mixed, FaultKind::Stops, FaultKind::Partition] {
         for seed in 0..10 {
             let report = run_seed(&parameters(faults, 6), seed).unwrap();
-            assert!(
-                report.violations.is_empty(),
-                "{seed}: {:?}",
-                report.violations
-            );
-            assert!(
-                faults != FaultKind::Stops || report.ending == Ending::Formed,
-                "{seed}"
-            );
+            let mut kinds = report.violations.iter().map(|one| one.kind);
+            let is_open = |kind| matches!(kind, ViolationKind::Hole | ViolationKind::NoEnd);
+            assert!(kinds.all(is_open), "{seed}: {:?}", report.violations);
+            let is_formed = report.ending == Ending::Formed;
+            assert!(faults != FaultKind::Stops || is_formed, "{seed}");
         }
     }
 }

@@ -504,6 +504,7 @@ pub fn claim() -> impl Strategy<Value = SpotClaim> {
     )
         .prop_map(
             |((epoch, turn, claimant, incarnation), spots, modules, evictions, detached, swaps)| {
+                let pair = |(spot, module)| SpotSelection { spot, module };
                 SpotClaim {
                     epoch,
                     turn,
@@ -513,14 +514,11 @@ pub fn claim() -> impl Strategy<Value = SpotClaim> {
                         selections: spots
                             .into_iter()
                             .zip(modules.into_iter().rev())
-                            .map(|(spot, module)| SpotSelection { spot, module })
+                            .map(pair)
                             .collect(),
                         evictions,
                         detached,
-                        swaps: swaps
-                            .into_iter()
-                            .map(|(spot, module)| SpotSelection { spot, module })
-                            .collect(),
+                        swaps: swaps.into_iter().map(pair).collect(),
                     },
                 }
             },

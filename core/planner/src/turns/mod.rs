@@ -2,6 +2,7 @@
 
 mod block_allocation;
 mod decision;
+mod follow;
 mod outcome;
 mod pin_release;
 mod planned_turns;
