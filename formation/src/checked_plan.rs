@@ -8,11 +8,13 @@ use std::time::Instant;
 use anyhow::anyhow;
 use formation_event_log::{Entry, SceneChange};
 use formation_model::text::{counted, joined, listed_in_full};
-use formation_model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, Scenario, SpotId};
+use formation_model::{
+    Assignment, Decision, ModuleId, Plan, PlanningProblem, Policy, Scenario, SpotId,
+};
 use formation_motion::PlannedMotion;
 use formation_planner::{PlanOutcome, Planning, Statistics};
 use formation_report::{Fact, Subject, course_of_plan};
-use formation_verify::{check_plan, hole_of};
+use formation_verify::{Violation, check_plan, check_swapped_plan, hole_of};
 use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
 
@@ -22,6 +24,7 @@ use crate::motion::{self, MotionSummary};
 use crate::progress::PlanProgress;
 use crate::scenario_file::named;
 use crate::spread::WithoutSpread;
+use crate::swap::SwapReport;
 use crate::table::aligned;
 
 /// A plan that the verifier's checks have passed, except that the policy `paper`, and walls round modules, may leave a hole.
@@ -62,6 +65,9 @@ pub struct PlanReport {
     pub planning_us: u64,
     /// The modules to which walls leave no way to the target.
     pub cut_off: Vec<ModuleId>,
+    /// The spots that change hands after the claims, if nothing could carry them out.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub swapped: Option<SwapReport>,
     /// What the parameter `spread` gives up; `formation plan` alone prints it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub without_spread: Option<WithoutSpread>,
@@ -74,6 +80,18 @@ pub struct PlanReport {
     /// How the modules move; `formation plan` alone prints it.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub motion: Option<MotionSummary>,
+}
+
+/// A check of the verifier's.
+type Check = fn(&PlanningProblem, &[Decision], &Plan) -> Result<(), Vec<Violation>>;
+
+fn check(problem: &PlanningProblem, outcome: &PlanOutcome, of: Check) -> Result<(), Failure> {
+    let decisions = outcome.decisions.iter();
+    let decisions: Vec<Decision> = decisions.map(|(_, decision)| decision.clone()).collect();
+    of(problem, &decisions, &outcome.plan).map_err(|violations| {
+        let text = joined(violations, "; ");
+        Failure::Failed(anyhow!("the plan does not keep its guarantees: {text}"))
+    })
 }
 
 impl CheckedPlan {
@@ -107,22 +125,17 @@ impl CheckedPlan {
         });
         let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
         let mut outcome = planning.outcome(decisions);
-        let decisions: Vec<Decision> = outcome
-            .decisions
-            .iter()
-            .map(|(_, decision)| decision.clone())
-            .collect();
-        check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
-            let text = joined(violations, "; ");
-            Failure::Failed(anyhow!("the plan does not keep its guarantees: {text}"))
-        })?;
+        check(&problem, &outcome, check_plan)?;
         let hole = hole_of(&problem, &outcome.plan);
         let hole = (!hole.is_empty()).then(|| joined(hole, "; "));
         if let Some(progress) = &mut progress {
             progress.show_motion();
         }
-        let (motion, plan) = PlannedMotion::of(&problem, outcome.plan, &[]);
-        outcome.plan = plan;
+        let (motion, plan) = PlannedMotion::of(&problem, outcome.plan.clone(), &[]);
+        outcome.follow(&problem, plan);
+        if outcome.swapped.is_some() {
+            check(&problem, &outcome, check_swapped_plan)?;
+        }
         Ok(Self {
             statistics: Statistics::of(&problem, &outcome),
             problem,
@@ -163,6 +176,11 @@ impl CheckedPlan {
         Some(format!("the plan has a hole, {reason}{hole}{open}"))
     }
 
+    /// The swap after the claims, if there is one.
+    fn swapped(&self) -> Option<SwapReport> {
+        self.outcome.swapped.as_ref().map(SwapReport::from)
+    }
+
     /// The modules to which walls leave no way.
     fn cut_off_text(&self) -> Option<String> {
         let cut_off = &self.outcome.cut_off;
@@ -195,6 +213,7 @@ impl CheckedPlan {
             statistics: self.statistics.clone(),
             planning_us: self.planning_us,
             cut_off: self.outcome.cut_off.clone(),
+            swapped: self.swapped(),
             without_spread: None,
             complete: None,
             turns: None,
@@ -305,6 +324,7 @@ impl CheckedPlan {
             let spread = self.problem.parameters().spread;
             parts.push(plain.text(spread, &self.outcome));
         }
+        parts.extend(self.swapped().map(|swapped| swapped.text()));
         // The other policies ignore that modules are docked.
         let policy = self.problem.parameters().policy;
         let places_blocks = matches!(policy, Policy::Exact | Policy::Paper);
@@ -370,7 +390,10 @@ impl CheckedPlan {
     pub fn planning_facts(&self) -> Vec<Fact> {
         let statistics = &self.statistics;
         let messages = &statistics.messages;
-        vec![
+        let swapped = self
+            .swapped()
+            .map(|swapped| Fact::new("swapped after the claims", swapped.text()));
+        let facts = [
             Fact::new("turns", self.outcome.decisions.len()),
             Fact::new("evictions", statistics.changes.evictions),
             Fact::new("links kept", statistics.changes.kept_links),
@@ -390,6 +413,7 @@ impl CheckedPlan {
                     messages.samples, messages.deliveries, messages.pairs
                 ),
             ),
-        ]
+        ];
+        facts.into_iter().chain(swapped).collect()
     }
 }

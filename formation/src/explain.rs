@@ -5,13 +5,13 @@ use std::path::Path;
 use formation_event_log::SceneChange;
 use formation_model::text::{counted, joined};
 use formation_model::{MicroUnits, ModuleId, SpotId};
-use formation_planner::{ConcernedTurn, Explanation, TurnOutcome};
+use formation_planner::{ConcernedTurn, Explanation, SwappedModule, TurnOutcome};
 use ros_runtime::exit::Failure;
 use serde::Serialize;
 
 use crate::checked_plan::CheckedPlan;
 use crate::table::aligned;
-use crate::{check, console, scenario_file};
+use crate::{check, console, scenario_file, swap};
 
 /// The text shows this many other spots.
 const ALTERNATIVES_MAX: usize = 5;
@@ -35,6 +35,9 @@ struct ExplanationReport {
     /// The spots that no module takes.
     open_spots: Vec<SpotId>,
     turns: Vec<TurnReport>,
+    /// The change of its spot after the claims.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    swapped: Option<SwappedModule>,
     alternatives: Vec<AlternativeReport>,
 }
 
@@ -110,6 +113,7 @@ pub fn run(path: &Path, module: u32, json: bool) -> Result<(), Failure> {
         proven: plan.statistics.proven,
         open_spots: plan.statistics.open_spots.clone(),
         turns: turns.collect(),
+        swapped: explanation.swapped,
         alternatives: alternatives.collect(),
     })?;
     plan.refuse_hole(path)
@@ -156,6 +160,10 @@ fn text(explanation: &Explanation) -> String {
     if explanation.turns.is_empty() {
         lines.push("  No turn concerned it.".to_owned());
     }
+    lines.extend(explanation.swapped.as_ref().map(|swapped| {
+        let change = swap::change(swapped);
+        format!("  Swapped after the claims, as no motion leads to the spots claimed: {change}.")
+    }));
     let alternatives = &explanation.alternatives;
     if alternatives.is_empty() {
         return lines.join("\n");

@@ -28,6 +28,7 @@ mod show;
 #[cfg(feature = "simulator")]
 mod simulate;
 mod spread;
+mod swap;
 mod table;
 mod warnings;
 

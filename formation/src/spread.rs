@@ -28,16 +28,23 @@ impl WithoutSpread {
         })
     }
 
-    /// The differences to the plan that is made with a spread, in a sentence.
+    /// The differences to the claims that are made with a spread, in a sentence.
     pub fn text(&self, spread: Spread, made: &PlanOutcome) -> String {
+        let (mut utility, mut distance) = (made.total_utility, made.total_distance);
+        let mut longest = made.longest_distance;
+        if let Some(swapped) = &made.swapped {
+            utility += swapped.utility;
+            distance = distance - swapped.distance;
+            longest = swapped.claimed_longest;
+        }
         format!(
             "spread {}: the longest distance is {:.3} units, without spread {:.3}; given up: {:.3} units of total distance, \
              {:.3} of total utility",
             f64::from(spread),
-            made.longest_distance.to_units(),
+            longest.to_units(),
             self.longest,
-            made.total_distance.to_units() - self.distance,
-            self.utility - made.total_utility.to_units(),
+            distance.to_units() - self.distance,
+            self.utility - utility.to_units(),
         )
     }
 }

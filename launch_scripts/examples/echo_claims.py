@@ -27,6 +27,9 @@ def described(claim):
         line += f"; module {eviction.evicted_module_id} leaves spot {eviction.from_spot_id} for {where}"
     if claim.detached:
         line += f"; detached: {', '.join(str(module) for module in claim.detached)}"
+    if claim.swaps:
+        swaps = ", ".join(f"module {pair.module_id} -> spot {pair.spot_id}" for pair in claim.swaps)
+        line += f"; swapped after it: {swaps}"
     return line
 
 

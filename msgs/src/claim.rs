@@ -39,6 +39,7 @@ pub struct SpotClaim {
     pub selections: Vec<SpotSelection>,
     pub evictions: Vec<EvictionRecord>,
     pub detached: Vec<u32>,
+    pub swaps: Vec<SpotSelection>,
 }
 
 /// See `Eviction.msg`.
@@ -111,6 +112,12 @@ impl EvictionRecord {
 impl From<&model::SpotClaim> for SpotClaim {
     fn from(claim: &model::SpotClaim) -> Self {
         let decision = &claim.decision;
+        let pairs = |pairs: &[model::SpotSelection]| {
+            let pairs = pairs.iter();
+            pairs
+                .map(|pair| SpotSelection::new(pair.spot, pair.module))
+                .collect()
+        };
         Self {
             protocol_version: PROTOCOL_VERSION,
             session: 0,
@@ -118,17 +125,14 @@ impl From<&model::SpotClaim> for SpotClaim {
             turn: claim.turn,
             claimant_id: claim.claimant.0,
             incarnation: claim.incarnation.0,
-            selections: decision
-                .selections
-                .iter()
-                .map(|pair| SpotSelection::new(pair.spot, pair.module))
-                .collect(),
+            selections: pairs(&decision.selections),
             evictions: decision
                 .evictions
                 .iter()
                 .map(EvictionRecord::from)
                 .collect(),
             detached: decision.detached.iter().map(|module| module.0).collect(),
+            swaps: pairs(&decision.swaps),
         }
     }
 }
@@ -148,6 +152,7 @@ impl SpotClaim {
                     record.validated()
                 })?,
                 detached: check::module_ids("detached", &self.detached, MODULES_MAX)?,
+                swaps: selections("swaps", &self.swaps)?,
             },
         })
     }

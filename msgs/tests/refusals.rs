@@ -463,6 +463,7 @@ fn claims() {
         selections: vec![selection(1, 5), selection(2, 4)],
         evictions: vec![eviction()],
         detached: vec![6, 7],
+        swaps: vec![selection(1, 4), selection(2, 5)],
     };
     refusals!(claim, model::SpotClaim:
         claim => claim.epoch = NO_EPOCH, "claims: epoch: number 0 stands for no epoch, but one is needed here";
@@ -490,6 +491,8 @@ fn claims() {
             "claims: detached[1]: module 7 must stand after module 6, the list ascends";
         claim => claim.detached = (0..=10_000).collect(),
             "claims: detached: 10001 entries, at most 10000 are allowed";
+        claim => claim.swaps = vec![selection(1, 1); bounds::SPOTS_MAX + 1],
+            "claims: swaps: 10001 entries, at most 10000 are allowed";
     );
 }
 

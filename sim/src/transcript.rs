@@ -239,6 +239,14 @@ fn claim_entry(claim: &SpotClaim) -> Entry {
             "spots",
             list(pairs.map(|pair| format!("{}:{}", pair.spot.0, pair.module.0))),
         );
+    let entry = match decision.swaps.as_slice() {
+        [] => entry,
+        swaps => {
+            let swaps = swaps.iter();
+            let swaps = swaps.map(|pair| format!("{}:{}", pair.spot.0, pair.module.0));
+            entry.with("swaps", list(swaps))
+        }
+    };
     if decision.detached.is_empty() {
         entry
     } else {

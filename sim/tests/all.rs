@@ -16,4 +16,5 @@ mod service;
 mod stop;
 #[allow(dead_code, reason = "the tests with deliberate bugs use it as well")]
 mod support;
+mod swaps;
 mod transcripts;

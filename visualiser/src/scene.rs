@@ -259,7 +259,7 @@ pub(crate) mod tests {
                     })
                     .collect(),
                 evictions: evictions.collect(),
-                detached: Vec::new(),
+                ..Decision::default()
             },
         }))
     }

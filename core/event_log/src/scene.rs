@@ -214,6 +214,14 @@ impl Scene {
         for &pair in &decision.selections {
             self.hold(pair, changes);
         }
+        for pair in &decision.swaps {
+            if let Some(former) = self.holders.remove(&pair.spot) {
+                self.spots.remove(&former);
+            }
+        }
+        for &pair in &decision.swaps {
+            self.hold(pair, changes);
+        }
     }
 
     fn apply_state(

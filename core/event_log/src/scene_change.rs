@@ -182,8 +182,22 @@ fn write_decision(out: &mut impl Write, claimant: ModuleId, decision: &Decision)
         }
     }
     match decision.evictions.len().saturating_sub(EVICTIONS_MAX) {
+        0 => {}
+        more => write!(out, "; {more} more are evicted")?,
+    }
+    match decision.swaps.len() {
         0 => Ok(()),
-        more => write!(out, "; {more} more are evicted"),
+        1..=EVICTIONS_MAX => {
+            let mut swaps: Vec<_> = decision
+                .swaps
+                .iter()
+                .map(|pair| (pair.module, pair.spot))
+                .collect();
+            swaps.sort_unstable();
+            out.write_str("; then ")?;
+            write_takers(out, &swaps, ["swaps to", "swap to"])
+        }
+        more => write!(out, "; then {more} modules swap their spots"),
     }
 }
 
@@ -224,7 +238,7 @@ mod tests {
                 from: SpotId(4),
                 to: Some(SpotId(2)),
             }],
-            detached: Vec::new(),
+            ..Decision::default()
         };
         assert_eq!(
             turn(2, 7, &single),
@@ -232,8 +246,8 @@ mod tests {
         );
         let block = Decision {
             selections: vec![pair(3, 1), pair(1, 2), pair(2, 3)],
-            evictions: Vec::new(),
             detached: vec![ModuleId(4)],
+            ..Decision::default()
         };
         assert_eq!(
             turn(0, 1, &block),
@@ -241,8 +255,8 @@ mod tests {
         );
         let broken = Decision {
             selections: vec![pair(3, 1), pair(1, 2), pair(2, 3), pair(4, 7)],
-            evictions: Vec::new(),
             detached: vec![ModuleId(2), ModuleId(4), ModuleId(5)],
+            ..Decision::default()
         };
         assert_eq!(
             turn(0, 1, &broken),

@@ -36,11 +36,15 @@ pub struct Decision {
     /// The modules that leave their configuration, ascending; in an exact finish also those that left it in an earlier turn
     /// and get a spot only now.
     pub detached: Vec<ModuleId>,
+    /// In the last turn alone: the new holders of the spots that equal units swap after it, ascending by spot, where nothing
+    /// could carry out the claims.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub swaps: Vec<SpotSelection>,
 }
 
 impl Decision {
     /// The number of its spots, evictions and modules, by which the memory for decisions is limited.
     pub fn entry_count(&self) -> usize {
-        self.selections.len() + self.evictions.len() + self.detached.len()
+        self.selections.len() + self.evictions.len() + self.detached.len() + self.swaps.len()
     }
 }

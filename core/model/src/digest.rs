@@ -250,5 +250,13 @@ pub fn of_plan(
     if let Some(motion) = motion {
         put_motion(&mut canonical, motion);
     }
+    let last = decisions.last().map(|(_, last)| &last.swaps);
+    if let Some(swaps) = last.filter(|swaps| !swaps.is_empty()) {
+        canonical.length(swaps.len());
+        for swap in swaps {
+            canonical.identifier(Some(swap.spot.0));
+            canonical.identifier(Some(swap.module.0));
+        }
+    }
     canonical.finish()
 }

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
-use crate::{ModuleId, SpotId};
+use crate::{ModuleId, SpotId, SpotSelection};
 
 /// One module and the spot that it takes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
@@ -94,4 +94,7 @@ pub struct Plan {
     pub kept_links: BTreeSet<(ModuleId, ModuleId)>,
     /// The order in which the units move.
     pub assembly: Assembly,
+    /// The new holders of the spots that change hands after the claims, ascending by spot; empty unless nothing could carry
+    /// out the claims.
+    pub swaps: Vec<SpotSelection>,
 }

@@ -2,10 +2,10 @@
 
 use formation_model::{
     ActingUnit, Area, AssemblyWarning, ModuleId, MotionMode, MotionPlan, Plan, PlanningProblem,
-    SpotId, UnitMotion,
+    Policy, SpotId, UnitMotion,
 };
 
-use super::paths::{MotionError, MotionParameters, MotionRequest, plan_motion};
+use super::paths::{MotionError, MotionParameters, MotionRequest, plan_motion, plan_with_swaps};
 
 /// How the modules of a plan move. It follows from the problem, the plan and the obstacles alone.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -19,7 +19,8 @@ pub enum PlannedMotion {
 }
 
 impl PlannedMotion {
-    /// Plans the motion, and gives the plan the units that the motion has.
+    /// Plans the motion, and gives the plan the units that the motion has. Where a unit cannot get to the spots that it was
+    /// claimed, equal units swap theirs, except under the policy `paper`.
     ///
     /// Bodies of modules that take no part stand on `obstacles`.
     /// Enforces X7.
@@ -30,16 +31,24 @@ impl PlannedMotion {
             return (Self::Straight(None), plan);
         }
         let surroundings = problem.target().surroundings();
-        let motion = plan_motion(&MotionRequest {
+        let request = MotionRequest {
             problem,
             plan: &plan,
             obstacles: &[surroundings.obstacles(), obstacles].concat(),
             walls: surroundings.arena(),
             parameters: MotionParameters::default(),
-        });
-        match motion {
-            Ok(motion) => {
-                let plan = reordered(problem, plan, &motion);
+        };
+        let may_swap = problem.parameters().policy != Policy::Paper;
+        let found = match plan_motion(&request) {
+            Err(error @ MotionError::Unreachable { .. }) if may_swap => {
+                let swapped = plan_with_swaps(&request).ok_or(error);
+                swapped.map(|(motion, plan)| (motion, Some(plan)))
+            }
+            found => found.map(|motion| (motion, None)),
+        };
+        match found {
+            Ok((motion, swapped)) => {
+                let plan = reordered(problem, swapped.unwrap_or(plan), &motion);
                 (Self::Paths(motion), plan)
             }
             // Straight lines would lead through obstacles and walls.

@@ -13,4 +13,5 @@ mod motion_stops;
 mod obstacles;
 mod rows;
 mod support;
+mod swaps;
 mod walled;

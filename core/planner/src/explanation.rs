@@ -3,7 +3,7 @@
 use serde::Serialize;
 
 use super::barrier::Barrier;
-use super::turns::PlanOutcome;
+use super::turns::{PlanOutcome, SwappedModule};
 use super::value::Utilities;
 use formation_model::{Decision, FreeCells, MicroUnits, ModuleId, PlanningProblem, SpotId};
 
@@ -22,6 +22,8 @@ pub struct Explanation {
     pub barrier: Option<Barrier>,
     /// The turns that concerned it, in their order.
     pub turns: Vec<ConcernedTurn>,
+    /// The change of its spot after the claims, if there is one.
+    pub swapped: Option<SwappedModule>,
     /// What each spot of the formed target would have been worth to it, the best first; without its own. None if it is cut off.
     pub alternatives: Vec<Alternative>,
 }
@@ -110,6 +112,10 @@ impl Explanation {
             detour,
             barrier,
             turns: turns.collect(),
+            swapped: outcome
+                .swapped
+                .as_ref()
+                .and_then(|swapped| swapped.of(module)),
             alternatives,
         })
     }
@@ -260,7 +266,7 @@ singletons: [{id: 1, x: 9, y: 0}, {id: 2, x: 0, y: 2}, {id: 3, x: 1, y: 2}]
         let decision = Decision {
             selections: vec![selection(7, 1), selection(4, 2)],
             evictions: vec![eviction],
-            detached: Vec::new(),
+            ..Decision::default()
         };
         let loses = TurnOutcome::Loses {
             spot: SpotId(1),

@@ -76,7 +76,7 @@ impl PlanJob {
         let (motion, plan) = PlannedMotion::of(turns.problem(), plan, &self.obstacles);
         ComputedPlan {
             job: self,
-            turns,
+            turns: turns.with_swaps(&plan.swaps),
             motion: Arc::new(motion),
             plan: Arc::new(plan),
             for_roster: OnceLock::new(),

@@ -7,12 +7,13 @@ mod observer;
 mod plan;
 mod replay;
 mod source_guard;
+mod swaps;
 mod violation;
 
 pub use observer::{
     Agreement, CollisionRisk, Counts, Observer, ObserverParameters, Outcome, Progress, Timings,
     Verdict,
 };
-pub use plan::{check_plan, hole_of};
+pub use plan::{check_plan, check_swapped_plan, hole_of};
 pub use source_guard::{Admission, SourceGuard};
 pub use violation::{Missing, Violation};

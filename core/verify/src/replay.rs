@@ -23,6 +23,8 @@ pub(super) struct Replay {
     pub(super) evictions: usize,
     /// The number of (spot, selector) pairs.
     pub(super) pairs: usize,
+    /// Whether spots were swapped, which only the last turn may do.
+    pub(super) swapped: bool,
     pub(super) violations: Vec<Violation>,
     /// The violations of the latest turn unless it is the last one and restores the optimum.
     unless_last: Vec<Violation>,
@@ -52,6 +54,9 @@ impl Replay {
     /// Replays one turn. A turn with violations is applied as far as possible.
     pub(super) fn apply(&mut self, problem: &PlanningProblem, turn: u32, decision: &Decision) {
         self.violations.append(&mut self.unless_last);
+        if self.swapped {
+            self.violations.push(Violation::SwapTooEarly { turn });
+        }
         self.pairs += decision.selections.len();
         self.evictions += decision.evictions.len();
         if !self.names_exist(problem, decision) {
@@ -83,13 +88,14 @@ impl Replay {
             self.violations.append(&mut unusual);
         }
         self.detached.extend(&decision.detached);
+        self.swap(problem, turn, &decision.swaps);
     }
 
     /// Whether all modules and spots of a decision exist.
     fn names_exist(&mut self, problem: &PlanningProblem, decision: &Decision) -> bool {
         let mut modules: Vec<ModuleId> = decision.detached.clone();
         let mut spots: Vec<SpotId> = Vec::new();
-        for selection in &decision.selections {
+        for selection in decision.selections.iter().chain(&decision.swaps) {
             modules.push(selection.module);
             spots.push(selection.spot);
         }

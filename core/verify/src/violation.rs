@@ -66,6 +66,15 @@ pub enum Violation {
         module: ModuleId,
         spot: SpotId,
     },
+    /// A swap after the claims would open a spot, move a pinned module, or give a module two spots.
+    #[error("turn {turn} swaps {module} to {spot}, which it may not")]
+    WrongSwap {
+        turn: u32,
+        spot: SpotId,
+        module: ModuleId,
+    },
+    #[error("turn {turn} follows one after which spots were swapped")]
+    SwapTooEarly { turn: u32 },
     /// There are more turns than two for each module (guarantee 1).
     #[error("{turns} turns for {modules} modules")]
     TooManyTurns { turns: usize, modules: usize },

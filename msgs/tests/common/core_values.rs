@@ -500,9 +500,11 @@ pub fn claim() -> impl Strategy<Value = SpotClaim> {
         btree_set(module_id(), 5),
         vec(eviction_record(), 0..4),
         module_ids(),
+        btree_set((spot_id(), module_id()), 0..2),
     )
         .prop_map(
-            |((epoch, turn, claimant, incarnation), spots, modules, evictions, detached)| {
+            |((epoch, turn, claimant, incarnation), spots, modules, evictions, detached, swaps)| {
+                let pair = |(spot, module)| SpotSelection { spot, module };
                 SpotClaim {
                     epoch,
                     turn,
@@ -512,10 +514,11 @@ pub fn claim() -> impl Strategy<Value = SpotClaim> {
                         selections: spots
                             .into_iter()
                             .zip(modules.into_iter().rev())
-                            .map(|(spot, module)| SpotSelection { spot, module })
+                            .map(pair)
                             .collect(),
                         evictions,
                         detached,
+                        swaps: swaps.into_iter().map(pair).collect(),
                     },
                 }
             },

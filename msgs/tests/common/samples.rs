@@ -97,6 +97,7 @@ impl Collection {
         self.add(claim);
         self.add_all(&claim.selections);
         self.add_all(&claim.evictions);
+        self.add_all(&claim.swaps);
     }
 
     fn add_action(

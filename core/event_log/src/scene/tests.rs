@@ -51,7 +51,7 @@ fn claim(turn: u32, pairs: &[(u32, u32)], evictions: &[(u32, u32, Option<u32>)])
                     to: to.map(SpotId),
                 })
                 .collect(),
-            detached: Vec::new(),
+            ..Decision::default()
         },
     }
 }

@@ -34,8 +34,10 @@ mod schedule;
 mod shape;
 mod sipp;
 mod start;
+mod swap;
 mod table;
 mod units;
+mod unlabelled;
 mod variants;
 mod waits;
 
@@ -46,6 +48,7 @@ pub use result::{
 use formation_model::{MotionPlan, Polyline, Pose};
 
 use lattice_request::LatticeRequest;
+pub(crate) use swap::plan_with_swaps;
 
 /// Paths and waits for all units of a plan.
 ///

@@ -70,6 +70,55 @@ impl Field {
         Self::grid(6, 5, 40, numbers)
     }
 
+    /// A maze of lanes that are one cell wide; some walls, in percent, have an opening more.
+    pub fn lanes(count: i64, percent: usize, numbers: &mut Numbers) -> Self {
+        Self::grid(count, 2, percent, numbers)
+    }
+
+    /// One lane, with modules on its first cells and spots on its last ones.
+    pub fn lane(lane: &[Cell], count: usize) -> Self {
+        let low = lane
+            .iter()
+            .fold((0, 0), |low, cell| (low.0.min(cell.0), low.1.min(cell.1)));
+        let lane: Vec<Cell> = lane
+            .iter()
+            .map(|cell| (cell.0 - low.0, cell.1 - low.1))
+            .collect();
+        let mut field = Self {
+            width: lane.iter().map(|cell| cell.0 + 1).max().unwrap(),
+            height: lane.iter().map(|cell| cell.1 + 1).max().unwrap(),
+            spots: (1..)
+                .zip(lane[lane.len() - count..].iter().copied())
+                .collect(),
+            starts: (1..).zip(lane[..count].iter().copied()).collect(),
+            ..Self::default()
+        };
+        let cells = (0..field.width).flat_map(|x| (0..field.height).map(move |y| (x, y)));
+        field.walls = cells.filter(|cell| !lane.contains(cell)).collect();
+        field
+    }
+
+    /// Puts the modules on the cells nearest to a random one.
+    pub fn started_together(mut self, count: usize, numbers: &mut Numbers) -> Self {
+        let cells = (0..self.width).flat_map(|x| (0..self.height).map(move |y| (x, y)));
+        let free: Vec<Cell> = cells.filter(|&cell| self.is_free(cell)).collect();
+        let blob = self.blob(free[numbers.below(free.len())], count);
+        self.starts = (1..).zip(blob).collect();
+        self
+    }
+
+    fn blob(&self, first: Cell, count: usize) -> Vec<Cell> {
+        let (mut blob, mut seen) = (VecDeque::from([first]), BTreeSet::from([first]));
+        let mut found = Vec::new();
+        while found.len() < count {
+            let cell = blob.pop_front().unwrap();
+            found.push(cell);
+            let next = Self::around(cell).into_iter();
+            blob.extend(next.filter(|&cell| self.is_free(cell) && seen.insert(cell)));
+        }
+        found
+    }
+
     /// Places of `pitch - 1` cells a side, with walls of one cell between them. A spanning tree of openings joins all of them;
     /// of the other walls some, in percent, have an opening. Openings are as wide as the places if no wall is opened besides.
     fn grid(count: i64, pitch: i64, percent: usize, numbers: &mut Numbers) -> Self {
@@ -134,13 +183,7 @@ impl Field {
         let cells = (0..self.width).flat_map(|x| (0..self.height).map(move |y| (x, y)));
         let mut free: Vec<Cell> = cells.filter(|&cell| self.is_free(cell)).collect();
         let first = free[numbers.below(free.len())];
-        let (mut blob, mut seen) = (VecDeque::from([first]), BTreeSet::from([first]));
-        while self.spots.len() < count {
-            let cell = blob.pop_front().unwrap();
-            self.spots.insert(self.spots.len() as u32 + 1, cell);
-            let next = Self::around(cell).into_iter();
-            blob.extend(next.filter(|&cell| self.is_free(cell) && seen.insert(cell)));
-        }
+        self.spots = (1..).zip(self.blob(first, count)).collect();
         free.retain(|cell| !self.spots.values().any(|spot| spot == cell));
         for module in 1..=count {
             let cell = free.swap_remove(numbers.below(free.len()));

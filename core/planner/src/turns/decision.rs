@@ -107,6 +107,7 @@ impl Planning {
             selections: selections.collect(),
             evictions: evictions.collect(),
             detached,
+            swaps: Vec::new(),
         }
     }
 }

@@ -2,12 +2,14 @@
 
 mod block_allocation;
 mod decision;
+mod follow;
 mod outcome;
 mod pin_release;
 mod planned_turns;
 mod planning;
 mod separators;
 mod start;
+mod swapped;
 mod trimming;
 mod turn_order;
 mod turn_result;
@@ -16,3 +18,4 @@ pub use outcome::{PlanOutcome, plan};
 pub use pin_release::plan_releasing_pins;
 pub use planned_turns::PlannedTurns;
 pub use planning::{ClaimRefused, Planning, Turn};
+pub use swapped::{Swapped, SwappedModule};

@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::planning::{Planning, Turn};
+use super::swapped::Swapped;
 use crate::assembly;
 use formation_baselines::auction::AuctionCounts;
 use formation_model::{Decision, MicroUnits, ModuleId, Plan, PlanningProblem, SpotId, Target};
@@ -33,6 +34,8 @@ pub struct PlanOutcome {
     pub longest_distance: MicroUnits,
     /// Whether every block took the best place that exists; `false` when a search ended at its budget.
     pub proven: bool,
+    /// The swap of spots after the claims, if the motion needs one.
+    pub swapped: Option<Swapped>,
     /// The messages of the auction before the first turn; `None` under every other policy.
     pub auction: Option<AuctionCounts>,
 }
@@ -109,6 +112,7 @@ impl Planning {
             total_distance,
             longest_distance,
             proven: self.proven,
+            swapped: None,
             auction: self.central.as_ref().and_then(|central| central.auction),
         }
     }

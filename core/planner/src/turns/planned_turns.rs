@@ -38,6 +38,10 @@ impl PlannedTurns {
         (planned, planning.spot_values())
     }
 
+    pub(super) fn last_decision(&mut self) -> Option<&mut (ModuleId, Decision)> {
+        self.turns.last_mut()
+    }
+
     /// The problem that was planned for.
     #[must_use]
     pub fn problem(&self) -> &Arc<PlanningProblem> {

@@ -464,3 +464,84 @@ fn a_wrong_acting_order_is_found() {
     let found = after(|case| case.plan.assembly.units[3].pinned = true);
     assert_eq!(found, [Violation::WrongPin { lead: ModuleId(4) }]);
 }
+
+/// Modules 5 and 6 swap spots 1 and 5 after the last claim.
+fn swapped(swaps: &[(u32, u32)]) -> Case {
+    let mut case = good();
+    if let Some(last) = case.decisions.last_mut() {
+        last.swaps = decision(swaps).selections;
+    }
+    let plan = &mut case.plan;
+    for (module, spot) in [(5, 5), (6, 1)] {
+        plan.assignments.insert(ModuleId(module), SpotId(spot));
+    }
+    plan.assembly.units[1] = unit(&[(5, 5)]);
+    plan.assembly.units[2] = unit(&[(6, 1)]);
+    case
+}
+
+fn violations_of_swaps(case: &Case) -> Vec<Violation> {
+    let found = check_swapped_plan(&case.problem(), &case.decisions, &case.plan);
+    found.err().unwrap_or_default()
+}
+
+#[test]
+fn a_swap_of_equal_units_passes() {
+    assert_eq!(violations_of_swaps(&swapped(&[(1, 6), (5, 5)])), []);
+}
+
+#[test]
+fn a_wrong_swap_is_found() {
+    let wrong = |spot, module| Violation::WrongSwap {
+        turn: 3,
+        spot: SpotId(spot),
+        module: ModuleId(module),
+    };
+    // Spot 5 would be left open.
+    assert_finds(&violations_of_swaps(&swapped(&[(1, 6)])), &wrong(1, 6));
+    // Module 6 would take two spots.
+    let twice = swapped(&[(1, 6), (4, 6), (5, 5)]);
+    assert_finds(&violations_of_swaps(&twice), &wrong(4, 6));
+    // Module 5 holds spot 1 already.
+    let idle = swapped(&[(1, 5)]);
+    assert_finds(&violations_of_swaps(&idle), &wrong(1, 5));
+    let mut pinned = swapped(&[(1, 6), (5, 5)]);
+    pinned.pins = vec![(5, 1)];
+    pinned.decisions.pop();
+    pinned.decisions[2].swaps = decision(&[(1, 6), (5, 5)]).selections;
+    let found = violations_of_swaps(&pinned);
+    assert!(
+        found
+            .iter()
+            .any(|one| matches!(one, Violation::WrongSwap { turn: 2, .. })),
+        "{found:?}"
+    );
+    let mut paper = swapped(&[(1, 6), (5, 5)]);
+    paper.parameters.policy = Policy::Paper;
+    assert_finds(&violations_of_swaps(&paper), &wrong(1, 6));
+}
+
+#[test]
+fn no_turn_follows_a_swap() {
+    let mut case = swapped(&[(1, 6), (5, 5)]);
+    case.decisions.push(Decision::default());
+    assert_finds(
+        &violations_of_swaps(&case),
+        &Violation::SwapTooEarly { turn: 4 },
+    );
+}
+
+/// The members of a block that a swap parts move as single modules.
+#[test]
+fn a_swap_that_parts_a_block_leaves_no_block() {
+    let mut case = good();
+    let mut replay = Replay::new(&case.problem());
+    if let Some(last) = case.decisions.last_mut() {
+        last.swaps = decision(&[(1, 1), (2, 5)]).selections;
+    }
+    for (turn, decision) in (0..).zip(&case.decisions) {
+        replay.apply(&case.problem(), turn, decision);
+    }
+    assert_eq!(replay.violations, []);
+    assert!(replay.blocks.is_empty(), "{:?}", replay.blocks);
+}

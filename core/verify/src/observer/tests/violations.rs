@@ -39,7 +39,7 @@ fn of_claims() {
             from: SpotId(3),
             to: None,
         }],
-        detached: Vec::new(),
+        ..Decision::default()
     };
     sequence.assert_violates(&Violation::MemberEvicted {
         turn: 3,
