@@ -19,6 +19,7 @@ use std::time::Duration;
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 use formation_model::{MICRO_PER_UNIT, MicroUnits};
+use formation_offline::SPEED_UNITS_PER_S;
 #[cfg(feature = "simulator")]
 use formation_sim::FaultKind;
 use ros_runtime::arguments::Namespace;
@@ -254,9 +255,6 @@ pub struct WatchArguments {
     #[arg(long, value_name = "NUMBER")]
     pub session: Option<u32>,
 }
-
-/// The default speed of simulated modules.
-pub const SPEED_UNITS_PER_S: f64 = 5.0;
 
 /// What to run, and how.
 #[derive(Debug, Args)]
