@@ -2,10 +2,7 @@
 
 use std::path::Path;
 
-use formation_offline::{
-    CheckedPlan, SPEED_UNITS_PER_S, WithoutSpread, motion_mark, motion_warning,
-};
-use formation_report::{Summary, Tone};
+use formation_offline::{CheckedPlan, WithoutSpread};
 use ros_runtime::exit::{Failure, one_line};
 
 use crate::plan_output::PlanOutput;
@@ -43,23 +40,6 @@ fn write_report(
 ) -> Result<(), Failure> {
     let course = plan.course();
     let subject = plan.subject(&one_line(name), &course);
-    let mut notes = plan.statistics.warnings.clone();
-    notes.extend(motion_warning(&plan.motion));
-    let summary = Summary {
-        outcome: format!(
-            "Planned: {} of {} spots get a module{}",
-            plan.statistics.assignments.len(),
-            plan.problem.target().spots().len(),
-            motion_mark(&plan.motion)
-        ),
-        tone: Tone::Neutral,
-        source: format!(
-            "Planned offline and not carried out: the film shows the turns of the plan, then its motions, at \
-             {SPEED_UNITS_PER_S} units a second. The clock next to the film counts the motions alone."
-        ),
-        facts: plan.facts(),
-        notes,
-    };
     directory.write_json(&plan.whole_report(without_spread))?;
-    directory.write_pictures(&subject, &course, &summary)
+    directory.write_pictures(&subject, &course, &plan.summary())
 }

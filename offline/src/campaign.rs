@@ -13,6 +13,9 @@ use serde::Serialize;
 
 use crate::checked_plan::{CheckedPlan, PlanTurn};
 
+/// The most modules of a drawn scenario. Larger clusters are possible, but one run takes minutes.
+pub const SIMULATED_MODULES_MAX: usize = 200;
+
 /// The parameters of the runs of `formation simulate`: those of a planned scenario, or of drawn ones of `modules`.
 pub fn campaign_parameters(
     faults: FaultKind,

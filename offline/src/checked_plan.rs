@@ -9,7 +9,7 @@ use formation_model::text::{counted, joined, listed_in_full};
 use formation_model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, SpotId};
 use formation_motion::PlannedMotion;
 use formation_planner::{PlanOutcome, Planning, Statistics};
-use formation_report::{Fact, Subject, course_of_plan};
+use formation_report::{Fact, Subject, Summary, Tone, course_of_plan};
 use formation_verify::{check_plan, hole_of};
 use serde::Serialize;
 use thiserror::Error;
@@ -327,6 +327,27 @@ impl CheckedPlan {
             ]
         };
         aligned(heads, self.statistics.assignments.iter().map(row))
+    }
+
+    /// What the page of a plan says besides its film.
+    pub fn summary(&self) -> Summary {
+        let mut notes = self.statistics.warnings.clone();
+        notes.extend(motion::warning(&self.motion));
+        Summary {
+            outcome: format!(
+                "Planned: {} of {} spots get a module{}",
+                self.statistics.assignments.len(),
+                self.problem.target().spots().len(),
+                motion::mark(&self.motion)
+            ),
+            tone: Tone::Neutral,
+            source: format!(
+                "Planned offline and not carried out: the film shows the turns of the plan, then its motions, at \
+                 {SPEED_UNITS_PER_S} units a second. The clock next to the film counts the motions alone."
+            ),
+            facts: self.facts(),
+            notes,
+        }
     }
 
     /// How many modules and spots there are, and the numbers of the plan, for the page of a report.

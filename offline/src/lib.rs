@@ -17,7 +17,7 @@ mod table;
 mod warnings;
 
 #[cfg(feature = "simulator")]
-pub use campaign::{Campaign, Figures, campaign_parameters, counted_u64};
+pub use campaign::{Campaign, Figures, SIMULATED_MODULES_MAX, campaign_parameters, counted_u64};
 pub use check::{CheckReport, docked_count};
 pub use checked_plan::{
     CheckedPlan, GuaranteeBroken, PlanReport, PlanStage, PlanTurn, SPEED_UNITS_PER_S,
@@ -25,8 +25,8 @@ pub use checked_plan::{
 pub use explain::{ExplanationReport, explanation_text};
 #[cfg(feature = "maps")]
 pub use import::{ImportError, ImportOptions, import, map_bytes_max};
-pub use motion::{mark as motion_mark, warning as motion_warning};
-pub use scenario_text::{generated, to_yaml};
+pub use motion::warning as motion_warning;
+pub use scenario_text::{field_percent, generated, to_yaml};
 pub use spread::WithoutSpread;
 pub use table::aligned;
 pub use warnings::of as oddities;

@@ -4,7 +4,20 @@ use std::fmt::Write;
 
 use formation_generate::{Apart, GenerateError, GeneratorParameters, generate, set_apart};
 use formation_model::text::joined;
-use formation_model::{RawModule, RawScenario};
+use formation_model::{MICRO_PER_UNIT, MicroUnits, RawModule, RawScenario};
+
+/// The width of the field in which modules start, 1.5 to 100 times the square root of their number, in hundredths.
+///
+/// # Errors
+/// The width is out of this range.
+pub fn field_percent(width: f64) -> Result<u32, String> {
+    let width = MicroUnits::from_units(width);
+    let percent = width.map(|width| width.0 / (MICRO_PER_UNIT / 100));
+    let percent = percent.ok().and_then(|percent| u32::try_from(percent).ok());
+    percent
+        .filter(|percent| (150..=10_000).contains(percent))
+        .ok_or_else(|| "must be 1.5 to 100".to_owned())
+}
 
 /// Draws a scenario. With a width, in hundredths of the square root of the number of modules, the modules start apart in a square
 /// field about the target; without one they start as in the paper, and may touch.

@@ -89,6 +89,13 @@ fn read_merged<T: DeserializeOwned>(text: &str) -> Result<T, YamlError> {
     })
 }
 
+/// The line and the column, from 1, of the field at a path such as `configurations[0].modules[2].id`; `None` where the text has no
+/// such field, or is no YAML.
+#[must_use]
+pub fn place_of_field(text: &str, field: &str) -> Option<(usize, usize)> {
+    location_of(&without_marks(text), &path_of(&format!("{field}: ")))
+}
+
 /// A step of the way to a field.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum Segment {
@@ -427,6 +434,7 @@ mod tests {
             [field("b"), Segment::Entry(1), field("y")]
         );
         assert_eq!(prefix(&path_of("b[1].y: is wrong")), "b[1].y: ");
+        assert_eq!(place_of_field(text, "b[1].y"), Some((4, 15)));
     }
 
     #[test]
