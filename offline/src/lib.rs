@@ -14,6 +14,7 @@ mod motion;
 mod scenario_text;
 mod spread;
 mod table;
+mod trace;
 mod warnings;
 
 #[cfg(feature = "simulator")]
@@ -29,4 +30,5 @@ pub use motion::warning as motion_warning;
 pub use scenario_text::{field_percent, generated, to_yaml};
 pub use spread::WithoutSpread;
 pub use table::aligned;
+pub use trace::{TraceError, TraceVerdict, read_trace, verify_trace};
 pub use warnings::of as oddities;

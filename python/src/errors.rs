@@ -1,6 +1,7 @@
 //! Errors of Rust as the exceptions of `formation.errors`.
 
 use formation_model::{ScenarioError, place_of_field};
+use formation_offline::TraceError;
 use formation_planner::PlanTooLong;
 use pyo3::prelude::*;
 use pyo3::types::PyAnyMethods;
@@ -66,4 +67,9 @@ pub fn scenario_too_large(py: Python<'_>, error: &PlanTooLong) -> PyErr {
     let field = error.field;
     let reason = text.strip_prefix(&format!("{field}: ")).unwrap_or(&text);
     raised(py, "ScenarioError", (reason, field))
+}
+
+/// A trace that cannot be read.
+pub fn trace_refused(py: Python<'_>, error: &TraceError) -> PyErr {
+    raised(py, "TraceError", (error.reason.as_str(), error.line))
 }

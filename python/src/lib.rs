@@ -10,6 +10,7 @@ mod generator;
 mod plan;
 mod scenario;
 mod simulation;
+mod trace;
 
 use pyo3::prelude::*;
 
@@ -24,4 +25,6 @@ mod _native {
     use super::scenario::NativeScenario;
     #[pymodule_export]
     use super::simulation::{NativeSimulation, fault_kinds, simulate};
+    #[pymodule_export]
+    use super::trace::verify_json;
 }

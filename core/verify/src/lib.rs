@@ -7,6 +7,7 @@ mod observer;
 mod plan;
 mod replay;
 mod source_guard;
+pub mod trace;
 mod violation;
 
 pub use observer::{
