@@ -21,7 +21,10 @@ fn raised<'py>(py: Python<'py>, name: &str, arguments: impl pyo3::call::PyCallAr
 /// A scenario that was refused. The text, where there is one, tells the line of a field.
 pub fn scenario_refused(py: Python<'_>, error: &ScenarioError, text: Option<&str>) -> PyErr {
     let (field, place, reason) = match error {
-        ScenarioError::Yaml(error) => (None, error.location, error.reason.clone()),
+        ScenarioError::Yaml(error) => {
+            let (field, reason) = error.field_and_reason();
+            (field.map(str::to_owned), error.location, reason.to_owned())
+        }
         ScenarioError::TooDeep { line, column } => {
             (None, Some((*line, *column)), error.to_string())
         }

@@ -27,6 +27,18 @@ fn place(location: Option<(usize, usize)>) -> String {
     }
 }
 
+impl YamlError {
+    /// The path of the field, if the reason begins with one, and the rest of the reason.
+    #[must_use]
+    pub fn field_and_reason(&self) -> (Option<&str>, &str) {
+        let is_path = |path: &&str| !path.is_empty() && !path.contains([' ', '`']);
+        match self.reason.split_once(": ") {
+            Some((path, rest)) if is_path(&path) => (Some(path), rest),
+            _ => (None, &self.reason),
+        }
+    }
+}
+
 /// A merge key takes in the fields of other mappings (<https://yaml.org/type/merge.html>).
 const MERGE: &str = "<<";
 
