@@ -204,9 +204,17 @@ class Scenario:
         return self._native.to_maps()
 
     def with_planner(self, **parameters: Any) -> Scenario:
-        """The same scenario with other fields in its section ``planner``, such as ``policy="auction"``."""
+        """The same scenario with other fields in its section ``planner``, such as ``policy="auction"``.
+
+        A chain length that is not bounded counts as not given, so that the policy ``paper`` has its own bound.
+        """
         data = self.to_dict()
-        data["planner"] = {**data.get("planner", {}), **parameters}
+        planner = data["planner"]
+        if parameters.get("policy", planner["policy"]) != "paper":
+            planner.pop("paper", None)
+        if planner["d_max"] is None:
+            del planner["d_max"]
+        data["planner"] = {**planner, **parameters}
         return Scenario.from_dict(data)
 
     def plan(self, policy: Any = None) -> Plan:

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use formation_model::{RawScenario, Scenario, Target};
+use formation_model::{Policy, RawScenario, Scenario, Target};
 use formation_offline::{oddities, to_yaml};
 use formation_planner::assignment::Instance;
 use pyo3::prelude::*;
@@ -127,6 +127,15 @@ impl NativeScenario {
             arrays::numbers(each.map(|(module, spot)| utilities.of(module, spot).to_units()))
         });
         PyBytes::new(py, &bytes)
+    }
+
+    /// The choices that only the policy `paper` has, by name; empty for other policies.
+    fn policy_options(&self) -> Vec<(&'static str, String)> {
+        let parameters = self.scenario.problem().parameters();
+        match parameters.policy {
+            Policy::Paper => parameters.paper.named().to_vec(),
+            _ => Vec::new(),
+        }
     }
 
     /// Plans it.
