@@ -8,7 +8,7 @@ use formation_event_log::{Entry, SceneChange};
 use formation_model::text::{counted, joined, listed_in_full};
 use formation_model::{Assignment, Decision, ModuleId, PlanningProblem, Policy, SpotId};
 use formation_motion::PlannedMotion;
-use formation_planner::{PlanOutcome, Planning, Statistics};
+use formation_planner::{AllocationRefused, PlanOutcome, Planning, Statistics};
 use formation_report::{Fact, Subject, Summary, Tone, course_of_plan};
 use formation_verify::{check_plan, hole_of};
 use serde::Serialize;
@@ -25,6 +25,17 @@ pub const SPEED_UNITS_PER_S: f64 = 5.0;
 #[derive(Debug, Error)]
 #[error("the plan does not keep its guarantees: {0}")]
 pub struct GuaranteeBroken(String);
+
+/// Why there is no plan by an allocation.
+#[derive(Debug, Error)]
+pub enum ByAllocationError {
+    /// It is none for the problem.
+    #[error(transparent)]
+    Refused(#[from] AllocationRefused),
+    /// Its plan does not keep what plans guarantee.
+    #[error(transparent)]
+    GuaranteeBroken(#[from] GuaranteeBroken),
+}
 
 /// How far a plan has come.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -102,10 +113,32 @@ impl CheckedPlan {
     /// Lists the guarantees that the plan does not keep.
     pub fn with_progress(
         problem: Arc<PlanningProblem>,
-        mut report: impl FnMut(PlanStage),
+        report: impl FnMut(PlanStage),
     ) -> Result<Self, GuaranteeBroken> {
         let start = Instant::now();
-        let mut planning = Planning::new(Arc::clone(&problem));
+        Self::made(Planning::new(problem), start, report)
+    }
+
+    /// The plan by which the modules take the spots of an allocation, checked like any other. The problem has a policy that assigns
+    /// centrally.
+    ///
+    /// # Errors
+    /// Names what is wrong with the allocation, or lists the guarantees that its plan does not keep.
+    pub fn by_allocation(
+        problem: Arc<PlanningProblem>,
+        allocation: &BTreeMap<ModuleId, SpotId>,
+    ) -> Result<Self, ByAllocationError> {
+        let start = Instant::now();
+        let planning = Planning::with_allocation(problem, allocation)?;
+        Ok(Self::made(planning, start, |_| {})?)
+    }
+
+    fn made(
+        mut planning: Planning,
+        start: Instant,
+        mut report: impl FnMut(PlanStage),
+    ) -> Result<Self, GuaranteeBroken> {
+        let problem = Arc::clone(planning.problem());
         let decisions =
             planning.take_all_turns_with(|taken, left| report(PlanStage::Turns(taken, left)));
         let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);

@@ -21,7 +21,8 @@ mod warnings;
 pub use campaign::{Campaign, Figures, SIMULATED_MODULES_MAX, campaign_parameters, counted_u64};
 pub use check::{CheckReport, docked_count};
 pub use checked_plan::{
-    CheckedPlan, GuaranteeBroken, PlanReport, PlanStage, PlanTurn, SPEED_UNITS_PER_S,
+    ByAllocationError, CheckedPlan, GuaranteeBroken, PlanReport, PlanStage, PlanTurn,
+    SPEED_UNITS_PER_S,
 };
 pub use explain::{ExplanationReport, explanation_text};
 #[cfg(feature = "maps")]

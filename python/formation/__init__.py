@@ -15,7 +15,7 @@ follows real formations, and needs rclpy.
 
 from .errors import FormationError, MotionError, OptionError, PlanError, ScenarioError, TraceError
 from .figures import Film, Picture
-from .plans import Plan, Policy, check, explain, plan
+from .plans import Plan, Policy, check, explain, instance, plan
 from .scenarios import Scenario
 from .simulations import Event, Simulation, fault_kinds, simulate
 from .traces import Verdict, verify
@@ -38,6 +38,7 @@ __all__ = [
     "check",
     "explain",
     "fault_kinds",
+    "instance",
     "plan",
     "simulate",
     "verify",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import operator
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Union
 
@@ -16,7 +17,7 @@ if TYPE_CHECKING:
     import numpy as np
     import pandas as pd
 
-__all__ = ["Plan", "Policy", "check", "explain", "plan"]
+__all__ = ["Plan", "Policy", "check", "explain", "instance", "plan"]
 
 #: A name of a policy, or a function from an instance to the spot of each module.
 Policy = Union[str, Callable[[Mapping[str, Any]], Mapping[int, int]]]
@@ -191,15 +192,63 @@ def plan(scenario: Scenario, *, policy: Policy | None = None) -> Plan:
 
     Args:
         scenario: What to plan for.
-        policy: The name of another policy than the scenario's (``exact``, ``paper``, ``auction``, ``hungarian``).
+        policy: Another policy than the scenario's, by its name (``exact``, ``paper``, ``auction``, ``hungarian``), or a function. It
+            gets the :func:`instance` and returns the spot of each module, ``{module: spot}``. As many spots must be filled as the
+            modules suffice for, and connected. What it decides is planned and checked like any other plan.
 
     Raises:
-        PlanError: the plan does not keep its guarantees.
+        PlanError: the plan does not keep its guarantees, or the function returns no allocation.
         ScenarioError: there is no such policy.
     """
+    if callable(policy):
+        native = scenario._native.plan_by_allocation(_allocation(policy(instance(scenario))))
+        return Plan(scenario, native)
     if policy is not None:
         scenario = scenario.with_planner(policy=policy)
     return Plan(scenario, scenario._native.plan())
+
+
+def instance(scenario: Scenario) -> dict[str, Any]:
+    """What a policy decides on. Lengths are in units, headings in radians.
+
+    ``modules``: ``id``, ``x``, ``y``, ``theta``, ``configuration`` and ``leader`` (or ``None``), ``links`` (the modules that it is
+    docked to), ``reachable`` (whether a way leads to the target). ``spots``: ``id``, ``x``, ``y``, ``theta``. ``edges``: pairs of
+    adjacent spots. ``utilities``: a row for each module, a column for each spot, in these orders.
+    """
+    modules, spots = scenario.module_ids, scenario.spot_ids
+    links: dict[int, list[int]] = {module: [] for module in modules}
+    for one, other in scenario.links.tolist():
+        links[modules[one]].append(modules[other])
+        links[modules[other]].append(modules[one])
+    poses = scenario.starts.tolist()
+    return {
+        "modules": [
+            {
+                "id": module,
+                **dict(zip(("x", "y", "theta"), pose)),
+                "configuration": configuration,
+                "leader": leader,
+                "links": sorted(links[module]),
+                "reachable": reachable,
+            }
+            for (module, configuration, leader, reachable), pose in zip(scenario._native.members(), poses)
+        ],
+        "spots": [{"id": spot, "x": x, "y": y, "theta": theta} for spot, (x, y, theta) in zip(spots, scenario.spots.tolist())],
+        "edges": [[spots[one], spots[other]] for one, other in scenario.edges.tolist()],
+        "utilities": scenario.utilities,
+    }
+
+
+def _allocation(answer: Any) -> list[tuple[int, int]]:
+    """The pairs of what a policy returns."""
+    wrong = f"the policy must return {{module: spot}} of identifiers, got {answer!r:.200}"
+    try:
+        pairs = [(operator.index(module), operator.index(spot)) for module, spot in dict(answer).items()]
+    except (TypeError, ValueError) as error:
+        raise PlanError(wrong) from error
+    if not all(0 <= number < 2**32 for pair in pairs for number in pair):
+        raise PlanError(wrong)
+    return pairs
 
 
 def explain(scenario: Scenario, module: int) -> dict[str, Any]:

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use formation_model::text::joined;
-use formation_model::{ModuleId, Scenario};
+use formation_model::{ModuleId, Scenario, SpotId};
 use formation_motion::{PlannedMotion, check_differential_drives};
 use formation_offline::{
     CheckReport, CheckedPlan, ExplanationReport, WithoutSpread, explanation_text,
@@ -31,6 +31,25 @@ impl NativePlan {
     pub fn of(py: Python<'_>, scenario: Arc<Scenario>) -> PyResult<Self> {
         let problem = Arc::new(scenario.problem().clone());
         let plan = py.detach(|| CheckedPlan::of_problem(problem));
+        let plan = plan.map_err(|error| plan_refused(py, &error.to_string()))?;
+        Ok(Self { scenario, plan })
+    }
+
+    /// Plans a scenario, whose policy assigns centrally, by an allocation.
+    ///
+    /// # Errors
+    /// A `PlanError` that names what is wrong with the allocation, or with the plan that it leads to.
+    pub fn by_allocation(
+        py: Python<'_>,
+        scenario: Arc<Scenario>,
+        pairs: &[(u32, u32)],
+    ) -> PyResult<Self> {
+        let problem = Arc::new(scenario.problem().clone());
+        let pairs = pairs.iter();
+        let allocation = pairs
+            .map(|&(module, spot)| (ModuleId(module), SpotId(spot)))
+            .collect();
+        let plan = py.detach(|| CheckedPlan::by_allocation(problem, &allocation));
         let plan = plan.map_err(|error| plan_refused(py, &error.to_string()))?;
         Ok(Self { scenario, plan })
     }

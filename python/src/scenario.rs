@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use formation_model::{Policy, RawScenario, Scenario, Target};
+use formation_model::{PlanningModule, Policy, RawScenario, Scenario, Target};
 use formation_offline::{oddities, to_yaml};
 use formation_planner::assignment::Instance;
 use pyo3::prelude::*;
@@ -136,6 +136,29 @@ impl NativeScenario {
             Policy::Paper => parameters.paper.named().to_vec(),
             _ => Vec::new(),
         }
+    }
+
+    /// Plans it by an allocation: pairs of a module and its spot.
+    fn plan_by_allocation(&self, py: Python<'_>, pairs: Vec<(u32, u32)>) -> PyResult<NativePlan> {
+        let mut raw = self.raw.clone();
+        raw.planner.policy = Policy::Hungarian;
+        let central = Self::of(py, raw, None)?;
+        NativePlan::by_allocation(py, central.scenario, &pairs)
+    }
+
+    /// The modules for a policy: identifier, configuration and leader if it has them, and whether a way leads to the target.
+    fn members(&self) -> Vec<(u32, Option<u32>, Option<u32>, bool)> {
+        let problem = self.scenario.problem();
+        let modules = problem.modules().iter().enumerate();
+        let member = |(position, module): (usize, &PlanningModule)| {
+            (
+                module.id.0,
+                module.configuration.map(|id| id.0),
+                module.leader.map(|id| id.0),
+                !problem.is_cut_off(position),
+            )
+        };
+        modules.map(member).collect()
     }
 
     /// Plans it.
