@@ -6,7 +6,7 @@
 
     scenario = formation.Scenario.from_map(target="o-o-o", modules="A-A   s")
     plan = formation.plan(scenario)
-    plan.assignments        # {1: 2, 2: 3, 3: 1}, module: spot
+    plan.assignments        # {1: 1, 2: 2, 3: 3}, module: spot
     plan.film()             # plays in a notebook
 
 The core is that of the programs, so all numbers equal those of the command line, bit for bit. ``formation.ros`` announces and

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import operator
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Callable, Iterator, Mapping, Union
+from typing import TYPE_CHECKING, Any, Union
+from collections.abc import Callable, Iterator, Mapping
 
 from . import _native
 from ._arrays import array, frame
@@ -19,8 +20,9 @@ if TYPE_CHECKING:
 
 __all__ = ["Plan", "Policy", "check", "explain", "instance", "plan"]
 
-#: A name of a policy, or a function from an instance to the spot of each module.
-Policy = Union[str, Callable[[Mapping[str, Any]], Mapping[int, int]]]
+#: A name of a policy, or a function from an instance to the spot of each module. It is evaluated, which Python 3.9 does not do
+#: with `|`.
+Policy = Union[str, Callable[[Mapping[str, Any]], Mapping[int, int]]]  # noqa: UP007
 
 
 class Plan:
@@ -192,9 +194,9 @@ def plan(scenario: Scenario, *, policy: Policy | None = None) -> Plan:
 
     Args:
         scenario: What to plan for.
-        policy: Another policy than the scenario's, by its name (``exact``, ``paper``, ``auction``, ``hungarian``), or a function. It
-            gets the :func:`instance` and returns the spot of each module, ``{module: spot}``. As many spots must be filled as the
-            modules suffice for, and connected. What it decides is planned and checked like any other plan.
+        policy: Another policy than the scenario's, by its name (``exact``, ``paper``, ``auction``, ``hungarian``), or a function.
+            It gets the :func:`instance` and returns the spot of each module, ``{module: spot}``. As many spots must be filled as
+            the modules suffice for, and connected. What it decides is planned and checked like any other plan.
 
     Raises:
         PlanError: the plan does not keep its guarantees, or the function returns no allocation.
@@ -211,9 +213,9 @@ def plan(scenario: Scenario, *, policy: Policy | None = None) -> Plan:
 def instance(scenario: Scenario) -> dict[str, Any]:
     """What a policy decides on. Lengths are in units, headings in radians.
 
-    ``modules``: ``id``, ``x``, ``y``, ``theta``, ``configuration`` and ``leader`` (or ``None``), ``links`` (the modules that it is
-    docked to), ``reachable`` (whether a way leads to the target). ``spots``: ``id``, ``x``, ``y``, ``theta``. ``edges``: pairs of
-    adjacent spots. ``utilities``: a row for each module, a column for each spot, in these orders.
+    ``modules``: ``id``, ``x``, ``y``, ``theta``, ``configuration`` and ``leader`` (or ``None``), ``links`` (the modules that it
+    is docked to), ``reachable`` (whether a way leads to the target). ``spots``: ``id``, ``x``, ``y``, ``theta``. ``edges``: pairs
+    of adjacent spots. ``utilities``: a row for each module, a column for each spot, in these orders.
     """
     modules, spots = scenario.module_ids, scenario.spot_ids
     links: dict[int, list[int]] = {module: [] for module in modules}

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import textwrap
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Mapping
+from typing import TYPE_CHECKING, Any
+from collections.abc import Mapping
 
 from . import _native
 from ._arrays import array
@@ -25,8 +27,8 @@ class Scenario:
     """A validated scenario.
 
     Make one with :meth:`from_yaml`, :meth:`from_file`, :meth:`from_dict`, :meth:`from_map`, :meth:`generate` or
-    :meth:`import_map`. It never changes. Lengths are in units (the size of a module), headings in radians. ``docs/scenario_file.md``
-    describes every field.
+    :meth:`import_map`. It never changes. Lengths are in units (the size of a module), headings in radians.
+    ``docs/scenario_file.md`` describes every field.
     """
 
     def __init__(self, native: _native.NativeScenario) -> None:
@@ -68,13 +70,13 @@ class Scenario:
     def from_map(cls, target: str, modules: str, *, name: str = "", **fields: Any) -> Scenario:
         """Take two drawings: ``o`` is a spot, letters are modules, ``-`` and ``|`` dock neighbours, ``#`` is a wall.
 
-        Modules of one letter that are docked start as one configuration; ``s`` is a single module. ``fields`` are further fields of
-        a scenario file, such as ``planner={"policy": "hungarian"}``.
+        Modules of one letter that are docked start as one configuration; ``s`` is a single module. ``fields`` are further fields
+        of a scenario file, such as ``planner={"policy": "hungarian"}``. Drawings may begin on a second line, and be indented.
 
         Raises:
             ScenarioError: with ``field``.
         """
-        drawn = {"name": name, "target": {"map": target}, "modules": {"map": modules}}
+        drawn = {"name": name, "target": {"map": _drawing(target)}, "modules": {"map": _drawing(modules)}}
         return cls.from_dict({**drawn, **fields})
 
     @classmethod
@@ -95,7 +97,8 @@ class Scenario:
         Args:
             modules, spots: How many.
             seed: The seed of the random numbers.
-            configuration_size: Dock modules into configurations of so many; or ``mixed``: singletons, and configurations of 2 to 10.
+            configuration_size: Dock modules into configurations of so many.
+            mixed: Mix singletons with configurations of 2 to 10 instead.
             degree: The most links of a spot or module, 3 or 4.
             apart: Width of the field in which modules start, as a multiple of the square root of their number, 1.5 to 100.
             touching: Draw starts as in the paper instead; modules may then overlap.
@@ -237,6 +240,11 @@ class Scenario:
 
     def __repr__(self) -> str:
         return f"<Scenario {self.name!r}: {len(self.module_ids)} modules, {len(self.spot_ids)} spots>"
+
+
+def _drawing(text: str) -> str:
+    """A drawing without the line end and the indentation that it has in a program."""
+    return textwrap.dedent(text[1:] if text.startswith("\n") else text)
 
 
 def _plain(value: Any) -> Any:

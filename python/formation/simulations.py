@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import re
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Any, Iterator
+from typing import TYPE_CHECKING, Any
+from collections.abc import Iterator
 
 from . import _native
 from ._arrays import frame
@@ -54,7 +55,8 @@ class Simulation:
     @property
     def runs(self) -> list[dict[str, Any]]:
         """For each seed: ``seed``, ``modules``, ``spots``, ``running`` (at the end), ``ending`` (``formed``,
-        ``waiting_for_quorum`` or ``neither``), ``recovery_s`` (since the last fault), ``messages``, ``epochs`` and ``violations``.
+        ``waiting_for_quorum`` or ``neither``), ``recovery_s`` (since the last fault), ``messages``, ``epochs`` and
+        ``violations``.
         """
         return json.loads(self._native.runs_json())
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Iterable, Mapping
+from typing import Any
+from collections.abc import Iterable, Mapping
 
 from . import _native
 from .scenarios import Scenario
@@ -37,8 +38,8 @@ def verify(scenario: Scenario, trace: str | Path | Iterable[Mapping[str, Any]]) 
 
     Args:
         scenario: What was to be formed.
-        trace: A file, its text, or its rows: ``t`` (s), ``module``, ``x``, ``y`` (units), ``theta`` (radians), ``links`` (the modules
-            that it is docked to). Between two of its rows a module moves straight on.
+        trace: A file, its text, or its rows: ``t`` (s), ``module``, ``x``, ``y`` (units), ``theta`` (radians), ``links`` (the
+            modules that it is docked to). Between two of its rows a module moves straight on.
 
     Raises:
         TraceError: with ``line``.

@@ -103,16 +103,43 @@ fn interpreters() -> Vec<PathBuf> {
 }
 
 #[test]
-fn each_python_of_the_machine_imports_the_package() {
-    let package = assembled();
+fn each_python_of_the_machine_imports_the_wheel() {
+    let Some(python) = Python::with_package() else {
+        return;
+    };
+    let (package, out) = (assembled(), tempfile::tempdir().unwrap());
+    let installed = out.path().join("installed");
+    let [from, to, target] =
+        [package.path(), out.path(), &installed].map(|path| path.to_str().unwrap());
+    let nothing = tempfile::tempdir().unwrap();
+    let packed = ran(
+        python.path(),
+        nothing.path(),
+        &["python/tests/wheel.py", from, to],
+    );
+    assert!(packed.trim_end().contains("-cp39-abi3-linux_"), "{packed}");
+    let wheel = out.path().join(packed.trim_end());
+    let pip = [
+        "-m",
+        "pip",
+        "install",
+        "--quiet",
+        "--no-deps",
+        "--no-index",
+        "--target",
+        target,
+    ];
+    let arguments = [&pip[..], &[wheel.to_str().unwrap()]].concat();
+    ran(python.path(), nothing.path(), &arguments);
     let plan = "import formation, sys; s = formation.Scenario.generate(12, 12, seed=1, mixed=True); \
                 print(len(formation.plan(s).assignments), sys.version.split()[0])";
     for python in interpreters() {
-        let printed = ran(&python, package.path(), &["-c", plan]);
+        let printed = ran(&python, &installed, &["-c", plan]);
         assert!(
             printed.starts_with("12 "),
             "{}: {printed}",
             python.display()
         );
+        println!("{}: {printed}", python.display());
     }
 }

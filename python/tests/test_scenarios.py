@@ -99,6 +99,16 @@ def test_drawings(tmp_path):
         Scenario.from_file(path)
     with pytest.raises(FileNotFoundError):
         Scenario.from_file(tmp_path / "missing.yaml")
+    indented = Scenario.from_map(
+        """
+        o-o-o
+        """,
+        """
+        A-A   s
+        """,
+        name="drawn",
+    )
+    assert indented == scenario
     walled = Scenario.from_map("o", "s", obstacles=[{"x": 0, "y": 5, "width": 1, "height": 1}])
     assert Scenario.from_yaml(walled.to_yaml()) == walled
 
