@@ -47,21 +47,20 @@ pub fn overlaps(trace: &Trace, width: f64) -> Vec<Overlap> {
     found
 }
 
-/// When a module is first off an area, or in it, as `is_wrong` says of the corners of its body; `None` if never.
+/// When `is_wrong` first says so of the corners of a module's body; `None` if never.
 pub fn first_where(
     moments: &[Moment],
     width: f64,
     is_wrong: impl Fn([(f64, f64); 4]) -> bool,
 ) -> Option<f64> {
-    let found = moments.iter().enumerate().find_map(|(index, moment)| {
+    moments.iter().enumerate().find_map(|(index, moment)| {
         let next = moments.get(index + 1).unwrap_or(moment);
         let [dx, dy] = [0, 1].map(|axis| next.pose[axis] - moment.pose[axis]);
         let parts = parts_of(dx.hypot(dy));
         (0..=parts)
             .map(|part| moment.t + (next.t - moment.t) * f64::from(part) / f64::from(parts))
             .find(|&t| is_wrong(corners(at(moments, t), width)))
-    });
-    found
+    })
 }
 
 /// Into how many parts a way is divided, each of at most [`STRIDE`].
