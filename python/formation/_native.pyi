@@ -49,8 +49,7 @@ class NativeSimulation:
     def event(self, index: int) -> tuple[float, str] | None: ...
 
 def generate(
-    modules: int,
-    spots: int,
+    sizes: tuple[int, int],
     configuration_size: int | None,
     mixed: bool,
     degree: int,

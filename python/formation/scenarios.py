@@ -109,7 +109,7 @@ class Scenario:
         if configuration_size is not None and mixed:
             raise OptionError("configuration_size and mixed exclude each other")
         width = None if touching else float(apart)
-        return cls(_native.generate(modules, spots, configuration_size, mixed, degree, width, seed))
+        return cls(_native.generate((modules, spots), configuration_size, mixed, degree, width, seed))
 
     @classmethod
     def import_map(

@@ -9,19 +9,19 @@ use pyo3::prelude::*;
 use crate::errors::option_refused;
 use crate::scenario::NativeScenario;
 
-/// Draws the scenario that `formation generate` prints for these options; `apart` is `None` for `--touching`.
+/// Draws the scenario that `formation generate` prints for these options: `sizes` are the numbers of modules and spots, and `apart` is `None` for `--touching`.
 #[pyfunction]
-#[pyo3(signature = (modules, spots, configuration_size, mixed, degree, apart, seed))]
+#[pyo3(signature = (sizes, configuration_size, mixed, degree, apart, seed))]
 pub fn generate(
     py: Python<'_>,
-    modules: usize,
-    spots: usize,
+    sizes: (usize, usize),
     configuration_size: Option<usize>,
     mixed: bool,
     degree: usize,
     apart: Option<f64>,
     seed: u64,
 ) -> PyResult<NativeScenario> {
+    let (modules, spots) = sizes;
     let grouping = match configuration_size {
         Some(size) => Grouping::Configurations(size),
         None if mixed => Grouping::Mixed,
@@ -41,12 +41,14 @@ pub fn generate(
 
 /// The longest text of a map at this path, in bytes.
 #[pyfunction]
+#[expect(clippy::needless_pass_by_value, reason = "Python gives values")]
 pub fn map_bytes_max(path: PathBuf) -> u64 {
     formation_offline::map_bytes_max(&path)
 }
 
 /// What `formation import` prints for the text of a map.
 #[pyfunction]
+#[expect(clippy::needless_pass_by_value, reason = "Python gives values")]
 #[pyo3(signature = (path, text, module_size, modules, seed, unknown_is_free))]
 pub fn import_map(
     py: Python<'_>,

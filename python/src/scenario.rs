@@ -139,6 +139,7 @@ impl NativeScenario {
     }
 
     /// Plans it by an allocation: pairs of a module and its spot.
+    #[expect(clippy::needless_pass_by_value, reason = "Python gives values")]
     fn plan_by_allocation(&self, py: Python<'_>, pairs: Vec<(u32, u32)>) -> PyResult<NativePlan> {
         let mut raw = self.raw.clone();
         raw.planner.policy = Policy::Hungarian;
