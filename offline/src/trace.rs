@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use formation_model::{ModuleId, Plan, PlanningProblem, Pose, RawArea, SpotId};
 use formation_verify::hole_of;
-use formation_verify::trace::{Moment, Overlap, Trace, first_where, overlaps};
+use formation_verify::trace::{Overlap, Trace, TracePoint, first_where, overlaps};
 use serde::{Deserialize, Serialize};
 use thiserror::Error;
 
@@ -65,7 +65,7 @@ pub fn read_trace(text: &str) -> Result<Trace, TraceError> {
             let module = ModuleId(read.module);
             return Err(wrong(format!("{module} was at a later time before")));
         }
-        moments.push(Moment {
+        moments.push(TracePoint {
             t: read.t,
             pose: [read.x, read.y, read.theta],
             links: read.links,
@@ -139,7 +139,7 @@ fn ends(
     assignments
 }
 
-fn is_at(moment: &Moment, pose: &Pose) -> bool {
+fn is_at(moment: &TracePoint, pose: &Pose) -> bool {
     let [x, y, theta] = moment.pose;
     let turn = (theta - pose.theta.to_units()).rem_euclid(std::f64::consts::TAU);
     let turn = turn.min(std::f64::consts::TAU - turn);

@@ -1,6 +1,6 @@
 //! Reads the traces of runs, and judges them by `formation_verify::trace`, which shares nothing with the observer.
 
-use formation_verify::trace::{Moment, Trace};
+use formation_verify::trace::{Trace, TracePoint};
 use serde_json::Value;
 
 pub use formation_verify::trace::Overlap;
@@ -23,7 +23,7 @@ fn read(trace: &str) -> Trace {
         let line: Value = serde_json::from_str(line).unwrap();
         let number = |key: &str| line[key].as_f64().unwrap();
         let links = line["links"].as_array().unwrap().iter();
-        let moment = Moment {
+        let moment = TracePoint {
             t: number("t"),
             pose: ["x", "y", "theta"].map(number),
             links: links

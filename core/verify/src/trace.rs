@@ -11,7 +11,7 @@ const TOUCH: f64 = 1.0e-6;
 
 /// Where a module was, and when.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Moment {
+pub struct TracePoint {
     /// In seconds.
     pub t: f64,
     /// x and y in units, and the heading in radians.
@@ -21,7 +21,7 @@ pub struct Moment {
 }
 
 /// The moments of each module, by identifier, in the order of their times.
-pub type Trace = BTreeMap<u32, Vec<Moment>>;
+pub type Trace = BTreeMap<u32, Vec<TracePoint>>;
 
 /// Two bodies at the moment at which they overlap the most.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -49,7 +49,7 @@ pub fn overlaps(trace: &Trace, width: f64) -> Vec<Overlap> {
 
 /// When `is_wrong` first says so of the corners of a module's body; `None` if never.
 pub fn first_where(
-    moments: &[Moment],
+    moments: &[TracePoint],
     width: f64,
     is_wrong: impl Fn([(f64, f64); 4]) -> bool,
 ) -> Option<f64> {
@@ -106,11 +106,11 @@ fn deepest(trace: &Trace, modules: (u32, u32), width: f64) -> Option<Overlap> {
 }
 
 /// The line that holds at a time.
-fn line_at(moments: &[Moment], t: f64) -> usize {
+fn line_at(moments: &[TracePoint], t: f64) -> usize {
     moments.partition_point(|moment| moment.t <= t).max(1) - 1
 }
 
-fn at(moments: &[Moment], t: f64) -> [f64; 3] {
+fn at(moments: &[TracePoint], t: f64) -> [f64; 3] {
     let index = line_at(moments, t);
     let from = &moments[index];
     let Some(to) = moments.get(index + 1).filter(|to| to.t > from.t) else {
