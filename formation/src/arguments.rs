@@ -18,7 +18,9 @@ use std::time::Duration;
 #[cfg(feature = "simulator")]
 use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
-use formation_model::{MICRO_PER_UNIT, MicroUnits};
+#[cfg(feature = "simulator")]
+use formation_offline::SIMULATED_MODULES_MAX;
+use formation_offline::{SPEED_UNITS_PER_S, field_percent};
 #[cfg(feature = "simulator")]
 use formation_sim::FaultKind;
 use ros_runtime::arguments::Namespace;
@@ -254,9 +256,6 @@ pub struct WatchArguments {
     #[arg(long, value_name = "NUMBER")]
     pub session: Option<u32>,
 }
-
-/// The default speed of simulated modules.
-pub const SPEED_UNITS_PER_S: f64 = 5.0;
 
 /// What to run, and how.
 #[derive(Debug, Args)]
@@ -523,14 +522,9 @@ fn fault_kind() -> impl TypedValueParser<Value = FaultKind> {
     PossibleValuesParser::new(names).try_map(|name| name.parse::<FaultKind>())
 }
 
-/// Reads the width of a field, 1.5 to 100, in hundredths.
+/// Reads the width of a field in hundredths.
 fn field_width(text: &str) -> Result<u32, String> {
-    let width = MicroUnits::from_units(text.parse().map_err(|_| "not a number")?);
-    let percent = width.map(|width| width.0 / (MICRO_PER_UNIT / 100));
-    let percent = percent.ok().and_then(|percent| u32::try_from(percent).ok());
-    percent
-        .filter(|percent| (150..=10_000).contains(percent))
-        .ok_or_else(|| "must be 1.5 to 100".to_owned())
+    field_percent(text.parse().map_err(|_| "not a number")?)
 }
 
 /// What to simulate.
@@ -556,10 +550,6 @@ pub struct SimulateArguments {
     #[arg(long)]
     pub json: bool,
 }
-
-/// Larger clusters are possible, but one run takes minutes.
-#[cfg(feature = "simulator")]
-const SIMULATED_MODULES_MAX: usize = 200;
 
 #[cfg(feature = "simulator")]
 fn module_range(text: &str) -> Result<(usize, usize), String> {

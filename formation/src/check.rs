@@ -2,36 +2,16 @@
 
 use std::path::Path;
 
+use formation_model::Scenario;
 use formation_model::text::counted;
-use formation_model::{ModuleId, PlanningProblem, Scenario, SpotId};
 use formation_motion::check_differential_drives;
+use formation_offline::{CheckReport, CheckedPlan, docked_count, oddities};
 use formation_planner::PlanSize;
 use ros_runtime::exit::{Failure, one_line};
-use serde::Serialize;
 
 use crate::arguments::DIFFERENTIAL;
-use crate::checked_plan::{CheckedPlan, PlanTurn};
-use crate::{console, motion, scenario_file, warnings};
-
-/// What `formation check --json` prints of a valid scenario.
-#[derive(Debug, Serialize)]
-struct CheckReport<'a> {
-    name: &'a str,
-    modules: usize,
-    configurations: usize,
-    singletons: usize,
-    spots: usize,
-    /// Whether the target has no cycle.
-    tree: bool,
-    /// Whether the plan fills all spots that the modules suffice for.
-    complete: bool,
-    /// Whether each placement of a configuration is proven to be the best.
-    proven: bool,
-    unassigned: &'a [ModuleId],
-    open_spots: &'a [SpotId],
-    turns: Vec<PlanTurn>,
-    warnings: Vec<String>,
-}
+use crate::plan_output::PlanOutput;
+use crate::{console, scenario_file};
 
 /// Validates a scenario file, plans it, and prints a summary of it.
 ///
@@ -49,42 +29,12 @@ pub fn check(path: &Path, drive: &str, json: bool) -> Result<(), Failure> {
     }
     plan.warn_of_cut_search(path);
     if json {
-        console::result_json(&report(&scenario, &plan))?;
+        console::result_json(&CheckReport::of(&scenario, &plan))?;
     } else {
         let summary = summary(&scenario);
         console::result_text(&format!("{}: {summary}", scenario_file::named(path)))?;
     }
     plan.refuse_hole(path)
-}
-
-fn report<'a>(scenario: &'a Scenario, plan: &'a CheckedPlan) -> CheckReport<'a> {
-    let problem = scenario.problem();
-    let statistics = &plan.statistics;
-    let mut warnings = warnings::of(problem);
-    warnings.extend(motion::warning(&plan.motion));
-    CheckReport {
-        name: scenario.name(),
-        modules: problem.modules().len(),
-        configurations: problem.configurations().len(),
-        singletons: problem.modules().len() - docked(problem),
-        spots: problem.target().spots().len(),
-        tree: problem.target().topology().is_tree(),
-        complete: plan.is_complete(),
-        proven: statistics.proven,
-        unassigned: &statistics.unassigned,
-        open_spots: &statistics.open_spots,
-        turns: plan.turns(),
-        warnings,
-    }
-}
-
-/// The number of modules that start in a configuration.
-fn docked(problem: &PlanningProblem) -> usize {
-    let configurations = problem.configurations();
-    configurations
-        .iter()
-        .map(|configuration| configuration.modules.len())
-        .sum()
 }
 
 /// Refuses a scenario whose plan would take real processes too long.
@@ -111,7 +61,7 @@ pub fn refuse_turning(path: &Path, scenario: &Scenario) -> Result<(), Failure> {
 
 /// Prints a warning for all that is valid and yet looks like a mistake.
 pub fn warn(path: &Path, scenario: &Scenario) {
-    for warning in warnings::of(scenario.problem()) {
+    for warning in oddities(scenario.problem()) {
         console::note(&format!(
             "warning: {}: {warning}",
             scenario_file::named(path)
@@ -122,7 +72,7 @@ pub fn warn(path: &Path, scenario: &Scenario) {
 fn summary(scenario: &Scenario) -> String {
     let problem = scenario.problem();
     let configurations = problem.configurations();
-    let docked = docked(problem);
+    let docked = docked_count(problem);
     let topology = problem.target().topology();
     let name = match scenario.name() {
         "" => String::new(),

@@ -2,7 +2,6 @@
 
 mod arguments;
 mod check;
-mod checked_plan;
 mod console;
 #[cfg(feature = "experiments")]
 mod experiments;
@@ -12,8 +11,8 @@ mod generate;
 mod import;
 mod joining;
 mod manual;
-mod motion;
 mod plan;
+mod plan_output;
 mod progress;
 #[cfg(feature = "recordings")]
 mod recorded;
@@ -27,10 +26,6 @@ mod security;
 mod show;
 #[cfg(feature = "simulator")]
 mod simulate;
-mod spread;
-mod swap;
-mod table;
-mod warnings;
 
 use std::process::ExitCode;
 

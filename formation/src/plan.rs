@@ -2,14 +2,11 @@
 
 use std::path::Path;
 
-use formation_report::{Summary, Tone};
-use ros_runtime::exit::Failure;
+use formation_offline::{CheckedPlan, WithoutSpread};
+use ros_runtime::exit::{Failure, one_line};
 
-use crate::arguments::SPEED_UNITS_PER_S;
-use crate::checked_plan::{CheckedPlan, PlanReport};
-use crate::motion::{self, MotionSummary};
+use crate::plan_output::PlanOutput;
 use crate::report::ReportDirectory;
-use crate::spread::WithoutSpread;
 use crate::{check, console, scenario_file};
 
 /// Plans a scenario file and prints the plan.
@@ -28,22 +25,11 @@ pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure
         write_report(&directory, &plan, scenario.name(), without_spread)?;
     }
     if json {
-        console::result_json(&whole_report(&plan, without_spread))?;
+        console::result_json(&plan.whole_report(without_spread))?;
     } else {
-        console::result_text(&plan.text(scenario.name(), without_spread.as_ref()))?;
+        console::result_text(&plan.text(&one_line(scenario.name()), without_spread.as_ref()))?;
     }
     plan.refuse_hole(path)
-}
-
-/// The object that `--json` prints.
-fn whole_report(plan: &CheckedPlan, without_spread: Option<WithoutSpread>) -> PlanReport {
-    PlanReport {
-        without_spread,
-        complete: Some(plan.is_complete()),
-        turns: Some(plan.turns()),
-        motion: Some(MotionSummary::of(&plan.motion)),
-        ..plan.report()
-    }
 }
 
 fn write_report(
@@ -53,24 +39,7 @@ fn write_report(
     without_spread: Option<WithoutSpread>,
 ) -> Result<(), Failure> {
     let course = plan.course();
-    let subject = plan.subject(name, &course);
-    let mut notes = plan.statistics.warnings.clone();
-    notes.extend(motion::warning(&plan.motion));
-    let summary = Summary {
-        outcome: format!(
-            "Planned: {} of {} spots get a module{}",
-            plan.statistics.assignments.len(),
-            plan.problem.target().spots().len(),
-            motion::mark(&plan.motion)
-        ),
-        tone: Tone::Neutral,
-        source: format!(
-            "Planned offline and not carried out: the film shows the turns of the plan, then its motions, at \
-             {SPEED_UNITS_PER_S} units a second. The clock next to the film counts the motions alone."
-        ),
-        facts: plan.facts(),
-        notes,
-    };
-    directory.write_json(&whole_report(plan, without_spread))?;
-    directory.write_pictures(&subject, &course, &summary)
+    let subject = plan.subject(&one_line(name), &course);
+    directory.write_json(&plan.whole_report(without_spread))?;
+    directory.write_pictures(&subject, &course, &plan.summary())
 }

@@ -4,10 +4,11 @@ use std::path::Path;
 
 use formation_model::text::joined;
 use formation_model::{Area, BODY_WIDTH, PlannerParameters, RawArea, Scenario};
+use formation_offline::CheckedPlan;
 use formation_report::before;
 use ros_runtime::exit::{Failure, one_line};
 
-use crate::checked_plan::CheckedPlan;
+use crate::plan_output::PlanOutput;
 use crate::{console, scenario_file};
 
 /// The JSON schema of scenario files.

@@ -20,7 +20,7 @@ import tempfile
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
 ROOT = pathlib.Path(__file__).resolve().parents[2]
-FOLDERS = ["launch_scripts", "tests", "msgs", "experiments", ".ci"]
+FOLDERS = ["launch_scripts", "tests", "msgs", "experiments", "python", ".ci"]
 USERS_OF_ROS = ["launch_scripts/examples", "launch_scripts/launch"]
 
 # The types of the topics that the examples use, by the last part of the name.

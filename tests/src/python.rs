@@ -54,6 +54,20 @@ impl Python {
         tool_or_skip(Tool::Python, made).map(|path| Self { path })
     }
 
+    /// An interpreter that has the packages of `python/requirements.txt`, made like the other.
+    ///
+    /// # Panics
+    /// When Python is missing and `FORMATION_REQUIRE_TOOLS` names it.
+    #[must_use]
+    pub fn with_package() -> Option<Self> {
+        let made = environment(
+            &target_directory().join("python_package"),
+            &root().join("python/requirements.txt"),
+            IS_RECENT,
+        );
+        tool_or_skip(Tool::Python, made).map(|path| Self { path })
+    }
+
     /// The interpreter.
     #[must_use]
     pub fn path(&self) -> &Path {

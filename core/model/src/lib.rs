@@ -71,4 +71,4 @@ pub use standing_bodies::standing_bodies;
 pub use surroundings::*;
 pub use target::*;
 pub use topology::*;
-pub use yaml::YamlError;
+pub use yaml::{YamlError, place_of_field};

@@ -165,15 +165,25 @@ impl TryFrom<ScenarioFile> for RawScenario {
     }
 }
 
+impl RawScenario {
+    /// Reads the text of a scenario file. Maps become lists; what they say is not yet checked.
+    ///
+    /// # Errors
+    /// Names the line of a syntax error, or what is wrong with a map.
+    pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
+        check_nesting(text)?;
+        let file: ScenarioFile = yaml::read(text)?;
+        Ok(Self::try_from(file)?)
+    }
+}
+
 impl Scenario {
     /// Reads and validates the text of a scenario file.
     ///
     /// # Errors
     /// Names the line of a syntax error, or the field that is wrong and why.
     pub fn from_yaml(text: &str) -> Result<Self, ScenarioError> {
-        check_nesting(text)?;
-        let file: ScenarioFile = yaml::read(text)?;
-        Self::try_from(RawScenario::try_from(file)?)
+        Self::try_from(RawScenario::from_yaml(text)?)
     }
 
     /// The sections `target` and `modules` of a scenario file that draws this scenario. Headings are not drawn, which on a

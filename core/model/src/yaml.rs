@@ -27,6 +27,18 @@ fn place(location: Option<(usize, usize)>) -> String {
     }
 }
 
+impl YamlError {
+    /// The path of the field, if the reason begins with one, and the rest of the reason.
+    #[must_use]
+    pub fn field_and_reason(&self) -> (Option<&str>, &str) {
+        let is_path = |path: &&str| !path.is_empty() && !path.contains([' ', '`']);
+        match self.reason.split_once(": ") {
+            Some((path, rest)) if is_path(&path) => (Some(path), rest),
+            _ => (None, &self.reason),
+        }
+    }
+}
+
 /// A merge key takes in the fields of other mappings (<https://yaml.org/type/merge.html>).
 const MERGE: &str = "<<";
 
@@ -87,6 +99,13 @@ fn read_merged<T: DeserializeOwned>(text: &str) -> Result<T, YamlError> {
             ..error
         }
     })
+}
+
+/// The line and the column, from 1, of the field at a path such as `configurations[0].modules[2].id`; `None` where the text has no
+/// such field, or is no YAML.
+#[must_use]
+pub fn place_of_field(text: &str, field: &str) -> Option<(usize, usize)> {
+    location_of(&without_marks(text), &path_of(&format!("{field}: ")))
 }
 
 /// A step of the way to a field.
@@ -427,6 +446,7 @@ mod tests {
             [field("b"), Segment::Entry(1), field("y")]
         );
         assert_eq!(prefix(&path_of("b[1].y: is wrong")), "b[1].y: ");
+        assert_eq!(place_of_field(text, "b[1].y"), Some((4, 15)));
     }
 
     #[test]

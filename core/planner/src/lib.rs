@@ -22,7 +22,7 @@ pub use cost::{PLAN_TIME_MAX, PlanSize, PlanTooLong};
 pub use explanation::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{
-    ClaimRefused, PlanOutcome, PlannedTurns, Planning, Swapped, SwappedModule, Turn, plan,
-    plan_releasing_pins,
+    AllocationRefused, ClaimRefused, PlanOutcome, PlannedTurns, Planning, Swapped, SwappedModule,
+    Turn, plan, plan_releasing_pins,
 };
 pub use value::{Utilities, betweenness, share_of_shortest_paths};

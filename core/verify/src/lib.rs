@@ -8,6 +8,7 @@ mod plan;
 mod replay;
 mod source_guard;
 mod swaps;
+pub mod trace;
 mod violation;
 
 pub use observer::{

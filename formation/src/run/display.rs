@@ -6,10 +6,10 @@ use std::time::{Duration, Instant};
 use formation_event_log::Entry;
 use formation_model::PlanningProblem;
 use formation_model::text::listed;
+use formation_offline::CheckedPlan;
 use formation_verify::Progress;
 
 use super::view::{Key, View};
-use crate::checked_plan::CheckedPlan;
 use crate::console;
 
 /// Without a terminal, a line is written at most this often within one stage.

@@ -29,12 +29,13 @@ use std::time::{Duration, Instant};
 
 use anyhow::{Context, anyhow};
 use formation_model::Scenario;
+use formation_offline::CheckedPlan;
 use ros_runtime::exit::Failure;
 use serde::Serialize;
 use signal_hook::consts::{SIGHUP, SIGINT, SIGTERM};
 
 use crate::arguments::RunArguments;
-use crate::checked_plan::CheckedPlan;
+use crate::plan_output::PlanOutput;
 use crate::report::ReportDirectory;
 use crate::{check, console, scenario_file};
 use display::{Display, progress_line};

@@ -4,13 +4,13 @@ use std::collections::BTreeMap;
 
 use formation_event_log::Entry;
 use formation_model::{ModuleId, SpotId};
+use formation_offline::CheckedPlan;
 use formation_report::{Fact, Subject, Summary, Tone};
 use ros_runtime::exit::{Failure, one_line};
 
 use super::recording::Recording;
 use super::report::{RunOutcome, RunReport};
 use crate::arguments::RunArguments;
-use crate::checked_plan::CheckedPlan;
 
 /// What the pictures of a run show: which module ended where, by the verdict where there is one.
 pub fn subject(
@@ -20,7 +20,7 @@ pub fn subject(
     report: Option<&RunReport>,
 ) -> Subject {
     if report.is_some_and(|report| report.outcome() == RunOutcome::Agreed) {
-        return plan.subject(name, &plan.course());
+        return plan.subject(&one_line(name), &plan.course());
     }
     let judged: Option<BTreeMap<ModuleId, SpotId>> = report.map(|report| {
         let assignments = report.assignments().iter();

@@ -8,16 +8,15 @@ use formation_event_log::milliseconds;
 use formation_model::text::{joined, listed_in_full};
 use formation_model::{Assignment, BlockedSpot, Epoch, ModuleId, SpotId};
 use formation_motion::WorldReport;
+use formation_offline::{CheckedPlan, PlanReport, aligned};
 use formation_report::Fact;
 use formation_verifier_lines::{NOT_COLLISION_FREE, outcome_text};
 use formation_verify::Outcome;
-use ros_runtime::exit::Failure;
+use ros_runtime::exit::{Failure, one_line};
 use serde::{Serialize, Serializer};
 
 use super::roles::Deaths;
 use super::run_loop::{Judgement, Observed};
-use crate::checked_plan::{CheckedPlan, PlanReport};
-use crate::table::aligned;
 
 /// More differences from the plan are counted only.
 const DIFFERENCES_MAX: usize = 8;
@@ -205,7 +204,7 @@ impl RunReport {
             if self.may_differ() {
                 lines.push(self.placement_text());
             } else if self.differences().is_empty() {
-                lines.push(plan.text(name, None));
+                lines.push(plan.text(&one_line(name), None));
             }
         }
         let timings: Vec<String> = [

@@ -14,6 +14,7 @@ use formation_model::{Epoch, Message, ModuleSize, PlanningProblem, RosterMessage
 use formation_msgs::Verdict;
 use formation_node_support::find_sessions;
 use formation_node_support::messages::{Received, subscribe_all, subscribe_verdicts};
+use formation_offline::CheckedPlan;
 use formation_verify::{Admission, Observer, ObserverParameters, Progress, SourceGuard};
 use ros_runtime::environment::Environment;
 use ros_runtime::exit::{Failure, stop_requested};
@@ -29,7 +30,6 @@ use signal_hook::flag::register_usize;
 use super::display::Display;
 use super::{environment_of_runs, router, signal_name};
 use crate::arguments::WatchArguments;
-use crate::checked_plan::CheckedPlan;
 use crate::{console, joining};
 
 const NODE_NAME: &str = "watch";

@@ -1,5 +1,6 @@
 //! Turns: units decide one after another, and every replica recomputes each decision.
 
+mod allocation;
 mod block_allocation;
 mod decision;
 mod follow;
@@ -14,6 +15,7 @@ mod trimming;
 mod turn_order;
 mod turn_result;
 
+pub use allocation::AllocationRefused;
 pub use outcome::{PlanOutcome, plan};
 pub use pin_release::plan_releasing_pins;
 pub use planned_turns::PlannedTurns;

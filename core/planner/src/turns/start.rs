@@ -54,7 +54,7 @@ impl Planning {
 
     /// Plans for a target made of spots of the problem's own, of which the spots `closed` stay empty.
     /// Enforces P2.
-    fn for_target(
+    pub(super) fn for_target(
         problem: Arc<PlanningProblem>,
         target: Arc<Target>,
         order: TurnOrder,

@@ -11,6 +11,7 @@ use serde_json::{Value, json};
 use super::super::recording::Recording;
 use super::super::roles::Death;
 use super::*;
+use crate::plan_output::PlanOutput;
 
 const EPOCH: Epoch = Epoch {
     number: 1,

@@ -15,9 +15,9 @@ use std::time::{Duration, Instant};
 use ::console::{Term, colors_enabled_stderr};
 use formation_event_log::Entry;
 use formation_model::PlanningProblem;
+use formation_offline::CheckedPlan;
 use formation_verify::Progress;
 
-use crate::checked_plan::CheckedPlan;
 use canvas::Canvas;
 use draw::{Size, frame};
 pub use keys::Key;

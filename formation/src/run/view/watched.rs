@@ -7,9 +7,8 @@ use std::time::Duration;
 use formation_event_log::{Entry, Scene};
 use formation_model::text::ranges;
 use formation_model::{FormationStage, Identifier, ModuleId, ModulePhase, PlanningProblem, SpotId};
+use formation_offline::CheckedPlan;
 use formation_verify::Progress;
-
-use crate::checked_plan::CheckedPlan;
 
 /// How many of the last steps are kept.
 pub const LOG_MAX: usize = 20;

@@ -3,12 +3,13 @@ use std::sync::Arc;
 use ::console::{measure_text_width, strip_ansi_codes};
 use formation_event_log::{Entry, LogEvent, ModuleSnapshot};
 use formation_model::{Epoch, ModuleId, ModulePhase, Pose, Scenario, SpotId};
+use formation_offline::CheckedPlan;
 use formation_report::course_of_plan;
 use formation_verify::Progress;
 
 use super::super::keys::HELP;
 use super::*;
-use crate::checked_plan::CheckedPlan;
+use crate::plan_output::PlanOutput;
 
 const PLAIN: Style = Style {
     colours: false,

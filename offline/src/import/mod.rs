@@ -8,33 +8,61 @@ use std::collections::BTreeSet;
 use std::fmt::Write;
 use std::path::Path;
 
-use anyhow::{Context, anyhow};
+use anyhow::anyhow;
 use formation_generate::{LatticeCell, on_cells};
 use formation_model::{DRAWN_BOXES_MAX, ModuleSize};
-use ros_runtime::exit::Failure;
+use thiserror::Error;
 
-use crate::arguments::ImportArguments;
-use crate::console;
-use crate::generate::to_yaml;
-use grid::{Grid, Run};
+use crate::scenario_text::to_yaml;
+use grid::{CELLS_MAX, Grid, Run};
 
-/// Prints the walls of a map, and with `--modules` a scenario between them.
-///
-/// # Errors
-/// Names the file, and what is wrong with it or with an option.
-pub fn run(arguments: &ImportArguments) -> Result<(), Failure> {
-    let path = arguments.map.as_path();
-    let text = import(path, arguments).with_context(|| path.display().to_string());
-    console::result_line(text.map_err(Failure::BadInput)?.trim_end())
+/// What to import of a map, and for which modules.
+#[derive(Clone, Debug)]
+pub struct ImportOptions {
+    /// The size of a module in metres, which is a unit of the scenario; without meaning for a map of MovingAI.
+    pub module_size: f64,
+    /// How many spots, and as many single modules, to draw; `None` for the walls alone.
+    pub modules: Option<usize>,
+    /// The seed of the random numbers.
+    pub seed: u64,
+    /// Whether modules may enter what the map does not know.
+    pub unknown_is_free: bool,
 }
 
-fn import(path: &Path, arguments: &ImportArguments) -> anyhow::Result<String> {
-    let is_grid_map = path.extension().is_some_and(|end| end == "map");
-    let size = ModuleSize::from_metres(arguments.module_size)
+/// Why a map was refused.
+#[derive(Debug, Error)]
+#[error("{0:#}")]
+pub struct ImportError(anyhow::Error);
+
+/// The longest text of a map at this path, in bytes.
+#[must_use]
+pub fn map_bytes_max(path: &Path) -> u64 {
+    match is_grid_map(path) {
+        true => 2 * CELLS_MAX as u64,
+        false => 1 << 20,
+    }
+}
+
+fn is_grid_map(path: &Path) -> bool {
+    path.extension().is_some_and(|end| end == "map")
+}
+
+/// The walls of a map, and with `modules` a scenario between them, as the text of a scenario file. The name of the file says what
+/// its text is, and where its image lies.
+///
+/// # Errors
+/// Names what is wrong with the text, with its image, or with an option.
+pub fn import(path: &Path, text: &str, options: &ImportOptions) -> Result<String, ImportError> {
+    imported(path, text, options).map_err(ImportError)
+}
+
+fn imported(path: &Path, text: &str, options: &ImportOptions) -> anyhow::Result<String> {
+    let is_grid_map = is_grid_map(path);
+    let size = ModuleSize::from_metres(options.module_size)
         .map_err(|error| anyhow!("--module-size: {error}"))?;
     let grid = match is_grid_map {
-        true => grid_map::read(path)?,
-        false => occupancy_map::read(path, size, arguments.unknown_is_free)?,
+        true => grid_map::read(text)?,
+        false => occupancy_map::read(path, text, size, options.unknown_is_free)?,
     };
     let runs = grid.closed_runs();
     if runs.len() > DRAWN_BOXES_MAX {
@@ -43,13 +71,13 @@ fn import(path: &Path, arguments: &ImportArguments) -> anyhow::Result<String> {
             runs.len()
         ));
     }
-    let mut text = match arguments.modules {
-        Some(count) => scenario(&grid, count, arguments.seed, path)?,
+    let mut text = match options.modules {
+        Some(count) => scenario(&grid, count, options.seed, path)?,
         None => String::new(),
     };
     if !is_grid_map {
         // Writing to a string cannot fail.
-        let _ = writeln!(text, "module_size: {:?}", arguments.module_size);
+        let _ = writeln!(text, "module_size: {:?}", options.module_size);
     }
     write_walls(&mut text, &grid, &runs);
     Ok(text)

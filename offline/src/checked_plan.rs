@@ -1,31 +1,51 @@
 //! A plan that is made offline, by the same core as in every agent, and checked.
 
 use std::collections::BTreeMap;
-use std::path::Path;
 use std::sync::Arc;
 use std::time::Instant;
 
-use anyhow::anyhow;
 use formation_event_log::{Entry, SceneChange};
 use formation_model::text::{counted, joined, listed_in_full};
-use formation_model::{
-    Assignment, Decision, ModuleId, Plan, PlanningProblem, Policy, Scenario, SpotId,
-};
+use formation_model::{Assignment, Decision, ModuleId, Plan, PlanningProblem, Policy, SpotId};
 use formation_motion::PlannedMotion;
-use formation_planner::{PlanOutcome, Planning, Statistics};
-use formation_report::{Fact, Subject, course_of_plan};
+use formation_planner::{AllocationRefused, PlanOutcome, Planning, Statistics};
+use formation_report::{Fact, Subject, Summary, Tone, course_of_plan};
 use formation_verify::{Violation, check_plan, check_swapped_plan, hole_of};
-use ros_runtime::exit::{Failure, one_line};
 use serde::Serialize;
+use thiserror::Error;
 
-use crate::arguments::SPEED_UNITS_PER_S;
-use crate::console;
 use crate::motion::{self, MotionSummary};
-use crate::progress::PlanProgress;
-use crate::scenario_file::named;
 use crate::spread::WithoutSpread;
 use crate::swap::SwapReport;
 use crate::table::aligned;
+
+/// The default speed of simulated modules.
+pub const SPEED_UNITS_PER_S: f64 = 5.0;
+
+/// A plan that breaks what it guarantees; it is not given out.
+#[derive(Debug, Error)]
+#[error("the plan does not keep its guarantees: {0}")]
+pub struct GuaranteeBroken(String);
+
+/// Why there is no plan by an allocation.
+#[derive(Debug, Error)]
+pub enum ByAllocationError {
+    /// It is none for the problem.
+    #[error(transparent)]
+    Refused(#[from] AllocationRefused),
+    /// Its plan does not keep what plans guarantee.
+    #[error(transparent)]
+    GuaranteeBroken(#[from] GuaranteeBroken),
+}
+
+/// How far a plan has come.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum PlanStage {
+    /// The turns that are taken, and those that are left.
+    Turns(usize, usize),
+    /// The paths are planned, of which no part can be counted.
+    Motion,
+}
 
 /// A plan that the verifier's checks have passed, except that the policy `paper`, and walls round modules, may leave a hole.
 pub struct CheckedPlan {
@@ -85,52 +105,66 @@ pub struct PlanReport {
 /// A check of the verifier's.
 type Check = fn(&PlanningProblem, &[Decision], &Plan) -> Result<(), Vec<Violation>>;
 
-fn check(problem: &PlanningProblem, outcome: &PlanOutcome, of: Check) -> Result<(), Failure> {
+fn check(
+    problem: &PlanningProblem,
+    outcome: &PlanOutcome,
+    of: Check,
+) -> Result<(), GuaranteeBroken> {
     let decisions = outcome.decisions.iter();
     let decisions: Vec<Decision> = decisions.map(|(_, decision)| decision.clone()).collect();
-    of(problem, &decisions, &outcome.plan).map_err(|violations| {
-        let text = joined(violations, "; ");
-        Failure::Failed(anyhow!("the plan does not keep its guarantees: {text}"))
-    })
+    of(problem, &decisions, &outcome.plan)
+        .map_err(|violations| GuaranteeBroken(joined(violations, "; ")))
 }
 
 impl CheckedPlan {
-    /// Plans a scenario and has the plan checked independently. Shows on a terminal how far it has come.
-    ///
-    /// # Errors
-    /// Lists the guarantees that the plan does not keep.
-    pub fn of(scenario: &Scenario) -> Result<Self, Failure> {
-        let problem = Arc::new(scenario.problem().clone());
-        Self::made(problem, Some(PlanProgress::new()))
-    }
-
     /// Plans for modules and a target, and has the plan checked independently.
     ///
     /// # Errors
     /// Lists the guarantees that the plan does not keep.
-    pub fn of_problem(problem: Arc<PlanningProblem>) -> Result<Self, Failure> {
-        Self::made(problem, None)
+    pub fn of_problem(problem: Arc<PlanningProblem>) -> Result<Self, GuaranteeBroken> {
+        Self::with_progress(problem, |_| {})
+    }
+
+    /// Like [`Self::of_problem`], and reports how far it has come.
+    ///
+    /// # Errors
+    /// Lists the guarantees that the plan does not keep.
+    pub fn with_progress(
+        problem: Arc<PlanningProblem>,
+        report: impl FnMut(PlanStage),
+    ) -> Result<Self, GuaranteeBroken> {
+        let start = Instant::now();
+        Self::made(Planning::new(problem), start, report)
+    }
+
+    /// The plan by which the modules take the spots of an allocation, checked like any other. The problem has a policy that assigns
+    /// centrally.
+    ///
+    /// # Errors
+    /// Names what is wrong with the allocation, or lists the guarantees that its plan does not keep.
+    pub fn by_allocation(
+        problem: Arc<PlanningProblem>,
+        allocation: &BTreeMap<ModuleId, SpotId>,
+    ) -> Result<Self, ByAllocationError> {
+        let start = Instant::now();
+        let planning = Planning::with_allocation(problem, allocation)?;
+        Ok(Self::made(planning, start, |_| {})?)
     }
 
     fn made(
-        problem: Arc<PlanningProblem>,
-        mut progress: Option<PlanProgress>,
-    ) -> Result<Self, Failure> {
-        let start = Instant::now();
-        let mut planning = Planning::new(Arc::clone(&problem));
-        let decisions = planning.take_all_turns_with(|taken, left| {
-            if let Some(progress) = &mut progress {
-                progress.show_turns(taken, left);
-            }
-        });
+        mut planning: Planning,
+        start: Instant,
+        mut report: impl FnMut(PlanStage),
+    ) -> Result<Self, GuaranteeBroken> {
+        let problem = Arc::clone(planning.problem());
+        let decisions =
+            planning.take_all_turns_with(|taken, left| report(PlanStage::Turns(taken, left)));
         let planning_us = u64::try_from(start.elapsed().as_micros()).unwrap_or(u64::MAX);
         let mut outcome = planning.outcome(decisions);
         check(&problem, &outcome, check_plan)?;
         let hole = hole_of(&problem, &outcome.plan);
         let hole = (!hole.is_empty()).then(|| joined(hole, "; "));
-        if let Some(progress) = &mut progress {
-            progress.show_motion();
-        }
+        report(PlanStage::Motion);
         let (motion, plan) = PlannedMotion::of(&problem, outcome.plan.clone(), &[]);
         outcome.follow(&problem, plan);
         if outcome.swapped.is_some() {
@@ -149,17 +183,6 @@ impl CheckedPlan {
     /// Whether all spots are filled, and connected, that the modules suffice for.
     pub fn is_complete(&self) -> bool {
         self.hole.is_none()
-    }
-
-    /// Fails if the plan has a hole, once its results are printed.
-    ///
-    /// # Errors
-    /// Names the open spots.
-    pub fn refuse_hole(&self, path: &Path) -> Result<(), Failure> {
-        match self.hole_text() {
-            None => Ok(()),
-            Some(text) => Err(Failure::failed(format_args!("{}: {text}", named(path)))),
-        }
     }
 
     /// What is wrong with the spots that are filled, and which are open; `None` if nothing is.
@@ -207,6 +230,32 @@ impl CheckedPlan {
             .collect()
     }
 
+    /// The warnings about the plan itself: those of the planner, of its motion, and of a search that was cut.
+    pub fn warnings(&self) -> Vec<String> {
+        let planned = self.statistics.warnings.iter().map(ToString::to_string);
+        let motion = motion::warning(&self.motion);
+        let cut = self.cut_search_text().map(str::to_owned);
+        planned.chain(motion).chain(cut).collect()
+    }
+
+    /// Says so if a placement is not proven to be the best.
+    pub fn cut_search_text(&self) -> Option<&'static str> {
+        (!self.statistics.proven).then_some(
+            "a search on a graph with cycles was cut at its budget; a better plan may exist",
+        )
+    }
+
+    /// The object that `formation plan --json` prints.
+    pub fn whole_report(&self, without_spread: Option<WithoutSpread>) -> PlanReport {
+        PlanReport {
+            without_spread,
+            complete: Some(self.is_complete()),
+            turns: Some(self.turns()),
+            motion: Some(MotionSummary::of(&self.motion)),
+            ..self.report()
+        }
+    }
+
     /// What to print as JSON.
     pub fn report(&self) -> PlanReport {
         PlanReport {
@@ -221,25 +270,6 @@ impl CheckedPlan {
         }
     }
 
-    /// Prints the warnings about a plan, before anything moves.
-    pub fn warn(&self, path: &Path) {
-        for warning in &self.statistics.warnings {
-            console::note(&format!("warning: {}: {warning}", named(path)));
-        }
-        self.warn_of_motion(path);
-        self.warn_of_cut_search(path);
-    }
-
-    /// Says so if a placement is not proven to be the best.
-    pub fn warn_of_cut_search(&self, path: &Path) {
-        if !self.statistics.proven {
-            console::note(&format!(
-                "warning: {}: a search on a graph with cycles was cut at its budget; a better plan may exist",
-                named(path)
-            ));
-        }
-    }
-
     /// Whether the placements of the configurations are proven to be the best, in a sentence.
     pub fn proof_text(&self) -> &'static str {
         match self.statistics.proven {
@@ -250,52 +280,36 @@ impl CheckedPlan {
         }
     }
 
-    /// Prints what is wrong with the motion, if it is not along paths for that reason.
-    pub fn warn_of_motion(&self, path: &Path) {
-        if let Some(warning) = motion::warning(&self.motion) {
-            console::note(&format!("warning: {}: {warning}", named(path)));
-        }
-    }
-
     /// The plan as it would be carried out by simulated drives.
     pub fn course(&self) -> Vec<Entry> {
         let (problem, outcome) = (&self.problem, &self.outcome);
         course_of_plan(problem, outcome, &self.motion, SPEED_UNITS_PER_S)
     }
 
-    /// What pictures show of a plan with this course.
+    /// What pictures show of a plan with this course; the name in one line.
     pub fn subject(&self, name: &str, course: &[Entry]) -> Subject {
-        Subject::of_course(&one_line(name), &self.problem, &self.outcome, course, None)
+        Subject::of_course(name, &self.problem, &self.outcome, course, None)
             .with_paths(&self.motion, &self.outcome)
     }
 
-    /// Refuses a plan by which no module would move.
-    ///
-    /// # Errors
-    /// Names the unit and its spots, and the reason.
-    pub fn refuse_without_motion(&self, path: &Path) -> Result<(), Failure> {
+    /// Why no module would move by this plan, if so.
+    pub fn unmovable_text(&self) -> Option<String> {
         if self.statistics.assignments.is_empty()
             && let Some(cut_off) = self.cut_off_text()
         {
-            return Err(Failure::bad_input(format_args!(
-                "{}: no module would move: {cut_off}",
-                named(path)
-            )));
+            return Some(format!("no module would move: {cut_off}"));
         }
         match &self.motion {
-            PlannedMotion::Refused(error) => Err(Failure::bad_input(format_args!(
-                "{}: no module would move: {error}",
-                named(path)
-            ))),
-            PlannedMotion::Paths(_) | PlannedMotion::Straight(_) => Ok(()),
+            PlannedMotion::Refused(error) => Some(format!("no module would move: {error}")),
+            PlannedMotion::Paths(_) | PlannedMotion::Straight(_) => None,
         }
     }
 
-    /// The plan as a table, its sums, and how they compare with those of a plan without spread.
+    /// The plan as a table under its name in one line, its sums, and how they compare with those of a plan without spread.
     pub fn text(&self, name: &str, without_spread: Option<&WithoutSpread>) -> String {
         let mut parts = Vec::new();
         if !name.is_empty() {
-            parts.push(one_line(name));
+            parts.push(name.to_owned());
         }
         parts.push(self.table());
         let statistics = &self.statistics;
@@ -368,6 +382,27 @@ impl CheckedPlan {
             ]
         };
         aligned(heads, self.statistics.assignments.iter().map(row))
+    }
+
+    /// What the page of a plan says besides its film.
+    pub fn summary(&self) -> Summary {
+        let mut notes = self.statistics.warnings.clone();
+        notes.extend(motion::warning(&self.motion));
+        Summary {
+            outcome: format!(
+                "Planned: {} of {} spots get a module{}",
+                self.statistics.assignments.len(),
+                self.problem.target().spots().len(),
+                motion::mark(&self.motion)
+            ),
+            tone: Tone::Neutral,
+            source: format!(
+                "Planned offline and not carried out: the film shows the turns of the plan, then its motions, at \
+                 {SPEED_UNITS_PER_S} units a second. The clock next to the film counts the motions alone."
+            ),
+            facts: self.facts(),
+            notes,
+        }
     }
 
     /// How many modules and spots there are, and the numbers of the plan, for the page of a report.

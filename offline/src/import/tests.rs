@@ -6,14 +6,17 @@ use tempfile::TempDir;
 
 use super::*;
 
-fn arguments(map: PathBuf) -> ImportArguments {
-    ImportArguments {
-        map,
+fn options() -> ImportOptions {
+    ImportOptions {
         module_size: 1.0,
         modules: None,
         seed: 0,
         unknown_is_free: false,
     }
+}
+
+fn imported_file(path: &Path, options: &ImportOptions) -> Result<String, ImportError> {
+    import(path, &fs::read_to_string(path).unwrap(), options)
 }
 
 /// A map of 4 by 3 pixels of half a metre: a black wall on the left, one unknown pixel at the top right.
@@ -33,21 +36,21 @@ const FLOOR: &str = "image: floor.pgm\nresolution: 0.5\norigin: [-0.25, -0.25, 0
 #[test]
 fn walls_of_an_occupancy_map_are_those_of_a_scenario() {
     let (_directory, path) = occupancy_map(FLOOR);
-    let half = ImportArguments {
+    let half = ImportOptions {
         module_size: 0.5,
-        ..arguments(path.clone())
+        ..options()
     };
-    let text = import(&path, &half).unwrap();
+    let text = imported_file(&path, &half).unwrap();
     assert_eq!(
         text,
         "module_size: 0.5\nobstacles:\n  - {x: 0.0, y: 0.0, width: 1, height: 1}\n  - {x: 0.0, y: 1.0, width: 1, height: 1}\n  \
          - {x: 0.0, y: 2.0, width: 1, height: 1}\n  - {x: 3.0, y: 2.0, width: 1, height: 1}\narena: {x: 1.5, y: 1.0, width: 4, height: 3}\n"
     );
-    let known = ImportArguments {
+    let known = ImportOptions {
         unknown_is_free: true,
         ..half
     };
-    assert!(!import(&path, &known).unwrap().contains("x: 3.0"));
+    assert!(!imported_file(&path, &known).unwrap().contains("x: 3.0"));
     let scenario = format!(
         "target: {{spots: [{{id: 1, x: 1, y: 0}}]}}\nsingletons: [{{id: 1, x: 2, y: 2}}]\n{text}"
     );
@@ -61,7 +64,7 @@ fn walls_of_an_occupancy_map_are_those_of_a_scenario() {
 fn a_pixel_closes_each_cell_that_it_reaches_into() {
     let (_directory, path) =
         occupancy_map(&FLOOR.replace("[-0.25, -0.25, 0.0]", "[0.25, -0.5, 0]"));
-    let text = import(&path, &arguments(path.clone())).unwrap();
+    let text = imported_file(&path, &options()).unwrap();
     // The image covers x 0.25 to 2.25 and y -0.5 to 1.0: one whole cell, from x 0.5 to 1.5, which the wall reaches by a quarter.
     assert_eq!(
         text,
@@ -91,7 +94,7 @@ fn what_is_wrong_with_a_map_is_named() {
         ),
     ] {
         let (_directory, path) = occupancy_map(&FLOOR.replace(change.0, change.1));
-        let error = format!("{:#}", import(&path, &arguments(path.clone())).unwrap_err());
+        let error = format!("{:#}", imported_file(&path, &options()).unwrap_err());
         assert!(error.starts_with(expected), "{error}");
     }
 }
@@ -105,12 +108,12 @@ fn a_scenario_is_drawn_between_the_walls_of_a_benchmark() {
         "type octile\nheight 4\nwidth 6\nmap\n......\n.@@@@.\n.@@@@.\n......\n",
     )
     .unwrap();
-    let wanted = ImportArguments {
+    let wanted = ImportOptions {
         modules: Some(8),
         seed: 3,
-        ..arguments(path.clone())
+        ..options()
     };
-    let text = import(&path, &wanted).unwrap();
+    let text = imported_file(&path, &wanted).unwrap();
     let scenario = Scenario::from_yaml(&text).unwrap();
     assert_eq!(scenario.name(), "ring_8_3");
     assert_eq!(scenario.problem().modules().len(), 8);
@@ -122,12 +125,12 @@ fn a_scenario_is_drawn_between_the_walls_of_a_benchmark() {
         ),
         (1, true)
     );
-    let too_many = ImportArguments {
+    let too_many = ImportOptions {
         modules: Some(9),
         ..wanted
     };
     assert_eq!(
-        import(&path, &too_many).unwrap_err().to_string(),
+        imported_file(&path, &too_many).unwrap_err().to_string(),
         "--modules 9: the largest connected part of the 16 free cells has no room for as many spots and modules"
     );
 }

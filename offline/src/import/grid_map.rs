@@ -3,12 +3,9 @@
 //! The format is that of <https://movingai.com/benchmarks/formats.html>: `type octile`, `height H`, `width W`, `map`, and H lines
 //! of W characters; `.`, `G` and `S` are passable. The lowest line is the row with y 0.
 
-use std::path::Path;
-
 use anyhow::{Context, anyhow, ensure};
-use ros_runtime::arguments::read_bounded;
 
-use super::grid::{CELLS_MAX, Grid};
+use super::grid::Grid;
 
 /// The cells that a module may enter.
 const PASSABLE: [char; 3] = ['.', 'G', 'S'];
@@ -17,11 +14,7 @@ const PASSABLE: [char; 3] = ['.', 'G', 'S'];
 ///
 /// # Errors
 /// Names the line that is wrong.
-pub fn read(path: &Path) -> anyhow::Result<Grid> {
-    parsed(&read_bounded(path, 2 * CELLS_MAX as u64)?)
-}
-
-fn parsed(text: &str) -> anyhow::Result<Grid> {
+pub fn read(text: &str) -> anyhow::Result<Grid> {
     let mut lines = text.lines().zip(1..);
     let (mut width, mut height) = (None, None);
     loop {
@@ -75,7 +68,7 @@ mod tests {
 
     #[test]
     fn characters_are_cells_and_the_lowest_line_is_row_0() {
-        let grid = parsed("type octile\nheight 2\nwidth 3\nmap\n@.T\nG..\n").unwrap();
+        let grid = read("type octile\nheight 2\nwidth 3\nmap\n@.T\nG..\n").unwrap();
         let free: Vec<_> = grid.free_cells().collect();
         assert_eq!(free, [(0, 0), (1, 0), (2, 0), (1, 1)]);
     }
@@ -106,7 +99,7 @@ mod tests {
                 "has no cell of the size of a module",
             ),
         ] {
-            assert_eq!(parsed(text).unwrap_err().to_string(), expected);
+            assert_eq!(read(text).unwrap_err().to_string(), expected);
         }
     }
 }

@@ -8,7 +8,6 @@ use std::path::Path;
 use anyhow::{Context, anyhow, ensure};
 use formation_model::ModuleSize;
 use image::{ImageReader, Limits};
-use ros_runtime::arguments::read_bounded;
 use serde::Deserialize;
 
 use super::grid::Grid;
@@ -70,13 +69,17 @@ impl MapFile {
     }
 }
 
-/// Reads a map. A cell is closed if a pixel that is occupied reaches into it, or one that is unknown unless those are free.
+/// Reads a map, whose image is looked for next to `path`. A cell is closed if a pixel that is occupied reaches into it, or one that is unknown unless those are free.
 ///
 /// # Errors
 /// Says what is wrong with the YAML file or its image.
-pub fn read(path: &Path, size: ModuleSize, unknown_is_free: bool) -> anyhow::Result<Grid> {
-    let text = read_bounded(path, 1 << 20)?;
-    let file: MapFile = serde_yaml::from_str(&text).context("is no map of ROS 2")?;
+pub fn read(
+    path: &Path,
+    text: &str,
+    size: ModuleSize,
+    unknown_is_free: bool,
+) -> anyhow::Result<Grid> {
+    let file: MapFile = serde_yaml::from_str(text).context("is no map of ROS 2")?;
     ensure!(
         file.resolution.is_finite() && file.resolution > 0.0,
         "resolution: must be a positive number of metres, got {}",
