@@ -1,6 +1,10 @@
 //! Equal units swap their spots where nothing can carry out the claims.
 
-#![allow(clippy::cast_possible_truncation, reason = "maps are small")]
+#![allow(
+    clippy::cast_possible_truncation,
+    clippy::cast_sign_loss,
+    reason = "maps are small"
+)]
 
 use std::collections::BTreeSet;
 use std::sync::Arc;

@@ -152,10 +152,10 @@ impl<'a> Filling<'a> {
                 return Some(way);
             }
             for next in self.joined(cell) {
-                if !before.contains_key(&next) {
-                    before.insert(next, cell);
+                before.entry(next).or_insert_with(|| {
                     waiting.push_back(next);
-                }
+                    cell
+                });
             }
         }
         None
