@@ -10,6 +10,7 @@ mod manual;
     feature = "simulator"
 )))]
 mod not_built;
+mod plan;
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -26,6 +27,7 @@ use ros_runtime::environment::Domain;
 use ros_runtime::middleware::Middleware;
 
 pub use manual::ManualArguments;
+pub use plan::PlanArguments;
 
 /// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
 /// them changes; and each of them handles every message.
@@ -103,13 +105,10 @@ pub enum FormationCommand {
         command: SecurityCommand,
     },
     /// Plan offline which module takes which spot, with the planner that every module runs.
-    Plan {
-        /// The scenario file (YAML); - for the standard input.
-        scenario: PathBuf,
-        /// Write pictures, a page that plays the plan, and the JSON of --json into this directory.
-        #[arg(long, value_name = "DIR")]
-        report: Option<PathBuf>,
-        /// Print one JSON object instead of a table.
+    Plan(PlanArguments),
+    /// List the policies: the name of each, what it does, and where it is from.
+    Policies {
+        /// Print a JSON list of objects instead of lines.
         #[arg(long)]
         json: bool,
     },

@@ -82,7 +82,14 @@ impl CheckedPlan {
     /// # Errors
     /// Lists the guarantees that the plan does not keep.
     pub fn of(scenario: &Scenario) -> Result<Self, Failure> {
-        let problem = Arc::new(scenario.problem().clone());
+        Self::shown(Arc::new(scenario.problem().clone()))
+    }
+
+    /// The same for a problem.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    pub fn shown(problem: Arc<PlanningProblem>) -> Result<Self, Failure> {
         Self::made(problem, Some(PlanProgress::new()))
     }
 

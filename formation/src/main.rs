@@ -14,6 +14,7 @@ mod joining;
 mod manual;
 mod motion;
 mod plan;
+mod policies;
 mod progress;
 #[cfg(feature = "recordings")]
 mod recorded;
@@ -69,11 +70,8 @@ fn main() -> ExitCode {
         FormationCommand::Security { .. } => Err(ros_runtime::exit::Failure::bad_input(
             ros_runtime::middleware::NOT_BUILT,
         )),
-        FormationCommand::Plan {
-            scenario,
-            report,
-            json,
-        } => plan::run(&scenario, report.as_deref(), json),
+        FormationCommand::Plan(arguments) => plan::run(&arguments),
+        FormationCommand::Policies { json } => policies::list(json),
         FormationCommand::Explain {
             scenario,
             module,

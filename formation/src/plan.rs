@@ -1,13 +1,12 @@
 //! `formation plan`.
 
-use std::path::Path;
-
 use formation_report::{Summary, Tone};
 use ros_runtime::exit::Failure;
 
-use crate::arguments::SPEED_UNITS_PER_S;
+use crate::arguments::{PlanArguments, SPEED_UNITS_PER_S};
 use crate::checked_plan::{CheckedPlan, PlanReport};
 use crate::motion::{self, MotionSummary};
+use crate::policies::problem_under;
 use crate::report::ReportDirectory;
 use crate::spread::WithoutSpread;
 use crate::{check, console, scenario_file};
@@ -17,17 +16,19 @@ use crate::{check, console, scenario_file};
 /// # Errors
 /// Names what is wrong with the file or with the plan, or why the report cannot be written. A plan with a hole is printed all
 /// the same.
-pub fn run(path: &Path, report: Option<&Path>, json: bool) -> Result<(), Failure> {
+pub fn run(arguments: &PlanArguments) -> Result<(), Failure> {
+    let path = arguments.scenario.as_path();
     let scenario = scenario_file::load(path)?;
     check::warn(path, &scenario);
+    let report = arguments.report.as_deref();
     let report = report.map(ReportDirectory::create).transpose()?;
-    let plan = CheckedPlan::of(&scenario)?;
+    let plan = CheckedPlan::shown(problem_under(&scenario, arguments.policy))?;
     plan.warn(path);
     let without_spread = WithoutSpread::of(&plan.problem);
     if let Some(directory) = report {
         write_report(&directory, &plan, scenario.name(), without_spread)?;
     }
-    if json {
+    if arguments.json {
         console::result_json(&whole_report(&plan, without_spread))?;
     } else {
         console::result_text(&plan.text(scenario.name(), without_spread.as_ref()))?;

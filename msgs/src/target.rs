@@ -159,7 +159,6 @@ impl From<&model::PlannerParameters> for PlannerParameters {
 /// The readings of the policy `paper`; no other policy has options.
 fn options_to_wire(parameters: &model::PlannerParameters) -> Vec<PolicyOption> {
     match parameters.policy {
-        Policy::Exact | Policy::Auction | Policy::Hungarian => Vec::new(),
         Policy::Paper => {
             let named = parameters.paper.named().into_iter();
             named
@@ -169,6 +168,7 @@ fn options_to_wire(parameters: &model::PlannerParameters) -> Vec<PolicyOption> {
                 })
                 .collect()
         }
+        _ => Vec::new(),
     }
 }
 

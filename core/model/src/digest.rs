@@ -51,7 +51,7 @@ impl Canonical {
 }
 
 fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
-    canonical.number(parameters.policy as u64);
+    put_policy(canonical, parameters.policy);
     canonical.number(parameters.order as u64);
     canonical.number(parameters.d_max.map_or(u64::MAX, u64::from));
     canonical.number(u64::from(parameters.exact_finish));
@@ -68,6 +68,21 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
     canonical.number(parameters.motion as u64);
     if parameters.policy == Policy::Paper {
         put_paper(canonical, &parameters.paper);
+    }
+}
+
+/// A number for each policy that comes with the planner, and the name of one's own, which says the same in every build.
+fn put_policy(canonical: &mut Canonical, policy: Policy) {
+    canonical.number(match policy {
+        Policy::Exact => 0,
+        Policy::Paper => 1,
+        Policy::Auction => 2,
+        Policy::Hungarian => 3,
+        Policy::Own(_) => 5,
+    });
+    if let Policy::Own(own) = policy {
+        canonical.length(own.name().len());
+        canonical.0.update(own.name().as_bytes());
     }
 }
 

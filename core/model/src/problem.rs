@@ -133,6 +133,18 @@ impl PlanningProblem {
         problem
     }
 
+    /// The same problem with other parameters, which must not move differently.
+    #[must_use]
+    pub fn with_parameters(&self, parameters: PlannerParameters) -> Self {
+        let mut problem = self.clone();
+        debug_assert_eq!(
+            problem.parameters.motion, parameters.motion,
+            "ways may differ"
+        );
+        problem.parameters = parameters;
+        problem
+    }
+
     /// What the bodies of modules cover that take no part.
     pub fn bodies(&self) -> &[Area] {
         &self.bodies

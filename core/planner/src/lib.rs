@@ -12,6 +12,7 @@ mod explanation;
 #[cfg(test)]
 mod grid;
 pub mod placement;
+pub mod policies;
 mod rooted_tree;
 mod statistics;
 mod turns;

@@ -1,6 +1,7 @@
 //! Turns: units decide one after another, and every replica recomputes each decision.
 
 mod block_allocation;
+mod claiming;
 mod decision;
 mod outcome;
 mod pin_release;

@@ -109,7 +109,7 @@ impl Planning {
             total_distance,
             longest_distance,
             proven: self.proven,
-            auction: self.central.as_ref().and_then(|central| central.auction),
+            auction: self.whole.as_ref().and_then(|whole| whole.auction),
         }
     }
 
