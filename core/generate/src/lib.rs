@@ -170,6 +170,7 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         body_width: None,
         obstacles: Vec::new(),
         arena: None,
+        given: None,
     })
 }
 

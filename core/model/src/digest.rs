@@ -78,6 +78,7 @@ fn put_policy(canonical: &mut Canonical, policy: Policy) {
         Policy::Paper => 1,
         Policy::Auction => 2,
         Policy::Hungarian => 3,
+        Policy::Given => 4,
         Policy::Own(_) => 5,
     });
     if let Policy::Own(own) = policy {
@@ -136,6 +137,18 @@ fn put_target(canonical: &mut Canonical, parameters: &PlannerParameters, target:
     for &(first, second) in target.topology().edges() {
         canonical.length(first);
         canonical.length(second);
+    }
+    // The policy says whether one follows.
+    if let Some(given) = target.given() {
+        canonical.length(given.spots().len());
+        for (module, spot) in given.spots() {
+            canonical.identifier(Some(module.0));
+            canonical.identifier(Some(spot.0));
+        }
+        canonical.length(given.detached().len());
+        for module in given.detached() {
+            canonical.identifier(Some(module.0));
+        }
     }
 }
 

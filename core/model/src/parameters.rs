@@ -355,7 +355,7 @@ impl PlannerParameters {
     /// Whether the target is trimmed if there are fewer modules than spots.
     #[must_use]
     pub fn trims_target(&self) -> bool {
-        !self.keep_all_spots && self.policy != Policy::Paper
+        !self.keep_all_spots && !matches!(self.policy, Policy::Paper | Policy::Given)
     }
 }
 

@@ -37,12 +37,12 @@ macro_rules! list_policies {
             source: $source,
         }),*];
 
-        const NAME_LIST: &[&str] = &["exact", "paper", "auction", "hungarian" $(, stringify!($name))*];
+        const NAME_LIST: &[&str] = &["exact", "paper", "auction", "hungarian", "given" $(, stringify!($name))*];
 
         impl Policy {
             /// The names of all policies.
             pub const NAMES: &'static str =
-                concat!("exact, paper, auction, hungarian" $(, ", ", stringify!($name))*);
+                concat!("exact, paper, auction, hungarian, given" $(, ", ", stringify!($name))*);
         }
     };
 }
@@ -61,6 +61,8 @@ pub enum Policy {
     Auction,
     /// A central optimal assignment, which treats every module as a singleton.
     Hungarian,
+    /// What the target gives: each module takes the spot that its table names.
+    Given,
     /// A policy of one's own.
     Own(OwnPolicy),
 }
@@ -80,7 +82,7 @@ impl OwnPolicy {
 }
 
 impl Policy {
-    const BUILT_IN: [(Self, PolicyEntry); 4] = [
+    const BUILT_IN: [(Self, PolicyEntry); 5] = [
         (
             Self::Exact,
             PolicyEntry {
@@ -113,6 +115,14 @@ impl Policy {
                 source: "H. W. Kuhn, Naval Research Logistics Quarterly 2, 1955; J. Munkres, Journal of SIAM 5(1), 1957",
             },
         ),
+        (
+            Self::Given,
+            PolicyEntry {
+                name: "given",
+                sentence: "As the target says: its list `allocation`, which any program may have computed, is checked and carried out.",
+                source: "docs/own_policy.md",
+            },
+        ),
     ];
 
     /// All policies, those of one's own last.
@@ -132,6 +142,7 @@ impl Policy {
             Self::Paper => "paper",
             Self::Auction => "auction",
             Self::Hungarian => "hungarian",
+            Self::Given => "given",
             Self::Own(own) => own.name,
         }
     }

@@ -6,8 +6,9 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::{
-    Area, CELL_UNREACHED, FreeCells, MODULES_MAX, ModuleId, MotionMode, NO_ID, PlannerParameters,
-    PlanningModule, SpotId, Spread, Target, Topology,
+    Area, CELL_UNREACHED, FreeCells, GivenRefused, MODULES_MAX, ModuleId, MotionMode, NO_ID,
+    PlannerParameters, PlanningModule, Policy, RawGiven, ScenarioError, SpotId, Spread, Target,
+    Topology,
 };
 
 /// A connected group of docked modules, found from their links.
@@ -52,6 +53,9 @@ pub enum ProblemError {
     /// Two modules are pinned to one spot.
     #[error("{0} and {1} are both pinned to {2}")]
     SharedPin(ModuleId, ModuleId, SpotId),
+    /// The modules cannot carry out the allocation that the target gives.
+    #[error(transparent)]
+    Given(#[from] GivenRefused),
 }
 
 impl PlanningProblem {
@@ -141,8 +145,24 @@ impl PlanningProblem {
             problem.parameters.motion, parameters.motion,
             "ways may differ"
         );
+        if parameters.policy != Policy::Given && self.target.given().is_some() {
+            problem.target = Arc::new(Target::clone(&self.target).without_given());
+        }
         problem.parameters = parameters;
         problem
+    }
+
+    /// The same problem for the same spots, of which it is given who takes which.
+    ///
+    /// # Errors
+    /// Names the entry, the module or the spot that is wrong.
+    pub fn with_given(&self, raw: &RawGiven) -> Result<Self, ScenarioError> {
+        let target = Target::clone(&self.target).with_given(raw)?;
+        let mut problem = self.clone();
+        problem.target = Arc::new(target);
+        problem.parameters = self.parameters.under(Policy::Given);
+        problem.check_given()?;
+        Ok(problem)
     }
 
     /// What the bodies of modules cover that take no part.

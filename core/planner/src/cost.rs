@@ -158,6 +158,11 @@ impl<'a> PlanSize<'a> {
                 field: "planner.policy",
                 advice: "use the policy exact, or fewer modules",
             },
+            (Policy::Given, _) => Part {
+                nanoseconds: 0.0,
+                field: "planner.policy",
+                advice: "use fewer modules",
+            },
             (Policy::Own(_), _) => Part {
                 nanoseconds: runs * modules * spots * OWN_NS,
                 field: "planner.policy",
@@ -205,7 +210,7 @@ impl PlanSize<'_> {
             (Policy::Paper, false) => {
                 pairs * PLACEMENT_NS + (pairs * PAPER_CYCLES_NS).min(PAPER_SEARCH_NS)
             }
-            (Policy::Own(_), _) | (_, true) => 0.0,
+            (Policy::Own(_) | Policy::Given, _) | (_, true) => 0.0,
             (_, false) => runs * pairs * PLACEMENT_NS + SEARCH_NS,
         }
     }

@@ -9,6 +9,7 @@ mod barrier;
 pub mod baseline;
 mod cost;
 mod explanation;
+mod given;
 #[cfg(test)]
 mod grid;
 pub mod placement;
@@ -21,6 +22,7 @@ mod value;
 pub use barrier::Barrier;
 pub use cost::{PLAN_TIME_MAX, PlanSize, PlanTooLong};
 pub use explanation::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
+pub use given::{detached_by, given_by, plan_with_allocation};
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{
     ClaimRefused, PlanOutcome, PlannedTurns, Planning, Turn, plan, plan_releasing_pins,

@@ -39,7 +39,8 @@ fn violations(problem: &PlanningProblem, outcome: &PlanOutcome) -> Vec<Violation
 
 #[test]
 fn replicas_agree_turn_by_turn_under_every_policy() {
-    for (policy, _) in Policy::all() {
+    // The policy `given` needs a target that gives an allocation.
+    for (policy, _) in Policy::all().filter(|&(policy, _)| policy != Policy::Given) {
         for (seed, grouping) in (0..).zip(GROUPINGS) {
             for (modules, spots) in [(20, 20), (24, 15), (15, 24)] {
                 let problem = problem(modules, spots, grouping, seed, following(policy));

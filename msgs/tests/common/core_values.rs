@@ -123,12 +123,7 @@ fn readings() -> impl Strategy<Value = PaperOptions> {
 
 fn parameters() -> impl Strategy<Value = PlannerParameters> {
     (
-        select(vec![
-            Policy::Exact,
-            Policy::Paper,
-            Policy::Auction,
-            Policy::Hungarian,
-        ]),
+        select(Policy::all().map(|(policy, _)| policy).collect::<Vec<_>>()),
         select(vec![TurnOrder::Rank, TurnOrder::SizeFirst]),
         option::of(0..=i32::MAX.unsigned_abs()),
         any::<bool>(),
@@ -229,7 +224,7 @@ pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
                 revision,
                 name,
                 target: target.map(|(target, surroundings)| {
-                    Arc::new(placed_within(target, surroundings, parameters.motion))
+                    Arc::new(placed_within(target, surroundings, &parameters))
                 }),
                 parameters,
                 expected_modules,

@@ -53,10 +53,10 @@ macro_rules! declare_own {
 
 for_each_own_policy!(declare_own);
 
-/// The policy, if it decides at once; `None` for one that decides turn by turn.
+/// The policy, if it decides at once; `None` for one that decides turn by turn, and for `given`, which decides nothing.
 pub(crate) fn at_once(policy: Policy) -> Option<&'static dyn AllocationPolicy> {
     match policy {
-        Policy::Exact | Policy::Paper => None,
+        Policy::Exact | Policy::Paper | Policy::Given => None,
         Policy::Auction => Some(&auction::Rule),
         Policy::Hungarian => Some(&hungarian::Rule),
         Policy::Own(policy) => own(policy.name()),
@@ -70,8 +70,8 @@ mod tests {
     #[test]
     fn every_policy_of_ones_own_has_its_file() {
         for (policy, _) in Policy::all() {
-            let decides_by_turns = matches!(policy, Policy::Exact | Policy::Paper);
-            assert_eq!(at_once(policy).is_none(), decides_by_turns, "{policy:?}");
+            let needs_none = matches!(policy, Policy::Exact | Policy::Paper | Policy::Given);
+            assert_eq!(at_once(policy).is_none(), needs_none, "{policy:?}");
         }
     }
 }

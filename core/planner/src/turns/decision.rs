@@ -21,7 +21,7 @@ impl Planning {
             match self.instance.problem.parameters().policy {
                 Policy::Exact => self.decide_exactly(&unit, &mut result),
                 Policy::Paper => self.decide_as_in_the_paper(&unit, &mut result),
-                Policy::Auction | Policy::Hungarian | Policy::Own(_) => {
+                Policy::Auction | Policy::Hungarian | Policy::Given | Policy::Own(_) => {
                     if let Some(whole) = &self.whole {
                         claiming::claim(&self.instance, whole, &unit, &mut result);
                     }
