@@ -3,6 +3,8 @@
 mod arguments;
 mod check;
 mod checked_plan;
+#[cfg(feature = "experiments")]
+mod compare;
 mod console;
 #[cfg(feature = "experiments")]
 mod experiments;
@@ -15,6 +17,7 @@ mod manual;
 mod motion;
 mod plan;
 mod policies;
+mod policy_program;
 mod progress;
 #[cfg(feature = "recordings")]
 mod recorded;
@@ -93,6 +96,10 @@ fn main() -> ExitCode {
         FormationCommand::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(not(feature = "simulator"))]
         FormationCommand::Simulate(_) => Err(not_built("simulate", "simulator")),
+        #[cfg(feature = "experiments")]
+        FormationCommand::Compare(arguments) => compare::run(&arguments),
+        #[cfg(not(feature = "experiments"))]
+        FormationCommand::Compare(_) => Err(not_built("compare", "experiments")),
         #[cfg(feature = "experiments")]
         FormationCommand::Experiments(arguments) => experiments::run(&arguments),
         #[cfg(not(feature = "experiments"))]

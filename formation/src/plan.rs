@@ -9,7 +9,7 @@ use crate::motion::{self, MotionSummary};
 use crate::policies::problem_under;
 use crate::report::ReportDirectory;
 use crate::spread::WithoutSpread;
-use crate::{check, console, scenario_file};
+use crate::{check, console, policy_program, scenario_file};
 
 /// Plans a scenario file and prints the plan.
 ///
@@ -22,7 +22,17 @@ pub fn run(arguments: &PlanArguments) -> Result<(), Failure> {
     check::warn(path, &scenario);
     let report = arguments.report.as_deref();
     let report = report.map(ReportDirectory::create).transpose()?;
-    let plan = CheckedPlan::shown(problem_under(&scenario, arguments.policy))?;
+    let problem = match &arguments.policy_program {
+        Some(program) => {
+            policy_program::ask(program, scenario.problem(), arguments.program_timeout).map_err(
+                |error| Failure::failed(format_args!("--policy-program: {program} {error}")),
+            )?
+        }
+        None => problem_under(&scenario, arguments.policy).map_err(|reason| {
+            Failure::bad_input(format_args!("{}: {reason}", scenario_file::named(path)))
+        })?,
+    };
+    let plan = CheckedPlan::shown(problem)?;
     plan.warn(path);
     let without_spread = WithoutSpread::of(&plan.problem);
     if let Some(directory) = report {

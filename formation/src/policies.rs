@@ -37,10 +37,20 @@ pub fn named(name: &str) -> Result<Policy, String> {
 }
 
 /// The problem of a scenario, under another policy if one is named.
-pub fn problem_under(scenario: &Scenario, policy: Option<Policy>) -> Arc<PlanningProblem> {
+///
+/// # Errors
+/// The scenario gives no allocation, and the policy is `given`.
+pub fn problem_under(
+    scenario: &Scenario,
+    policy: Option<Policy>,
+) -> Result<Arc<PlanningProblem>, String> {
     let problem = scenario.problem();
-    Arc::new(match policy {
-        Some(policy) => problem.with_parameters(problem.parameters().under(policy)),
-        None => problem.clone(),
-    })
+    let Some(policy) = policy else {
+        return Ok(Arc::new(problem.clone()));
+    };
+    if policy == Policy::Given && problem.target().given().is_none() {
+        return Err("target.allocation: is missing, and the policy `given` needs it".to_owned());
+    }
+    let parameters = problem.parameters().under(policy);
+    Ok(Arc::new(problem.with_parameters(parameters)))
 }

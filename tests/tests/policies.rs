@@ -49,6 +49,49 @@ fn forms_as_planned(path: &Path) -> Option<Value> {
     Some(run)
 }
 
+/// The planner section and the allocation of a target that gives the rotated order of modules to the spots, all of them detached.
+fn with_rotated_allocation(scenario: &str, shift: usize) -> String {
+    let parsed = Scenario::from_yaml(scenario).unwrap();
+    let problem = parsed.problem();
+    let spots: Vec<u32> = problem
+        .target()
+        .spots()
+        .iter()
+        .map(|spot| spot.id.0)
+        .collect();
+    let modules: Vec<u32> = problem.modules().iter().map(|module| module.id.0).collect();
+    let entries = modules.iter().enumerate().map(|(index, module)| {
+        let spot = spots[(index + shift) % spots.len()];
+        format!("    - {{module: {module}, spot: {spot}}}\n")
+    });
+    let entries: String = entries.collect();
+    let docked = problem.configurations();
+    let docked = docked
+        .iter()
+        .flat_map(|one| one.modules.iter().map(|module| module.0));
+    let detached: Vec<u32> = docked.collect();
+    let section = format!("target:\n  detached: {detached:?}\n  allocation:\n{entries}");
+    scenario.replacen("target:\n", &section, 1) + "planner: {policy: given}\n"
+}
+
+#[test]
+fn allocations_that_are_given_are_formed_by_processes() {
+    let directory = tempfile::tempdir().unwrap();
+    for shift in 1..=5 {
+        let options = format!("generate --modules 6 --spots 6 --configurations 1x3 --seed {shift}");
+        let path = directory.path().join(format!("given_{shift}.yaml"));
+        let scenario = with_rotated_allocation(&generated(&options), shift);
+        fs::write(&path, &scenario).unwrap();
+        let Some(run) = forms_as_planned(&path) else {
+            return;
+        };
+        let parsed = Scenario::from_yaml(&scenario).unwrap();
+        let given = parsed.problem().target().given().unwrap();
+        let expected = serde_json::to_value(given.assignments().collect::<Vec<_>>()).unwrap();
+        assert_eq!(run["assignments"], expected);
+    }
+}
+
 #[test]
 fn a_policy_of_one_file_is_formed_by_processes() {
     let directory = tempfile::tempdir().unwrap();
