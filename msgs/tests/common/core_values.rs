@@ -19,7 +19,7 @@ use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 
-use super::surroundings::{placed_within, surroundings};
+use super::surroundings::{for_any_members, placed_within, surroundings};
 
 const LIMIT: i64 = 1_000_000_000_000;
 
@@ -407,7 +407,7 @@ pub fn module_states() -> impl Strategy<Value = Vec<ModuleState>> {
 fn roster() -> impl Strategy<Value = Roster> {
     (
         epoch(),
-        announcement(),
+        announcement().prop_map(for_any_members),
         vec(
             (
                 (incarnation(), option::of(store_id()), service()),

@@ -1,8 +1,10 @@
 //! Obstacles and walls of targets, and who is to take which spot.
 
+use std::sync::Arc;
+
 use formation_model::{
     MotionMode, PlannerParameters, Policy, RawArea, RawGiven, RawGivenSpot, RawSurroundings,
-    Surroundings, Target,
+    Surroundings, Target, TargetAnnouncement,
 };
 use proptest::collection::vec;
 use proptest::option;
@@ -65,4 +67,14 @@ fn given_to_all(target: Target) -> Target {
         detached: vec![1, 4, 900],
     };
     target.with_given(&given).unwrap()
+}
+
+/// The announcement without an allocation, which fits some members alone.
+pub fn for_any_members(mut announcement: TargetAnnouncement) -> TargetAnnouncement {
+    if announcement.parameters.policy == Policy::Given {
+        announcement.parameters.policy = Policy::Exact;
+        let target = announcement.target.take();
+        announcement.target = target.map(|target| Arc::new(Target::clone(&target).without_given()));
+    }
+    announcement
 }
