@@ -18,6 +18,7 @@ mod fixed;
 mod free_cells;
 mod geometry;
 mod given;
+mod given_check;
 mod id;
 mod limits;
 mod map;

@@ -7,8 +7,7 @@ use thiserror::Error;
 
 use crate::{
     Area, CELL_UNREACHED, FreeCells, GivenRefused, MODULES_MAX, ModuleId, MotionMode, NO_ID,
-    PlannerParameters, PlanningModule, Policy, RawGiven, ScenarioError, SpotId, Spread, Target,
-    Topology,
+    PlannerParameters, PlanningModule, Policy, SpotId, Spread, Target, Topology,
 };
 
 /// A connected group of docked modules, found from their links.
@@ -152,17 +151,12 @@ impl PlanningProblem {
         problem
     }
 
-    /// The same problem for the same spots, of which it is given who takes which.
-    ///
-    /// # Errors
-    /// Names the entry, the module or the spot that is wrong.
-    pub fn with_given(&self, raw: &RawGiven) -> Result<Self, ScenarioError> {
-        let target = Target::clone(&self.target).with_given(raw)?;
+    /// The same problem under the policy `given`, for the same target with an allocation.
+    pub(crate) fn under_given(&self, target: Arc<Target>) -> Self {
         let mut problem = self.clone();
-        problem.target = Arc::new(target);
+        problem.target = target;
         problem.parameters = self.parameters.under(Policy::Given);
-        problem.check_given()?;
-        Ok(problem)
+        problem
     }
 
     /// What the bodies of modules cover that take no part.

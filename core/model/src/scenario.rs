@@ -127,6 +127,19 @@ fn check_length(field: &str, name: &str) -> Result<(), FieldError> {
     Ok(())
 }
 
+impl PlanningProblem {
+    /// The same problem for the same spots, of which it is given who takes which.
+    ///
+    /// # Errors
+    /// Names the entry, the module or the spot that is wrong.
+    pub fn with_given(&self, raw: &RawGiven) -> Result<Self, ScenarioError> {
+        let target = Target::clone(self.target()).with_given(raw)?;
+        let problem = self.under_given(Arc::new(target));
+        problem.check_given()?;
+        Ok(problem)
+    }
+}
+
 /// Refuses an allocation without the policy that follows it, and the other way round.
 pub(crate) fn check_given(policy: Policy, is_given: bool) -> Result<(), FieldError> {
     match (policy, is_given) {

@@ -125,7 +125,7 @@ impl Target {
     /// # Errors
     /// Names the entry that repeats a module or a spot, or names a spot that there is not.
     pub fn with_given(self, raw: &RawGiven) -> Result<Self, FieldError> {
-        let given = GivenAllocation::new(raw, &self)?;
+        let given = GivenAllocation::new(raw, |spot| self.position_of(spot).is_some())?;
         Ok(Self {
             given: Some(Arc::new(given)),
             ..self

@@ -10,7 +10,7 @@ use crate::arguments::CompareArguments;
 
 /// A policy under the name that rows have for it.
 #[derive(Clone, Debug)]
-pub struct Contender {
+pub struct ComparedPolicy {
     pub label: String,
     pub decides: Decides,
 }
@@ -23,7 +23,7 @@ pub enum Decides {
     Program(String, Duration),
 }
 
-impl Contender {
+impl ComparedPolicy {
     /// All that are compared; the others are compared with the first.
     ///
     /// # Errors

@@ -13,7 +13,7 @@ const FIELD_PERCENT: u32 = 300;
 
 /// A scenario file, or what a scenario is generated from.
 #[derive(Clone, Debug)]
-pub enum Instance {
+pub enum ComparedInstance {
     File(PathBuf),
     Generated {
         modules: usize,
@@ -22,7 +22,7 @@ pub enum Instance {
     },
 }
 
-impl Instance {
+impl ComparedInstance {
     /// The files in their order, then the generated ones by kind, size and seed.
     pub fn all(arguments: &CompareArguments) -> Vec<Self> {
         let (first, last) = arguments.seeds;

@@ -20,22 +20,22 @@ use ros_runtime::exit::Failure;
 
 use crate::arguments::CompareArguments;
 use crate::console;
-use contender::Contender;
-use instance::Instance;
-use progress::Progress;
-use store::{Settings, Store};
+use contender::ComparedPolicy;
+use instance::ComparedInstance;
+use progress::CompareProgress;
+use store::{CompareSettings, Store};
 
 /// Measures the rows that are missing, and writes tables and summaries.
 ///
 /// # Errors
 /// The directory holds another comparison, or cannot be written.
 pub fn run(arguments: &CompareArguments) -> Result<(), Failure> {
-    let contenders = Contender::all(arguments)?;
-    let instances = Instance::all(arguments);
-    let settings = Settings::of(arguments, &contenders, &instances);
+    let contenders = ComparedPolicy::all(arguments)?;
+    let instances = ComparedInstance::all(arguments);
+    let settings = CompareSettings::of(arguments, &contenders, &instances);
     let mut store = Store::open(&arguments.directory, &settings)?;
     let total = instances.len() * contenders.len();
-    let mut progress = Progress::new(total, store.rows().len());
+    let mut progress = CompareProgress::new(total, store.rows().len());
     for (number, instance) in instances.iter().enumerate() {
         let first = number * contenders.len();
         if first + contenders.len() <= store.rows().len() {

@@ -10,14 +10,14 @@ use crate::console;
 /// The interval of lines if the standard error output is not a terminal.
 const LINE_INTERVAL: Duration = Duration::from_secs(10);
 
-pub struct Progress {
+pub struct CompareProgress {
     bar: ProgressBar,
     total: usize,
     finished: usize,
     line_at: Instant,
 }
 
-impl Progress {
+impl CompareProgress {
     pub fn new(total: usize, finished: usize) -> Self {
         let target = match stderr().is_terminal() {
             true => ProgressDrawTarget::stderr(),

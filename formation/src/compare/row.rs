@@ -10,8 +10,8 @@ use formation_planner::{PlanSize, Planning, Statistics};
 use formation_verify::{check_plan, hole_of};
 use serde::{Deserialize, Serialize};
 
-use super::contender::{Contender, Decides};
-use super::instance::Instance;
+use super::contender::{ComparedPolicy, Decides};
+use super::instance::ComparedInstance;
 use crate::policies::problem_under;
 use crate::policy_program;
 
@@ -25,7 +25,7 @@ pub struct Row {
     pub spots: Option<usize>,
     pub seed: Option<u64>,
     pub policy: String,
-    pub outcome: Outcome,
+    pub outcome: RowOutcome,
     /// Why the plan is not complete.
     pub reason: Option<String>,
     /// `None` without a plan.
@@ -35,7 +35,7 @@ pub struct Row {
 /// Whether there is a plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
-pub enum Outcome {
+pub enum RowOutcome {
     /// It fills all spots that the modules suffice for.
     Complete,
     /// It leaves a hole.
@@ -48,7 +48,7 @@ pub enum Outcome {
     Failed,
 }
 
-impl Outcome {
+impl RowOutcome {
     pub fn name(self) -> &'static str {
         match self {
             Self::Complete => "complete",
@@ -90,9 +90,9 @@ pub struct Time {
 
 /// Asks a policy for a plan, and has the plan checked independently.
 pub fn measure(
-    instance: &Instance,
+    instance: &ComparedInstance,
     loaded: &Result<Scenario, String>,
-    contender: &Contender,
+    contender: &ComparedPolicy,
     with_motion: bool,
 ) -> (Row, Time) {
     let mut row = Row {
@@ -102,7 +102,7 @@ pub fn measure(
         spots: None,
         seed: instance.seed(),
         policy: contender.label.clone(),
-        outcome: Outcome::NoInstance,
+        outcome: RowOutcome::NoInstance,
         reason: None,
         measures: None,
     };
@@ -117,8 +117,8 @@ pub fn measure(
                     time = Some(planned.elapsed);
                     row.measures = Some(planned.measures);
                     row.outcome = match planned.hole {
-                        None => Outcome::Complete,
-                        Some(_) => Outcome::Hole,
+                        None => RowOutcome::Complete,
+                        Some(_) => RowOutcome::Hole,
                     };
                     row.reason = planned.hole;
                 }
@@ -145,24 +145,24 @@ struct Planned {
 
 fn planned(
     scenario: &Scenario,
-    contender: &Contender,
+    contender: &ComparedPolicy,
     with_motion: bool,
-) -> Result<Planned, (Outcome, String)> {
+) -> Result<Planned, (RowOutcome, String)> {
     let mut start = Instant::now();
     let mut asked = None;
     let problem: Arc<PlanningProblem> = match &contender.decides {
         Decides::Policy(policy) => {
             let problem = problem_under(scenario, Some(*policy));
-            let problem = problem.map_err(|reason| (Outcome::Refused, reason))?;
+            let problem = problem.map_err(|reason| (RowOutcome::Refused, reason))?;
             let size = PlanSize::of(&problem).check();
-            size.map_err(|too_long| (Outcome::Refused, too_long.to_string()))?;
+            size.map_err(|too_long| (RowOutcome::Refused, too_long.to_string()))?;
             start = Instant::now();
             problem
         }
         Decides::Program(command, limit) => {
             let problem = policy_program::ask(command, scenario.problem(), *limit);
             asked = Some(start.elapsed());
-            problem.map_err(|error| (Outcome::Failed, error.to_string()))?
+            problem.map_err(|error| (RowOutcome::Failed, error.to_string()))?
         }
     };
     let mut planning = Planning::new(Arc::clone(&problem));
@@ -174,7 +174,7 @@ fn planned(
     check_plan(&problem, &decisions, &outcome.plan).map_err(|violations| {
         let text = joined(violations, "; ");
         let reason = format!("the plan does not keep its guarantees: {text}");
-        (Outcome::Failed, reason)
+        (RowOutcome::Failed, reason)
     })?;
     let hole = hole_of(&problem, &outcome.plan);
     let statistics = Statistics::of(&problem, &outcome);

@@ -10,8 +10,8 @@ use ros_runtime::exit::Failure;
 use serde::de::DeserializeOwned;
 use serde::{Deserialize, Serialize};
 
-use super::contender::{Contender, Decides};
-use super::instance::Instance;
+use super::contender::{ComparedPolicy, Decides};
+use super::instance::ComparedInstance;
 use super::row::{Measures, Row, Time};
 use super::summary;
 use crate::arguments::CompareArguments;
@@ -19,7 +19,7 @@ use crate::arguments::CompareArguments;
 /// What determines the rows.
 #[derive(Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Settings {
+pub struct CompareSettings {
     version: String,
     policies: Vec<String>,
     programs: Vec<String>,
@@ -30,11 +30,11 @@ pub struct Settings {
     motion: bool,
 }
 
-impl Settings {
+impl CompareSettings {
     pub fn of(
         arguments: &CompareArguments,
-        contenders: &[Contender],
-        instances: &[Instance],
+        contenders: &[ComparedPolicy],
+        instances: &[ComparedInstance],
     ) -> Self {
         let programs = contenders.iter().filter_map(|one| match &one.decides {
             Decides::Policy(_) => None,
@@ -46,7 +46,7 @@ impl Settings {
             policies: contenders.iter().map(|one| one.label.clone()).collect(),
             programs: programs.collect(),
             program_timeout_s: arguments.program_timeout.as_secs_f64(),
-            instances: instances.iter().map(Instance::label).collect(),
+            instances: instances.iter().map(ComparedInstance::label).collect(),
             digests: files.map(|file| Some(file.digest()?.0)).collect(),
             motion: arguments.motion,
         }
@@ -70,7 +70,7 @@ impl Store {
     ///
     /// # Errors
     /// It cannot be read or written, or holds a comparison with other settings.
-    pub fn open(directory: &Path, settings: &Settings) -> Result<Self, Failure> {
+    pub fn open(directory: &Path, settings: &CompareSettings) -> Result<Self, Failure> {
         fs::create_dir_all(directory)
             .with_context(|| format!("{}: cannot be created", directory.display()))
             .map_err(Failure::BadInput)?;
@@ -112,8 +112,8 @@ impl Store {
     pub fn check_order(
         &self,
         first: usize,
-        instance: &Instance,
-        contenders: &[Contender],
+        instance: &ComparedInstance,
+        contenders: &[ComparedPolicy],
     ) -> Result<(), Failure> {
         let label = instance.label();
         for (number, (row, contender)) in (first..).zip(self.rows[first..].iter().zip(contenders)) {
@@ -146,7 +146,7 @@ impl Store {
     ///
     /// # Errors
     /// Names the file that cannot be written.
-    pub fn publish(&self, contenders: &[Contender]) -> Result<(), Failure> {
+    pub fn publish(&self, contenders: &[ComparedPolicy]) -> Result<(), Failure> {
         let labels: Vec<&str> = contenders.iter().map(|one| one.label.as_str()).collect();
         self.write("rows.csv", &rows_csv(&self.rows))?;
         self.write("times.csv", &times_csv(&self.times))?;
@@ -210,7 +210,7 @@ fn read_lines<T: DeserializeOwned>(path: &Path) -> Result<Vec<T>, Failure> {
 }
 
 /// Writes the settings, or compares them with those that the directory has.
-fn write_or_compare(path: &Path, settings: &Settings) -> Result<(), Failure> {
+fn write_or_compare(path: &Path, settings: &CompareSettings) -> Result<(), Failure> {
     let text = match fs::read_to_string(path) {
         Ok(text) => text,
         Err(error) if error.kind() == ErrorKind::NotFound => {
@@ -223,7 +223,7 @@ fn write_or_compare(path: &Path, settings: &Settings) -> Result<(), Failure> {
             return Err(Failure::BadInput(anyhow!(error).context(what)));
         }
     };
-    match serde_json::from_str::<Settings>(&text) {
+    match serde_json::from_str::<CompareSettings>(&text) {
         Ok(known) if known == *settings => Ok(()),
         _ => Err(Failure::bad_input(format_args!(
             "{}: the results there are of another comparison, with other policies, instances, options or another version; \

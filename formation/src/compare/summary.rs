@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use super::row::{Measures, Outcome, Row, Time};
+use super::row::{Measures, Row, RowOutcome, Time};
 use super::statistics::Estimate;
 
 /// A measure with its name in tables.
@@ -55,7 +55,7 @@ pub fn of_rows(rows: &[Row], labels: &[&str]) -> String {
 pub fn of_times(rows: &[Row], times: &[Time], labels: &[&str]) -> String {
     let mut values: Values = BTreeMap::new();
     for (number, (row, time)) in rows.iter().zip(times).enumerate() {
-        if let (Outcome::Complete, Some(planning_us)) = (row.outcome, time.planning_us) {
+        if let (RowOutcome::Complete, Some(planning_us)) = (row.outcome, time.planning_us) {
             let of_policy = values.entry(&row.policy).or_default();
             of_policy.insert(number / labels.len().max(1), planning_us as f64);
         }
@@ -70,12 +70,12 @@ pub fn of_times(rows: &[Row], times: &[Time], labels: &[&str]) -> String {
 
 /// How many instances of each policy came to which end.
 fn counts(rows: &[Row], labels: &[&str]) -> String {
-    const OUTCOMES: [Outcome; 5] = [
-        Outcome::Complete,
-        Outcome::Hole,
-        Outcome::Refused,
-        Outcome::Failed,
-        Outcome::NoInstance,
+    const OUTCOMES: [RowOutcome; 5] = [
+        RowOutcome::Complete,
+        RowOutcome::Hole,
+        RowOutcome::Refused,
+        RowOutcome::Failed,
+        RowOutcome::NoInstance,
     ];
     let heads: Vec<&str> = OUTCOMES.iter().map(|outcome| outcome.name()).collect();
     let mut text = format!(
@@ -107,7 +107,7 @@ fn tables(title: &str, rows: &[Row], labels: &[&str], is_meant: &dyn Fn(&Row) ->
     for (name, measure) in MEASURES {
         let mut values: Values = BTreeMap::new();
         for (number, row) in rows.iter().enumerate() {
-            let is_complete = row.outcome == Outcome::Complete && is_meant(row);
+            let is_complete = row.outcome == RowOutcome::Complete && is_meant(row);
             let value = row
                 .measures
                 .as_ref()

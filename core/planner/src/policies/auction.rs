@@ -4,9 +4,11 @@ use formation_baselines::auction::{self, AuctionCounts};
 
 use super::{AllocationPolicy, OpenInstance};
 
-pub(super) struct Rule;
+pub(super) const POLICY: &dyn AllocationPolicy = &Auction;
 
-impl AllocationPolicy for Rule {
+struct Auction;
+
+impl AllocationPolicy for Auction {
     fn allocate(&self, instance: &OpenInstance) -> Vec<Option<usize>> {
         self.allocate_counting(instance).0
     }

@@ -4,9 +4,11 @@ use formation_baselines::hungarian;
 
 use super::{AllocationPolicy, OpenInstance};
 
-pub(super) struct Rule;
+pub(super) const POLICY: &dyn AllocationPolicy = &Hungarian;
 
-impl AllocationPolicy for Rule {
+struct Hungarian;
+
+impl AllocationPolicy for Hungarian {
     fn allocate(&self, instance: &OpenInstance) -> Vec<Option<usize>> {
         hungarian::assign(&instance.utilities())
     }

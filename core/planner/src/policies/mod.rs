@@ -44,7 +44,7 @@ macro_rules! declare_own {
         /// The policy of one's own of that name.
         fn own(name: &str) -> Option<&'static dyn AllocationPolicy> {
             match name {
-                $(stringify!($name) => Some(&$name::Rule),)*
+                $(stringify!($name) => Some($name::POLICY),)*
                 _ => None,
             }
         }
@@ -57,8 +57,8 @@ for_each_own_policy!(declare_own);
 pub(crate) fn at_once(policy: Policy) -> Option<&'static dyn AllocationPolicy> {
     match policy {
         Policy::Exact | Policy::Paper | Policy::Given => None,
-        Policy::Auction => Some(&auction::Rule),
-        Policy::Hungarian => Some(&hungarian::Rule),
+        Policy::Auction => Some(auction::POLICY),
+        Policy::Hungarian => Some(hungarian::POLICY),
         Policy::Own(policy) => own(policy.name()),
     }
 }

@@ -2,9 +2,11 @@
 
 use super::{AllocationPolicy, OpenInstance};
 
-pub(super) struct Rule;
+pub(super) const POLICY: &dyn AllocationPolicy = &Nearest;
 
-impl AllocationPolicy for Rule {
+struct Nearest;
+
+impl AllocationPolicy for Nearest {
     fn allocate(&self, instance: &OpenInstance) -> Vec<Option<usize>> {
         let mut pairs: Vec<(usize, usize)> = instance.pairs().collect();
         pairs.sort_by_key(|&(module, spot)| (instance.way(module, spot), module, spot));
