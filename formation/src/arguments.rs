@@ -1,5 +1,8 @@
 //! The command line.
 
+#[cfg(feature = "experiments")]
+mod compare;
+mod generate;
 #[cfg(feature = "maps")]
 mod import;
 mod manual;
@@ -10,6 +13,7 @@ mod manual;
     feature = "simulator"
 )))]
 mod not_built;
+mod plan;
 
 use std::ops::RangeInclusive;
 use std::path::PathBuf;
@@ -20,14 +24,18 @@ use clap::builder::{PossibleValuesParser, TypedValueParser};
 use clap::{Args, Parser, Subcommand};
 #[cfg(feature = "simulator")]
 use formation_offline::SIMULATED_MODULES_MAX;
-use formation_offline::{SPEED_UNITS_PER_S, field_percent};
+use formation_offline::SPEED_UNITS_PER_S;
 #[cfg(feature = "simulator")]
 use formation_sim::FaultKind;
 use ros_runtime::arguments::Namespace;
 use ros_runtime::environment::Domain;
 use ros_runtime::middleware::Middleware;
 
+#[cfg(feature = "experiments")]
+pub use compare::CompareArguments;
+pub use generate::GenerateArguments;
 pub use manual::ManualArguments;
+pub use plan::PlanArguments;
 
 /// The most modules in one process. A sample carries the states of all of them, about 200 bytes each, and is sent whenever one of
 /// them changes; and each of them handles every message.
@@ -105,13 +113,10 @@ pub enum FormationCommand {
         command: SecurityCommand,
     },
     /// Plan offline which module takes which spot, with the planner that every module runs.
-    Plan {
-        /// The scenario file (YAML); - for the standard input.
-        scenario: PathBuf,
-        /// Write pictures, a page that plays the plan, and the JSON of --json into this directory.
-        #[arg(long, value_name = "DIR")]
-        report: Option<PathBuf>,
-        /// Print one JSON object instead of a table.
+    Plan(PlanArguments),
+    /// List the policies: the name of each, what it does, and where it is from.
+    Policies {
+        /// Print a JSON list of objects instead of lines.
         #[arg(long)]
         json: bool,
     },
@@ -146,6 +151,12 @@ pub enum FormationCommand {
     /// spot, no motion without agreement, one plan in motion, no hole, an end. A seed that fails is printed with the command
     /// that replays it; a single seed is printed in full.
     Simulate(SimulateArguments),
+    /// Compare policies on scenarios, or on generated ones by kinds, sizes and seeds.
+    ///
+    /// Writes a row for each policy and instance, failures included: `rows.jsonl` and `rows.csv` (what is the same on every
+    /// machine), `times.jsonl` and `times.csv` (what the clock decides), and from them `summary.md` and `times.md`, with paired
+    /// differences from the first policy. After an interruption the same command continues where it stopped.
+    Compare(CompareArguments),
     /// Repeat the paper's evaluation: its stated numbers, its algorithms and ours.
     ///
     /// Writes `cells.jsonl` (what is the same on every machine), `times.jsonl` (what the clock decides), and from them a CSV
@@ -162,6 +173,8 @@ pub enum FormationCommand {
 )))]
 use not_built::AnyArguments;
 
+#[cfg(not(feature = "experiments"))]
+type CompareArguments = AnyArguments;
 #[cfg(not(feature = "experiments"))]
 type ExperimentsArguments = AnyArguments;
 #[cfg(feature = "maps")]
@@ -481,50 +494,11 @@ fn seconds(text: &str) -> Result<Duration, String> {
         .ok_or_else(|| format!("must be seconds from 1 to {TIMEOUT_SECONDS_MAX}"))
 }
 
-/// What to generate.
-#[derive(Debug, Args)]
-pub struct GenerateArguments {
-    /// How many modules.
-    #[arg(long, value_name = "N")]
-    pub modules: usize,
-    /// How many spots.
-    #[arg(long, value_name = "N")]
-    pub spots: usize,
-    /// Dock the modules into configurations of K; the modules left over are singletons.
-    #[arg(long, value_name = "K", conflicts_with = "mixed")]
-    pub configuration_size: Option<usize>,
-    /// Mix singletons with configurations of 2 to 10 modules.
-    #[arg(long)]
-    pub mixed: bool,
-    /// The most links that one spot or module has: 3 or 4.
-    #[arg(long, value_name = "D", default_value_t = 3)]
-    pub degree: usize,
-    /// Width of the square field about the target in which the modules start, as a multiple of the square root of their number.
-    /// They start so far apart that all can move at the same time without contact
-    #[arg(
-        long, value_name = "F", num_args = 0..=1, default_value = "3", default_missing_value = "3",
-        value_parser = field_width
-    )]
-    pub apart: u32,
-    /// Draw the starts as in the paper, in a box of 16 by 16 units: modules of different configurations can overlap, and then move
-    /// in straight lines, one unit after another
-    #[arg(long, conflicts_with = "apart")]
-    pub touching: bool,
-    /// The seed of the random numbers.
-    #[arg(long, value_name = "X")]
-    pub seed: u64,
-}
-
 /// Reads the name of a kind of faults, and lists all names in the help.
 #[cfg(feature = "simulator")]
 fn fault_kind() -> impl TypedValueParser<Value = FaultKind> {
     let names = FaultKind::NAMED.map(|(name, _)| name);
     PossibleValuesParser::new(names).try_map(|name| name.parse::<FaultKind>())
-}
-
-/// Reads the width of a field in hundredths.
-fn field_width(text: &str) -> Result<u32, String> {
-    field_percent(text.parse().map_err(|_| "not a number")?)
 }
 
 /// What to simulate.

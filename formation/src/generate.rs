@@ -13,10 +13,11 @@ use crate::console;
 /// # Errors
 /// Names the option that is out of its range.
 pub fn run(arguments: &GenerateArguments) -> Result<(), Failure> {
-    let grouping = match arguments.configuration_size {
-        Some(size) => Grouping::Configurations(size),
-        None if arguments.mixed => Grouping::Mixed,
-        None => Grouping::Singletons,
+    let grouping = match (arguments.configurations, arguments.configuration_size) {
+        (Some(equal), _) => equal,
+        (None, Some(size)) => Grouping::Configurations(size),
+        (None, None) if arguments.mixed => Grouping::Mixed,
+        (None, None) => Grouping::Singletons,
     };
     let parameters = GeneratorParameters {
         degree_max: arguments.degree,

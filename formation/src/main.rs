@@ -2,6 +2,8 @@
 
 mod arguments;
 mod check;
+#[cfg(feature = "experiments")]
+mod compare;
 mod console;
 #[cfg(feature = "experiments")]
 mod experiments;
@@ -13,6 +15,8 @@ mod joining;
 mod manual;
 mod plan;
 mod plan_output;
+mod policies;
+mod policy_program;
 mod progress;
 #[cfg(feature = "recordings")]
 mod recorded;
@@ -65,11 +69,8 @@ fn main() -> ExitCode {
         FormationCommand::Security { .. } => Err(ros_runtime::exit::Failure::bad_input(
             ros_runtime::middleware::NOT_BUILT,
         )),
-        FormationCommand::Plan {
-            scenario,
-            report,
-            json,
-        } => plan::run(&scenario, report.as_deref(), json),
+        FormationCommand::Plan(arguments) => plan::run(&arguments),
+        FormationCommand::Policies { json } => policies::list(json),
         FormationCommand::Explain {
             scenario,
             module,
@@ -91,6 +92,10 @@ fn main() -> ExitCode {
         FormationCommand::Simulate(arguments) => simulate::run(&arguments),
         #[cfg(not(feature = "simulator"))]
         FormationCommand::Simulate(_) => Err(not_built("simulate", "simulator")),
+        #[cfg(feature = "experiments")]
+        FormationCommand::Compare(arguments) => compare::run(&arguments),
+        #[cfg(not(feature = "experiments"))]
+        FormationCommand::Compare(_) => Err(not_built("compare", "experiments")),
         #[cfg(feature = "experiments")]
         FormationCommand::Experiments(arguments) => experiments::run(&arguments),
         #[cfg(not(feature = "experiments"))]

@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use formation_model::Scenario;
+use formation_model::{PlanningProblem, Scenario};
 use formation_offline::{CheckedPlan, PlanStage, motion_warning};
 use ros_runtime::exit::Failure;
 
@@ -18,6 +18,12 @@ pub trait PlanOutput: Sized {
     /// # Errors
     /// Lists the guarantees that the plan does not keep.
     fn of(scenario: &Scenario) -> Result<Self, Failure>;
+
+    /// The same for a problem.
+    ///
+    /// # Errors
+    /// As [`Self::of`].
+    fn shown(problem: Arc<PlanningProblem>) -> Result<Self, Failure>;
 
     /// Fails if the plan has a hole, once its results are printed.
     ///
@@ -49,7 +55,10 @@ fn warn_of(path: &Path, warnings: impl IntoIterator<Item = impl std::fmt::Displa
 
 impl PlanOutput for CheckedPlan {
     fn of(scenario: &Scenario) -> Result<Self, Failure> {
-        let problem = Arc::new(scenario.problem().clone());
+        Self::shown(Arc::new(scenario.problem().clone()))
+    }
+
+    fn shown(problem: Arc<PlanningProblem>) -> Result<Self, Failure> {
         let mut progress = PlanProgress::new();
         let plan = Self::with_progress(problem, |stage| match stage {
             PlanStage::Turns(taken, left) => progress.show_turns(taken, left),

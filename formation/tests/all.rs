@@ -8,6 +8,7 @@
 )]
 
 mod check;
+mod compare;
 mod experiments;
 mod explain;
 mod generate;

@@ -6,14 +6,15 @@ use std::collections::BTreeSet;
 use std::sync::Arc;
 
 use formation_model::{
-    self as model, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea, RawSpot,
-    RawSurroundings, RawTarget, Spread, Surroundings, Target, TargetAnnouncement, TurnOrder,
-    Weights, WeightsError,
+    self as model, CutPrice, ModuleSize, MotionMode, PaperOptions, Policy, RawArea, RawGiven,
+    RawGivenSpot, RawSpot, RawSurroundings, RawTarget, Spread, Surroundings, Target,
+    TargetAnnouncement, TurnOrder, Weights, WeightsError,
 };
 use serde::{Deserialize, Serialize};
 
 use crate::bounds::{MODULES_MAX, OBSTACLES_MAX, POLICY_OPTIONS_MAX};
 use crate::check::{self, Checked, FieldError, PROTOCOL_VERSION};
+use crate::claim::SpotSelection;
 use crate::error::Fault;
 use crate::standard::Header;
 
@@ -84,6 +85,8 @@ pub struct TargetConfiguration {
     pub body_width: f64,
     pub obstacles: Vec<Area>,
     pub arena: Area,
+    pub allocation: Vec<SpotSelection>,
+    pub detached: Vec<u32>,
 }
 
 impl Default for TargetConfiguration {
@@ -105,6 +108,8 @@ impl Default for TargetConfiguration {
             body_width: 0.0,
             obstacles: Vec::new(),
             arena: Area::default(),
+            allocation: Vec::new(),
+            detached: Vec::new(),
         }
     }
 }
@@ -159,7 +164,6 @@ impl From<&model::PlannerParameters> for PlannerParameters {
 /// The readings of the policy `paper`; no other policy has options.
 fn options_to_wire(parameters: &model::PlannerParameters) -> Vec<PolicyOption> {
     match parameters.policy {
-        Policy::Exact | Policy::Auction | Policy::Hungarian => Vec::new(),
         Policy::Paper => {
             let named = parameters.paper.named().into_iter();
             named
@@ -169,6 +173,7 @@ fn options_to_wire(parameters: &model::PlannerParameters) -> Vec<PolicyOption> {
                 })
                 .collect()
         }
+        _ => Vec::new(),
     }
 }
 
@@ -276,6 +281,7 @@ impl TargetConfiguration {
         let target = announcement.target.as_deref();
         let raw = target.map(Target::to_raw);
         let surroundings = target.map(Target::surroundings);
+        let given = target.and_then(Target::given);
         let (frame_id, spots, edges) =
             raw.map_or_else(Default::default, |raw| (raw.frame_id, raw.spots, raw.edges));
         let in_metres = |RawSpot { id, x, y, theta }| Spot {
@@ -311,6 +317,15 @@ impl TargetConfiguration {
             arena: surroundings
                 .and_then(Surroundings::arena)
                 .map_or_else(Area::default, |area| Area::new(&area, size)),
+            allocation: given.map_or_else(Vec::new, |given| {
+                let spots = given.spots().iter();
+                spots
+                    .map(|(&module, &spot)| SpotSelection::new(spot, module))
+                    .collect()
+            }),
+            detached: given.map_or_else(Vec::new, |given| {
+                given.detached().iter().map(|module| module.0).collect()
+            }),
         }
     }
 
@@ -338,11 +353,14 @@ impl TargetConfiguration {
                 ("spots", self.spots.len()),
                 ("edges", self.edges.len()),
                 ("obstacles", self.obstacles.len()),
+                ("allocation", self.allocation.len()),
+                ("detached", self.detached.len()),
             ];
             check::empty(&lists, "must be empty while the target is withdrawn")?;
             None
         } else {
-            Some(Arc::new(self.validated_target(size)?))
+            let target = self.validated_target(size)?;
+            Some(Arc::new(self.with_allocation(target, parameters.policy)?))
         };
         Ok(TargetAnnouncement {
             revision: self.revision,
@@ -359,6 +377,29 @@ impl TargetConfiguration {
     /// An area without extent at the origin stands for none.
     fn has_arena(&self) -> bool {
         self.arena != Area::default()
+    }
+
+    /// The target with its allocation, which comes with the policy `given` alone.
+    fn with_allocation(&self, target: Target, policy: Policy) -> Checked<Target> {
+        check::count("allocation", self.allocation.len(), MODULES_MAX)?;
+        let is_given = policy == Policy::Given;
+        if is_given == self.allocation.is_empty() || !is_given && !self.detached.is_empty() {
+            let reason = "is for the policy `given`, which needs it";
+            return Err(FieldError::contradiction("allocation", reason));
+        }
+        if !is_given {
+            return Ok(target);
+        }
+        let entries = self.allocation.iter().map(|selection| RawGivenSpot {
+            module: selection.module_id,
+            spot: selection.spot_id,
+        });
+        let given = RawGiven {
+            allocation: entries.collect(),
+            detached: self.detached.clone(),
+        };
+        let refused = |error| FieldError::new("", error);
+        target.with_given(&given).map_err(refused)
     }
 
     fn validated_target(&self, size: ModuleSize) -> Checked<Target> {

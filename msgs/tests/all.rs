@@ -11,6 +11,7 @@ mod agents;
 mod common;
 mod decoding;
 mod external;
+mod given;
 mod hostile_values;
 mod interfaces;
 mod refusals;

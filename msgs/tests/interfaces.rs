@@ -275,6 +275,8 @@ fn bounds_agree() {
         list("SpotClaim.evictions", bounds::MODULES_MAX),
         list("SpotClaim.selections", bounds::SPOTS_MAX),
         list("SpotClaim.swaps", bounds::SPOTS_MAX),
+        list("TargetConfiguration.allocation", bounds::MODULES_MAX),
+        list("TargetConfiguration.detached", bounds::MODULES_MAX),
         list("TargetConfiguration.edges", bounds::EDGES_MAX),
         list("TargetConfiguration.founders", bounds::MODULES_MAX),
         list("TargetConfiguration.obstacles", bounds::OBSTACLES_MAX),

@@ -257,7 +257,7 @@ fn targets() {
         target => target.edges.clear(),
             "target: edges: the target is disconnected; spot 2 cannot be reached from spot 1";
         target => target.planner.policy = "genetic".to_owned(),
-            "target: planner.policy: `genetic` is unknown; known are exact, paper, auction, hungarian";
+            "target: planner.policy: `genetic` is unknown; known are exact, paper, auction, hungarian, given, nearest";
         target => target.planner.policy_options = options(&[("evicted", "lost")]),
             "target: planner.policy_options[0]: the policy `exact` has no options";
         target => {

@@ -29,7 +29,7 @@ fn hashes_are_those_of_the_generator() {
     }
     let kept = fs::read_to_string(FILE).unwrap();
     let advice = format!(
-        "after a change of an interface, run `{UPDATE}=1 cargo test -p formation_node_support type_hashes`; the test \
+        "after a change of an interface, run `{UPDATE}=1 cargo test -p formation_node_support --test type_hashes`; the test \
          `type_hashes_are_those_of_the_generator` of tests/tests/rclpy.rs then compares the file with the generator"
     );
     for (kept, computed) in kept.lines().zip(computed.lines()) {

@@ -6,9 +6,11 @@ use std::time::Instant;
 
 use formation_event_log::{Entry, SceneChange};
 use formation_model::text::{counted, joined, listed_in_full};
-use formation_model::{Assignment, Decision, ModuleId, Plan, PlanningProblem, Policy, SpotId};
+use formation_model::{
+    Assignment, Decision, ModuleId, Plan, PlanningProblem, Policy, ScenarioError, SpotId,
+};
 use formation_motion::PlannedMotion;
-use formation_planner::{AllocationRefused, PlanOutcome, Planning, Statistics};
+use formation_planner::{PlanOutcome, Planning, Statistics, given_by};
 use formation_report::{Fact, Subject, Summary, Tone, course_of_plan};
 use formation_verify::{Violation, check_plan, check_swapped_plan, hole_of};
 use serde::Serialize;
@@ -32,7 +34,7 @@ pub struct GuaranteeBroken(String);
 pub enum ByAllocationError {
     /// It is none for the problem.
     #[error(transparent)]
-    Refused(#[from] AllocationRefused),
+    Refused(#[from] ScenarioError),
     /// Its plan does not keep what plans guarantee.
     #[error(transparent)]
     GuaranteeBroken(#[from] GuaranteeBroken),
@@ -137,18 +139,17 @@ impl CheckedPlan {
         Self::made(Planning::new(problem), start, report)
     }
 
-    /// The plan by which the modules take the spots of an allocation, checked like any other. The problem has a policy that assigns
-    /// centrally.
+    /// The plan by which the modules take the spots of an allocation, checked like any other: that of the problem under the
+    /// policy `given`. The modules that the allocation tears off their configurations leave them.
     ///
     /// # Errors
     /// Names what is wrong with the allocation, or lists the guarantees that its plan does not keep.
     pub fn by_allocation(
-        problem: Arc<PlanningProblem>,
-        allocation: &BTreeMap<ModuleId, SpotId>,
+        problem: &PlanningProblem,
+        allocation: &[(ModuleId, SpotId)],
     ) -> Result<Self, ByAllocationError> {
-        let start = Instant::now();
-        let planning = Planning::with_allocation(problem, allocation)?;
-        Ok(Self::made(planning, start, |_| {})?)
+        let given = problem.with_given(&given_by(problem, allocation))?;
+        Ok(Self::of_problem(Arc::new(given))?)
     }
 
     fn made(

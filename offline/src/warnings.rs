@@ -70,9 +70,9 @@ fn uneven_numbers(problem: &PlanningProblem) -> Option<String> {
             return format!("modules: fewer than spots; the target will be trimmed by {open}");
         }
         let reason = if parameters.keep_all_spots {
-            "planner.keep_all_spots is set"
+            "planner.keep_all_spots is set".to_owned()
         } else {
-            "the policy paper does not trim"
+            format!("the policy {} does not trim", parameters.policy.name())
         };
         format!(
             "modules: fewer than spots; {open} will stay open, and as {reason}, the rest may fall apart"

@@ -32,6 +32,12 @@ pub fn scenario_refused(py: Python<'_>, error: &ScenarioError, text: Option<&str
             let place = text.and_then(|text| place_of_field(text, &error.field));
             (Some(error.field.clone()), place, error.reason.clone())
         }
+        ScenarioError::Given(error) => {
+            let whole = error.to_string();
+            let (field, reason) = whole.split_once(": ").unwrap_or(("target", &whole));
+            let place = text.and_then(|text| place_of_field(text, field));
+            (Some(field.to_owned()), place, reason.to_owned())
+        }
         ScenarioError::Problem(error) => (Some("modules".to_owned()), None, error.to_string()),
     };
     let place = place.filter(|_| text.is_some());

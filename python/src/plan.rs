@@ -35,7 +35,7 @@ impl NativePlan {
         Ok(Self { scenario, plan })
     }
 
-    /// Plans a scenario, whose policy assigns centrally, by an allocation.
+    /// Plans a scenario by an allocation.
     ///
     /// # Errors
     /// A `PlanError` that names what is wrong with the allocation, or with the plan that it leads to.
@@ -44,12 +44,11 @@ impl NativePlan {
         scenario: Arc<Scenario>,
         pairs: &[(u32, u32)],
     ) -> PyResult<Self> {
-        let problem = Arc::new(scenario.problem().clone());
         let pairs = pairs.iter();
-        let allocation = pairs
+        let allocation: Vec<(ModuleId, SpotId)> = pairs
             .map(|&(module, spot)| (ModuleId(module), SpotId(spot)))
             .collect();
-        let plan = py.detach(|| CheckedPlan::by_allocation(problem, &allocation));
+        let plan = py.detach(|| CheckedPlan::by_allocation(scenario.problem(), &allocation));
         let plan = plan.map_err(|error| plan_refused(py, &error.to_string()))?;
         Ok(Self { scenario, plan })
     }

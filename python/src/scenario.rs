@@ -141,10 +141,7 @@ impl NativeScenario {
     /// Plans it by an allocation: pairs of a module and its spot.
     #[expect(clippy::needless_pass_by_value, reason = "Python gives values")]
     fn plan_by_allocation(&self, py: Python<'_>, pairs: Vec<(u32, u32)>) -> PyResult<NativePlan> {
-        let mut raw = self.raw.clone();
-        raw.planner.policy = Policy::Hungarian;
-        let central = Self::of(py, raw, None)?;
-        NativePlan::by_allocation(py, central.scenario, &pairs)
+        NativePlan::by_allocation(py, Arc::clone(&self.scenario), &pairs)
     }
 
     /// The modules for a policy: identifier, configuration and leader if it has them, and whether a way leads to the target.

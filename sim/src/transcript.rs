@@ -330,6 +330,7 @@ fn noted(event: &Event) -> Entry {
         Event::NoPaths(error) => Entry::of("no_paths").with("reason", error),
         Event::InvalidStart(fault) => Entry::of("invalid_start").with("reason", fault),
         Event::NotMoving(error) => Entry::of("not_moving").with("reason", error),
+        Event::GivenRefused(refused) => Entry::of("given_refused").with("reason", refused),
         Event::AssemblyWarning(warning) => acting_order(*warning),
     }
 }

@@ -9,6 +9,7 @@
 
 mod faults;
 mod forming;
+mod given;
 mod lapse;
 mod majority_model;
 mod planning;

@@ -16,6 +16,7 @@ mod fresh_clients;
 mod launch_files;
 mod packages;
 mod physical_world;
+mod policies;
 mod python_files;
 mod rclpy;
 mod recording;

@@ -42,6 +42,13 @@ pub enum Grouping {
     Singletons,
     /// As many configurations of this size as possible; the other modules start alone.
     Configurations(usize),
+    /// This many configurations of one size; the other modules start alone.
+    Equal {
+        /// How many.
+        count: usize,
+        /// The modules of each.
+        size: usize,
+    },
     /// A uniformly random number of singletons; the others form configurations of sizes uniform in 2 to 10. A single module
     /// that is left over starts alone.
     Mixed,
@@ -128,7 +135,12 @@ pub enum GenerateError {
 pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, GenerateError> {
     let group_limit = match parameters.grouping {
         Grouping::Configurations(size) => size,
+        Grouping::Equal { count, size } => count.saturating_mul(size),
         Grouping::Singletons | Grouping::Mixed => 1,
+    };
+    let group_field = match parameters.grouping {
+        Grouping::Equal { .. } => "configurations, in modules,",
+        _ => "configuration-size",
     };
     let start_side = usize::try_from(parameters.start_side_units).unwrap_or(usize::MAX);
     let box_side = usize::try_from(BOX_SIDE_UNITS).unwrap_or(usize::MAX);
@@ -137,7 +149,7 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         ("spots", parameters.spots, 1, SPOTS_MAX),
         ("degree", parameters.degree_max, 3, 4),
         ("start-side", start_side, 1, box_side),
-        ("configuration-size", group_limit, 1, parameters.modules),
+        (group_field, group_limit, 1, parameters.modules),
     ] {
         if given < least || given > most {
             return Err(GenerateError::OutOfRange {
@@ -170,6 +182,7 @@ pub fn generate(parameters: &GeneratorParameters) -> Result<RawScenario, Generat
         body_width: None,
         obstacles: Vec::new(),
         arena: None,
+        given: None,
     })
 }
 
@@ -177,6 +190,7 @@ fn name_of(parameters: &GeneratorParameters) -> String {
     let grouping = match parameters.grouping {
         Grouping::Singletons => "singletons".to_owned(),
         Grouping::Configurations(size) => format!("configurations-of-{size}"),
+        Grouping::Equal { count, size } => format!("{count}-configurations-of-{size}"),
         Grouping::Mixed => "mixed".to_owned(),
     };
     format!(
@@ -232,7 +246,10 @@ fn generate_target(
 
 fn group_sizes(parameters: &GeneratorParameters, random: &mut Random) -> Vec<usize> {
     match parameters.grouping {
-        Grouping::Singletons | Grouping::Configurations(1) => Vec::new(),
+        Grouping::Singletons | Grouping::Configurations(1) | Grouping::Equal { size: 1, .. } => {
+            Vec::new()
+        }
+        Grouping::Equal { count, size } => vec![size; count],
         Grouping::Configurations(size) => vec![size; parameters.modules / size],
         Grouping::Mixed => {
             let mut rest = parameters.modules - random.index(parameters.modules + 1);

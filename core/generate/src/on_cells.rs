@@ -105,6 +105,7 @@ pub fn on_cells(free: &BTreeSet<LatticeCell>, count: usize, seed: u64) -> Option
         body_width: None,
         obstacles: Vec::new(),
         arena: None,
+        given: None,
     })
 }
 

@@ -78,5 +78,7 @@ fn problem_of(roster: &Roster) -> Result<Option<Arc<PlanningProblem>>, ProblemEr
     });
     let modules = modules.collect();
     let problem = PlanningProblem::new(target, roster.target.parameters, modules)?;
-    Ok(Some(Arc::new(problem.with_bodies(standing_bodies(roster)))))
+    let problem = problem.with_bodies(standing_bodies(roster));
+    problem.check_given()?;
+    Ok(Some(Arc::new(problem)))
 }

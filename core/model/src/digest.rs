@@ -51,7 +51,7 @@ impl Canonical {
 }
 
 fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
-    canonical.number(parameters.policy as u64);
+    put_policy(canonical, parameters.policy);
     canonical.number(parameters.order as u64);
     canonical.number(parameters.d_max.map_or(u64::MAX, u64::from));
     canonical.number(u64::from(parameters.exact_finish));
@@ -68,6 +68,22 @@ fn put_parameters(canonical: &mut Canonical, parameters: &PlannerParameters) {
     canonical.number(parameters.motion as u64);
     if parameters.policy == Policy::Paper {
         put_paper(canonical, &parameters.paper);
+    }
+}
+
+/// A number for each policy that comes with the planner, and the name of one's own, which says the same in every build.
+fn put_policy(canonical: &mut Canonical, policy: Policy) {
+    canonical.number(match policy {
+        Policy::Exact => 0,
+        Policy::Paper => 1,
+        Policy::Auction => 2,
+        Policy::Hungarian => 3,
+        Policy::Given => 4,
+        Policy::Own(_) => 5,
+    });
+    if let Policy::Own(own) = policy {
+        canonical.length(own.name().len());
+        canonical.0.update(own.name().as_bytes());
     }
 }
 
@@ -121,6 +137,18 @@ fn put_target(canonical: &mut Canonical, parameters: &PlannerParameters, target:
     for &(first, second) in target.topology().edges() {
         canonical.length(first);
         canonical.length(second);
+    }
+    // The policy says whether one follows.
+    if let Some(given) = target.given() {
+        canonical.length(given.spots().len());
+        for (module, spot) in given.spots() {
+            canonical.identifier(Some(module.0));
+            canonical.identifier(Some(spot.0));
+        }
+        canonical.length(given.detached().len());
+        for module in given.detached() {
+            canonical.identifier(Some(module.0));
+        }
     }
 }
 

@@ -3,47 +3,9 @@
 use serde::{Deserialize, Deserializer, Serialize};
 use thiserror::Error;
 
-use crate::{FieldError, MicroUnits, PaperBundle, PaperOptions, QuantiseError, WEIGHT_LIMIT};
-
-/// The planner. Digests contain the numbers.
-#[derive(
-    Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize,
-)]
-#[serde(rename_all = "snake_case")]
-pub enum Policy {
-    /// Utility-optimal common subtrees and eviction chains.
-    #[default]
-    Exact = 0,
-    /// Algorithms 1 and 2 of the paper, by the readings of [`PaperOptions`].
-    Paper = 1,
-    /// Bertsekas' auction, which treats every module as a singleton.
-    Auction = 2,
-    /// A central optimal assignment, which treats every module as a singleton.
-    Hungarian = 3,
-}
-
-impl Policy {
-    /// The names of all policies.
-    pub const NAMES: &'static str = "exact, paper, auction, hungarian";
-
-    /// The name in scenario files and messages.
-    #[must_use]
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Exact => "exact",
-            Self::Paper => "paper",
-            Self::Auction => "auction",
-            Self::Hungarian => "hungarian",
-        }
-    }
-
-    /// The policy of a name.
-    #[must_use]
-    pub fn named(name: &str) -> Option<Self> {
-        let all = [Self::Exact, Self::Paper, Self::Auction, Self::Hungarian];
-        all.into_iter().find(|policy| policy.name() == name)
-    }
-}
+use crate::{
+    FieldError, MicroUnits, PaperBundle, PaperOptions, Policy, QuantiseError, WEIGHT_LIMIT,
+};
 
 /// The order in which units take their turns. Digests contain the numbers.
 #[derive(
@@ -357,19 +319,43 @@ impl PlannerParameters {
         }
     }
 
+    /// The same choices under another policy. A `d_max` of the policy `paper` is not that of others, and the other way round: one
+    /// that is not bounded becomes its default.
+    #[must_use]
+    pub fn under(self, policy: Policy) -> Self {
+        let default = match policy {
+            Policy::Paper => Some(PaperBundle::default().d_max()),
+            _ => None,
+        };
+        match (self.policy, policy) {
+            (own, other) if own == other => self,
+            (Policy::Paper, _) => Self {
+                policy,
+                paper: PaperOptions::default(),
+                d_max: default,
+                ..self
+            },
+            _ => Self {
+                policy,
+                d_max: self.d_max.or(default),
+                ..self
+            },
+        }
+    }
+
     /// The spread of the policy: the paper's knows none.
     #[must_use]
     pub fn spread_in_use(&self) -> Spread {
         match self.policy {
             Policy::Paper => Spread::ZERO,
-            Policy::Exact | Policy::Auction | Policy::Hungarian => self.spread,
+            _ => self.spread,
         }
     }
 
     /// Whether the target is trimmed if there are fewer modules than spots.
     #[must_use]
     pub fn trims_target(&self) -> bool {
-        !self.keep_all_spots && self.policy != Policy::Paper
+        !self.keep_all_spots && !matches!(self.policy, Policy::Paper | Policy::Given)
     }
 }
 

@@ -6,8 +6,8 @@ use std::sync::Arc;
 use thiserror::Error;
 
 use crate::{
-    Area, CELL_UNREACHED, FreeCells, MODULES_MAX, ModuleId, MotionMode, NO_ID, PlannerParameters,
-    PlanningModule, SpotId, Spread, Target, Topology,
+    Area, CELL_UNREACHED, FreeCells, GivenRefused, MODULES_MAX, ModuleId, MotionMode, NO_ID,
+    PlannerParameters, PlanningModule, Policy, SpotId, Spread, Target, Topology,
 };
 
 /// A connected group of docked modules, found from their links.
@@ -52,6 +52,9 @@ pub enum ProblemError {
     /// Two modules are pinned to one spot.
     #[error("{0} and {1} are both pinned to {2}")]
     SharedPin(ModuleId, ModuleId, SpotId),
+    /// The modules cannot carry out the allocation that the target gives.
+    #[error(transparent)]
+    Given(#[from] GivenRefused),
 }
 
 impl PlanningProblem {
@@ -130,6 +133,29 @@ impl PlanningProblem {
     pub fn with_spread(&self, spread: Spread) -> Self {
         let mut problem = self.clone();
         problem.parameters.spread = spread;
+        problem
+    }
+
+    /// The same problem with other parameters, which must not move differently.
+    #[must_use]
+    pub fn with_parameters(&self, parameters: PlannerParameters) -> Self {
+        let mut problem = self.clone();
+        debug_assert_eq!(
+            problem.parameters.motion, parameters.motion,
+            "ways may differ"
+        );
+        if parameters.policy != Policy::Given && self.target.given().is_some() {
+            problem.target = Arc::new(Target::clone(&self.target).without_given());
+        }
+        problem.parameters = parameters;
+        problem
+    }
+
+    /// The same problem under the policy `given`, for the same target with an allocation.
+    pub(crate) fn under_given(&self, target: Arc<Target>) -> Self {
+        let mut problem = self.clone();
+        problem.target = target;
+        problem.parameters = self.parameters.under(Policy::Given);
         problem
     }
 

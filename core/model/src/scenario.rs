@@ -10,9 +10,10 @@ use thiserror::Error;
 use crate::field_error::{check_id, checked_pose, connected_graph};
 use crate::yaml::YamlError;
 use crate::{
-    ConfigurationId, FieldError, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize, MotionMode,
-    NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem, ProblemError, RawArea,
-    RawModule, RawPlacement, RawSurroundings, RawTarget, SpotId, Surroundings, Target, Topology,
+    ConfigurationId, FieldError, GivenRefused, LINKS_MAX, MODULES_MAX, ModuleId, ModuleSize,
+    MotionMode, NAME_BYTES_MAX, PlannerParameters, PlanningModule, PlanningProblem, Policy,
+    ProblemError, RawArea, RawGiven, RawModule, RawPlacement, RawSurroundings, RawTarget, SpotId,
+    Surroundings, Target, Topology,
 };
 
 /// The greatest depth of nested brackets; scenarios nest four.
@@ -64,6 +65,9 @@ pub struct RawScenario {
     /// The box that no module may leave; `None` for an open field.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub arena: Option<RawArea>,
+    /// Who takes which spot, under the policy `given`.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub given: Option<RawGiven>,
 }
 
 /// A validated scenario.
@@ -93,7 +97,19 @@ pub enum ScenarioError {
     Field(#[from] FieldError),
     /// The modules do not fit the target or each other.
     #[error("modules: {0}")]
-    Problem(#[from] ProblemError),
+    Problem(ProblemError),
+    /// The modules cannot carry out the allocation that the target gives.
+    #[error(transparent)]
+    Given(#[from] GivenRefused),
+}
+
+impl From<ProblemError> for ScenarioError {
+    fn from(error: ProblemError) -> Self {
+        match error {
+            ProblemError::Given(error) => Self::Given(error),
+            error => Self::Problem(error),
+        }
+    }
 }
 
 impl From<serde_yaml::Error> for ScenarioError {
@@ -109,6 +125,37 @@ fn check_length(field: &str, name: &str) -> Result<(), FieldError> {
         return Err(FieldError::new(field, reason));
     }
     Ok(())
+}
+
+impl PlanningProblem {
+    /// The same problem for the same spots, of which it is given who takes which.
+    ///
+    /// # Errors
+    /// Names the entry, the module or the spot that is wrong.
+    pub fn with_given(&self, raw: &RawGiven) -> Result<Self, ScenarioError> {
+        let target = Target::clone(self.target()).with_given(raw)?;
+        let problem = self.under_given(Arc::new(target));
+        problem.check_given()?;
+        Ok(problem)
+    }
+}
+
+/// Refuses an allocation without the policy that follows it, and the other way round.
+pub(crate) fn check_given(policy: Policy, is_given: bool) -> Result<(), FieldError> {
+    match (policy, is_given) {
+        (Policy::Given, false) => Err(FieldError::new(
+            "target.allocation",
+            "is missing, and `policy: given` needs it",
+        )),
+        (policy, true) if policy != Policy::Given => Err(FieldError::new(
+            "target.allocation",
+            format_args!(
+                "belongs to `policy: given`; the policy is {}",
+                policy.name()
+            ),
+        )),
+        _ => Ok(()),
+    }
 }
 
 /// A full turn, with room for roundings.
@@ -249,6 +296,11 @@ impl TryFrom<RawScenario> for Scenario {
             raw_surroundings.check_spots(target.spots())?;
         }
         let target = target.within(surroundings)?;
+        check_given(raw.planner.policy, raw.given.is_some())?;
+        let target = match &raw.given {
+            Some(given) => target.with_given(given).map_err(in_target)?,
+            None => target,
+        };
         if !target.surroundings().is_open() && raw.planner.motion == MotionMode::Straight {
             let reason = "straight lines would lead through obstacles and walls";
             return Err(FieldError::new("planner.motion", reason).into());
@@ -273,10 +325,12 @@ impl TryFrom<RawScenario> for Scenario {
         for (index, module) in raw.singletons.iter().enumerate() {
             list.add(&format!("singletons[{index}]"), "singletons", *module)?;
         }
+        let problem = PlanningProblem::new(Arc::new(target), raw.planner, list.modules)?;
+        problem.check_given()?;
         Ok(Self {
             name: raw.name,
             module_size,
-            problem: PlanningProblem::new(Arc::new(target), raw.planner, list.modules)?,
+            problem,
         })
     }
 }

@@ -6,8 +6,8 @@ use crate::map::{Lattice, Map, Undrawable, draw};
 use crate::scenario::NESTING_MAX;
 use crate::yaml;
 use crate::{
-    FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration, RawModule,
-    RawScenario, RawSpot, RawTarget, Scenario, ScenarioError,
+    FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration, RawGiven,
+    RawGivenSpot, RawModule, RawScenario, RawSpot, RawTarget, Scenario, ScenarioError, Target,
 };
 
 /// A scenario file as it is written.
@@ -41,6 +41,8 @@ struct TargetSection {
     origin: Option<[f64; 2]>,
     pitch: Option<f64>,
     ids: Option<Vec<u32>>,
+    allocation: Option<Vec<RawGivenSpot>>,
+    detached: Option<Vec<u32>>,
 }
 
 #[derive(Deserialize)]
@@ -67,6 +69,21 @@ fn lattice(
 }
 
 impl TargetSection {
+    /// Who takes which spot, if the section says so.
+    fn given(&mut self) -> Result<Option<RawGiven>, FieldError> {
+        match (self.allocation.take(), self.detached.take()) {
+            (Some(allocation), detached) => Ok(Some(RawGiven {
+                allocation,
+                detached: detached.unwrap_or_default(),
+            })),
+            (None, Some(_)) => {
+                let reason = "belongs to `allocation`, which is missing";
+                Err(FieldError::new("target.detached", reason))
+            }
+            (None, None) => Ok(None),
+        }
+    }
+
     /// The target, and the walls in its map.
     fn listed(self) -> Result<(RawTarget, Vec<RawArea>), FieldError> {
         let frame_id = self.frame_id.unwrap_or_else(|| "map".to_owned());
@@ -133,7 +150,9 @@ impl TryFrom<ScenarioFile> for RawScenario {
     type Error = FieldError;
 
     fn try_from(file: ScenarioFile) -> Result<Self, FieldError> {
-        let (target, walls) = file.target.listed()?;
+        let mut section = file.target;
+        let given = section.given()?;
+        let (target, walls) = section.listed()?;
         let mut obstacles = file.obstacles;
         obstacles.extend(walls);
         let (mut configurations, mut singletons) = (file.configurations, file.singletons);
@@ -161,6 +180,7 @@ impl TryFrom<ScenarioFile> for RawScenario {
             body_width: file.body_width,
             obstacles,
             arena: file.arena,
+            given,
         })
     }
 }
@@ -200,6 +220,7 @@ impl Scenario {
         let ids: Vec<u32> = spots.iter().map(|spot| spot.id.0).collect();
         let edges = target.topology().edges();
         let mut text = section("target", &placed, edges, &ids, &names)?;
+        text.push_str(&given_lines(target));
 
         let modules = problem.modules();
         let mut letters = ('A'..='Z').cycle();
@@ -244,6 +265,22 @@ fn placed(
         placed.push((letter, pose.x.to_units(), pose.y.to_units()));
     }
     Ok(placed)
+}
+
+/// Who takes which spot, as it stands in the section of the target.
+fn given_lines(target: &Target) -> String {
+    let Some(given) = target.given() else {
+        return String::new();
+    };
+    let raw = given.to_raw();
+    let mut text = "  allocation:\n".to_owned();
+    for RawGivenSpot { module, spot } in raw.allocation {
+        text.push_str(&format!("    - {{module: {module}, spot: {spot}}}\n"));
+    }
+    if !raw.detached.is_empty() {
+        text.push_str(&format!("  detached: {:?}\n", raw.detached));
+    }
+    text
 }
 
 fn section(

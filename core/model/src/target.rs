@@ -1,10 +1,13 @@
 //! The target configuration: a validated, connected graph of spots.
 
+use std::sync::Arc;
+
 use serde::{Deserialize, Serialize};
 
 use crate::field_error::{check_id, checked_pose, connected_graph};
 use crate::{
-    EDGES_MAX, FieldError, MicroUnits, Pose, SPOTS_MAX, Spot, SpotId, Surroundings, Topology,
+    EDGES_MAX, FieldError, GivenAllocation, MicroUnits, Pose, RawGiven, SPOTS_MAX, Spot, SpotId,
+    Surroundings, Topology,
 };
 
 /// A spot or a module as it stands in a file or a message, not yet checked.
@@ -53,6 +56,7 @@ pub struct Target {
     spots: Vec<Spot>,
     topology: Topology,
     surroundings: Surroundings,
+    given: Option<Arc<GivenAllocation>>,
 }
 
 impl TryFrom<RawTarget> for Target {
@@ -98,6 +102,7 @@ impl TryFrom<RawTarget> for Target {
             frame_id: raw.frame_id,
             spots,
             surroundings: Surroundings::default(),
+            given: None,
         })
     }
 }
@@ -113,6 +118,32 @@ impl Target {
             surroundings,
             ..self
         })
+    }
+
+    /// The same target, of which it is given who takes which spot.
+    ///
+    /// # Errors
+    /// Names the entry that repeats a module or a spot, or names a spot that there is not.
+    pub fn with_given(self, raw: &RawGiven) -> Result<Self, FieldError> {
+        let given = GivenAllocation::new(raw, |spot| self.position_of(spot).is_some())?;
+        Ok(Self {
+            given: Some(Arc::new(given)),
+            ..self
+        })
+    }
+
+    /// The same target without such a table.
+    #[must_use]
+    pub fn without_given(self) -> Self {
+        Self {
+            given: None,
+            ..self
+        }
+    }
+
+    /// Who takes which spot, under the policy `given`.
+    pub fn given(&self) -> Option<&GivenAllocation> {
+        self.given.as_deref()
     }
 
     /// The bodies of its modules, and where they move.
@@ -180,6 +211,7 @@ impl Target {
             spots: spots.collect(),
             topology,
             surroundings: self.surroundings.clone(),
+            given: self.given.clone(),
         })
     }
 

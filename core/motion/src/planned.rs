@@ -20,7 +20,7 @@ pub enum PlannedMotion {
 
 impl PlannedMotion {
     /// Plans the motion, and gives the plan the units that the motion has. Where a unit cannot get to the spots that it was
-    /// claimed, equal units swap theirs, except under the policy `paper`.
+    /// claimed, equal units swap theirs, except under the policies `paper` and `given`.
     ///
     /// Bodies of modules that take no part stand on `obstacles`.
     /// Enforces X7.
@@ -38,7 +38,7 @@ impl PlannedMotion {
             walls: surroundings.arena(),
             parameters: MotionParameters::default(),
         };
-        let may_swap = problem.parameters().policy != Policy::Paper;
+        let may_swap = !matches!(problem.parameters().policy, Policy::Paper | Policy::Given);
         let found = match plan_motion(&request) {
             Err(error @ MotionError::Unreachable { .. }) if may_swap => {
                 let swapped = plan_with_swaps(&request).ok_or(error);

@@ -21,6 +21,9 @@ const BOUNDED_CHAIN_NS: f64 = 7.0;
 const D_MAX_SEARCHED: u32 = 64;
 /// The central policies, for a module and a pair of spots: `hungarian` takes 0.77 s for 1,000 modules and spots.
 const CENTRAL_NS: f64 = 0.8;
+/// A policy of one's own, for a module and a spot: what it does is not known, and `nearest` sorts all pairs, which takes 0.25 s
+/// for 1,000 modules and spots.
+const OWN_NS: f64 = 250.0;
 /// Shortest paths from one spot, for one edge of a target with cycles: a 100 x 100 grid takes 1.6 s.
 const BETWEENNESS_NS: f64 = 10.0;
 /// The place of a configuration in a graph with cycles, before it is searched, for one of its modules and one spot: 40 blocks of 25 modules on 1,000
@@ -155,6 +158,16 @@ impl<'a> PlanSize<'a> {
                 field: "planner.policy",
                 advice: "use the policy exact, or fewer modules",
             },
+            (Policy::Given, _) => Part {
+                nanoseconds: 0.0,
+                field: "planner.policy",
+                advice: "use fewer modules",
+            },
+            (Policy::Own(_), _) => Part {
+                nanoseconds: runs * modules * spots * OWN_NS,
+                field: "planner.policy",
+                advice: "use the policy exact, or fewer modules",
+            },
             (Policy::Exact | Policy::Paper, _) => Part {
                 nanoseconds: chains * CHAIN_NS,
                 field: "modules",
@@ -197,7 +210,7 @@ impl PlanSize<'_> {
             (Policy::Paper, false) => {
                 pairs * PLACEMENT_NS + (pairs * PAPER_CYCLES_NS).min(PAPER_SEARCH_NS)
             }
-            (_, true) => 0.0,
+            (Policy::Own(_) | Policy::Given, _) | (_, true) => 0.0,
             (_, false) => runs * pairs * PLACEMENT_NS + SEARCH_NS,
         }
     }

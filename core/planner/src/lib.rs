@@ -9,9 +9,11 @@ mod barrier;
 pub mod baseline;
 mod cost;
 mod explanation;
+mod given;
 #[cfg(test)]
 mod grid;
 pub mod placement;
+pub mod policies;
 mod rooted_tree;
 mod statistics;
 mod turns;
@@ -20,9 +22,10 @@ mod value;
 pub use barrier::Barrier;
 pub use cost::{PLAN_TIME_MAX, PlanSize, PlanTooLong};
 pub use explanation::{Alternative, ConcernedTurn, Explanation, TurnOutcome};
+pub use given::{detached_by, given_by, plan_with_allocation};
 pub use statistics::{Changes, Disconnected, MessageCounts, Statistics};
 pub use turns::{
-    AllocationRefused, ClaimRefused, PlanOutcome, PlannedTurns, Planning, Swapped, SwappedModule,
-    Turn, plan, plan_releasing_pins,
+    ClaimRefused, PlanOutcome, PlannedTurns, Planning, Swapped, SwappedModule, Turn, plan,
+    plan_releasing_pins,
 };
 pub use value::{Utilities, betweenness, share_of_shortest_paths};

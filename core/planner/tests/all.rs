@@ -9,6 +9,7 @@
 
 mod baselines;
 mod degenerate;
+mod given;
 mod limits;
 mod oracles;
 mod paper;

@@ -6,7 +6,8 @@ use thiserror::Error;
 
 use formation_model::text::joined;
 use formation_model::{
-    AssemblyWarning, BlockedSpot, Digest, Epoch, Incarnation, ModuleId, Service, SpotId,
+    AssemblyWarning, BlockedSpot, Digest, Epoch, GivenRefused, Incarnation, ModuleId, Service,
+    SpotId,
 };
 
 use formation_motion::paths::{MotionError, StartFault};
@@ -214,6 +215,9 @@ pub enum Event {
     /// There are no paths without contact, and the target forbids straight lines: no module moves.
     #[error("does not move: {0}")]
     NotMoving(MotionError),
+    /// The target gives an allocation that these modules cannot carry out: no module moves.
+    #[error("does not move: the policy `given` cannot be followed: {0}")]
+    GivenRefused(GivenRefused),
     /// The plan's acting order has a flaw.
     #[error("acting order: {0}")]
     AssemblyWarning(AssemblyWarning),
@@ -323,6 +327,7 @@ impl Event {
             | Self::MotionOverdue(_)
             | Self::RunRemoved(_)
             | Self::NotMoving(_)
+            | Self::GivenRefused(_)
             | Self::InvalidStart(_)
             | Self::WaitingForQuorum(Shortfall::WithoutAgreement(_))
             | Self::MotionFailed(_) => Severity::Error,

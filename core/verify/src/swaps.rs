@@ -48,7 +48,7 @@ impl Replay {
             |module: ModuleId| problem.module(module).is_none_or(|one| one.pin.is_some());
         let holder = self.holders.get(&one.spot);
         let left = self.spots.get(&one.module);
-        problem.parameters().policy != Policy::Paper
+        !matches!(problem.parameters().policy, Policy::Paper | Policy::Given)
             && !is_pinned(one.module)
             && holder.is_some_and(|&holder| !is_pinned(holder) && holder != one.module)
             && left.is_none_or(|left| swaps.iter().any(|other| other.spot == *left))

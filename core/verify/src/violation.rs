@@ -54,6 +54,13 @@ pub enum Violation {
         pin: SpotId,
         spot: Option<SpotId>,
     },
+    /// A module ends with another spot than the target gives it.
+    #[error("{module} ends with {}, but the target gives it {}", or_nothing(*spot), or_nothing(*given))]
+    NotAsGiven {
+        module: ModuleId,
+        given: Option<SpotId>,
+        spot: Option<SpotId>,
+    },
     #[error("turn {turn} makes {evictions} evictions; at most {limit} are allowed")]
     ChainTooLong {
         turn: u32,

@@ -19,7 +19,7 @@ use proptest::option;
 use proptest::prelude::*;
 use proptest::sample::{Index, select};
 
-use super::surroundings::{placed_within, surroundings};
+use super::surroundings::{for_any_members, placed_within, surroundings};
 
 const LIMIT: i64 = 1_000_000_000_000;
 
@@ -123,12 +123,7 @@ fn readings() -> impl Strategy<Value = PaperOptions> {
 
 fn parameters() -> impl Strategy<Value = PlannerParameters> {
     (
-        select(vec![
-            Policy::Exact,
-            Policy::Paper,
-            Policy::Auction,
-            Policy::Hungarian,
-        ]),
+        select(Policy::all().map(|(policy, _)| policy).collect::<Vec<_>>()),
         select(vec![TurnOrder::Rank, TurnOrder::SizeFirst]),
         option::of(0..=i32::MAX.unsigned_abs()),
         any::<bool>(),
@@ -229,7 +224,7 @@ pub fn announcement() -> impl Strategy<Value = TargetAnnouncement> {
                 revision,
                 name,
                 target: target.map(|(target, surroundings)| {
-                    Arc::new(placed_within(target, surroundings, parameters.motion))
+                    Arc::new(placed_within(target, surroundings, &parameters))
                 }),
                 parameters,
                 expected_modules,
@@ -412,7 +407,7 @@ pub fn module_states() -> impl Strategy<Value = Vec<ModuleState>> {
 fn roster() -> impl Strategy<Value = Roster> {
     (
         epoch(),
-        announcement(),
+        announcement().prop_map(for_any_members),
         vec(
             (
                 (incarnation(), option::of(store_id()), service()),

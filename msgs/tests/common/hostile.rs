@@ -124,12 +124,14 @@ impl<'a> Writer<'a> {
                         "module_size" if !self.one_in(8) => self.put(&1.0_f64.to_le_bytes()),
                         "body_width" if !self.one_in(8) => self.put(&0.0_f64.to_le_bytes()),
                         "policy" if !self.one_in(8) => {
-                            let policies = ["exact", "paper", "auction", "hungarian"];
+                            let policies = ["exact", "paper", "auction", "nearest"];
                             let policy = policies[self.random.index(policies.len())];
                             self.text(policy);
                         }
-                        // A policy but `paper` has none.
-                        "policy_options" if !self.one_in(8) => self.put_length(0),
+                        // A policy but `paper` has none, and one but `given` no allocation.
+                        "policy_options" | "allocation" | "detached" if !self.one_in(8) => {
+                            self.put_length(0)
+                        }
                         "key" if !self.one_in(8) => self.text("max"),
                         "value" if !self.one_in(8) => self.text("40"),
                         _ => self.value(&field.value),

@@ -1,6 +1,11 @@
-//! Obstacles and walls of targets.
+//! Obstacles and walls of targets, and who is to take which spot.
 
-use formation_model::{MotionMode, RawArea, RawSurroundings, Surroundings, Target};
+use std::sync::Arc;
+
+use formation_model::{
+    MotionMode, PlannerParameters, Policy, RawArea, RawGiven, RawGivenSpot, RawSurroundings,
+    Surroundings, Target, TargetAnnouncement,
+};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
@@ -34,10 +39,42 @@ pub fn surroundings() -> impl Strategy<Value = Surroundings> {
 }
 
 /// The target in these surroundings, if its spots and the motion allow them.
-pub fn placed_within(target: Target, surroundings: Surroundings, motion: MotionMode) -> Target {
-    if motion == MotionMode::Straight {
+/// With the policy `given`, a module for each spot.
+pub fn placed_within(
+    target: Target,
+    surroundings: Surroundings,
+    parameters: &PlannerParameters,
+) -> Target {
+    let target = match parameters.policy {
+        Policy::Given => given_to_all(target),
+        _ => target,
+    };
+    if parameters.motion == MotionMode::Straight {
         return target;
     }
     let open = target.clone();
     target.within(surroundings).unwrap_or(open)
+}
+
+fn given_to_all(target: Target) -> Target {
+    let spots = target.spots().iter().zip((1..).step_by(3));
+    let allocation = spots.map(|(spot, module)| RawGivenSpot {
+        module,
+        spot: spot.id.0,
+    });
+    let given = RawGiven {
+        allocation: allocation.collect(),
+        detached: vec![1, 4, 900],
+    };
+    target.with_given(&given).unwrap()
+}
+
+/// The announcement without an allocation, which fits some members alone.
+pub fn for_any_members(mut announcement: TargetAnnouncement) -> TargetAnnouncement {
+    if announcement.parameters.policy == Policy::Given {
+        announcement.parameters.policy = Policy::Exact;
+        let target = announcement.target.take();
+        announcement.target = target.map(|target| Arc::new(Target::clone(&target).without_given()));
+    }
+    announcement
 }

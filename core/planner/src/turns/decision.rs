@@ -1,9 +1,9 @@
 //! The computation of one turn, by policy.
 
-use super::block_allocation;
 use super::planning::Planning;
 use super::turn_order::Unit;
 use super::turn_result::TurnResult;
+use super::{block_allocation, claiming};
 use crate::assignment::{self, Holder};
 use crate::baseline::PaperTurn;
 use formation_model::{Decision, EvictionRecord, ModuleId, Policy, SpotSelection};
@@ -21,8 +21,10 @@ impl Planning {
             match self.instance.problem.parameters().policy {
                 Policy::Exact => self.decide_exactly(&unit, &mut result),
                 Policy::Paper => self.decide_as_in_the_paper(&unit, &mut result),
-                Policy::Auction | Policy::Hungarian => {
-                    self.claim_assigned_spot(unit.leader, &mut result);
+                Policy::Auction | Policy::Hungarian | Policy::Given | Policy::Own(_) => {
+                    if let Some(whole) = &self.whole {
+                        claiming::claim(&self.instance, whole, &unit, &mut result);
+                    }
                 }
             }
             self.pending = Some((self.decision_of(&result), result));
@@ -69,16 +71,6 @@ impl Planning {
         } else {
             turn.allocate_spot(unit.leader);
         }
-    }
-
-    /// Gives a module the spot that a central policy has assigned to it.
-    fn claim_assigned_spot(&mut self, module: usize, result: &mut TurnResult) {
-        let assigned = self.central.as_ref();
-        if let Some(spot) = assigned.and_then(|central| central.spot_of[module]) {
-            let table = &mut result.allocation.table;
-            table.give(spot, Holder::Singleton(module));
-        }
-        result.detached.extend(self.instance.linked(vec![module]));
     }
 
     /// The decision with identifiers instead of positions.

@@ -1,7 +1,7 @@
 //! Turns: units decide one after another, and every replica recomputes each decision.
 
-mod allocation;
 mod block_allocation;
+mod claiming;
 mod decision;
 mod follow;
 mod outcome;
@@ -15,7 +15,6 @@ mod trimming;
 mod turn_order;
 mod turn_result;
 
-pub use allocation::AllocationRefused;
 pub use outcome::{PlanOutcome, plan};
 pub use pin_release::plan_releasing_pins;
 pub use planned_turns::PlannedTurns;

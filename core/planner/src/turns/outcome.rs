@@ -113,7 +113,7 @@ impl Planning {
             longest_distance,
             proven: self.proven,
             swapped: None,
-            auction: self.central.as_ref().and_then(|central| central.auction),
+            auction: self.whole.as_ref().and_then(|whole| whole.auction),
         }
     }
 

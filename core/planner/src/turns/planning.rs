@@ -10,8 +10,9 @@ use thiserror::Error;
 use super::turn_order::TurnQueue;
 use super::turn_result::TurnResult;
 use crate::assignment::{Allocation, ChainSearch, Holder, Instance};
-use crate::baseline::{CentralAssignment, Favourites};
+use crate::baseline::Favourites;
 use crate::placement::SearchBudget;
+use crate::policies::WholeAllocation;
 use formation_model::{Decision, ModuleId, PlanningProblem, SpotId};
 
 /// One unit's turn.
@@ -61,8 +62,8 @@ pub struct Planning {
     pub(super) search: ChainSearch,
     /// The state of the policy `paper` between turns.
     pub(super) favourites: Favourites,
-    /// The assignment of a central policy.
-    pub(super) central: Option<CentralAssignment>,
+    /// The allocation of a policy that decides at once.
+    pub(super) whole: Option<WholeAllocation>,
     pub(super) applied_turns: u32,
     /// The groups of modules that stay together, in the order of their turns.
     pub(super) blocks: Vec<Vec<usize>>,

@@ -6,9 +6,10 @@ use super::planning::Planning;
 use super::trimming;
 use super::turn_order::{TurnQueue, Unit};
 use crate::assignment::{Allocation, ChainSearch, Holder, Instance};
-use crate::baseline::{self, Favourites};
+use crate::baseline::Favourites;
 use crate::placement::SearchBudget;
-use formation_model::{PlanningProblem, Policy, SpotId, Target, TurnOrder};
+use crate::policies::WholeAllocation;
+use formation_model::{PlanningProblem, SpotId, Target, TurnOrder};
 
 impl Planning {
     /// Starts to plan. With fewer candidates than spots, the target is trimmed first, unless the parameters forbid it or the policy is the
@@ -73,15 +74,17 @@ impl Planning {
         for spot in closed.iter().filter_map(|&spot| target.position_of(spot)) {
             allocation.table.close(spot);
         }
+        let whole = WholeAllocation::of(&instance, &allocation.table);
+        let places_blocks = whole.as_ref().is_none_or(|whole| whole.keeps_links);
         let mut queue = TurnQueue::new(order);
-        for unit in initial_units(&instance, &allocation) {
+        for unit in initial_units(&instance, &allocation, places_blocks) {
             queue.insert(&instance, unit);
         }
         Self {
             queue,
             search: ChainSearch::default(),
             favourites: Favourites::new(module_count),
-            central: baseline::assign_centrally(&instance, &allocation.table),
+            whole,
             allocation,
             instance,
             applied_turns: 0,
@@ -111,11 +114,11 @@ impl Planning {
 }
 
 /// The configurations, unless the policy treats all modules as single, and the other modules without a spot.
-fn initial_units(instance: &Instance, allocation: &Allocation) -> Vec<Unit> {
+fn initial_units(instance: &Instance, allocation: &Allocation, places_blocks: bool) -> Vec<Unit> {
     let problem = &instance.problem;
-    let configurations = match problem.parameters().policy {
-        Policy::Exact | Policy::Paper => problem.configurations(),
-        Policy::Auction | Policy::Hungarian => Vec::new(),
+    let configurations = match places_blocks {
+        true => problem.configurations(),
+        false => Vec::new(),
     };
     let mut is_single: Vec<bool> = (0..instance.module_count())
         .map(|module| allocation.table.spot_of(module).is_none() && !problem.is_cut_off(module))

@@ -29,6 +29,12 @@ pub struct Utilities {
 }
 
 impl Utilities {
+    /// The utilities of a problem's modules for its own target.
+    #[must_use]
+    pub fn of_problem(problem: &PlanningProblem) -> Self {
+        Self::new(problem, problem.target())
+    }
+
     /// Prepares the utilities of the problem's modules for the spots of `target`: the problem's own, or a part of it.
     pub(crate) fn new(problem: &PlanningProblem, target: &Target) -> Self {
         let weights = problem.parameters().weights;

@@ -5,9 +5,9 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use formation_model::{
-    ClosedRoster, Digest, Epoch, Incarnation, Message, ModuleId, ModulePhase, ModuleState,
-    PlanningModule, Roster, RosterMember, RosterMessage, Service, TargetAnnouncement, Voter,
-    digest, standing_bodies,
+    ClosedRoster, Digest, Epoch, GivenRefused, Incarnation, Message, ModuleId, ModulePhase,
+    ModuleState, PlanningModule, ProblemError, Roster, RosterMember, RosterMessage, Service,
+    TargetAnnouncement, Voter, digest, standing_bodies,
 };
 
 use super::super::context::Context;
@@ -52,6 +52,8 @@ struct Collection {
     reported_limit: bool,
     /// Whether the plan that shows which pins stay is being computed.
     computes: bool,
+    /// Why the allocation that the target gives cannot be carried out, as last reported.
+    refused: Option<GivenRefused>,
 }
 
 /// Whether a collection is complete.
@@ -81,6 +83,7 @@ impl Gathering {
             reported_missing: false,
             reported_limit: false,
             computes: false,
+            refused: None,
         };
         Self::enter(context, epoch, target, Part::Convener(collection))
     }
@@ -220,6 +223,24 @@ impl Gathering {
         Transition::Enter(Stage::Gathering(next))
     }
 
+    /// Reports that these modules cannot carry out the allocation that the target gives, once for each reason, and waits for
+    /// other modules, or another target.
+    fn refuse_given(
+        mut self,
+        announcement: &TargetAnnouncement,
+        reason: GivenRefused,
+        context: &mut Context,
+    ) -> Transition {
+        if let Part::Convener(collection) = &mut self.role {
+            collection.computes = false;
+            if collection.refused.as_ref() != Some(&reason) {
+                collection.refused = Some(reason.clone());
+                context.emit(Event::GivenRefused(reason));
+            }
+        }
+        self.wait_for_others(announcement, context)
+    }
+
     /// Publishes the roster, unless it lacks a quorum or the target has changed.
     /// Enforces G5.
     fn close(mut self, frozen: &[Arc<ModuleState>], context: &mut Context) -> Transition {
@@ -280,6 +301,9 @@ impl Gathering {
             return Transition::Stay(Stage::Gathering(self));
         }
         let roster = Arc::new(ClosedRoster::from(roster));
+        if let Err(ProblemError::Given(reason)) = roster.problem() {
+            return self.refuse_given(&announcement, reason, context);
+        }
         let plan = RosterMessage::Plan(Arc::clone(&roster));
         context.publish(Message::Roster(plan));
         match Planning::begin(roster, context) {

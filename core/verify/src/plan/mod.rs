@@ -19,7 +19,8 @@ use formation_model::{Decision, ModuleId, Plan, PlanningProblem, Policy, SpotId}
 ///    `exact_finish`, when modules can also move to a free spot.
 /// 5. The blocks are those that the turns placed, each connected by links that it keeps. The kept links are exactly those of
 ///    a block's modules, or of pinned modules, on adjacent spots.
-/// 6. The acting order lists each placed module once, each block as one unit, pinned modules first. Every spot has an
+/// 6. Under the policy `given`, each module has the spot that the target gives it.
+/// 7. The acting order lists each placed module once, each block as one unit, pinned modules first. Every spot has an
 ///    adjacent one that is filled before it, except the first of each connected part of the filled spots.
 ///
 /// # Errors
@@ -115,9 +116,29 @@ fn check_assignment(
             });
         }
     }
+    check_as_given(problem, plan, violations);
     let filled: BTreeSet<SpotId> = holders.into_keys().collect();
     if problem.parameters().policy != Policy::Paper {
         check_filled(problem, &filled, violations);
+    }
+}
+
+/// Checks that each module has the spot that the target gives it, if it gives any.
+fn check_as_given(problem: &PlanningProblem, plan: &Plan, violations: &mut Vec<Violation>) {
+    let Some(given) = problem.target().given() else {
+        return;
+    };
+    for module in problem.modules() {
+        let spot_in = |spots: &BTreeMap<ModuleId, SpotId>| spots.get(&module.id).copied();
+        let (given, spot) = (spot_in(given.spots()), spot_in(&plan.assignments));
+        if given != spot {
+            let module = module.id;
+            violations.push(Violation::NotAsGiven {
+                module,
+                given,
+                spot,
+            });
+        }
     }
 }
 
