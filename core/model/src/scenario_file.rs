@@ -6,8 +6,8 @@ use crate::map::{Lattice, Map, Undrawable, draw};
 use crate::scenario::NESTING_MAX;
 use crate::yaml;
 use crate::{
-    FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration, RawModule,
-    RawScenario, RawSpot, RawTarget, Scenario, ScenarioError,
+    BodyShape, FieldError, MICRO_PER_UNIT, PlannerParameters, Pose, RawArea, RawConfiguration,
+    RawModule, RawScenario, RawSpot, RawTarget, Scenario, ScenarioError,
 };
 
 /// A scenario file as it is written.
@@ -25,6 +25,8 @@ pub(super) struct ScenarioFile {
     #[serde(default)]
     planner: PlannerParameters,
     module_size: Option<f64>,
+    #[serde(default)]
+    body: BodyShape,
     body_width: Option<f64>,
     #[serde(default)]
     obstacles: Vec<RawArea>,
@@ -158,6 +160,7 @@ impl TryFrom<ScenarioFile> for RawScenario {
             singletons,
             planner: file.planner,
             module_size: file.module_size,
+            body: file.body,
             body_width: file.body_width,
             obstacles,
             arena: file.arena,

@@ -1,6 +1,6 @@
 //! Obstacles and walls of targets.
 
-use formation_model::{MotionMode, RawArea, RawSurroundings, Surroundings, Target};
+use formation_model::{BodyShape, MotionMode, RawArea, RawSurroundings, Surroundings, Target};
 use proptest::collection::vec;
 use proptest::option;
 use proptest::prelude::*;
@@ -23,8 +23,11 @@ pub fn surroundings() -> impl Strategy<Value = Surroundings> {
             })
     };
     let width = option::of(0.1..1.0_f64);
-    (width, vec(area(), 0..4), option::of(area())).prop_map(|(body_width, obstacles, arena)| {
+    let body = prop_oneof![Just(BodyShape::Square), Just(BodyShape::Circle)];
+    let parts = (body, width, vec(area(), 0..4), option::of(area()));
+    parts.prop_map(|(body, body_width, obstacles, arena)| {
         let raw = RawSurroundings {
+            body,
             body_width,
             obstacles,
             arena,

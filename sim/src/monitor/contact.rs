@@ -337,6 +337,7 @@ mod tests {
             height,
         };
         let surroundings = Surroundings::try_from(RawSurroundings {
+            body: formation_model::BodyShape::Square,
             body_width: None,
             obstacles: vec![boxed(2.0, 1.0, 1.0, 1.0)],
             arena: Some(boxed(2.0, 0.0, 6.0, 4.0)),

@@ -16,6 +16,7 @@
 mod attempts;
 mod diagnose;
 mod docking;
+mod exits;
 mod fit;
 mod group;
 mod improve;
@@ -28,6 +29,7 @@ mod parts;
 mod rectangle;
 mod regions;
 mod regroup;
+mod resting;
 mod result;
 mod route;
 mod schedule;

@@ -8,7 +8,9 @@
 
 use std::cmp::Reverse;
 
+use super::exits::{Exit, ExitSearch};
 use super::lattice::{Arena, Site};
+use super::lattice_request::LatticeRequest;
 use super::regions::Regions;
 use super::route::{Errand, Routes, STEP};
 use super::units::{Node, Unit, node_count, split};
@@ -22,8 +24,15 @@ pub(super) struct Stuck {
     pub unit: usize,
 }
 
+/// The units in the order in which they fill their spots, and the exits of those whose spots are off the lattice.
+pub(super) struct Filling {
+    pub order: Vec<usize>,
+    pub exits: Vec<Option<Exit>>,
+}
+
 /// What is taken apart.
 pub(super) struct Formation<'a> {
+    pub on_lattice: &'a LatticeRequest<'a>,
     pub arena: &'a Arena,
     pub units: &'a [Unit],
     /// The place of each unit in the acting order; units without a spot have none.
@@ -35,7 +44,7 @@ pub(super) struct Formation<'a> {
 impl Formation<'_> {
     /// The units with spots that are not pinned, in the order in which they fill them. Of those that can go, the latest in the
     /// acting order goes first.
-    pub fn filling_order(&self) -> Result<Vec<usize>, Stuck> {
+    pub fn filling_order(&self) -> Result<Filling, Stuck> {
         let mut waiting: Vec<usize> = (0..self.units.len())
             .filter(|&unit| self.ranks[unit].is_some() && !self.units[unit].pinned)
             .collect();
@@ -57,14 +66,24 @@ impl Formation<'_> {
             removed.push(unit);
         }
         removed.reverse();
-        Ok(removed)
+        Ok(Filling {
+            order: removed,
+            exits: rest.exits,
+        })
     }
 
     fn goal_cells(&self, unit: usize) -> Vec<usize> {
+        if self.exits(unit) || self.units[unit].pinned {
+            return self.on_lattice.cells_at_rest(&self.units[unit]);
+        }
         let goal = self.units[unit].goal;
         goal.map_or_else(Vec::new, |goal| {
             self.units[unit].cells(self.arena, goal).collect()
         })
+    }
+
+    fn exits(&self, unit: usize) -> bool {
+        self.on_lattice.exits(&self.units[unit])
     }
 }
 
@@ -78,14 +97,23 @@ struct Rest<'a> {
     routes: Routes,
     seen: Vec<usize>,
     stamp: usize,
+    /// The units that are left, by the cells that they take.
+    holders: Vec<Vec<usize>>,
+    exits: Vec<Option<Exit>>,
+    /// Whether a unit had no exit when it was last tried, and nothing near it has gone since.
+    is_shut_in: Vec<bool>,
 }
 
 impl<'a> Rest<'a> {
     fn new(formation: &'a Formation<'a>) -> Self {
         let arena = formation.arena;
         let mut taken = arena.closed.clone();
-        for cell in (0..formation.units.len()).flat_map(|unit| formation.goal_cells(unit)) {
-            taken[cell] = true;
+        let mut holders = vec![Vec::new(); arena.area()];
+        for unit in 0..formation.units.len() {
+            for cell in formation.goal_cells(unit) {
+                taken[cell] = true;
+                holders[cell].push(unit);
+            }
         }
         let regions = Regions::new(arena, &taken);
         Self {
@@ -95,12 +123,21 @@ impl<'a> Rest<'a> {
             routes: Routes::new(node_count(formation.units, arena)),
             seen: vec![0; arena.area()],
             stamp: 0,
+            holders,
+            exits: vec![None; formation.units.len()],
+            is_shut_in: vec![false; formation.units.len()],
         }
     }
 
     fn remove(&mut self, unit: usize) {
         for cell in self.formation.goal_cells(unit) {
-            self.regions.free(cell);
+            self.holders[cell].retain(|&holder| holder != unit);
+            if self.holders[cell].is_empty() {
+                self.regions.free(cell);
+            }
+        }
+        if self.exits[unit].is_some() {
+            self.is_shut_in.fill(false);
         }
     }
 
@@ -109,18 +146,47 @@ impl<'a> Rest<'a> {
     fn next(&mut self, waiting: &[usize]) -> Option<usize> {
         let units = self.formation.units;
         let gets_out = waiting.iter().position(|&unit| self.gets_out(unit));
+        let exits = |unit: usize| self.formation.exits(unit);
+        let exits: Vec<bool> = waiting.iter().map(|&unit| exits(unit)).collect();
         let by_route = |rest: &mut Self| {
-            let mut blocks = waiting.iter();
-            blocks.position(|&unit| units[unit].is_block() && rest.has_route(unit))
+            let mut blocks = waiting.iter().zip(&exits);
+            blocks
+                .position(|(&unit, exits)| !exits && units[unit].is_block() && rest.has_route(unit))
         };
         let in_place = || {
-            let mut all = waiting.iter();
-            all.position(|&unit| units[unit].goal == Some(units[unit].start))
+            let mut all = waiting.iter().zip(&exits);
+            all.position(|(&unit, exits)| !exits && units[unit].goal == Some(units[unit].start))
         };
         gets_out
             .or_else(|| by_route(self))
             .or_else(in_place)
             .or_else(|| self.next_to_largest(waiting))
+            .or_else(|| waiting.iter().position(|&unit| self.finds_exit(unit, None)))
+    }
+
+    /// Whether an exit leads to the spots of a unit from a cell that a way connects with one in a region, or with any.
+    fn finds_exit(&mut self, unit: usize, region: Option<usize>) -> bool {
+        let formation = self.formation;
+        let (arena, body) = (formation.arena, &formation.units[unit]);
+        if !formation.exits(unit) || region.is_some() && self.is_shut_in[unit] {
+            return false;
+        }
+        let search = ExitSearch {
+            on_lattice: formation.on_lattice,
+            units: formation.units,
+        };
+        let holders = std::mem::take(&mut self.holders);
+        let region = region.map(|cell| self.regions.of(cell));
+        let exit = search.find(unit, &holders, |cell| {
+            let joins = self.regions.taken[cell]
+                || region.is_none_or(|region| self.regions.of(cell) == region);
+            let node = body.last_on_lattice() * arena.area() + cell;
+            joins && (!body.is_block() || self.finds_way_out(unit, node))
+        });
+        self.holders = holders;
+        self.is_shut_in[unit] = exit.is_none();
+        self.exits[unit] = exit;
+        self.exits[unit].is_some()
     }
 
     fn next_to_largest(&self, waiting: &[usize]) -> Option<usize> {
@@ -131,7 +197,9 @@ impl<'a> Rest<'a> {
         };
         let singles = waiting.iter().enumerate();
         singles
-            .filter(|&(_, &unit)| !self.formation.units[unit].is_block())
+            .filter(|&(_, &unit)| {
+                !self.formation.units[unit].is_block() && !self.formation.exits(unit)
+            })
             .filter_map(|(index, &unit)| Some((size(unit)?, Reverse(index))))
             .max()
             .map(|(_, Reverse(index))| index)
@@ -155,6 +223,11 @@ impl<'a> Rest<'a> {
     fn gets_out(&mut self, unit: usize) -> bool {
         let formation = self.formation;
         let (arena, body) = (formation.arena, &formation.units[unit]);
+        if formation.exits(unit) {
+            let (_, start) = split(arena, body.start);
+            let side = (!self.regions.taken[start]).then_some(start);
+            return self.finds_exit(unit, side.or(self.outside));
+        }
         if body.is_block() {
             return self.touches_outside(unit) && self.leaves_box(unit);
         }
@@ -165,7 +238,8 @@ impl<'a> Rest<'a> {
 
     /// Frees the cells of a unit for a question.
     fn without<T>(&mut self, unit: usize, question: impl FnOnce(&mut Self) -> T) -> T {
-        let own = self.formation.goal_cells(unit);
+        let mut own = self.formation.goal_cells(unit);
+        own.retain(|&cell| self.holders[cell].len() == 1);
         for &cell in &own {
             self.regions.taken[cell] = false;
         }

@@ -209,6 +209,9 @@ fn pose_at(
     member: usize,
     (heading, goal): (i64, i64),
 ) -> Pose {
+    if let Some(step) = body.exit_step(schedule.arena, node) {
+        return step.poses[member];
+    }
     let (layout, cell) = split(schedule.arena, node);
     let (x, y) = schedule.arena.site(cell);
     let at = |layout: usize| {
@@ -216,7 +219,7 @@ fn pose_at(
         lattice.point((x + right, y + up))
     };
     if body.is_disc(schedule.arena, node) {
-        let (from, to) = (at(0), at(body.layouts.len() - 1));
+        let (from, to) = (at(0), at(body.last_on_lattice()));
         let middle = (from.0.midpoint(to.0), from.1.midpoint(to.1));
         return pose(middle, shortest(heading + shortest(goal - heading) / 2));
     }
@@ -246,7 +249,9 @@ fn steps(schedule: &Schedule, unit: usize, group: &Group, lattice: &Lattice) -> 
         let folds = [before, entry.node]
             .into_iter()
             .find(|&node| body.is_disc(schedule.arena, node));
+        let exit = body.exit_step(schedule.arena, entry.node);
         let kind = match folds {
+            _ if exit.is_some() => exit.map_or(StepKind::Shift, |step| step.kind),
             Some(node) => {
                 let (_, cell) = split(schedule.arena, node);
                 let quarters = i128::from(body.disc) * i128::from(MICRO_PER_UNIT / 2).pow(2);

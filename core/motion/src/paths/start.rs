@@ -15,6 +15,7 @@ use super::group::{Alignment, Exactness, Group, Phase};
 use super::lattice::{Lattice, point};
 use super::rectangle::{Rectangle, overlap, square};
 use super::regroup::RegroupingGround;
+use super::resting::RestingBodies;
 use super::result::StartFault;
 use super::shape::Shape;
 use formation_model::turning::Point;
@@ -28,6 +29,7 @@ use formation_model::{MICRO_PER_UNIT, MicroUnits, PlanningProblem, Pose};
 pub(super) fn align(
     problem: &PlanningProblem,
     lattice: &Lattice,
+    resting: &RestingBodies,
     tolerance: MicroUnits,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
@@ -38,7 +40,8 @@ pub(super) fn align(
         tolerance: tolerance.0,
         slack,
     };
-    let (mut groups, mut faults) = groups_of(problem, lattice, exactness, spots_of, is_open);
+    let (mut groups, mut faults) =
+        groups_of(problem, (lattice, resting), exactness, spots_of, is_open);
     groups.sort_by_key(|group| group.modules[0]);
     for group in &mut groups {
         if !group.ways.is_empty() {
@@ -75,7 +78,7 @@ pub(super) fn align(
 /// The groups, and what keeps modules from being in one.
 fn groups_of(
     problem: &PlanningProblem,
-    lattice: &Lattice,
+    (lattice, resting): (&Lattice, &RestingBodies),
     exactness: Exactness,
     spots_of: impl Fn(&[usize]) -> Option<Vec<Pose>>,
     is_open: impl Fn(&Rectangle) -> bool,
@@ -95,7 +98,11 @@ fn groups_of(
     for (module, member) in problem.modules().iter().enumerate() {
         if let Some(spot) = member.pin.and_then(|pin| problem.target().spot(pin)) {
             let site = lattice.site(point(&spot.pose));
-            groups.push(Group::standing(module, site, lattice));
+            let mut group = Group::standing(module, site, lattice);
+            let spot = problem.target().position_of(spot.id);
+            let off = spot.filter(|&spot| resting.is_off[spot]);
+            group.at_rest = off.map(|spot| resting.cell_at(problem.target(), spot));
+            groups.push(group);
         } else if !is_grouped[module] {
             bodies.push(vec![module]);
         }
@@ -146,16 +153,18 @@ fn groups_of(
     (groups, faults)
 }
 
-/// Whether a body whose members were halted at different moments lacks the room to come into line.
+/// Whether a body lacks the room to come onto the lattice, as one next to a body that rests off it may, or into line, as one
+/// whose members were halted at different moments may.
 fn is_cramped(problem: &PlanningProblem, group: &Group, groups: &[Group], slack: i64) -> bool {
-    if !group.is_askew() {
+    if group.at_rest.is_some() {
         return false;
     }
     let around = group.surroundings();
-    let mut near = groups.iter().filter(|other| {
+    let near = groups.iter().filter(|other| {
         other.modules != group.modules && overlap(&around, &other.surroundings(), 0)
     });
-    near.any(|other| not_apart(problem, group, other, slack).is_some())
+    near.filter(|other| group.is_askew() || other.at_rest.is_some())
+        .any(|other| not_apart(problem, group, other, slack).is_some())
 }
 
 /// The pairs of groups whose surroundings overlap, lower first.
@@ -186,6 +195,19 @@ fn not_apart(
     slack: i64,
 ) -> Option<StartFault> {
     let id = |group: &Group, member: usize| problem.modules()[group.modules[member]].id;
+    for (group, standing) in [(one, other), (other, one)] {
+        let Some(body) = &standing.at_rest else {
+            continue;
+        };
+        let is_clear = group.at_rest.is_some()
+            || !group
+                .on_the_way()
+                .iter()
+                .any(|shape| shape.overlaps(body, slack));
+        let (first, second) = (id(group, 0), id(standing, 0));
+        let fault = StartFault::NotApart(first.min(second), first.max(second));
+        return (!is_clear).then_some(fault);
+    }
     let (bodies, neighbours) = (one.bodies(), other.bodies());
     let mut all = (0..bodies.len())
         .flat_map(|member| (0..neighbours.len()).map(move |its_member| (member, its_member)));

@@ -1,0 +1,152 @@
+//! Bodies at rest off the lattice: what they cover, and whether they have room next to each other.
+
+use super::lattice::{Arena, Lattice, Site, point};
+use super::rectangle::HALF;
+use super::result::MotionError;
+use super::shape::Shape;
+use formation_model::turning::{Point, off_quarter};
+use formation_model::{MicroUnits, Pose, Target};
+
+/// What bodies look like from above.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Form {
+    pub is_round: bool,
+    /// Bodies that overlap by no more than this touch.
+    pub tolerance: i64,
+}
+
+impl Form {
+    /// The form of a target's bodies.
+    pub fn of(target: &Target, tolerance: MicroUnits) -> Self {
+        Self {
+            is_round: target.surroundings().body().is_round(),
+            tolerance: tolerance.0,
+        }
+    }
+
+    /// What a body of half this width covers.
+    pub fn shape(self, middle: Point, heading: i64, half: i64) -> Shape {
+        if self.is_round {
+            Shape::circle(middle, half)
+        } else {
+            Shape::turned_square(middle, half, off_quarter(heading))
+        }
+    }
+
+    /// What a body as wide as a cell covers at a pose.
+    pub fn cell_at(self, pose: &Pose) -> Shape {
+        self.shape(point(pose), pose.theta.0, HALF)
+    }
+
+    /// How far such a body reaches from its middle.
+    pub fn reach(self, half: i64) -> i64 {
+        if self.is_round {
+            half
+        } else {
+            (2 * half * half).isqrt() + 1
+        }
+    }
+}
+
+/// The open cells that a shape reaches into by more than the tolerance.
+pub(super) fn cells_under(
+    shape: &Shape,
+    lattice: &Lattice,
+    arena: &Arena,
+    tolerance: i64,
+) -> Vec<usize> {
+    let (low, high) = shape.bounds();
+    let mut cells = arena.cells_between(lattice.covered(low, high));
+    cells.retain(|&cell| {
+        let square = Shape::square(lattice.point(arena.site(cell)), HALF);
+        !arena.closed[cell] && shape.overlaps(&square, tolerance)
+    });
+    cells
+}
+
+/// The spots of a target as bodies rest on them.
+#[derive(Clone, Debug)]
+pub(super) struct RestingBodies {
+    pub form: Form,
+    /// Which spots are reached by an exit: those off the lattice, and those whose cells such bodies reach into.
+    pub is_off: Vec<bool>,
+    /// Half the width with which bodies are kept apart: that of a cell, or less where spots are nearer to each other.
+    pub half: i64,
+}
+
+impl RestingBodies {
+    /// The bodies on some spots, of which `is_off` says which are off the lattice.
+    ///
+    /// # Errors
+    /// Names two spots whose bodies overlap.
+    pub fn of(
+        target: &Target,
+        lattice: &Lattice,
+        sites: &[Site],
+        mut is_off: Vec<bool>,
+        form: Form,
+    ) -> Result<Self, MotionError> {
+        let spots = target.spots();
+        let real = target.surroundings().body_width().0 / 2;
+        let mut halves = [HALF, HALF.midpoint(real), real].into_iter();
+        let mut half = halves.next().unwrap_or(real);
+        let pairs = if is_off.contains(&true) {
+            near_pairs(target)
+        } else {
+            Vec::new()
+        };
+        for &(one, other) in &pairs {
+            let body = |spot: usize, half: i64| {
+                let pose = &spots[spot].pose;
+                form.shape(point(pose), pose.theta.0, half)
+            };
+            while body(one, half).overlaps(&body(other, half), form.tolerance) {
+                half = halves
+                    .next()
+                    .ok_or(MotionError::BodiesOverlap(spots[one].id, spots[other].id))?;
+            }
+        }
+        let lies_off = is_off.clone();
+        for &(one, other) in &pairs {
+            for (off, on) in [(one, other), (other, one)] {
+                if lies_off[off] && !lies_off[on] {
+                    let cell = Shape::square(lattice.point(sites[on]), HALF);
+                    let body = form.cell_at(&spots[off].pose);
+                    is_off[on] |= body.overlaps(&cell, form.tolerance);
+                }
+            }
+        }
+        Ok(Self { form, is_off, half })
+    }
+
+    /// What a body on a spot covers.
+    pub fn at(&self, target: &Target, spot: usize) -> Shape {
+        let pose = &target.spots()[spot].pose;
+        self.form.shape(point(pose), pose.theta.0, self.half)
+    }
+
+    /// What a body on a spot would cover if it were as wide as a cell.
+    pub fn cell_at(&self, target: &Target, spot: usize) -> Shape {
+        self.form.cell_at(&target.spots()[spot].pose)
+    }
+}
+
+/// The pairs of spots whose bodies could touch, lower first.
+fn near_pairs(target: &Target) -> Vec<(usize, usize)> {
+    const FAR: i64 = 3 * HALF;
+    let spots = target.spots();
+    let at = |spot: usize| point(&spots[spot].pose);
+    let mut by_column: Vec<usize> = (0..spots.len()).collect();
+    by_column.sort_unstable_by_key(|&spot| (at(spot), spot));
+    let mut pairs = Vec::new();
+    for (rank, &one) in by_column.iter().enumerate() {
+        let next = by_column[rank + 1..].iter();
+        let near = next.take_while(|&&other| at(other).0 - at(one).0 < FAR);
+        pairs.extend(
+            near.filter(|&&other| (at(other).1 - at(one).1).abs() < FAR)
+                .map(|&other| (one.min(other), one.max(other))),
+        );
+    }
+    pairs.sort_unstable();
+    pairs
+}

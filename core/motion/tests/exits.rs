@@ -1,0 +1,200 @@
+//! Spots off the lattice are reached by exits: every plan is executed with random delays and its bodies are compared.
+
+use std::fmt::Write;
+use std::sync::Arc;
+
+use formation_model::{MotionPlan, PlanningProblem, Scenario};
+use formation_motion::PlannedMotion;
+use formation_planner::plan;
+
+use crate::support::Numbers;
+use crate::support::exact::contact;
+
+const ROW: f64 = 0.866_025_4;
+
+struct Planned {
+    problem: Arc<PlanningProblem>,
+    motion: PlannedMotion,
+}
+
+fn planned(text: &str) -> Planned {
+    let scenario = Scenario::from_yaml(text).unwrap();
+    let problem = Arc::new(scenario.problem().clone());
+    let outcome = plan(Arc::clone(&problem));
+    let motion = PlannedMotion::of(&problem, outcome.plan, &[]).0;
+    Planned { problem, motion }
+}
+
+/// Forms a target without contact; every module comes to its spot.
+fn formed(text: &str) -> MotionPlan {
+    let Planned { problem, motion } = planned(text);
+    let PlannedMotion::Paths(motion) = motion else {
+        panic!("{motion:?}\n{text}");
+    };
+    let target = problem.target();
+    let mut taken = 0;
+    for module in motion.units.iter().flat_map(|unit| &unit.modules) {
+        let Some(spot) = module.spot else { continue };
+        let last = module.waypoints.last().unwrap().pose;
+        let goal = target.spot(spot).unwrap().pose;
+        let turned = (last.theta.0 - goal.theta.0).rem_euclid(6_283_185);
+        let turned = turned.min(6_283_185 - turned);
+        assert!(
+            last.distance_to(&goal).0 < 5_000 && turned < 5_000,
+            "{last:?} is not {goal:?}"
+        );
+        taken += 1;
+    }
+    assert_eq!(taken, target.spots().len().min(problem.modules().len()));
+    for unit in &motion.units {
+        for module in &unit.modules {
+            assert_eq!(module.waypoints.len(), unit.steps.len() + 1);
+            for leg in module.waypoints.windows(2) {
+                assert!(leg[0].time < leg[1].time);
+            }
+        }
+    }
+    let met = contact(&motion, target, 6, &mut Numbers(7));
+    assert_eq!(met, None, "{text}");
+    motion
+}
+
+/// A target of these poses in which spots at most so far apart are joined, and modules that start in rows beside it.
+fn scenario(spots: &[(f64, f64, f64)], joined: f64, more: &str) -> String {
+    let mut text = format!("{more}\ntarget:\n  spots:\n");
+    for (index, (x, y, theta)) in spots.iter().enumerate() {
+        writeln!(
+            text,
+            "    - {{id: {}, x: {x}, y: {y}, theta: {theta}}}",
+            index + 1
+        )
+        .unwrap();
+    }
+    let mut edges = Vec::new();
+    for (index, one) in spots.iter().enumerate() {
+        for (before, other) in spots[..index].iter().enumerate() {
+            if (one.0 - other.0).hypot(one.1 - other.1) < joined {
+                edges.push(format!("[{}, {}]", before + 1, index + 1));
+            }
+        }
+    }
+    writeln!(text, "  edges: [{}]", edges.join(", ")).unwrap();
+    if more.contains("configurations") || more.contains("singletons") {
+        return text;
+    }
+    text.push_str("singletons:\n");
+    for index in 0..spots.len() {
+        let (x, y) = (12 + 2 * (index % 5), 2 * (index / 5));
+        writeln!(text, "  - {{id: {}, x: {x}, y: {y}}}", index + 1).unwrap();
+    }
+    text
+}
+
+/// The spots of a hexagonal disc.
+fn hexagon(radius: i32) -> Vec<(f64, f64, f64)> {
+    let mut spots = Vec::new();
+    for row in -radius..=radius {
+        for column in (-radius).max(-radius - row)..=radius.min(radius - row) {
+            let (column, row) = (f64::from(column), f64::from(row));
+            spots.push((column + row / 2.0, row * ROW, 0.0));
+        }
+    }
+    spots
+}
+
+/// A block of spots whose frame is at a point and turned.
+fn block(width: u32, height: u32, (x, y): (f64, f64), turned: f64) -> Vec<(f64, f64, f64)> {
+    let (sine, cosine) = turned.sin_cos();
+    let cells = (0..height).flat_map(|up| (0..width).map(move |right| (right, up)));
+    cells
+        .map(|(right, up)| (f64::from(right), f64::from(up)))
+        .map(|(right, up)| {
+            (
+                x + right * cosine - up * sine,
+                y + right * sine + up * cosine,
+                turned,
+            )
+        })
+        .collect()
+}
+
+#[test]
+fn round_modules_form_hexagons() {
+    for radius in 1..=3 {
+        let motion = formed(&scenario(&hexagon(radius), 1.1, "body: circle"));
+        eprintln!(
+            "{} spots: {} of {}",
+            hexagon(radius).len(),
+            motion.makespan,
+            motion.bound
+        );
+    }
+}
+
+#[test]
+fn rows_offset_by_half_are_laid_like_bricks() {
+    for offset in [0.5, 0.25] {
+        let spots: Vec<_> = (0..4)
+            .flat_map(|row| (0..5).map(move |column| (row, f64::from(column))))
+            .map(|(row, column)| (column + offset * f64::from(row % 2), f64::from(row), 0.0))
+            .collect();
+        let motion = formed(&scenario(&spots, 1.2, ""));
+        eprintln!("{} of {}", motion.makespan, motion.bound);
+    }
+}
+
+#[test]
+fn gaps_of_any_width_are_left() {
+    let row: Vec<_> = (0..6)
+        .map(|index| (1.3 * f64::from(index), 0.0, 0.0))
+        .collect();
+    formed(&scenario(&row, 1.4, ""));
+    let sparse: Vec<_> = (0..6)
+        .map(|index| (2.0 * f64::from(index), 0.0, 0.0))
+        .collect();
+    formed(&scenario(&sparse, 2.1, ""));
+    let groups = [block(3, 2, (0.0, 0.0), 0.0), block(3, 3, (4.4, 0.7), 0.0)].concat();
+    formed(&scenario(&groups, 2.6, ""));
+    let narrow: Vec<_> = (0..6)
+        .map(|index| (0.95 * f64::from(index), 0.0, 0.0))
+        .collect();
+    formed(&scenario(&narrow, 1.0, ""));
+}
+
+#[test]
+fn one_spot_beside_a_block_is_off_its_lattice() {
+    for spot in [
+        (3.2, 0.4, 0.0),
+        (1.4, 3.0, 0.0),
+        (-1.3, 1.1, 0.6),
+        (1.0, 3.3, 3.0),
+    ] {
+        for spots in [
+            [block(3, 3, (0.0, 0.0), 0.0), vec![spot]].concat(),
+            [vec![spot], block(3, 3, (0.0, 0.0), 0.0)].concat(),
+        ] {
+            formed(&scenario(&spots, 1.6, ""));
+        }
+    }
+}
+
+#[test]
+fn parts_are_turned_against_each_other() {
+    let turned = 20.0_f64.to_radians();
+    formed(&scenario(&block(8, 1, (0.0, 0.0), turned), 1.1, ""));
+    formed(&scenario(&block(3, 3, (0.0, 0.0), turned), 1.1, ""));
+    let parts = [
+        block(3, 3, (0.0, 0.0), 0.0),
+        block(4, 2, (3.5, 1.0), turned),
+    ]
+    .concat();
+    formed(&scenario(&parts, 1.7, ""));
+    let parts = [
+        block(3, 1, (0.0, 0.0), 0.0),
+        block(3, 1, (3.2, 0.2), turned),
+        block(2, 2, (6.5, 1.9), 0.8),
+    ]
+    .concat();
+    formed(&scenario(&parts, 1.9, ""));
+    formed(&scenario(&parts, 1.9, "body: circle"));
+}
