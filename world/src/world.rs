@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, VecDeque};
 use std::time::Duration;
 
 use formation_model::{
-    Area, DockingAction, DockingRequest, DockingResult, MicroUnits, ModuleId, PlanningProblem,
-    Pose as CorePose,
+    Area, BodyShape, DockingAction, DockingRequest, DockingResult, MicroUnits, ModuleId,
+    PlanningProblem, Pose as CorePose,
 };
 use formation_motion::WorldReport;
 use rapier2d::dynamics::{RigidBodyBuilder, RigidBodyHandle};
@@ -77,7 +77,11 @@ impl World {
         let robots = modules.iter().enumerate().map(|(index, module)| {
             let start = from_core(&module.pose);
             let body = RigidBodyBuilder::dynamic().pose(start).can_sleep(false);
-            let collider = ColliderBuilder::cuboid(half, half)
+            let collider = match surroundings.body() {
+                BodyShape::Square => ColliderBuilder::cuboid(half, half),
+                BodyShape::Circle => ColliderBuilder::ball(half),
+            };
+            let collider = collider
                 .mass(MASS)
                 .friction(FRICTION)
                 .user_data(mark_of(index))

@@ -198,3 +198,116 @@ fn parts_are_turned_against_each_other() {
     formed(&scenario(&parts, 1.9, ""));
     formed(&scenario(&parts, 1.9, "body: circle"));
 }
+
+/// A row of docked modules for `scenario`: their identifiers from a first one, where the first stands, and the heading.
+fn docked_row(first: u32, count: u32, (x, y): (f64, f64), heading: f64) -> String {
+    let (sine, cosine) = heading.sin_cos();
+    let mut text = format!("  - id: {first}\n    modules:\n");
+    for index in 0..count {
+        let along = f64::from(index);
+        let (x, y) = (x + along * cosine, y + along * sine);
+        let id = first + index;
+        writeln!(
+            text,
+            "      - {{id: {id}, x: {x}, y: {y}, theta: {heading}}}"
+        )
+        .unwrap();
+    }
+    let edges = (first..first + count - 1).map(|id| format!("[{id}, {}]", id + 1));
+    writeln!(
+        text,
+        "    edges: [{}]",
+        edges.collect::<Vec<_>>().join(", ")
+    )
+    .unwrap();
+    text
+}
+
+#[test]
+fn configurations_leave_the_lattice_as_one_body() {
+    let turned = 20.0_f64.to_radians();
+    let rows = docked_row(1, 3, (12.0, 0.0), 0.0) + &docked_row(4, 3, (12.0, 5.0), 0.7);
+    let more = format!("configurations:\n{rows}");
+    let parts = [block(3, 1, (0.0, 0.0), 0.0), block(3, 1, (0.4, 1.0), 0.0)].concat();
+    let motion = formed(&scenario(&parts, 1.2, &more));
+    assert!(motion.taken_apart.is_empty(), "{:?}", motion.taken_apart);
+    let parts = [
+        block(3, 1, (0.0, 0.0), 0.0),
+        block(3, 1, (0.3, 1.3), turned),
+    ]
+    .concat();
+    let motion = formed(&scenario(&parts, 1.7, &more));
+    assert!(motion.taken_apart.is_empty(), "{:?}", motion.taken_apart);
+    // A row bends into a part of a hexagon, and the rest fill up.
+    formed(&scenario(
+        &hexagon(1)[..6],
+        1.1,
+        &format!("body: circle\n{more}"),
+    ));
+}
+
+#[test]
+fn exits_keep_clear_of_walls_and_obstacles() {
+    let spots: Vec<_> = (0..4)
+        .map(|index| (1.3 * f64::from(index), 0.0, 0.0))
+        .collect();
+    let walls = "arena: {x: 9.0, y: 1.0, width: 24.0, height: 3.0}
+obstacles: [{x: 1.5, y: 1.2, width: 7.0, height: 1.2}]";
+    let motion = formed(&scenario(&spots, 1.4, walls));
+    let waypoints = motion.units.iter().flat_map(|unit| &unit.modules);
+    for waypoint in waypoints.flat_map(|module| &module.waypoints) {
+        let (x, y) = (waypoint.pose.x.to_units(), waypoint.pose.y.to_units());
+        assert!(y > -0.05 && (y < 0.15 || x > 5.45), "{x} {y}");
+    }
+}
+
+#[test]
+fn hexagons_are_starts_of_the_next_plan() {
+    let mut modules = String::from("body: circle\nconfigurations:\n  - id: 1\n    modules:\n");
+    let spots = hexagon(1);
+    for (index, (x, y, _)) in spots.iter().enumerate() {
+        writeln!(
+            modules,
+            "      - {{id: {}, x: {}, y: {y}}}",
+            index + 1,
+            x + 9.0
+        )
+        .unwrap();
+    }
+    modules.push_str("    edges: [[1, 2], [1, 3], [1, 4], [4, 5], [4, 6], [4, 7]]\n");
+    for target in [block(7, 1, (0.0, 0.0), 0.0), spots] {
+        formed(&scenario(&target, 1.1, &modules));
+    }
+}
+
+#[test]
+fn bodies_that_overlap_at_rest_are_refused_by_name() {
+    for (spots, more) in [
+        (hexagon(1), ""),
+        (vec![(0.0, 0.0, 0.0), (0.89, 0.0, 0.0)], "body: circle"),
+    ] {
+        let PlannedMotion::Refused(error) = planned(&scenario(&spots, 1.1, more)).motion else {
+            panic!("the bodies overlap");
+        };
+        assert_eq!(
+            error.to_string(),
+            "target: spots 1 and 2: bodies overlap"
+                .replace("2", if more.is_empty() { "3" } else { "2" })
+        );
+    }
+}
+
+/// Without one wait of four, some execution has contact: the checker sees it.
+#[test]
+fn missing_waits_are_found_off_the_lattice() {
+    let planned = planned(&scenario(&hexagon(2), 1.1, "body: circle"));
+    let PlannedMotion::Paths(mut motion) = planned.motion else {
+        panic!("{:?}", planned.motion);
+    };
+    let mut numbers = Numbers(1);
+    for unit in &mut motion.units {
+        unit.waits.retain(|_| !numbers.chance(25));
+    }
+    let met = contact(&motion, planned.problem.target(), 10, &mut numbers);
+    assert!(met.is_some());
+}
